@@ -86,7 +86,7 @@ def choose(
       shrm choose city.exr studio.exr --brdf lambertian --brdf ggx -o choose.png
       shrm choose probe.exr --brdf 0.94*lambertian+ggx:f0=0.04 --map paint.exr
     """
-    from shrm_cli.analysis.plots import can_plot, plot_offers
+    from shrm_cli.analysis.plots import plot_offers
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.choose.choose import choose as chosen
     from shrm_cli.errors import ShrmError
@@ -95,12 +95,7 @@ def choose(
     from shrm_cli.progress import Stages
 
     pairs = len(probes) * len(specs)
-    if target is not None and pairs > 1:
-        raise click.UsageError("--map writes the map of one probe and one --brdf")
-    if output is not None and pairs > _MOST_ROWS:
-        raise click.UsageError(f"-o shows {_MOST_ROWS} pairs of a probe and a --brdf at most")
-    if output is not None and not can_plot():
-        raise click.ClickException(f"-o needs matplotlib; {install('plots')}")
+    _check_usage(pairs, output, target)
     reading = make_read_options(values)
     note(*(path for path in probes if "%" not in path))
     check_outputs([each for each in (output,) if each], specs=specs, suffixes=(".png",))
@@ -144,6 +139,18 @@ def choose(
     conclude({**result, "failures": failures}, lines, [*warnings, *failures])
     if failures:
         sys.exit(1)
+
+
+def _check_usage(pairs: int, output: str | None, target: str | None) -> None:
+    """Refuse files that cannot show so many pairs of a probe and a material."""
+    from shrm_cli.analysis.plots import can_plot
+
+    if target is not None and pairs > 1:
+        raise click.UsageError("--map writes the map of one probe and one --brdf")
+    if output is not None and pairs > _MOST_ROWS:
+        raise click.UsageError(f"-o shows {_MOST_ROWS} pairs of a probe and a --brdf at most")
+    if output is not None and not can_plot():
+        raise click.ClickException(f"-o needs matplotlib; {install('plots')}")
 
 
 def _values(path: str, choice: Choice) -> dict[str, Any]:

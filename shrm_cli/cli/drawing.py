@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.moving import refuse_fixed_light
-from shrm_cli.cli.shading import shaded_maps
+from shrm_cli.cli.shading import refuse_surface
 from shrm_cli.cli.stage import OF_SURFACES, Baked, mesh_values, open_stage
 from shrm_cli.records import record
 
@@ -87,6 +87,7 @@ def on_sphere(lit: Lit, size: tuple[int, int], values: dict[str, Any]) -> Drawin
         If it has no square picture, or an option does not apply.
     """
     from shrm_cli.render.camera import background_rows
+    from shrm_cli.render.lit import shaded_maps
     from shrm_cli.render.primaries import in_same_primaries
     from shrm_cli.render.scene import SphereSubject
 
@@ -94,6 +95,7 @@ def on_sphere(lit: Lit, size: tuple[int, int], values: dict[str, Any]) -> Drawin
     if width != height:
         raise click.UsageError("--size of a sphere's picture is one number")
     asked = [values[name] for name in ("roughness", "f0", "anisotropy", "taps")]
+    refuse_surface(lit.maps)
     drawn, surface, warnings = shaded_maps(lit.maps, lit.names, *asked)
     become: list[Any] | None = None
     if lit.others:

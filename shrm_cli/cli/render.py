@@ -33,7 +33,7 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
 from shrm_cli.cli.shading import (
     brushed_options,
-    lit_maps,
+    refuse_window,
     surface_options,
     to_unlit,
     window_option,
@@ -137,6 +137,7 @@ def render(
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.probe.resample import coarse_probe
     from shrm_cli.progress import Stages
+    from shrm_cli.render.lit import lit_maps
     from shrm_cli.render.scene import Scene
 
     if not maps and mesh is None:
@@ -164,6 +165,7 @@ def render(
     if transfer is None or maps:
         refuse_inapplicable({"probe": to_unlit(opened)})
     if transfer is None:
+        refuse_window(opened)
         opened, negative = lit_maps(opened, maps, light, window)
     else:
         baked = open_baked(transfer, opened, maps, light, window)

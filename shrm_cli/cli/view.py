@@ -19,7 +19,7 @@ from shrm_cli.cli.options import (
     warn,
 )
 from shrm_cli.cli.outputs import PAGES, check_outputs
-from shrm_cli.cli.shading import lit_maps, needs_surface, surface_of, surface_options
+from shrm_cli.cli.shading import needs_surface, surface_options
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
@@ -117,6 +117,7 @@ def view(
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.maps.file import open_map
     from shrm_cli.probe.probe import open_probe
+    from shrm_cli.render.lit import lit_maps, surface_of
     from shrm_cli.view.page import page
     from shrm_cli.view.scene import Start, Truth, make_scene
 
