@@ -148,10 +148,7 @@ def analyze(
         exposure = found.pictures.exposure()
     _draw(found, targets, exposure or 0.0, f"{title} in {Path(probe or '').name}")
     warnings = [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
-    if grid.coefficients.remark is not None:
-        warnings.append(f"{title} is {grid.coefficients.remark}")
-    if order_p is not None and order_p > grid.order_p:
-        warnings.append(f"{title}: does not depend on the view, so P = 0 only")
+    warnings += _remarks(found, order_p)
     if not no_plots and not can_plot():
         warnings.append(_NO_CHARTS)
     drawing = {"size": size, "source_height": found.source_height, "exposure": exposure}
@@ -167,6 +164,16 @@ def analyze(
         "files": list(targets.values()),
     }
     conclude(result, [title, *_report(result)], warnings)
+
+
+def _remarks(found: Analysis, order_p: int | None) -> list[str]:
+    """Return what is to be said of the BRDF, a line each."""
+    remarks = []
+    if found.grid.coefficients.remark is not None:
+        remarks.append(f"{found.brdf!r} is {found.grid.coefficients.remark}")
+    if order_p is not None and order_p > found.grid.order_p:
+        remarks.append(f"{found.brdf!r}: does not depend on the view, so P = 0 only")
+    return remarks
 
 
 def _draw(found: Analysis, targets: dict[str, str], exposure: float, title: str) -> None:

@@ -86,15 +86,11 @@ def grid(
       shrm grid house.glb --emit lamp=30,28,25 --probe sky.exr -o house.ktx2
       shrm grid house.grid.npz --light reflected -o house.json
     """
-    from shrm_cli.errors import OutputError
     from shrm_cli.rooms.export import WRITERS
     from shrm_cli.rooms.file import is_grid, write_grid
     from shrm_cli.rooms.make import grid as grid_of
 
-    target = output or f"{Path(source).stem}.grid.npz"
-    suffix = Path(target).suffix.lower()
-    if suffix not in _SUFFIXES:
-        raise OutputError(f"{target}: grids are written as {', '.join(_SUFFIXES)}; name it so")
+    target, suffix = _target(source, output)
     check_outputs([target], files=[source, *([probe] if probe else [])])
     is_table = source.lower().endswith(".csv")
     is_baked = is_grid(source)
@@ -138,6 +134,17 @@ def grid(
             "turn them round, or give `box` within the room"
         )
     conclude({"file": target, **said, "bytes": bytes_written}, lines, warnings)
+
+
+def _target(source: str, output: str | None) -> tuple[str, str]:
+    """Return the name of the output, and its suffix in lower case."""
+    from shrm_cli.errors import OutputError
+
+    target = output or f"{Path(source).stem}.grid.npz"
+    suffix = Path(target).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise OutputError(f"{target}: grids are written as {', '.join(_SUFFIXES)}; name it so")
+    return target, suffix
 
 
 def _lines(said: dict[str, Any], has_all_light: bool) -> list[str]:
