@@ -23,14 +23,13 @@ from shrm_cli.cli.types import DIRECTION, FRACTION, STOPS, Spec
 from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
-from shrm_cli.progress import using
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from shrm_cli.analysis.analyze import Analysis
     from shrm_cli.analysis.orders import AccuracyCurve, OrderPictures
-    from shrm_cli.probe.probe import Probe
 
 _TOLERANCES = (0.1, DEFAULT_EPS, 0.01)
 _VIEWS = ("0,0", "90,30")
@@ -40,8 +39,6 @@ _OF_MATERIALS = {
     "spec", "order_f", "order_p", "output", "no_plots", "as_json", "quiet", "threads", "no_cache",
 }  # fmt: skip
 """Arguments that also apply where several BRDFs are compared."""
-_LEAST_ROWS = 128
-"""The fewest rows that the probe is averaged down to by default for the exact pictures."""
 
 
 @click.command()
@@ -126,76 +123,72 @@ def analyze(
         refuse_inapplicable(dict.fromkeys(of_one, Applies(False, "to a single BRDF")))
         _analyze_materials([spec, *others], order_f, order_p, output, no_plots)
         return
-    from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
-    from shrm_cli.analysis.plots import can_plot, plot_accuracy, plot_energy
-    from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.files.picture import write_picture
+    from shrm_cli.analysis.analyze import analyze as analysis_of
+    from shrm_cli.analysis.plots import can_plot
     from shrm_cli.maps.provenance import record_of
-    from shrm_cli.probe.lighting import project
     from shrm_cli.probe.probe import open_probe
-    from shrm_cli.reference import Reference
-    from shrm_cli.render.camera import Viewer
 
     of_probe = [*reading, "views", "size", "source_height", "exposure"]
     rules = dict.fromkeys(of_probe, Applies(probe is not None, "with --probe"))
     refuse_inapplicable(rules)
     exclude("output", "no_plots")
     source = None if probe is None else open_probe(probe, make_read_options(reading))
-    brdf = parse_spec(spec, primaries=source.chromaticities if source is not None else None)
     kinds = {"energy": can_plot(), "accuracy": can_plot() and source, "pictures": source}
     prefix = _prefix(output, probe, brdf_label(spec))
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
     check_outputs(targets.values(), specs=[spec])
-
-    with progress_bar("expanding") as progress:
-        grid = energy_grid(brdf, tolerances, order_f, order_p, progress)
-    curve = pictures = None
-    if source is not None:
-        with progress_bar("reading") as progress, using(progress):
-            lighting = project(source, grid.coefficients.order_f)
-        least = min(grid.orders, key=lambda each: each.eps)
-        curve_p = min(least.order_p, grid.order_p) if order_p is None else grid.order_p
-        curve = accuracy_curve(lighting, grid.coefficients, grid.order_f, curve_p)
-    if source is not None and not no_plots:
-        source_height = source_height or _source_height(source, grid.order_f)
-        with progress_bar("integrating") as progress:
-            truth = Reference(source, brdf, source_height, progress=progress, exact=True)
-            pictures = order_pictures(
-                lighting, grid.coefficients, brdf.center, [Viewer(*view) for view in views],
-                grid.order_f, size, truth,
-            )  # fmt: skip
-        exposure = pictures.exposure() if exposure is None else exposure
-
-    title = repr(brdf)
-    if "energy" in targets:
-        marks = [(each.order_f, each.order_p, each.eps) for each in grid.orders]
-        plot_energy(targets["energy"], grid.captured, marks, title)
-    if "accuracy" in targets and curve is not None and probe is not None:
-        curves = {name: getattr(curve, name) for name in _CURVES}
-        plot_accuracy(targets["accuracy"], curves, curve.order_p, f"{title} in {Path(probe).name}")
-    if pictures is not None:
-        write_picture(targets["pictures"], pictures.sheet(exposure or 0.0))
-
+    with progress_bar("analysing") as progress:
+        found = analysis_of(
+            spec, source, tolerances=tolerances, order_f=order_f, order_p=order_p,
+            views=() if no_plots else views, size=size, source_height=source_height,
+            progress=progress,
+        )  # fmt: skip
+    grid, title = found.grid, repr(found.brdf)
+    if found.pictures is not None and exposure is None:
+        exposure = found.pictures.exposure()
+    _draw(found, targets, exposure or 0.0, f"{title} in {Path(probe or '').name}")
     warnings = [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
-    if grid.coefficients.remark is not None:
-        warnings.append(f"{brdf!r} is {grid.coefficients.remark}")
-    if order_p is not None and order_p > grid.order_p:
-        warnings.append(f"{brdf!r}: does not depend on the view, so P = 0 only")
+    warnings += _remarks(found, order_p)
     if not no_plots and not can_plot():
         warnings.append(_NO_CHARTS)
-    drawing = {"size": size, "source_height": source_height, "exposure": exposure}
+    drawing = {"size": size, "source_height": found.source_height, "exposure": exposure}
     result = {
-        "brdf": record_of(brdf),
+        "brdf": record_of(found.brdf),
         "probe": probe,
         "order_f": grid.order_f,
         "order_p": grid.order_p,
         "orders": [order_values(each) for each in grid.orders],
         "brdf_energy_captured": grid.captured.tolist(),
-        "accuracy": None if curve is None else _curve(curve),
-        "pictures": None if pictures is None else {**drawing, **_pictures(pictures, views)},
+        "accuracy": None if found.curve is None else _curve(found.curve),
+        "pictures": found.pictures and {**drawing, **_pictures(found.pictures, views)},
         "files": list(targets.values()),
     }
     conclude(result, [title, *_report(result)], warnings)
+
+
+def _remarks(found: Analysis, order_p: int | None) -> list[str]:
+    """Return what is to be said of the BRDF, a line each."""
+    remarks = []
+    if found.grid.coefficients.remark is not None:
+        remarks.append(f"{found.brdf!r} is {found.grid.coefficients.remark}")
+    if order_p is not None and order_p > found.grid.order_p:
+        remarks.append(f"{found.brdf!r}: does not depend on the view, so P = 0 only")
+    return remarks
+
+
+def _draw(found: Analysis, targets: dict[str, str], exposure: float, title: str) -> None:
+    """Write the charts and the pictures that have a name."""
+    from shrm_cli.analysis.plots import plot_accuracy, plot_energy
+    from shrm_cli.files.picture import write_picture
+
+    if "energy" in targets:
+        marks = [(each.order_f, each.order_p, each.eps) for each in found.grid.orders]
+        plot_energy(targets["energy"], found.grid.captured, marks, repr(found.brdf))
+    if "accuracy" in targets and found.curve is not None:
+        curves = {name: getattr(found.curve, name) for name in _CURVES}
+        plot_accuracy(targets["accuracy"], curves, found.curve.order_p, title)
+    if "pictures" in targets and found.pictures is not None:
+        write_picture(targets["pictures"], found.pictures.sheet(exposure))
 
 
 def _analyze_materials(
@@ -248,12 +241,6 @@ def _prefix(output: str | None, probe: str | None, label: str) -> str:
     if output is None:
         return name
     return str(Path(output, name)) if Path(output).is_dir() else output
-
-
-def _source_height(source: Probe, order_f: int) -> int | None:
-    """Return the rows to average the probe down to, or None if it has no more rows."""
-    enough = max(4 * order_f, _LEAST_ROWS)
-    return enough if source.grid.latlong_rows > enough else None
 
 
 def _curve(curve: AccuracyCurve) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from shrm_cli.files.whole import note
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from shrm_cli.choose.offer import Choice, Offer
 
@@ -86,7 +86,6 @@ def choose(
       shrm choose city.exr studio.exr --brdf lambertian --brdf ggx -o choose.png
       shrm choose probe.exr --brdf 0.94*lambertian+ggx:f0=0.04 --map paint.exr
     """
-    from shrm_cli.analysis.plots import can_plot, plot_offers
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.choose.choose import choose as chosen
     from shrm_cli.errors import ShrmError
@@ -95,12 +94,7 @@ def choose(
     from shrm_cli.progress import Stages
 
     pairs = len(probes) * len(specs)
-    if target is not None and pairs > 1:
-        raise click.UsageError("--map writes the map of one probe and one --brdf")
-    if output is not None and pairs > _MOST_ROWS:
-        raise click.UsageError(f"-o shows {_MOST_ROWS} pairs of a probe and a --brdf at most")
-    if output is not None and not can_plot():
-        raise click.ClickException(f"-o needs matplotlib; {install('plots')}")
+    _check_usage(pairs, output, target)
     reading = make_read_options(values)
     note(*(path for path in probes if "%" not in path))
     check_outputs([each for each in (output,) if each], specs=specs, suffixes=(".png",))
@@ -131,6 +125,21 @@ def choose(
     if not found:
         raise click.ClickException(failures[0])
     lines = [line for path, each in found for line in _report(path, each)]
+    files = _write(found, output, target)
+    result = {"choices": [_values(path, each) for path, each in found], "files": files}
+    warnings += [line for _, each in found for line in each.warnings]
+    lines += [f"wrote {path}" for path in files]
+    conclude({**result, "failures": failures}, lines, [*warnings, *failures])
+    if failures:
+        sys.exit(1)
+
+
+def _write(
+    found: Sequence[tuple[str, Choice]], output: str | None, target: str | None
+) -> list[str]:
+    """Write the picture and the map that are asked for, and return their names."""
+    from shrm_cli.analysis.plots import plot_offers
+
     files = []
     if output is not None:
         plot_offers(output, found)
@@ -138,12 +147,19 @@ def choose(
     if target is not None and found[0][1].recommended is not None:
         found[0][1].recommended.make().save(target)
         files.append(target)
-    result = {"choices": [_values(path, each) for path, each in found], "files": files}
-    warnings += [line for _, each in found for line in each.warnings]
-    lines += [f"wrote {path}" for path in files]
-    conclude({**result, "failures": failures}, lines, [*warnings, *failures])
-    if failures:
-        sys.exit(1)
+    return files
+
+
+def _check_usage(pairs: int, output: str | None, target: str | None) -> None:
+    """Refuse files that cannot show so many pairs of a probe and a material."""
+    from shrm_cli.analysis.plots import can_plot
+
+    if target is not None and pairs > 1:
+        raise click.UsageError("--map writes the map of one probe and one --brdf")
+    if output is not None and pairs > _MOST_ROWS:
+        raise click.UsageError(f"-o shows {_MOST_ROWS} pairs of a probe and a --brdf at most")
+    if output is not None and not can_plot():
+        raise click.ClickException(f"-o needs matplotlib; {install('plots')}")
 
 
 def _values(path: str, choice: Choice) -> dict[str, Any]:

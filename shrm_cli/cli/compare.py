@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +23,8 @@ from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.shading import (
     brushed_options,
     f0_option,
-    lit_maps,
-    shaded_maps,
+    refuse_surface,
+    refuse_window,
     window_option,
 )
 from shrm_cli.cli.terminal import columns
@@ -44,7 +43,7 @@ from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from shrm_cli.progress import Progress
+    from shrm_cli.analysis.compare import Compared
     from shrm_cli.render.comparison import Comparison
     from shrm_cli.render.flip import FlipError
 
@@ -54,6 +53,9 @@ _SIZE = 256
 _NO_FLIP = f"flip-evaluator is not installed, so HDR-FLIP is left out; {install('flip')}"
 _OF_MAPS = ("spec", "anisotropy", "taps", "window", "amplify", "no_picture", "no_flip")
 """Arguments that do not apply with --representations."""
+_SHOWN_OF_ALL = ("f0", "views", "size", "source_height", "exact")
+_SHOWN = (*_SHOWN_OF_ALL, "anisotropy", "taps", "window")
+"""Arguments that `shrm_cli.analysis.compare.compare` takes as they are."""
 _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
 """Arguments that apply only with --representations."""
 
@@ -123,14 +125,6 @@ def compare(
     spec: str | None,
     representations: bool,
     roughness: tuple[float, float] | None,
-    f0: str | None,
-    anisotropy: float | None,
-    taps: int | None,
-    window: str | None,
-    exact: bool,
-    source_height: int | None,
-    views: tuple[tuple[float, float], ...],
-    size: int | None,
     exposure: float,
     amplify: float,
     output: str | None,
@@ -155,98 +149,91 @@ def compare(
       shrm compare a.splitsum.exr a.she.exr --probe a.exr --roughness 0.6
       shrm compare a.exr --representations --roughness 0.5..1
     """
+    shown = {name: values.pop(name) for name in _SHOWN}
     if representations:
         from shrm_cli.cli.representations import print_representations
 
         _check_representations(maps, output, roughness)
         print_representations(
-            maps[0], make_read_options(values), roughness, f0, views, size, source_height, exact,
-            exposure, output, **values,
+            maps[0], make_read_options(values), roughness, exposure, output,
+            **{name: shown[name] for name in _SHOWN_OF_ALL}, **values,
         )  # fmt: skip
         return
-    from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.analysis.compare import compare as compared_of
+    from shrm_cli.files.picture import file_type
     from shrm_cli.maps.file import open_map
-    from shrm_cli.maps.provenance import common_brdf, differing_origins, record_of
     from shrm_cli.probe.probe import open_probe
-    from shrm_cli.progress import Stages
-    from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.comparison import compare_spheres, comparison_layout
-    from shrm_cli.render.flip import can_flip
-    from shrm_cli.render.primaries import in_same_primaries
+    from shrm_cli.render.comparison import comparison_layout
 
     _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", *READING_NAMES])
-    size = size or _SIZE
+    shown["size"] = shown["size"] or _SIZE
     source = None if probe is None else open_probe(probe, make_read_options(values))
-    names = maps[1:] if source is None else maps
     target = None if no_picture else output or "compare.png"
     if target is not None:
         file_type(target)
         check_outputs([target], files=maps, specs=[spec])
-        comparison_layout(len(names), len(views), size)  # raises if the sheet is too large
-    opened, warnings = lit_maps([open_map(path) for path in maps], maps, source, window)
-    loaded, surface, outside = shaded_maps(
-        opened, maps, roughness and roughness[0], f0, anisotropy, taps
-    )
-    warnings += outside
-    infos = {path: each.info for path, each in zip(maps, loaded, strict=True)}
-    primaries = loaded[0].info.chromaticities if source is None else source.chromaticities
-    loaded = in_same_primaries(loaded, primaries)
-    baseline: Any = loaded[0]
-    label, digest, record = f"that of {maps[0]}", baseline.info.probe_sha256, baseline.info.brdf
-    viewers = [Viewer(*view) for view in views]
+        count = len(maps) - (source is None)
+        # It raises if the sheet is too large.
+        comparison_layout(count, len(shown["views"]), shown["size"])
+    opened = [open_map(path) for path in maps]
+    refuse_window(opened)
+    refuse_surface(opened)
     with progress_bar("comparing") as bar:
-        stages = Stages(bar, len(viewers))
-        if source is not None:
-            from shrm_cli.reference import Reference
+        compared = compared_of(
+            opened, source, spec, names=maps, roughness=roughness and roughness[0], **shown,
+            progress=bar,
+            # The maps may have named measured files, which are known only then.
+            begin=lambda: check_outputs([] if target is None else [target]),
+        )  # fmt: skip
+    flips, warnings = _flips(compared, no_flip)
+    truth = compared.truth
+    result = _result(compared, maps[0], probe, flips) | {"picture": target}
+    # The first label is that of the baseline, which is the truth or the first map.
+    labels = [_TRUTH, *_labels(maps)][-len(compared.names) - 1 :]
+    how = "" if truth is None else f", {truth.statement}"
+    report = [_table(result, how, labels[1:], flips is not None)]
+    if target is not None:
+        settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
+        report.append(_picture(target, compared.comparison, labels, settings))
+    conclude(result, report, warnings + _too_large(result))
 
-            advice = "give --brdf" + (", or another --roughness and --f0" if surface else "")
-            if spec is None:
-                brdf = common_brdf(infos, advice)
-            else:
-                brdf = parse_spec(spec, primaries=source.chromaticities)
-            # The maps may have named measured files, which are known only now.
-            check_outputs([] if target is None else [target])
-            label, digest, record = source.name, source.digest(), record_of(brdf)
-            baseline = Reference(source, brdf, source_height, progress=stages.within, exact=exact)
-        comparison = compare_spheres(
-            baseline, loaded[-len(names) :], viewers, size, stages.done, primaries
-        )
-    flips = None
-    wanted = not no_flip and (wants_json() or not is_quiet())  # only if it will be printed
-    if wanted and can_flip():
-        with progress_bar("flipping") as bar:
-            flips = _flips(comparison, bar)
-    elif wanted:
-        warnings.append(_NO_FLIP)
-    warnings += [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
-    warnings += differing_origins(infos, label, digest, record)
-    result = {
-        "baseline": maps[0] if source is None else _TRUTH,
-        "probe": probe,
-        "brdf": record,
-        "truth_error": None if source is None else baseline.error,
-        "size": size,
-        **surface,
-        **_numbers(comparison, names, views, flips),
-        "picture": target,
-    }
-    warnings += [
+
+def _too_large(result: dict[str, Any]) -> list[str]:
+    """Return a warning for each map that floats cannot compare."""
+    return [
         f"{row['file']}: its values, or those that it is compared with, are too large for "
         "32-bit floats; the differences mean nothing"
         for row in result["summary"]
         if row["rmse"] is None
     ]
-    # The first label is that of the baseline, which is the truth or the first map.
-    labels = [_TRUTH, *_labels(maps)][-len(names) - 1 :]
-    how = "" if source is None else f", {baseline.statement}"
-    report = [_table(result, how, labels[1:], flips is not None)]
-    if target is not None:
-        pixels = comparison.picture(labels[0], labels[1:], exposure, amplify)
-        settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
-        pixel_type = write_picture(target, pixels, attributes=_attributes(settings, {primaries}))
-        report.append(f"{target}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
-    conclude(result, report, warnings)
+
+
+def _result(
+    compared: Compared, first: str, probe: str | None, flips: list[list[FlipError | None]] | None
+) -> dict[str, Any]:
+    """Return what JSON has of the differences."""
+    truth = compared.truth
+    return {
+        "baseline": first if truth is None else _TRUTH,
+        "probe": probe,
+        "brdf": compared.brdf,
+        "truth_error": None if truth is None else truth.error,
+        "size": compared.comparison.baseline.shape[-2],
+        **compared.surface,
+        **compared.numbers(flips),
+    }
+
+
+def _picture(
+    target: str, comparison: Comparison, labels: Sequence[str], settings: dict[str, Any]
+) -> str:
+    """Write the picture, and say what it is."""
+    from shrm_cli.files.picture import write_picture
+
+    pixels = comparison.picture(labels[0], labels[1:], settings["exposure"], settings["amplify"])
+    attributes = _attributes(settings, {comparison.primaries})
+    pixel_type = write_picture(target, pixels, attributes=attributes)
+    return f"{target}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}"
 
 
 def _check_usage(
@@ -306,45 +293,18 @@ def _attributes(
     return picture_attributes(recipe, primaries)
 
 
-def _flips(comparison: Comparison, progress: Progress | None) -> list[list[FlipError | None]]:
-    """Return HDR-FLIP of each view and, in that, of each map."""
-    views, maps = len(comparison.viewers), len(comparison.others)
-    found: list[list[FlipError | None]] = [[] for _ in range(views)]
-    for view, of_view in enumerate(found):
-        for other in range(maps):
-            of_view.append(comparison.flip(other, view))
-            if progress is not None:
-                progress(view * maps + other + 1, views * maps)
-    return found
+def _flips(
+    compared: Compared, no_flip: bool
+) -> tuple[list[list[FlipError | None]] | None, list[str]]:
+    """Return HDR-FLIP, if it will be printed and can be measured, and all warnings."""
+    from shrm_cli.render.flip import can_flip
 
-
-def _numbers(
-    comparison: Comparison,
-    names: Sequence[str],
-    views: Sequence[tuple[float, float]],
-    flips: Sequence[Sequence[FlipError | None]] | None,
-) -> dict[str, Any]:
-    """Return the differences in each view and in all views together, as the JSON has them."""
-    from shrm_cli.render.comparison import mean_flip
-
-    per_view = flips or [[None] * len(names)] * len(views)
-
-    def row(index: int, view: int | None) -> dict[str, Any]:
-        of_views = [each[index] for each in (per_view if view is None else [per_view[view]])]
-        return {
-            "file": names[index],
-            **comparison.difference(index, view).summary(),
-            "hdr_flip": mean_flip(of_views),
-        }
-
-    each = []
-    for index, view in enumerate(views):
-        # The exposures come from the baseline, so that those of all maps are the same.
-        known = [found.exposures for found in per_view[index] if found is not None]
-        maps = [row(other, index) for other in range(len(names))]
-        exposures = asdict(known[0]) if known else None
-        each.append({"view": list(view), "flip_exposures": exposures, "maps": maps})
-    return {"views": each, "summary": [row(other, None) for other in range(len(names))]}
+    if no_flip or (is_quiet() and not wants_json()):
+        return None, compared.warnings
+    if not can_flip():
+        return None, [*compared.warnings, _NO_FLIP]
+    with progress_bar("flipping") as bar:
+        return compared.flips(bar), compared.warnings
 
 
 def _table(result: dict[str, Any], how: str, names: Sequence[str], flipped: bool) -> str:

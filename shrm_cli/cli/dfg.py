@@ -17,7 +17,6 @@ from shrm_cli.progress import using
 from shrm_cli.vocabulary import CONTAINERS, Precision
 
 if TYPE_CHECKING:
-    from shrm_cli.brdf.base import Brdf
     from shrm_cli.brdf.environment.file import Kind
 
 _COLUMNS = "fdez-aguera", "turquin", "gltf", "filament"
@@ -88,57 +87,23 @@ def dfg(
       shrm dfg --brdf charlie -o sheen.png
       shrm dfg --columns filament -o dfg.ktx2
     """
-    from shrm_cli.brdf.environment import environment_brdf as tables
-    from shrm_cli.brdf.environment.brushed_table import brushed_table
-    from shrm_cli.brdf.environment.file import MEANINGS, write_dfg
-    from shrm_cli.brdf.environment.lobe import check_varies
-    from shrm_cli.brdf.environment.material_albedo import albedo_table
-    from shrm_cli.brdf.models.ggx import Ggx
-    from shrm_cli.brdf.spec import parse_spec
+    from shrm_cli.brdf.environment.dfg import dfg as table_of
+    from shrm_cli.brdf.environment.file import write_dfg
     from shrm_cli.export.table import SUFFIXES, write_texture
 
     for one, other in combinations(("multiscatter", "moments", "columns", "brdf"), 2):
         exclude(one, other)
     check_outputs([output], specs=[brdf], suffixes=(*CONTAINERS, *SUFFIXES))
-    kind: Kind = "moments" if moments else "multiscatter" if multiscatter else "scale-bias"
-    kind = "albedo" if brdf is not None else columns or kind
-    material = None if brdf is None else parse_spec(brdf)
-    brushed = None
-    if isinstance(material, Ggx) and not material.isotropic:
-        kind, brushed = "brushed", material
-    elif material is not None:
-        check_varies(material)
-    named = "ggx" if material is None else _named(material)
+    kind: Kind | None = "moments" if moments else "multiscatter" if multiscatter else columns
     with progress_bar("integrating") as progress, using(progress):
-        if brushed is not None:
-            table = brushed_table(brushed, size)
-        elif material is not None:
-            table = albedo_table(material, size)
-        elif columns is not None:
-            table = tables.columns_table(columns, size)
-        elif moments:
-            table = tables.moments_table(size)
-        else:
-            table = tables.environment_table(size, multiscatter)
+        made = table_of(brdf, kind=kind, size=size)
     is_kept = not force and "output" not in given_options()
     with keeping(*([output] if is_kept else [])):
         if output.lower().endswith(SUFFIXES):
-            pixel_type = write_texture(output, table, precision)
+            pixel_type = write_texture(output, made.texels, precision)
         else:
-            pixel_type = write_dfg(output, table, kind, precision, named)
-    meaning = MEANINGS[kind]
-    # This is what a white metal reflects in a white furnace, by single scattering.
-    white = {
-        "scale-bias": table[..., :2].sum(axis=-1),
-        "multiscatter": table[..., 1],
-        "moments": table[..., 0],
-        "fdez-aguera": table[..., :2].sum(axis=-1),
-        "turquin": table[..., :2].sum(axis=-1),
-        "gltf": table[..., :2].sum(axis=-1),
-        "filament": table[..., 1],
-        "albedo": table.max(axis=-1),
-        "brushed": table[..., :2].sum(axis=-1),
-    }[kind]
+            pixel_type = write_dfg(output, made.texels, made.kind, precision, made.brdf)
+    meaning, white = made.meaning, made.white_furnace
     result = {
         "file": os.fspath(output),
         "size": size,
@@ -146,12 +111,12 @@ def dfg(
         "moments": moments,
         "channels": meaning.channels,
         "reflectance": meaning.reflectance,
-        "maximum": float(table.max()),
+        "maximum": float(made.texels.max()),
         "white_furnace": {"minimum": float(white.min()), "maximum": float(white.max())},
         "precision": pixel_type,
     }
-    if material is not None or columns:
-        result |= {"columns": kind, "brdf": named}
+    if brdf is not None or columns:
+        result |= {"columns": made.kind, "brdf": made.brdf}
     if moments:
         result["mean_direction"] = meaning.mean
     lines = [
@@ -161,18 +126,6 @@ def dfg(
         f"  reflects       {meaning.reflectance}",
         *([f"  mean           {meaning.mean}"] if moments else []),
         f"  white furnace  {white.min():.2%} to {white.max():.2%}"
-        + ("" if kind == "albedo" else " at f0 = 1 by single scattering"),
+        + ("" if made.kind == "albedo" else " at f0 = 1 by single scattering"),
     ]
     tell(result, lines)
-
-
-def _named(material: Brdf) -> str:
-    """Return the specification of a BRDF without its roughness, which varies."""
-    from shrm_cli.brdf.base import value_text
-
-    values = [
-        f"{key}={value_text(value)}"
-        for key, value in material.values.items()
-        if key not in material.roughness_names
-    ]
-    return f"{material.name}:{','.join(values)}" if values else material.name

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,14 +16,9 @@ from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 
 if TYPE_CHECKING:
-    from shrm_cli.rooms.grid import ProbeGrid
-    from shrm_cli.rooms.lattice import Lattice
+    from shrm_cli.rooms.make import RoomPlan
 
 _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
-_LONGEST = 16
-"""Probes along the longest edge of a room, where their number is not given."""
-_ALBEDO = 0.5
-"""What triangles reflect that have no material."""
 
 
 @click.command()
@@ -91,15 +86,11 @@ def grid(
       shrm grid house.glb --emit lamp=30,28,25 --probe sky.exr -o house.ktx2
       shrm grid house.grid.npz --light reflected -o house.json
     """
-    from shrm_cli.errors import OutputError
-    from shrm_cli.plan.policy import ERROR
     from shrm_cli.rooms.export import WRITERS
-    from shrm_cli.rooms.file import is_grid, read_grid, write_grid
+    from shrm_cli.rooms.file import is_grid, write_grid
+    from shrm_cli.rooms.make import grid as grid_of
 
-    target = output or f"{Path(source).stem}.grid.npz"
-    suffix = Path(target).suffix.lower()
-    if suffix not in _SUFFIXES:
-        raise OutputError(f"{target}: grids are written as {', '.join(_SUFFIXES)}; name it so")
+    target, suffix = _target(source, output)
     check_outputs([target], files=[source, *([probe] if probe else [])])
     is_table = source.lower().endswith(".csv")
     is_baked = is_grid(source)
@@ -109,113 +100,68 @@ def grid(
         | {"order": Applies(not is_baked, "to rooms and tables")}
         | {"light": Applies(suffix != ".npz", "to other files than .npz, which holds both")}
     )
-    textured: list[str] = []
-    if is_baked:
-        found = read_grid(source)
-    elif is_table:
-        from shrm_cli.rooms.positions import read_positions
+    planned: list[RoomPlan] = []
 
-        with progress_bar("projecting") as progress:
-            found = read_positions(source, order, progress)
-    else:
-        found, textured = _baked(source, size, box, order, probe, dict(albedo), dict(emit), samples)
+    def begin(plan: RoomPlan) -> None:
+        planned.append(plan)
+        count = " x ".join(map(str, plan.lattice.shape))
+        announce([f"{source}: {len(plan.mesh.faces):,} triangles, {count} probes"])
+
+    with progress_bar("projecting" if is_table else "gathering") as progress:
+        found = grid_of(
+            source, size=size, box=box, order=order, probe=probe, albedo=dict(albedo),
+            emission=dict(emit), samples=samples, begin=begin, progress=progress,
+        )  # fmt: skip
     with keeping(*([] if force or output else [target])):
         if suffix == ".npz":
             write_grid(target, found)
         else:
             WRITERS[suffix](target, found, light == "all")
-    said = found.summary()
+    said, bytes_written = found.summary(), Path(target).stat().st_size
+    shape = " x ".join(map(str, said["shape"]))
+    lines = [f"{target}: {shape} probes, order {found.order}, {bytes_written:,} bytes"]
+    lines += _lines(said, light == "all")
     warnings = []
+    textured = planned[0].textured if planned else []
     if textured:
         warnings.append(
             f"{source}: textures are left out; the numbers alone count of {', '.join(textured)}; "
             "`albedo` NAME=R,G,B and `emit` NAME=R,G,B name their means"
         )
-    bytes_written = Path(target).stat().st_size
-    shape = " x ".join(map(str, said["shape"]))
-    lines = [f"{target}: {shape} probes, order {found.order}, {bytes_written:,} bytes"]
-    if "error" in said:
-        lines.append(
-            f"  irradiance between the probes is {said['error']:.1%} off (RMS), and "
-            f"{said['error_reflected']:.1%} without what comes straight from lamps"
+    if said.get("in_walls") == found.lattice.count:
+        warnings.append(
+            f"{source}: all probes lie behind surfaces, whose triangles seem to face outwards; "
+            "turn them round, or give `box` within the room"
         )
-        if light == "all" and said["error"] > max(ERROR, 2 * said["error_reflected"]):
-            lines.append(
-                "  what comes straight from lamps changes faster than the probes lie; leave it to "
-                "lights of the engine (--light reflected)"
-            )
-        if said["in_walls"]:
-            lines.append(f"  {said['in_walls']:,} probes lie within walls")
-        if said["in_walls"] == found.lattice.count:
-            warnings.append(
-                f"{source}: all probes lie behind surfaces, whose triangles seem to face outwards; "
-                "turn them round, or give `box` within the room"
-            )
     conclude({"file": target, **said, "bytes": bytes_written}, lines, warnings)
 
 
-def _baked(
-    source: str,
-    size: tuple[int, int, int] | None,
-    box: tuple[float, ...] | None,
-    order: int,
-    probe: str | None,
-    albedo: dict[str, tuple[float, float, float]],
-    emission: dict[str, tuple[float, float, float]],
-    samples: int,
-) -> tuple[ProbeGrid, list[str]]:
-    """Bake a room, and return the names of materials whose textures are left out, too.
+def _target(source: str, output: str | None) -> tuple[str, str]:
+    """Return the name of the output, and its suffix in lower case."""
+    from shrm_cli.errors import OutputError
 
-    Raises
-    ------
-    MeshError, ProbeError
-        If a file cannot be read, or nothing sends light.
-    """
-    from shrm_cli.geometry.load import load_mesh
-    from shrm_cli.lights.split import split_lamps
-    from shrm_cli.probe.probe import open_probe
-    from shrm_cli.rooms.bake import bake
-    from shrm_cli.rooms.room import Room
+    target = output or f"{Path(source).stem}.grid.npz"
+    suffix = Path(target).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise OutputError(f"{target}: grids are written as {', '.join(_SUFFIXES)}; name it so")
+    return target, suffix
 
-    mesh = load_mesh(source)
-    split = None if probe is None else split_lamps(open_probe(probe))
-    changes = {"albedo": albedo, "emission": emission}
-    outside = (None, ()) if split is None else (split.residual_probe, split.discs)
-    room = Room.of(mesh, (_ALBEDO,) * 3, changes, *outside)
-    lattice = _lattice(mesh.bounds, size, box)
-    count = " x ".join(map(str, lattice.shape))
-    announce([f"{source}: {len(mesh.faces):,} triangles, {count} probes"])
-    with progress_bar("gathering") as progress:
-        found = bake(room, lattice, order, samples, progress)
-    textured = [
-        repr(each.name)
-        for each in mesh.materials
-        if (each.color_map and each.name not in albedo)
-        or (each.emission_map and each.name not in emission)
+
+def _lines(said: dict[str, Any], has_all_light: bool) -> list[str]:
+    """Return what is known of the errors of a grid that was baked, a line each."""
+    from shrm_cli.plan.policy import ERROR
+
+    if "error" not in said:
+        return []
+    lines = [
+        f"  irradiance between the probes is {said['error']:.1%} off (RMS), and "
+        f"{said['error_reflected']:.1%} without what comes straight from lamps"
     ]
-    return found, textured
-
-
-def _lattice(
-    bounds: object, size: tuple[int, int, int] | None, box: tuple[float, ...] | None
-) -> Lattice:
-    """Return where the probes of a room are.
-
-    Raises
-    ------
-    ArgumentError
-        If the box is flat, or there are too many.
-    """
-    import numpy as np
-
-    from shrm_cli.errors import ArgumentError
-    from shrm_cli.rooms.lattice import MOST, Lattice
-
-    low, high = np.asarray(bounds if box is None else np.reshape(box, (2, 3)), dtype=float)
-    if not (high > low).all():
-        raise ArgumentError("box", "is flat; give two corners x0,y0,z0,x1,y1,z1, the lesser first")
-    edges = high - low
-    x, y, z = size or (max(1, round(_LONGEST * each)) for each in edges / edges.max())
-    if x * y * z > MOST:
-        raise ArgumentError("size", f"makes {x * y * z:,} probes; {MOST:,} are the most")
-    return Lattice(low, high, (x, y, z))
+    if has_all_light and said["error"] > max(ERROR, 2 * said["error_reflected"]):
+        lines.append(
+            "  what comes straight from lamps changes faster than the probes lie; leave it to "
+            "lights of the engine (--light reflected)"
+        )
+    if said["in_walls"]:
+        lines.append(f"  {said['in_walls']:,} probes lie within walls")
+    return lines

@@ -13,7 +13,7 @@ from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.conversion import Converted, open_source
 from shrm_cli.cli.options import several
 from shrm_cli.cli.outputs import map_stem, picture_attributes
-from shrm_cli.cli.shading import shaded_maps, surface_options
+from shrm_cli.cli.shading import refuse_surface, surface_options
 from shrm_cli.cli.types import DIRECTION
 from shrm_cli.cli.usage import Applies
 from shrm_cli.vocabulary import LOOKUPS
@@ -103,6 +103,7 @@ def convert_to_view(
     from shrm_cli.errors import MapError
     from shrm_cli.files.image import without_negative, write_image
     from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.lit import shaded_maps
     from shrm_cli.render.oneview import ignores_views, lookup_of, one_view
 
     found, notes = open_source(job)
@@ -111,6 +112,7 @@ def convert_to_view(
             f"{job.source}: a product texture that holds no light; make one with light by shrm "
             "prefilter PROBE --brdf SPEC --to product"
         )
+    refuse_surface([found])
     shown, surface, warnings = shaded_maps([found], [job.source], roughness, f0)
     chosen, sampled = by or lookup_of(found), job.sampling or "center"
     rows = job.size or max(2 * found.size, _LEAST_ROWS)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.drawing import Lit, on_mesh, on_sphere
 from shrm_cli.cli.moving import (
     LIGHT_MOVES,
     fps_option,
@@ -18,6 +18,7 @@ from shrm_cli.cli.moving import (
     max_memory_option,
     moments,
     open_others,
+    refuse_fixed_light,
     scene_keys,
 )
 from shrm_cli.cli.options import (
@@ -33,14 +34,18 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
 from shrm_cli.cli.shading import (
     brushed_options,
-    lit_maps,
+    refuse_surface,
+    refuse_window,
     surface_options,
     to_unlit,
     window_option,
 )
 from shrm_cli.cli.stage import (
+    OF_SURFACES,
     mesh_options,
+    mesh_values,
     open_baked,
+    open_stage,
     refuse_mesh_options,
 )
 from shrm_cli.cli.types import picture_size
@@ -48,10 +53,12 @@ from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_FPS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
 
-    from shrm_cli.files.picture import Picture
+    from shrm_cli.cli.stage import Baked
     from shrm_cli.maps.info import MapInfo
+    from shrm_cli.probe.probe import Probe
+    from shrm_cli.render.drawing import Drawing, Film, Lit
     from shrm_cli.render.moving import Moment
     from shrm_cli.vocabulary import Precision
 
@@ -130,116 +137,157 @@ def render(
       shrm render brushed.product.exr --probe probe.exr
       shrm render --probe probe.exr --mesh a.obj --transfer a.transfer.npz
     """
-    from shrm_cli.analysis.memory import check_sheet
-    from shrm_cli.files.animation import held_bytes, is_animated, write_animation
-    from shrm_cli.files.picture import file_type, in_srgb, write_picture
-    from shrm_cli.maps.file import open_map
+    from shrm_cli.files.animation import is_animated
+    from shrm_cli.files.picture import file_type
     from shrm_cli.probe.probe import open_probe
-    from shrm_cli.probe.resample import coarse_probe
-    from shrm_cli.progress import Stages
-    from shrm_cli.render.scene import Scene
+    from shrm_cli.render.drawing import Film
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
     refuse_mesh_options(mesh, transfer)
     keys = scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
-    lights = maps if maps or transfer is None or probe is None else (probe,)
-    pattern = output or _default_name(lights, mesh, frames)
+    pattern = output or _default_name(maps or (probe,) if transfer else maps, mesh, frames)
     steps, targets = frame_targets(pattern, frames)
     shown_moments = moments(view, steps, values, keys)
     if not is_animated(pattern):
         refuse_inapplicable({"max_memory": Applies(False, "to moving pictures")})
         file_type(pattern)
-    is_read = background is not None or probe is not None
-    refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
+    refuse_inapplicable(reading_rules(bool(background or probe), "with --background or --probe"))
     options = make_read_options(values)
     named_probes = (background, probe, values["background_to"])
     probes = {path: open_probe(path, options) for path in named_probes if path is not None}
-    skies = [None if path is None else probes[path] for path in named_probes[::2]]
-    named = [path for path in (mesh, values["vary"]) if path not in (None, "vertex")]
-    check_outputs(targets, files=(*maps, *values["blend_to"], *named))
-    opened = [open_map(path) for path in maps]
-    light, baked = probes.get(probe or ""), None
-    if transfer is None or maps:
-        refuse_inapplicable({"probe": to_unlit(opened)})
-    if transfer is None:
-        opened, negative = lit_maps(opened, maps, light, window)
-    else:
-        baked = open_baked(transfer, opened, maps, light, window)
-        opened, maps, negative = baked.maps, tuple(baked.names), baked.warnings
-    others = open_others(values["blend_to"], opened)
-    lit = Lit(opened, maps, others, values["blend_to"])
+    skies = probes.get(background or ""), probes.get(values["background_to"] or "")
+    check_outputs(targets, files=_files(maps, mesh, values))
+    lit, baked, told = _lit(maps, probes.get(probe or ""), transfer, window, values["blend_to"])
     if mesh is None:
-        drawing = on_sphere(lit, size, values)
+        drawing = _on_sphere(lit, size, values)
     else:
-        drawing = on_mesh(lit, mesh, baked, size, shown_moments, {**values, "transfer": transfer})
-    behind = [
-        None if sky is None else coarse_probe(sky.in_primaries(drawing.primaries), drawing.rows)
-        for sky in skies
-    ]
-
-    def scene_at(moment: Moment) -> Scene[Any]:
-        around = None if behind[0] is None else moment.behind(behind[0], behind[1])
-        labels = [map_stem(path) for path in maps]
-        return Scene(drawing.subject, drawing.at(moment), labels, exposure, around, columns)
-
-    height, width = scene_at(shown_moments[0]).shape
+        drawing = _on_mesh(lit, mesh, baked, size, shown_moments, {**values, "transfer": transfer})
+    film = Film(drawing, shown_moments, list(map(map_stem, lit.names)), exposure, skies, columns)
+    warnings = drawing.warnings + told
     moved = {name: values[name] for name in LIGHT_MOVES if values[name] not in (None, ())}
     settings = {
-        "maps": list(maps),
-        "view": list(view),
-        **drawing.said,
-        "exposure": exposure,
-        "background": background,
-        "probe": probe,
-        "window": window,
-        "frames": steps,
-        **moved,
-        "width": width,
-        "height": height,
-    }
-    frame = [_attributes(drawing.seen, settings, drawing.said, each) for each in shown_moments]
-
-    def pictures() -> Iterator[Picture]:
-        with progress_bar("rendering") as progress:
-            stages = Stages(progress, len(shown_moments))
-            for number, each in enumerate(shown_moments, 1):
-                yield scene_at(each).picture(each.viewer, stages.within)
-                stages.done(number, len(shown_moments))
-
+        "maps": list(lit.names), "view": list(view), **drawing.said, "exposure": exposure,
+        "background": background, "probe": probe, "window": window, "frames": steps, **moved,
+        "width": film.shape[1], "height": film.shape[0],
+    }  # fmt: skip
     if is_animated(pattern):
-        check_sheet(
-            width * height, size[0], held_bytes(pattern, width * height, len(frame)), max_memory
-        )
-        images = (in_srgb(pattern, each, drawing.primaries)[0] for each in pictures())
-        write_animation(pattern, images, fps or DEFAULT_FPS)
-        pixels = f"{len(frame)} frames, {fps or DEFAULT_FPS:g} a second"
-        written = [{"file": pattern, "azimuth": view[0], "pixels": "8-bit sRGB"}]
-        lines = [f"{pattern}: {width} x {height}, {pixels}"]
+        written, lines = _write_animation(film, pattern, view[0], fps or DEFAULT_FPS, max_memory)
     else:
-        written = [
-            {
-                "file": path,
-                "azimuth": moment.viewer.azimuth,
-                "pixels": write_picture(path, picture, precision, attributes),
-            }
-            for path, moment, attributes, picture in zip(
-                targets, shown_moments, frame, pictures(), strict=True
-            )
-        ]
-        lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
-    warnings = drawing.warnings + negative
+        written, lines = _write_pictures(film, targets, precision, settings)
     warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
-    if "materials" in drawing.said:
-        lines.append(
-            f"{mesh}: with its own materials, {drawing.said['materials']}; --plain leaves them out"
-        )
+    if count := drawing.said.get("materials"):
+        lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
     conclude({"files": written, **settings}, lines, warnings)
 
 
-def _default_name(maps: Sequence[str], mesh: str | None, frames: int | None) -> str:
-    stem = "sheet" if len(maps) > 1 else "".join(map_stem(path) for path in maps)
+def _lit(
+    maps: Sequence[str],
+    light: Probe | None,
+    transfer: str | None,
+    window: str | None,
+    blend_to: Sequence[str],
+) -> tuple[Lit, Baked | None, list[str]]:
+    """Open the maps and light them; return what is baked of a mesh, and warnings, too."""
+    from shrm_cli.maps.file import open_map
+    from shrm_cli.render.drawing import Lit
+    from shrm_cli.render.lit import lit_maps
+
+    opened = [open_map(path) for path in maps]
+    if transfer is None or maps:
+        refuse_inapplicable({"probe": to_unlit(opened)})
+    if transfer is None:
+        refuse_window(opened)
+        opened, warnings = lit_maps(opened, maps, light, window)
+        return Lit(opened, maps, open_others(blend_to, opened), blend_to), None, warnings
+    baked = open_baked(transfer, opened, maps, light, window)
+    others = open_others(blend_to, baked.maps)
+    return Lit(baked.maps, baked.names, others, blend_to), baked, baked.warnings
+
+
+def _on_sphere(lit: Lit, size: tuple[int, int], values: dict[str, Any]) -> Drawing:
+    """Return the sphere that is drawn; refuse options that do not apply."""
+    from shrm_cli.render.drawing import on_sphere
+
+    if size[0] != size[1]:
+        raise click.UsageError("--size of a sphere's picture is one number")
+    refuse_surface(lit.maps)
+    return on_sphere(lit, size[0], values)
+
+
+def _on_mesh(
+    lit: Lit,
+    mesh: str,
+    baked: Baked | None,
+    size: tuple[int, int],
+    moments: Sequence[Moment],
+    values: dict[str, Any],
+) -> Drawing:
+    """Return the mesh or the scene that is drawn; refuse options that do not apply."""
+    from shrm_cli.render.drawing import on_stage
+
+    plain = values["plain"] or baked is not None  # its albedo is baked
+    stage, warnings = open_stage(mesh, lit.maps, lit.names, {**values, "plain": plain})
+    refuse_fixed_light(stage, values)
+    drawn = None
+    if baked is not None:
+        drawn = baked.drawn(stage), baked.with_maps(lit.others).drawn(stage)
+    drawing = on_stage(lit, stage, size, moments, values, drawn)
+    given = {name: values[name] for name in (*OF_SURFACES, "transfer")}
+    said = {
+        **drawing.said,
+        **mesh_values(drawing.subject, mesh),
+        **{key: value for key, value in given.items() if value is not None},
+    }
+    return replace(drawing, said=said, warnings=warnings)
+
+
+def _write_animation(
+    film: Film, target: str, azimuth: float, fps: float, max_memory: int | None
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Write a moving picture; return what JSON has of it, and a line about it."""
+    from shrm_cli.analysis.memory import check_sheet
+    from shrm_cli.files.animation import held_bytes, write_animation
+    from shrm_cli.files.picture import in_srgb
+
+    (height, width), count = film.shape, len(film.moments)
+    held = held_bytes(target, width * height, count)
+    check_sheet(width * height, film.drawing.subject.shape[1], held, max_memory)
+    with progress_bar("rendering") as progress:
+        images = (
+            in_srgb(target, each, film.drawing.primaries)[0] for each in film.pictures(progress)
+        )
+        write_animation(target, images, fps)
+    written = [{"file": target, "azimuth": azimuth, "pixels": "8-bit sRGB"}]
+    return written, [f"{target}: {width} x {height}, {count} frames, {fps:g} a second"]
+
+
+def _write_pictures(
+    film: Film, targets: Sequence[str], precision: Precision, settings: dict[str, Any]
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Write a picture of each moment; return what JSON has of them, and lines about them."""
+    from shrm_cli.files.picture import write_picture
+
+    (height, width), drawing = film.shape, film.drawing
+    written = []
+    with progress_bar("rendering") as progress:
+        drawn = zip(targets, film.moments, film.pictures(progress), strict=True)
+        for path, moment, picture in drawn:
+            attributes = _attributes(drawing.seen, settings, drawing.said, moment)
+            pixels = write_picture(path, picture, precision, attributes)
+            written.append({"file": path, "azimuth": moment.viewer.azimuth, "pixels": pixels})
+    return written, [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
+
+
+def _files(maps: Sequence[str], mesh: str | None, values: dict[str, Any]) -> list[str]:
+    """Return all files that are read, besides those of probes."""
+    others = [path for path in (mesh, values["vary"]) if path not in (None, "vertex")]
+    return [*maps, *values["blend_to"], *others]
+
+
+def _default_name(maps: Sequence[str | None], mesh: str | None, frames: int | None) -> str:
+    stem = "sheet" if len(maps) > 1 else "".join(map_stem(path) for path in maps if path)
     if mesh is not None:
         stem = f"{stem}.{Path(mesh).stem}".lstrip(".")
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"

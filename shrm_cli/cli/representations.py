@@ -39,13 +39,14 @@ def print_representations(
     path: str,
     options: ReadOptions,
     roughness: tuple[float, float] | None,
+    exposure: float,
+    output: str | None,
+    *,
     f0: str | None,
     views: Sequence[tuple[float, float]],
     size: int | None,
     source_height: int | None,
     exact: bool,
-    exposure: float,
-    output: str | None,
     steps: int | None,
     eps: float,
     max_memory: int | None,
@@ -85,23 +86,21 @@ def print_representations(
     announce(_statement(plan, path))
     with progress_bar("comparing") as progress:
         table = compare_representations(plan, progress)
-    result = {
-        "probe": path,
-        "probe_sha256": source.digest(),
-        "roughness": [each.number("roughness") for each in surfaces],
-        "f0": list(surfaces[0].color("f0")),
-        "epsilon": eps,
-        "views": [list(view) for view in views],
-        "size": size,
-        "source_height": plan.source_height,
-        "truth_errors": list(table.truth_errors),
-        "estimated_memory": plan.memory.needed,
-        "max_memory": plan.memory.limit,
-        "max_size": plan.memory.max_size,
-        "representations": [_values(each) for each in table.results],
-        "picture": output,
-    }
+    result = {"probe": path, **_facts(plan, table), "picture": output}
     warnings = [f"{path}: {line}" for line in source.report.warnings()]
+    warnings += _doubts(plan, table)
+    report = [_report(table, path)]
+    if output is not None:
+        pixels = table.sheet(exposure)
+        attributes = _attributes({**result, "exposure": exposure}, source.chromaticities)
+        pixel_type = write_picture(output, pixels, attributes=attributes)
+        report.append(f"{output}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
+    conclude(result, report, warnings)
+
+
+def _doubts(plan: Plan, table: RepresentationTable) -> list[str]:
+    """Return what could not be made, or not as large as elsewhere, a line each."""
+    warnings = []
     if plan.memory.is_reduced:
         warnings.append(
             f"maps have at most {bytes_text(plan.memory.max_size)} each, less than "
@@ -110,13 +109,25 @@ def print_representations(
     warnings += [
         f"{each.representation.title}: {why}" for each in table.results for why in each.failures
     ]
-    report = [_report(table, path)]
-    if output is not None:
-        pixels = table.sheet(exposure)
-        attributes = _attributes({**result, "exposure": exposure}, source.chromaticities)
-        pixel_type = write_picture(output, pixels, attributes=attributes)
-        report.append(f"{output}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
-    conclude(result, report, warnings)
+    return warnings
+
+
+def _facts(plan: Plan, table: RepresentationTable) -> dict[str, Any]:
+    """Return what JSON has of the comparison."""
+    return {
+        "probe_sha256": plan.probe.digest(),
+        "roughness": [each.number("roughness") for each in table.surfaces],
+        "f0": list(table.surfaces[0].color("f0")),
+        "epsilon": plan.eps,
+        "views": [[each.azimuth, each.elevation] for each in plan.viewers],
+        "size": plan.size,
+        "source_height": plan.source_height,
+        "truth_errors": list(table.truth_errors),
+        "estimated_memory": plan.memory.needed,
+        "max_memory": plan.memory.limit,
+        "max_size": plan.memory.max_size,
+        "representations": [_values(each) for each in table.results],
+    }
 
 
 def _statement(plan: Plan, path: str) -> list[str]:

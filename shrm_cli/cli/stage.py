@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.options import several
-from shrm_cli.cli.shading import brushed_rules, lit_maps
+from shrm_cli.cli.shading import brushed_rules, refuse_window
 from shrm_cli.cli.types import BRUSH, VECTOR, within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
@@ -242,6 +242,7 @@ def open_baked(
     from shrm_cli.maps.irradiance.irradiance import Irradiance
     from shrm_cli.maps.provenance import probe_name
     from shrm_cli.prefilter import prefilter
+    from shrm_cli.render.lit import lit_maps
     from shrm_cli.transfer.file import read_transfer
 
     if not maps and probe is None:
@@ -259,6 +260,7 @@ def open_baked(
     if not maps and probe is not None:
         lit: list[Map] = [prefilter(probe, to="irradiance", order_f=baked.order)]
         return Baked(baked, lit, [named], discs, warnings)
+    refuse_window(maps)
     lit, negative = lit_maps(maps, names, probe, window)
     for each, name in zip(lit, names, strict=True):
         if isinstance(each, Irradiance) and each.order_f < baked.order:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,21 +18,20 @@ from shrm_cli.cli.options import (
     warn,
 )
 from shrm_cli.cli.outputs import PAGES, check_outputs
-from shrm_cli.cli.shading import lit_maps, needs_surface, surface_of, surface_options
+from shrm_cli.cli.shading import needs_surface, surface_options
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from shrm_cli.maps.base import Map
-    from shrm_cli.view.scene import Scene, Start
+    from shrm_cli.view.scene import Scene
 
 _MAX_SIZE = 64 * 10**6
 """The most bytes of a page that is written, where no other number is given."""
 _TRUTH_SIZE = 192
+_SHOWN = ("views", "roughness", "f0", "exposure", "source_height", "exact")
+"""Arguments that `shrm_cli.view.show.view` takes as they are."""
 _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 
 
@@ -87,19 +85,13 @@ def view(
     output: str | None,
     probe: str | None,
     mesh: str | None,
-    views: tuple[tuple[float, float], ...],
-    roughness: float | None,
-    f0: str | None,
-    exposure: float | None,
     brdf: str | None,
     truth_size: int,
-    source_height: int | None,
-    exact: bool,
     no_truth: bool,
     max_size: int,
     lossless: bool,
     no_open: bool,
-    **reading: Any,
+    **values: Any,
 ) -> None:
     """Show each MAP in a browser: orbit, zoom, compare, read radiance under the mouse.
 
@@ -112,106 +104,70 @@ def view(
       shrm view probe.microfacet.shrm.exr --probe probe.exr
       shrm view a.shrm.exr a.splitsum.exr --mesh bunny.obj -o page.html
     """
-    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.files.whole import write_bytes
-    from shrm_cli.geometry.load import load_mesh
     from shrm_cli.maps.file import open_map
     from shrm_cli.probe.probe import open_probe
-    from shrm_cli.view.page import page
-    from shrm_cli.view.scene import Start, Truth, make_scene
+    from shrm_cli.view.show import view as view_of
 
-    has_truth = probe is not None and not no_truth
-    refuse_inapplicable({
-        **reading_rules(probe is not None, "with --probe"),
-        "no_truth": Applies(probe is not None, "with --probe"),
-        **dict.fromkeys(_OF_TRUTH, Applies(has_truth, "to the truth, with --probe")),
-        "max_size": Applies(output is not None, "with -o"),
-        "lossless": Applies(output is not None, "with -o"),
-        "no_open": Applies(output is None, "without -o"),
-        "as_json": Applies(output is not None, "with -o"),
-    })  # fmt: skip
-    exclude("no_truth", "brdf")
-    options = make_read_options(reading)
+    shown_as = {name: values.pop(name) for name in _SHOWN}
+    has_truth = _check_usage(probe is not None, output is not None, no_truth)
+    options = make_read_options(values)
     light = None if probe is None else open_probe(probe, options)
     if output is not None:
         files = [*maps, *([mesh] if mesh else [])]
         check_outputs([output], files=files, specs=[brdf], suffixes=PAGES)
-    opened, notes = lit_maps([open_map(path) for path in maps], maps, light, None)
+    opened = [open_map(path) for path in maps]
     refuse_inapplicable(needs_surface(opened))
-    surface = surface_of(roughness, f0, opened[0].info.chromaticities)
-    start = Start(views, exposure, surface.number("roughness"), surface.color("f0"))
-    told: list[str] = []
-    if roughness is None and f0 is None:
-        start, told = _as_beside(start, opened, maps)
     with progress_bar("integrating") as progress:
-        own = None
-        if brdf is not None and light is not None:
-            own = parse_spec(brdf, primaries=light.chromaticities)
-        truth = Truth(own, truth_size if has_truth else 0, source_height, exact)
-        shape = None if mesh is None else load_mesh(mesh)
-        scene = make_scene(
-            opened, maps, light, shape, start, truth, max_size if output else None, progress,
-            is_rounded=output is not None and not lossless,
+        shown = view_of(
+            opened, light, brdf, names=maps, mesh=mesh, **shown_as,
+            truth_size=truth_size if has_truth else 0, max_size=max_size if output else None,
+            rounded=output is not None and not lossless, progress=progress,
         )  # fmt: skip
     warnings = [] if light is None else [f"{probe}: {line}" for line in light.report.warnings()]
-    warnings += notes + scene.remarks
-    scene.remarks.extend(told)
+    warnings += shown.warnings
     if output is None:
         warn(warnings)
-        for line in told:
+        for line in shown.told:
             echo(line, err=True)
-        _serve(scene, no_open)
+        _serve(shown.scene, no_open)
         return
-    text = page(scene).encode("utf-8")
+    text = shown.html().encode("utf-8")
     write_bytes(output, text)
     result = {
         "file": output,
         "bytes": len(text),
         "maps": list(maps),
-        "views": [list(each) for each in views],
-        "rounding_error": scene.blocks.rounding_error,
-        "truths": len(scene.description["truths"]),
+        "views": [list(each) for each in shown_as["views"]],
+        "rounding_error": shown.scene.blocks.rounding_error,
+        "truths": len(shown.scene.description["truths"]),
     }
-    lines = [f"{output}: {bytes_text(len(text))}, opens in a browser without a network", *told]
-    if scene.blocks.rounding_error:
-        error = scene.blocks.rounding_error
+    lines = [
+        f"{output}: {bytes_text(len(text))}, opens in a browser without a network",
+        *shown.told,
+    ]
+    error = shown.scene.blocks.rounding_error
+    if error:
         lines.append(
             f"textures rounded by up to {error:.2%} (RMS); --lossless keeps half precision"
         )
     conclude(result, lines, warnings)
 
 
-def _as_beside(
-    start: Start, opened: Sequence[Map], names: Sequence[str]
-) -> tuple[Start, list[str]]:
-    """Show maps of light alone with the surface that a map beside them was made for.
-
-    Returns
-    -------
-    start : Start
-        With the roughness and f0 of the first map of plain GGX, where a map beside it needs them.
-    told : list of str
-        A line that says so.
-    """
-    from shrm_cli.brdf.models.ggx import Ggx
-    from shrm_cli.errors import BrdfError
-    from shrm_cli.maps.provenance import common_brdf, spec_of
-
-    if not any(each.needs_surface for each in opened):
-        return start, []
-    for made, name in zip(opened, names, strict=True):
-        same = made.info.chromaticities == opened[0].info.chromaticities
-        if made.needs_surface or made.info.brdf.get("name") != "ggx" or not same:
-            continue
-        try:
-            brdf = common_brdf({name: made.info})
-        except BrdfError:
-            continue
-        if isinstance(brdf, Ggx) and brdf.isotropic and not brdf.film:
-            shown = replace(start, roughness=brdf.number("roughness"), f0=brdf.color("f0"))
-            line = f"maps of light alone have the surface of {name}, {spec_of(made.info.brdf)}"
-            return shown, [line]
-    return start, []
+def _check_usage(has_probe: bool, has_output: bool, no_truth: bool) -> bool:
+    """Refuse options that would have no effect, and return whether the truth is wanted."""
+    has_truth = has_probe and not no_truth
+    refuse_inapplicable({
+        **reading_rules(has_probe, "with --probe"),
+        "no_truth": Applies(has_probe, "with --probe"),
+        **dict.fromkeys(_OF_TRUTH, Applies(has_truth, "to the truth, with --probe")),
+        "max_size": Applies(has_output, "with -o"),
+        "lossless": Applies(has_output, "with -o"),
+        "no_open": Applies(not has_output, "without -o"),
+        "as_json": Applies(has_output, "with -o"),
+    })  # fmt: skip
+    exclude("no_truth", "brdf")
+    return has_truth
 
 
 def _serve(scene: Scene, no_open: bool) -> None:

@@ -8,11 +8,11 @@ import click
 import numpy as np
 import pytest
 
-from shrm_cli.cli.shading import shaded_maps
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.render.camera import Viewer
+from shrm_cli.render.lit import shaded_maps
 from shrm_cli.render.sphere import render_sphere
 from tests.cli.helpers import ROOT, assert_refused, done, read_exr, run
 from tests.maps.shader import cases

@@ -1,0 +1,193 @@
+"""What pictures are drawn of: a sphere or a mesh, in several materials, at each moment."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from shrm_cli.files.picture import Picture
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.resample import coarse_probe
+from shrm_cli.progress import Progress, Stages
+from shrm_cli.records import record
+from shrm_cli.render.camera import background_rows
+from shrm_cli.render.lit import shaded_maps
+from shrm_cli.render.mesh import MeshSubject
+from shrm_cli.render.moving import Moment
+from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
+from shrm_cli.render.primaries import in_same_primaries, one_of
+from shrm_cli.render.scene import Scene, SphereSubject
+from shrm_cli.render.stage import Stage
+
+
+@record(eq=False)
+class Lit:
+    """Maps of the light at rest, and of the light that it becomes, with their files' names.
+
+    Attributes
+    ----------
+    maps, others : sequence of Map
+        There are no others where the light becomes no other.
+    names, other_names : sequence of str
+    """
+
+    maps: Sequence[Map]
+    names: Sequence[str]
+    others: Sequence[Map]
+    other_names: Sequence[str]
+
+
+@record(eq=False)
+class Drawing:
+    """Something to draw, in several materials.
+
+    Attributes
+    ----------
+    subject : Subject
+    drawn : list
+        Its materials under the light at rest.
+    become : list, optional
+        Its materials under the light that it becomes.
+    seen : list of MapInfo
+        How the maps were made, in the primaries of the picture.
+    primaries : tuple of 8 float, optional
+        Those of the picture.
+    rows : int
+        Of a lat-long that is fine enough to be its background.
+    said : dict
+        What results and recipes say of it.
+    warnings : list of str
+    recolored : bool
+        Whether materials are maps, which may have other primaries.
+    """
+
+    subject: Any
+    drawn: list[Any]
+    become: list[Any] | None
+    seen: list[MapInfo]
+    primaries: tuple[float, ...] | None
+    rows: int
+    said: dict[str, Any]
+    warnings: list[str]
+    recolored: bool = False
+
+    def at(self, moment: Moment) -> list[Any]:
+        """Return the materials under the light of a moment."""
+        lit: list[Any] = moment.moved(self.drawn, self.become)
+        return in_same_primaries(lit, self.primaries) if self.recolored else lit
+
+
+@record(eq=False)
+class Film:
+    """Pictures of something at some moments, before the same surroundings.
+
+    Attributes
+    ----------
+    drawing : Drawing
+    moments : sequence of Moment
+    labels : sequence of str
+        One for each material, for sheets.
+    exposure : float
+        Stops.
+    skies : tuple of 2 (Probe or None)
+        What is behind, and what that becomes.
+    columns : int, optional
+        Of a sheet.
+    """
+
+    drawing: Drawing
+    moments: Sequence[Moment]
+    labels: Sequence[str]
+    exposure: float = 0.0
+    skies: tuple[Probe | None, Probe | None] = (None, None)
+    columns: int | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of each picture, pixels."""
+        return self._scene(self.moments[0], None).shape
+
+    def pictures(self, progress: Progress | None = None) -> Iterator[Picture]:
+        """Draw the pictures, linear, in the primaries of the drawing."""
+        drawing = self.drawing
+        behind, becomes = (
+            None if sky is None else coarse_probe(sky.in_primaries(drawing.primaries), drawing.rows)
+            for sky in self.skies
+        )
+        stages = Stages(progress, len(self.moments))
+        for number, each in enumerate(self.moments, 1):
+            around = None if behind is None else each.behind(behind, becomes)
+            yield self._scene(each, around).picture(each.viewer, stages.within)
+            stages.done(number, len(self.moments))
+
+    def _scene(self, moment: Moment, around: Any) -> Scene[Any]:
+        drawing = self.drawing
+        return Scene(
+            drawing.subject, drawing.at(moment), self.labels, self.exposure, around, self.columns
+        )
+
+
+def on_sphere(lit: Lit, size: int, values: Mapping[str, Any]) -> Drawing:
+    """Return a sphere that is drawn.
+
+    Parameters
+    ----------
+    lit : Lit
+    size : int
+        Width and height of its picture, pixels.
+    values : mapping of str to value
+        ``roughness``, ``f0``, ``anisotropy`` and ``taps``, as `shaded_maps` takes them.
+    """
+    asked = [values[name] for name in ("roughness", "f0", "anisotropy", "taps")]
+    drawn, surface, warnings = shaded_maps(lit.maps, lit.names, *asked)
+    become: list[Any] | None = None
+    if lit.others:
+        become, _, more = shaded_maps(lit.others, lit.other_names, *asked)
+        warnings = warnings + more
+    primaries = lit.maps[0].info.chromaticities
+    seen = [each.info for each in in_same_primaries(drawn, primaries)]
+    return Drawing(
+        SphereSubject(size), list(drawn), become, seen, primaries, background_rows(size),
+        {"size": size, **surface}, warnings, True,
+    )  # fmt: skip
+
+
+def on_stage(
+    lit: Lit,
+    stage: Stage,
+    size: tuple[int, int],
+    moments: Sequence[Moment],
+    values: Mapping[str, Any],
+    drawn: tuple[list[Any], list[Any]] | None = None,
+) -> Drawing:
+    """Return a mesh or a scene that is drawn, seen by the viewers of all moments.
+
+    Parameters
+    ----------
+    lit : Lit
+    stage : Stage
+    size : tuple of 2 int
+    moments : sequence of Moment
+    values : mapping of str to value
+        ``fov``, ``target`` and ``distance`` of the camera; None for the defaults.
+    drawn : tuple of 2 list, optional
+        Its materials under the maps and under the others, where they have their own shadows.
+    """
+    lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
+    viewers = [each.viewer for each in moments]
+    aim = aimed(stage.mesh.vertices, viewers, lens, values["target"], values["distance"])
+    subject = MeshSubject(stage, lens, aim)
+    seen = [each.info for each in (*lit.maps, *stage.maps())]
+    if drawn is None:
+        first = [stage.reflectors(each) for each in lit.maps] or [stage.reflectors(None)]
+        drawn = first, [stage.reflectors(each) for each in lit.others]
+    return Drawing(
+        subject,
+        drawn[0],
+        drawn[1] or None,
+        seen,
+        one_of({each.chromaticities for each in seen}),
+        subject.lens.background_rows(),
+        {"size": list(size)},
+        [],
+    )

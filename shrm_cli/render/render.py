@@ -1,0 +1,97 @@
+"""`render`: a picture of maps, as a distant viewer sees them on a sphere or on a mesh."""
+
+import os
+from collections.abc import Sequence
+
+from shrm_cli.files.picture import Picture
+from shrm_cli.geometry.load import load_mesh
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.file import open_map
+from shrm_cli.probe.probe import AnyProbe, as_probe
+from shrm_cli.progress import Progress
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.drawing import Film, Lit, on_sphere, on_stage
+from shrm_cli.render.lit import lit_maps
+from shrm_cli.render.moving import Moment
+from shrm_cli.render.scene_file import Shown, is_scene_name, read_scene
+from shrm_cli.render.stage import Stage
+
+
+def render(
+    maps: Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str],
+    view: tuple[float, float] = (0.0, 0.0),
+    size: int | tuple[int, int] = 512,
+    *,
+    mesh: str | os.PathLike[str] | None = None,
+    probe: AnyProbe | None = None,
+    background: AnyProbe | None = None,
+    exposure: float = 0.0,
+    roughness: float | None = None,
+    f0: str | None = None,
+    anisotropy: float | None = None,
+    taps: int | None = None,
+    fov: float | None = None,
+    target: tuple[float, float, float] | None = None,
+    distance: float | None = None,
+    progress: Progress | None = None,
+) -> Picture:
+    """Draw a sphere or a mesh of a map, or a sheet of them of several maps.
+
+    Parameters
+    ----------
+    maps : Map, path-like, or a sequence of them
+    view : tuple of 2 float
+        Azimuth and elevation of the viewer, degrees.
+    size : int or tuple of 2 int
+        Width and height of a picture, pixels; those of spheres are equal.
+    mesh : path-like, optional
+        A mesh with its materials, or a scene, in place of the sphere.
+    probe : Probe, path-like or array, optional
+        The light of product textures that hold none.
+    background : Probe, path-like or array, optional
+        What is seen behind; black by default.
+    exposure : float
+        Stops.
+    roughness, f0, anisotropy, taps
+        The surface that maps of light alone are shown as, see `shrm_cli.render.lit.shaded_maps`.
+    fov, target, distance
+        Of the camera before a mesh, see `shrm_cli.render.perspective`.
+    progress : callable, optional
+        Called with the amount of work done and the amount in all.
+
+    Returns
+    -------
+    ndarray of float32, shape (height, width, 3)
+        Linear, in the primaries of the first map.
+
+    Raises
+    ------
+    MapError, MeshError, ProbeError, BrdfError
+
+    Examples
+    --------
+    >>> white = shrm.prefilter("probes/studio.exr", to="irradiance")
+    >>> shrm.render(white, view=(30, 10), size=64).shape
+    (64, 64, 3)
+    """
+    several = [maps] if isinstance(maps, Map | str | os.PathLike) else list(maps)
+    names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in several]
+    opened = [each if isinstance(each, Map) else open_map(each) for each in several]
+    opened, _ = lit_maps(opened, names, None if probe is None else as_probe(probe), None)
+    lit, moments = Lit(opened, names, (), ()), [Moment(Viewer(*view))]
+    surface = {"roughness": roughness, "f0": f0, "anisotropy": anisotropy, "taps": taps}
+    shape = (size, size) if isinstance(size, int) else size
+    if mesh is None:
+        drawing = on_sphere(lit, shape[0], surface)
+    else:
+        name = os.fspath(mesh)
+        if is_scene_name(name):
+            stage = Stage.of(read_scene(name, opened))
+        else:
+            shown = Shown(roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
+            stage = Stage.of([shown.actor(load_mesh(name), opened[0].info.chromaticities)])
+        camera = {"fov": fov, "target": target, "distance": distance}
+        drawing = on_stage(lit, stage, shape, moments, camera)
+    sky = None if background is None else as_probe(background)
+    (picture,) = Film(drawing, moments, names, exposure, (sky, None)).pictures(progress)
+    return picture

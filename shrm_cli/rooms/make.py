@@ -1,0 +1,129 @@
+"""`grid`: the light at the points of a grid, of a room, of a table of probes, or of a file."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from shrm_cli.brdf.base import Color
+from shrm_cli.errors import ArgumentError
+from shrm_cli.geometry.load import load_mesh
+from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.lights.split import split_lamps
+from shrm_cli.probe.probe import AnyProbe, as_probe
+from shrm_cli.progress import Progress
+from shrm_cli.records import record
+from shrm_cli.rooms.bake import bake
+from shrm_cli.rooms.file import is_grid, read_grid
+from shrm_cli.rooms.grid import ProbeGrid
+from shrm_cli.rooms.lattice import MOST, Lattice
+from shrm_cli.rooms.positions import read_positions
+from shrm_cli.rooms.room import Room
+
+_LONGEST = 16
+"""Probes along the longest edge of a room, where their number is not given."""
+_ALBEDO = 0.5
+"""What triangles reflect that have no material."""
+
+
+@record(eq=False)
+class RoomPlan:
+    """What is baked of a room.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    lattice : Lattice
+        Where its probes are.
+    textured : list of str
+        Materials of which the numbers alone count, because their textures are left out.
+    """
+
+    mesh: Mesh
+    lattice: Lattice
+    textured: list[str]
+
+
+def grid(
+    source: str | os.PathLike[str],
+    *,
+    size: tuple[int, int, int] | None = None,
+    box: Sequence[float] | None = None,
+    order: int = 2,
+    probe: AnyProbe | None = None,
+    albedo: Mapping[str, Color] | None = None,
+    emission: Mapping[str, Color] | None = None,
+    samples: int = 1024,
+    begin: Callable[[RoomPlan], object] | None = None,
+    progress: Progress | None = None,
+) -> ProbeGrid:
+    """Find the light at the points of a grid.
+
+    Parameters
+    ----------
+    source : path-like
+        A mesh that is a room, a table ``.csv`` of positions and probes, or a grid that was
+        written; all arguments are about rooms, but `order` is about tables, too.
+    size : tuple of 3 int, optional
+        Probes along x, y and z; by default 16 along the longest edge.
+    box : sequence of 6 float, optional
+        Two corners of the box with the probes; by default that of the room.
+    order : int
+        The largest degree of the harmonics.
+    probe : Probe, path-like or array, optional
+        Light that is seen past the room.
+    albedo, emission : mapping of str to tuple of 3 float, optional
+        What materials reflect in place of their base colors, and the radiance that they send.
+    samples : int
+        Directions along which each probe looks.
+    begin : callable, optional
+        Called with the `RoomPlan` of a room before it is baked.
+    progress : callable, optional
+        Called with the amount of work done and the amount in all.
+
+    Returns
+    -------
+    ProbeGrid
+
+    Raises
+    ------
+    ArgumentError
+        If the box is flat, or there are too many probes.
+    MeshError, ProbeError
+        If a file cannot be read, or nothing sends light.
+    """
+    name = os.fspath(source)
+    if is_grid(name):
+        return read_grid(name)
+    if name.lower().endswith(".csv"):
+        return read_positions(name, order, progress)
+    albedo, emission = dict(albedo or {}), dict(emission or {})
+    mesh = load_mesh(name)
+    split = None if probe is None else split_lamps(as_probe(probe))
+    outside = (None, ()) if split is None else (split.residual_probe, split.discs)
+    changes = {"albedo": albedo, "emission": emission}
+    room = Room.of(mesh, (_ALBEDO,) * 3, changes, *outside)
+    lattice = _lattice(mesh.bounds, size, box)
+    textured = [
+        repr(each.name)
+        for each in mesh.materials
+        if (each.color_map and each.name not in albedo)
+        or (each.emission_map and each.name not in emission)
+    ]
+    if begin is not None:
+        begin(RoomPlan(mesh, lattice, textured))
+    return bake(room, lattice, order, samples, progress)
+
+
+def _lattice(
+    bounds: object, size: tuple[int, int, int] | None, box: Sequence[float] | None
+) -> Lattice:
+    """Return where the probes of a room are."""
+    low, high = np.asarray(bounds if box is None else np.reshape(box, (2, 3)), dtype=float)
+    if not (high > low).all():
+        raise ArgumentError("box", "is flat; give two corners x0,y0,z0,x1,y1,z1, the lesser first")
+    edges = high - low
+    x, y, z = size or (max(1, round(_LONGEST * each)) for each in edges / edges.max())
+    if x * y * z > MOST:
+        raise ArgumentError("size", f"makes {x * y * z:,} probes; {MOST:,} are the most")
+    return Lattice(low, high, (x, y, z))

@@ -1,0 +1,155 @@
+"""`view`: what a page shows of some maps, to be written or served."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import BrdfError
+from shrm_cli.geometry.load import load_mesh
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.file import open_map
+from shrm_cli.maps.provenance import common_brdf, spec_of
+from shrm_cli.probe.probe import AnyProbe, as_probe
+from shrm_cli.progress import Progress
+from shrm_cli.records import record
+from shrm_cli.render.lit import lit_maps, surface_of
+from shrm_cli.view.page import page
+from shrm_cli.view.scene import TRUTH_SIZE, Scene, Start, Truth, make_scene
+
+
+@record(eq=False)
+class Shown:
+    """What a page shows.
+
+    Attributes
+    ----------
+    scene : Scene
+    warnings : list of str
+        What was changed or left out.
+    told : list of str
+        What was chosen for the user.
+    """
+
+    scene: Scene
+    warnings: list[str]
+    told: list[str]
+
+    def html(self) -> str:
+        """Return the page, to be written as UTF-8."""
+        return page(self.scene)
+
+
+def view(
+    maps: Sequence[Map | str | os.PathLike[str]],
+    probe: AnyProbe | None = None,
+    brdf: Brdf | str | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    mesh: str | os.PathLike[str] | None = None,
+    views: Sequence[tuple[float, float]] = ((0.0, 0.0),),
+    roughness: float | None = None,
+    f0: str | None = None,
+    exposure: float | None = None,
+    truth_size: int = TRUTH_SIZE,
+    source_height: int | None = None,
+    exact: bool = False,
+    max_size: int | None = None,
+    rounded: bool = False,
+    progress: Progress | None = None,
+) -> Shown:
+    """Put together a page to look around in: maps on a sphere or a mesh, and the truth.
+
+    Parameters
+    ----------
+    maps : sequence of Map or path-like
+    probe : Probe, path-like or array, optional
+        It is shown behind the shape, and is the light of the truth.
+    brdf : Brdf or str, optional
+        That of the truth; by default the one that all maps were made for.
+    names : sequence of str, optional
+        What the page calls the maps; by default their files, or their representations.
+    mesh : path-like, optional
+    views : sequence of 2 float
+        Azimuth and elevation of the first view, and of others that have a truth, degrees.
+    roughness, f0
+        The surface that maps of light alone are shown as first; by default that of a map of GGX
+        beside them.
+    exposure : float, optional
+        Stops; by default the page finds them.
+    truth_size : int
+        Width and height of a picture of the truth, pixels; 0 for no truth.
+    source_height, exact
+        Of the truth, as `reference` takes them.
+    max_size : int, optional
+        The most bytes of the page.
+    rounded : bool
+        Whether textures are rounded, by a percent or so, to make the page small.
+    progress : callable, optional
+        Called with the amount of work done and the amount in all.
+
+    Returns
+    -------
+    Shown
+
+    Raises
+    ------
+    MapError, ProbeError, BrdfError, MeshError
+
+    Examples
+    --------
+    >>> white = shrm.prefilter("probes/studio.exr", to="irradiance")
+    >>> shrm.view([white]).html()[:15]
+    '<!DOCTYPE html>'
+    """
+    if names is None:
+        names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in maps]
+    light = None if probe is None else as_probe(probe)
+    opened = [each if isinstance(each, Map) else open_map(each) for each in maps]
+    opened, notes = lit_maps(opened, names, light, None)
+    surface = surface_of(roughness, f0, opened[0].info.chromaticities if opened else None)
+    start = Start(views, exposure, surface.number("roughness"), surface.color("f0"))
+    told: list[str] = []
+    if roughness is None and f0 is None:
+        start, told = _as_beside(start, opened, names)
+    if isinstance(brdf, str):
+        brdf = parse_spec(brdf, primaries=None if light is None else light.chromaticities)
+    truth = Truth(brdf, truth_size, source_height, exact)
+    shape = None if mesh is None else load_mesh(mesh)
+    scene = make_scene(
+        opened, names, light, shape, start, truth, max_size, progress, is_rounded=rounded
+    )
+    warnings = [*notes, *scene.remarks]
+    scene.remarks.extend(told)
+    return Shown(scene, warnings, told)
+
+
+def _as_beside(
+    start: Start, opened: Sequence[Map], names: Sequence[str]
+) -> tuple[Start, list[str]]:
+    """Show maps of light alone with the surface that a map beside them was made for.
+
+    Returns
+    -------
+    start : Start
+        With the roughness and f0 of the first map of plain GGX, where a map beside it needs them.
+    told : list of str
+        A line that says so.
+    """
+    if not any(each.needs_surface for each in opened):
+        return start, []
+    for made, name in zip(opened, names, strict=True):
+        same = made.info.chromaticities == opened[0].info.chromaticities
+        if made.needs_surface or made.info.brdf.get("name") != "ggx" or not same:
+            continue
+        try:
+            brdf = common_brdf({name: made.info})
+        except BrdfError:
+            continue
+        if isinstance(brdf, Ggx) and brdf.isotropic and not brdf.film:
+            shown = replace(start, roughness=brdf.number("roughness"), f0=brdf.color("f0"))
+            line = f"maps of light alone have the surface of {name}, {spec_of(made.info.brdf)}"
+            return shown, [line]
+    return start, []
