@@ -10,7 +10,8 @@ import click
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import announce, conclude, report_options
 from shrm_cli.cli.outputs import check_outputs, force_option
-from shrm_cli.cli.types import BOX, COUNTS, NAMED_COLOR
+from shrm_cli.cli.room import NamedColors, open_room, room_options
+from shrm_cli.cli.types import BOX, COUNTS
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_GRID_ORDER
@@ -18,12 +19,11 @@ from shrm_cli.vocabulary import MAX_GRID_ORDER
 if TYPE_CHECKING:
     from shrm_cli.rooms.grid import ProbeGrid
     from shrm_cli.rooms.lattice import Lattice
+    from shrm_cli.rooms.room import Room
 
 _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
 _LONGEST = 16
 """Probes along the longest edge of a room, where their number is not given."""
-_ALBEDO = 0.5
-"""What triangles reflect that have no material."""
 
 
 @click.command()
@@ -44,17 +44,7 @@ _ALBEDO = 0.5
     "--order", type=click.IntRange(1, MAX_GRID_ORDER), default=2, show_default=True,
     help="Largest degree of the harmonics.",
 )  # fmt: skip
-@click.option(
-    "--probe", type=click.Path(), help="Light that is seen past the room, such as through windows."
-)
-@click.option(
-    "--albedo", type=NAMED_COLOR, multiple=True,
-    help="What a material reflects, in place of its base colour. May be repeated.",
-)  # fmt: skip
-@click.option(
-    "--emit", type=NAMED_COLOR, multiple=True,
-    help="Radiance that a material sends. May be repeated.",
-)  # fmt: skip
+@room_options
 @click.option(
     "--samples", type=click.IntRange(16, 65536), default=1024, show_default=True,
     help="Directions along which each probe looks.",
@@ -73,8 +63,8 @@ def grid(
     box: tuple[float, ...] | None,
     order: int,
     probe: str | None,
-    albedo: tuple[tuple[str, tuple[float, float, float]], ...],
-    emit: tuple[tuple[str, tuple[float, float, float]], ...],
+    albedo: NamedColors,
+    emit: NamedColors,
     samples: int,
     light: str,
     force: bool,
@@ -109,7 +99,7 @@ def grid(
         | {"order": Applies(not is_baked, "to rooms and tables")}
         | {"light": Applies(suffix != ".npz", "to other files than .npz, which holds both")}
     )
-    textured: list[str] = []
+    warnings: list[str] = []
     if is_baked:
         found = read_grid(source)
     elif is_table:
@@ -118,19 +108,15 @@ def grid(
         with progress_bar("projecting") as progress:
             found = read_positions(source, order, progress)
     else:
-        found, textured = _baked(source, size, box, order, probe, dict(albedo), dict(emit), samples)
+        opened = open_room(source, probe, albedo, emit)
+        warnings += opened.warnings
+        found = _baked(opened.room, size, box, order, samples)
     with keeping(*([] if force or output else [target])):
         if suffix == ".npz":
             write_grid(target, found)
         else:
             WRITERS[suffix](target, found, light == "all")
     said = found.summary()
-    warnings = []
-    if textured:
-        warnings.append(
-            f"{source}: textures are left out; the numbers alone count of {', '.join(textured)}; "
-            "`albedo` NAME=R,G,B and `emit` NAME=R,G,B name their means"
-        )
     bytes_written = Path(target).stat().st_size
     shape = " x ".join(map(str, said["shape"]))
     lines = [f"{target}: {shape} probes, order {found.order}, {bytes_written:,} bytes"]
@@ -155,45 +141,21 @@ def grid(
 
 
 def _baked(
-    source: str,
+    room: Room,
     size: tuple[int, int, int] | None,
     box: tuple[float, ...] | None,
     order: int,
-    probe: str | None,
-    albedo: dict[str, tuple[float, float, float]],
-    emission: dict[str, tuple[float, float, float]],
     samples: int,
-) -> tuple[ProbeGrid, list[str]]:
-    """Bake a room, and return the names of materials whose textures are left out, too.
-
-    Raises
-    ------
-    MeshError, ProbeError
-        If a file cannot be read, or nothing sends light.
-    """
-    from shrm_cli.geometry.load import load_mesh
-    from shrm_cli.lights.split import split_lamps
-    from shrm_cli.probe.probe import open_probe
+) -> ProbeGrid:
+    """Bake a room."""
     from shrm_cli.rooms.bake import bake
-    from shrm_cli.rooms.room import Room
 
-    mesh = load_mesh(source)
-    split = None if probe is None else split_lamps(open_probe(probe))
-    changes = {"albedo": albedo, "emission": emission}
-    outside = (None, ()) if split is None else (split.residual_probe, split.discs)
-    room = Room.of(mesh, (_ALBEDO,) * 3, changes, *outside)
+    mesh = room.mesh
     lattice = _lattice(mesh.bounds, size, box)
     count = " x ".join(map(str, lattice.shape))
-    announce([f"{source}: {len(mesh.faces):,} triangles, {count} probes"])
+    announce([f"{mesh.name}: {len(mesh.faces):,} triangles, {count} probes"])
     with progress_bar("gathering") as progress:
-        found = bake(room, lattice, order, samples, progress)
-    textured = [
-        repr(each.name)
-        for each in mesh.materials
-        if (each.color_map and each.name not in albedo)
-        or (each.emission_map and each.name not in emission)
-    ]
-    return found, textured
+        return bake(room, lattice, order, samples, progress)
 
 
 def _lattice(
