@@ -86,6 +86,7 @@ def on_sphere(lit: Lit, size: tuple[int, int], values: dict[str, Any]) -> Drawin
     click.UsageError
         If it has no square picture, or an option does not apply.
     """
+    from shrm_cli.render.boxed import Placed
     from shrm_cli.render.camera import background_rows
     from shrm_cli.render.primaries import in_same_primaries
     from shrm_cli.render.scene import SphereSubject
@@ -95,6 +96,12 @@ def on_sphere(lit: Lit, size: tuple[int, int], values: dict[str, Any]) -> Drawin
         raise click.UsageError("--size of a sphere's picture is one number")
     asked = [values[name] for name in ("roughness", "f0", "anisotropy", "taps")]
     drawn, surface, warnings = shaded_maps(lit.maps, lit.names, *asked)
+    place, radius = values["place"], values["radius"]
+    if place is not None:
+        pairs = zip(lit.maps, drawn, lit.names, strict=True)
+        placed = [Placed.of(*each, place, radius) for each in pairs]
+        surface |= {"place": list(place), "radius": placed[0].radius}
+        drawn = [*placed]
     become: list[Any] | None = None
     if lit.others:
         become, _, more = shaded_maps(lit.others, lit.other_names, *asked)
@@ -132,7 +139,8 @@ def on_mesh(
     lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
     viewers = [each.viewer for each in moments]
     aim = aimed(stage.mesh.vertices, viewers, lens, values["target"], values["distance"])
-    subject = MeshSubject(stage, lens, aim)
+    is_boxed = not values["no_box"]
+    subject = MeshSubject(stage, lens, aim, is_boxed)
     seen = [each.info for each in (*lit.maps, *stage.maps())]
     given = {name: values[name] for name in (*OF_SURFACES, "transfer")}
     if baked is None:

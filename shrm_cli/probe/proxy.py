@@ -72,6 +72,16 @@ class ProxyBox:
         except (KeyError, IndexError, TypeError, ValueError, OverflowError, ProbeError):
             return None
 
+    @classmethod
+    def of_text(cls, text: str) -> "ProxyBox | None":
+        """Return the box of an attribute; None where it is missing or wrong."""
+        from shrm_cli.files.json_text import parse_json
+
+        try:
+            return cls.read(parse_json(text)) if text else None
+        except ValueError:
+            return None
+
     def record(self) -> dict[str, list[float]]:
         """Return what files hold of it."""
         return {"at": list(self.at), "min": list(self.low), "max": list(self.high)}

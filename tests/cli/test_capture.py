@@ -7,6 +7,7 @@ import pytest
 
 from tests.cli.helpers import assert_refused, done, read_exr, run, write_exr
 from tests.cli.test_grid import write_gltf
+from tests.geometry.shapes import icosphere
 from tests.rooms import shapes
 
 SMALL = ("--size", 16, "--samples", 4)
@@ -79,3 +80,104 @@ def test_a_place_within_a_wall_is_told(folder):
     said = run("probe", "capture", "inside_out.glb", "--at", "1,1,1", "-o", "p.exr", *SMALL)
     assert said.code == 0
     assert "back of surfaces" in said.err
+
+
+@pytest.fixture
+def captured(folder):
+    """A probe that was captured in the room."""
+    done("probe", "capture", "room.glb", "--at", "1,1,1", "-o", "p.exr", *SMALL)
+    return {"at": [1, 1, 1], "min": [0, 0, 0], "max": [4, 2, 3]}
+
+
+def held(path):
+    """The proxy box of a map, as `shrm info` tells it."""
+    return json.loads(done("info", path, "--json")).get("proxy")
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        ("--brdf", "ggx:roughness=0.5", "--eps", "0.1"),
+        ("--brdf", "0.5*lambertian+0.5*ggx:roughness=0.5", "--eps", "0.1"),
+        ("--brdf", "ggx:roughness=0.6", "--to", "principal"),
+        ("--brdf", "ggx:roughness=0.6", "--to", "cabral", "--eps", "0.1"),
+        ("--to", "splitsum", "--size", 8),
+        ("--to", "she"),
+        ("--to", "irradiance"),
+    ],
+)
+def test_maps_of_every_form_hold_the_box(captured, made):
+    done("prefilter", "p.exr", *made, "-o", "m.exr")
+    assert held("m.exr") == captured
+    assert held("p.exr") == captured
+
+
+def test_boxes_are_given_and_replaced(captured, folder):
+    base = ("prefilter", "--to", "irradiance", "--force", "-o", "m.exr")
+    done(*base, "p.exr", "--box", "-1,0,0,5,3,4")
+    assert held("m.exr") == {"at": [1, 1, 1], "min": [-1, 0, 0], "max": [5, 3, 4]}
+    done(*base, "p.exr", "--at", "2,1,1.5")
+    assert held("m.exr")["at"] == [2, 1, 1.5]
+    done(*base, "white.exr")
+    assert held("m.exr") is None
+    done(*base, "white.exr", "--box", "0,0,0,2,4,6")
+    assert held("m.exr") == {"at": [1, 2, 3], "min": [0, 0, 0], "max": [2, 4, 6]}
+    assert_refused(run(*base, "white.exr", "--at", "1,1,1"), 1, "--at", "--box")
+    assert_refused(run(*base, "p.exr", "--at", "9,1,1"), 1, "--at 9,1,1", "not within")
+    # A file whose attribute is none of a box counts as one without.
+    write_exr(folder / "odd.exr", np.ones((8, 16, 3), np.float32), **{"shrm:proxy": '{"at": 3}'})
+    done(*base, "odd.exr")
+    assert held("m.exr") is None
+
+
+def test_a_box_is_turned_with_its_probe(captured):
+    base = ("prefilter", "p.exr", "--to", "irradiance", "--force", "-o", "m.exr")
+    done(*base, "--yaw", 90)  # +Z becomes +X
+    assert held("m.exr") == {"at": [1, 1, -1], "min": [0, 0, -4], "max": [3, 2, 0]}
+    said = run(*base, "--yaw", 30)
+    assert said.code == 0
+    assert "proxy box is left out" in said.err
+    assert held("m.exr") is None
+    done("prefilter", "p.exr", "--to", "irradiance", "--force", "-o", "m.exr")
+    done("convert", "m.exr", "--to", "irradiance", "--yaw", 90, "-o", "t.exr")
+    assert held("t.exr") == {"at": [1, 1, -1], "min": [0, 0, -4], "max": [3, 2, 0]}
+    done("convert", "m.exr", "--to", "irradiance", "--yaw", 30, "-o", "u.exr")
+    assert held("u.exr") is None
+    done("convert", "p.exr", "--to", "hcross", "--size", 8, "-o", "h.exr")
+    assert held("h.exr") == captured
+
+
+def test_pictures_obey_the_box_until_told_otherwise(captured, folder):
+    done("prefilter", "p.exr", "--brdf", "ggx:roughness=0.5", "--eps", "0.1", "-o", "m.exr")
+    done("prefilter", "p.exr", "--brdf", "ggx:roughness=0.5", "--eps", "0.1", "-o", "n.exr",
+         "--box", "-1e6,-1e6,-1e6,1e6,1e6,1e6")  # fmt: skip
+    small = ("--size", 32)
+    ball = ("render", "--mesh", "ball.glb", "--plain", *small)
+    vertices, faces = icosphere(2)
+    write_gltf(folder / "ball.glb", [(0.3 * vertices + [3, 1, 2], faces, vertices)],
+               [("ball", 0.5, 0)])  # fmt: skip
+    pictures = {}
+    for name, extra in (("box", ("m.exr",)), ("none", ("m.exr", "--no-box")), ("far", ("n.exr",))):
+        done(*ball, *extra, "-o", f"{name}.exr")
+        pictures[name] = read_exr(f"{name}.exr")[1]["R"]
+    np.testing.assert_allclose(pictures["none"], pictures["far"], rtol=0.01, atol=1e-3)
+    assert np.abs(pictures["box"] - pictures["none"]).max() > 0.05
+    # A sphere at the same place looks nearly the same, and at the probe's as without a place.
+    done("render", "m.exr", *small, "-o", "plain.exr")
+    done("render", "m.exr", *small, "--place", "1,1,1", "--radius", 0, "-o", "home.exr")
+    done("render", "m.exr", *small, "--place", "3,1,2", "--radius", 0.3, "-o", "there.exr")
+    plain, home, there = (read_exr(f"{name}.exr")[1]["R"] for name in ("plain", "home", "there"))
+    np.testing.assert_allclose(home, plain, rtol=1e-3)
+    assert np.abs(there - plain).max() > 0.05
+    assert there[16, 16] == pytest.approx(pictures["box"][16, 16], rel=0.1)
+
+
+def test_places_need_a_box_and_a_sphere(captured):
+    done("prefilter", "white.exr", "--to", "irradiance", "-o", "w.exr")
+    done("prefilter", "p.exr", "--to", "irradiance", "-o", "m.exr")
+    base = ("render", "-o", "r.png", "--size", 16)
+    assert_refused(run(*base, "w.exr", "--place", "1,1,1"), 2, "--place", "w.exr has none")
+    assert_refused(run(*base, "m.exr", "--radius", "1"), 2, "--radius", "with --place")
+    assert_refused(run(*base, "m.exr", "--no-box"), 2, "--no-box", "--mesh")
+    mesh = ("--mesh", "room.glb")
+    assert_refused(run(*base, *mesh, "m.exr", "--place", "1,1,1"), 2, "--place", "spheres")
