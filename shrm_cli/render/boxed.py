@@ -16,7 +16,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.probe.proxy import carried
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import central_directions
+from shrm_cli.sphere.directions import central_directions, horizontal_tangents
 
 Parts = tuple[tuple[Any, str], ...]
 Vectors = tuple[Array, Array, Array | None]
@@ -99,8 +99,9 @@ class Placed:
         """Return the radiance of the sphere where it has some normals; see `Map.radiance`."""
         normals, views = np.broadcast_arrays(np.asarray(normals, float), np.asarray(views, float))
         points = self.place + self.radius * normals
+        tangents = horizontal_tangents(normals)
         total = np.zeros(normals.shape)
         for part, center in parts_of(self.made, self.shown):
-            turned = seen_from(self.made, center, (normals, views, None), points)
-            total += part.radiance(*turned[:2])
+            turned = seen_from(self.made, center, (normals, views, tangents), points)
+            total += part.brushed_radiance(turned[0], turned[2], turned[1])
         return total
