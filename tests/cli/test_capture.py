@@ -1,6 +1,7 @@
 """`shrm probe capture`: what the file says of its place, and what is refused."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -181,3 +182,27 @@ def test_places_need_a_box_and_a_sphere(captured):
     assert_refused(run(*base, "m.exr", "--no-box"), 2, "--no-box", "--mesh")
     mesh = ("--mesh", "room.glb")
     assert_refused(run(*base, *mesh, "m.exr", "--place", "1,1,1"), 2, "--place", "spheres")
+
+
+def readme(engine, *options):
+    done("export", "p.exr", "--for", engine, *options, "-o", engine)
+    return next(Path(engine).glob("*_README.md")).read_text()
+
+
+def test_engines_are_told_of_the_box(captured):
+    """A place of (1, 1, 1) in a box of 4 x 2 x 3, whose middle is (2, 1, 1.5)."""
+    unity = readme("unity")
+    assert "captured at (1, 1, 1) in the box from (0, 0, 0) to (4, 2, 3)" in unity
+    assert "probe.transform.position = new Vector3(-1f, 1f, 1f); probe.boxProjection" in unity
+    assert (
+        "probe.center = new Vector3(-1f, 0f, 0.5f); probe.size = new Vector3(4f, 2f, 3f)" in unity
+    )
+    unreal = readme("unreal")
+    assert "Location 200, 150, 100; Scale 200, 150, 100; Capture Offset -100, -50, 0" in unreal
+    godot = readme("godot")
+    assert "probe.position = Vector3(2, 1, 1.5)" in godot
+    assert "probe.origin_offset = Vector3(-1, 0, -0.5)" in godot
+    assert "Filament looks it up as if all of it were far away" in readme("filament", "--size", 16)
+    done("prefilter", "p.exr", "--to", "splitsum", "--size", 16, "-o", "s.exr")
+    assert run("export", "s.exr", "--for", "filament", "-o", "of-map").code == 0
+    assert "captured at (1, 1, 1)" in next(Path("of-map").glob("*_README.md")).read_text()
