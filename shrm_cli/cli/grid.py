@@ -10,7 +10,8 @@ import click
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import announce, conclude, report_options
 from shrm_cli.cli.outputs import check_outputs, force_option
-from shrm_cli.cli.types import BOX, COUNTS, NAMED_COLOR
+from shrm_cli.cli.room import NamedColors, room_options, textures_left_out
+from shrm_cli.cli.types import BOX, COUNTS
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_GRID_ORDER
@@ -39,17 +40,7 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
     "--order", type=click.IntRange(1, MAX_GRID_ORDER), default=2, show_default=True,
     help="Largest degree of the harmonics.",
 )  # fmt: skip
-@click.option(
-    "--probe", type=click.Path(), help="Light that is seen past the room, such as through windows."
-)
-@click.option(
-    "--albedo", type=NAMED_COLOR, multiple=True,
-    help="What a material reflects, in place of its base colour. May be repeated.",
-)  # fmt: skip
-@click.option(
-    "--emit", type=NAMED_COLOR, multiple=True,
-    help="Radiance that a material sends. May be repeated.",
-)  # fmt: skip
+@room_options
 @click.option(
     "--samples", type=click.IntRange(16, 65536), default=1024, show_default=True,
     help="Directions along which each probe looks.",
@@ -68,8 +59,8 @@ def grid(
     box: tuple[float, ...] | None,
     order: int,
     probe: str | None,
-    albedo: tuple[tuple[str, tuple[float, float, float]], ...],
-    emit: tuple[tuple[str, tuple[float, float, float]], ...],
+    albedo: NamedColors,
+    emit: NamedColors,
     samples: int,
     light: str,
     force: bool,
@@ -121,13 +112,7 @@ def grid(
     shape = " x ".join(map(str, said["shape"]))
     lines = [f"{target}: {shape} probes, order {found.order}, {bytes_written:,} bytes"]
     lines += _lines(said, light == "all")
-    warnings = []
-    textured = planned[0].textured if planned else []
-    if textured:
-        warnings.append(
-            f"{source}: textures are left out; the numbers alone count of {', '.join(textured)}; "
-            "`albedo` NAME=R,G,B and `emit` NAME=R,G,B name their means"
-        )
+    warnings = textures_left_out(source, planned[0].textured if planned else [])
     if said.get("in_walls") == found.lattice.count:
         warnings.append(
             f"{source}: all probes lie behind surfaces, whose triangles seem to face outwards; "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,6 +14,9 @@ from shrm_cli.cli.options import (
     report_options,
 )
 from shrm_cli.cli.usage import refuse_inapplicable, wants_json
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.proxy import ProxyBox
 
 _MOST_ROWS, _MOST_NUMBERS = 9, 16
 """The most rows of a table and numbers of a list that are printed as text; JSON has them all."""
@@ -113,7 +116,12 @@ def _describe_map(file: str) -> dict[str, Any]:
         **found.details(),
         **found.info.origin(),
         "chromaticities": found.info.chromaticities,
+        **_of_box(found.info.proxy),
     }
+
+
+def _of_box(proxy: ProxyBox | None) -> dict[str, Any]:
+    return {} if proxy is None else {"proxy": proxy.record()}
 
 
 def _describe_probe(file: str, options: Any, stats: bool) -> tuple[dict[str, Any], list[str]]:
@@ -137,6 +145,7 @@ def _describe_probe(file: str, options: Any, stats: bool) -> tuple[dict[str, Any
 
         values |= probe_statistics(probe).summary()
     values |= {"chromaticities": probe.chromaticities, "sha256": probe.digest()}
+    values |= _of_box(probe.proxy)
     kept = {key: value for key, value in values.items() if value is not None}
     return kept, probe.report.warnings() if stats else list(probe.report.notes)
 

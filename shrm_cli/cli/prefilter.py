@@ -21,6 +21,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import check_outputs, force_option, keep_other_map
 from shrm_cli.cli.terminal import echo, has_terminal
+from shrm_cli.cli.types import BOX, VECTOR
 from shrm_cli.cli.usage import (
     Applies,
     given_options,
@@ -71,7 +72,7 @@ MAKING_HEADINGS = {
 """The options about what is made, under the headings of the help."""
 _HEADINGS = {
     **MAKING_HEADINGS,
-    "How the probe is read": [*READING_NAMES, "probe_sampling"],
+    "How the probe is read": [*READING_NAMES, "probe_sampling", "box", "at"],
     "Output": ["output", "force", "as_json", "quiet"],
 }
 """The options under the headings of the help."""
@@ -91,6 +92,15 @@ _HEADINGS = {
     help="File to write.  [default: PROBE.BRDF.TO.exr in the current folder]",
 )  # fmt: skip
 @force_option
+@click.option(
+    "--box", type=BOX,
+    help="Two corners of the box that stands for the room around the probe, which look-ups with "
+    "parallax need.  [default: what the probe says]",
+)  # fmt: skip
+@click.option(
+    "--at", type=VECTOR,
+    help="Where the probe was captured in that box.  [default: what the probe says, or the middle]",
+)  # fmt: skip
 @read_options
 @report_options
 def prefilter(
@@ -103,6 +113,8 @@ def prefilter(
     sampling: str | None,
     probe_sampling: str | None,
     map_sampling: str | None,
+    box: tuple[float, ...] | None,
+    at: tuple[float, float, float] | None,
     **values: Any,
 ) -> None:
     """Prefilter the light probe PROBE for a BRDF.
@@ -145,7 +157,7 @@ def prefilter(
         given["sampling"] = map_sampling or sampling
     with renamed(**({"sampling": "map_sampling"} if map_sampling else {})):
         check_arguments(to, [name for name, value in given.items() if value is not None])
-    source = open_probe(probe, read_as)
+    source = open_probe(probe, read_as).within(box, at)
     # What `auto` makes is known when it is made; any of its forms is then kept or replaced.
     names = [_default_name(probe, brdf, each) for each in (AUTO_FORMS if to == AUTO else [to])]
     check_outputs([output] if output else names, specs=[brdf], suffixes=CONTAINERS)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.capture import capture
 from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import DIRECTION, RADIANCE
@@ -25,7 +26,7 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
     return value
 
 
-output_options = several(
+image_options = several(
     click.option(
         "-o", "--output", required=True, type=click.Path(), callback=_checked,
         help="OpenEXR file to write.",
@@ -38,17 +39,21 @@ output_options = several(
         "--precision", type=click.Choice(PRECISIONS), default="auto", show_default=True,
         help="Pixel type; auto is float where half overflows or costs dim light digits.",
     ),
+)  # fmt: skip
+"""The options that every kind of probe has."""
+output_options = several(
+    image_options,
     click.option(
         "--quiet", is_flag=True, callback=remember, expose_value=False,
         help="Print nothing on success.",
     ),
 )  # fmt: skip
-"""The options that every kind of probe has."""
+"""Those of probes that are made at once."""
 
 
 @click.group()
 def probe() -> None:
-    """Make a lat-long light probe: test patterns, a sky, a studio.
+    """Make a lat-long light probe: test patterns, a sky, a studio, a place in a room.
 
     Angles are in degrees: azimuth 0 is +Z, the centre of the image, and turns towards +X, its
     left quarter; elevation is the height above the horizon. Radiance is linear.
@@ -149,6 +154,9 @@ def studio(size: int, key: float, **written: Any) -> None:
 
     pixels = make.studio(size, key)
     _write(pixels, written, key=key)
+
+
+probe.add_command(image_options(capture))
 
 
 def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: object) -> None:

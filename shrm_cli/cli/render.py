@@ -48,7 +48,7 @@ from shrm_cli.cli.stage import (
     open_stage,
     refuse_mesh_options,
 )
-from shrm_cli.cli.types import picture_size
+from shrm_cli.cli.types import VECTOR, picture_size, within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_FPS
 
@@ -79,6 +79,15 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     help="Width and height of a picture, pixels; those of spheres are square.",
 )  # fmt: skip
 @mesh_options
+@click.option(
+    "--place", type=VECTOR,
+    help="Where the sphere stands in the box that the maps' probe knows of.  [default: where the "
+    "probe was]",
+)  # fmt: skip
+@click.option(
+    "--radius", type=within(0, 1e30), metavar="R",
+    help="Of that sphere, in the box's unit.  [default: a tenth of the box's shortest edge]",
+)  # fmt: skip
 @surface_options
 @brushed_options
 @exposure_option
@@ -145,6 +154,10 @@ def render(
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
     refuse_mesh_options(mesh, transfer)
+    rests = mesh is None and not any(values[name] for name in LIGHT_MOVES)
+    placed = Applies(rests and values["place"] is not None, "with --place")
+    of_spheres = Applies(rests, "to spheres under light that rests")
+    refuse_inapplicable({"place": of_spheres, "radius": placed})
     keys = scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
     pattern = output or _default_name(maps or (probe,) if transfer else maps, mesh, frames)

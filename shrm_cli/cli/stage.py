@@ -22,7 +22,17 @@ if TYPE_CHECKING:
     from shrm_cli.render.stage import Stage
     from shrm_cli.transfer.transfer import Transfer
 
-_OPTIONS = ("fov", "distance", "target", "brush", "vary", "irradiance", "plain", "transfer")
+_OPTIONS = (
+    "fov",
+    "distance",
+    "target",
+    "brush",
+    "vary",
+    "irradiance",
+    "plain",
+    "transfer",
+    "no_box",
+)
 OF_SURFACES = ("roughness", "f0", "anisotropy", "taps", "brush", "vary", "irradiance", "plain")
 """The names of options that say what a mesh is like; scenes say it of each object."""
 _LARGEST = 1e30
@@ -65,6 +75,10 @@ mesh_options = several(
     click.option(
         "--plain", is_flag=True, default=None,
         help="Leave out the materials, textures and vertex colours of the mesh.",
+    ),
+    click.option(
+        "--no-box", is_flag=True, default=None,
+        help="Look light up as if all of it were far away, whatever box the map knows of.",
     ),
     click.option(
         "--transfer", type=click.Path(), metavar="FILE",

@@ -21,6 +21,7 @@ from shrm_cli.export.tamed import Sampler
 from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
+from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.records import record
 from shrm_cli.vocabulary import ENGINES, LevelMapping
 
@@ -183,6 +184,10 @@ class Engine(ABC):
     takes_table: ClassVar[bool] = False
     takes_asset: ClassVar[bool] = False
     sampler: ClassVar[Sampler | None] = None
+
+    def boxed(self, box: ProxyBox) -> list[str]:
+        """Return lines of code by which the engine looks light up in a box; none if it cannot."""
+        return []
 
     def sizes(self, size: int) -> tuple[int, ...]:
         """Return the texels along an edge of each level, for a level 0 of `size`.

@@ -31,6 +31,7 @@ from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress, using
 from shrm_cli.records import record
@@ -102,6 +103,14 @@ class Source:
         """The primaries of all that it holds; None of what states none."""
         maps = [each.info.chromaticities for each in (self.split, self.irradiance) if each]
         return maps if self.probe is None else [self.probe.chromaticities]
+
+    @property
+    def proxy(self) -> ProxyBox | None:
+        """The box of the probe, or that of the first map."""
+        if self.probe is not None:
+            return self.probe.proxy
+        found = [each.info.proxy for each in (self.split, self.irradiance) if each]
+        return found[0]
 
     def in_rec709(self) -> "Source":
         """Return the same source in the primaries that engines have."""
@@ -205,10 +214,22 @@ def export(
         raise MapError(f"{source.title}: {error}") from None
     if not made.files:
         raise MapError(f"{source.title}: nothing in it is what {engine.title} reads")
+    if source.proxy is not None:
+        _tell_box(engine, source.proxy, made)
     made.told[:0] = told
     made.warnings[:0] = warnings
     made.add_text(f"{light.name}_README.md", _readme(engine, light, made))
     return made
+
+
+def _tell_box(engine: Engine, box: ProxyBox, made: Package) -> None:
+    """Say where the probe was captured, and how the engine looks it up in its room."""
+    low, high, at = (", ".join(f"{each:g}" for each in p) for p in (box.low, box.high, box.at))
+    lines = engine.boxed(box)
+    how = "" if lines else f"; {engine.title} looks it up as if all of it were far away"
+    made.told.append(f"captured at ({at}) in the box from ({low}) to ({high}), world axes{how}")
+    made.loading += lines
+    made.facts["proxy"] = box.record()
 
 
 def _readme(engine: Engine, light: Light, package: Package) -> str:

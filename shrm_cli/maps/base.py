@@ -256,6 +256,11 @@ class Map(ABC):
         """
         return False
 
+    @property
+    def parts(self) -> tuple[tuple[Any, str], ...]:
+        """What it is the sum of, and the central direction by which each of it is looked up."""
+        return ((self, self.center),)
+
     def summary(self) -> dict[str, Any]:
         """Return what users and scripts are told about every map, by the names used in JSON."""
         info = self.info

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.records import record
 from shrm_cli.vocabulary import CENTERS, FRAMES, SAMPLINGS, Domain
 
@@ -81,6 +82,12 @@ class MapInfo:
         """The largest order of the light that the map keeps."""
         return self.order_f if self.carried is None else self.carried
 
+    @property
+    def proxy(self) -> ProxyBox | None:
+        """Where the probe was captured and the box around that, by which light is looked up."""
+        reading = self.options.get("reading")
+        return ProxyBox.read(reading.get("proxy")) if isinstance(reading, dict) else None
+
     def turned(self, matrix: ArrayLike) -> "MapInfo":
         """Return the record of the same light turned, as if the probe had been read so.
 
@@ -94,6 +101,10 @@ class MapInfo:
         axes = np.asarray(matrix) @ _axes(reading.pop("axes", None))
         if not np.array_equal(axes, np.eye(3)):
             reading["axes"] = np.round(axes, 9).tolist()
+        box = None if self.proxy is None else self.proxy.turned(matrix)
+        reading = {**reading, "proxy": box and box.record()}
+        if box is None:
+            del reading["proxy"]
         return replace(self, options={**self.options, "reading": reading})
 
     def in_primaries(self, primaries: tuple[float, ...]) -> "MapInfo":

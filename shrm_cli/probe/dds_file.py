@@ -55,6 +55,7 @@ class DdsFile:
     file_format = "dds"
     border_sampled = False
     chromaticities = None
+    proxy = None
     encoding = Encoding()
     notes = ()
     row_multiple = 1

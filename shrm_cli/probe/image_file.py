@@ -22,6 +22,7 @@ from shrm_cli.files.openimageio import caught, last_noise, oiio, quiet
 from shrm_cli.files.whole import fault_of_name, note
 from shrm_cli.probe.encoding import Encoding, RadianceHeader, encoding_of
 from shrm_cli.probe.layers import Layer, choose_layer
+from shrm_cli.probe.proxy import ATTRIBUTE, ProxyBox
 from shrm_cli.records import record
 
 MAX_PIXELS = 2**29
@@ -200,6 +201,11 @@ class ImageFile:
     def chromaticities(self) -> tuple[float, ...] | None:
         """CIE x and y of red, green, blue and white, where the file tells them."""
         return self.encoding.primaries
+
+    @property
+    def proxy(self) -> ProxyBox | None:
+        """Where it was captured, and the box around that, where the file tells them."""
+        return ProxyBox.of_text(self._input.spec().get_string_attribute(ATTRIBUTE))
 
     @property
     def row_multiple(self) -> int:

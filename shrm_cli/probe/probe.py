@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,7 @@ from shrm_cli.probe.image_file import ImageFile, check_file
 from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
 from shrm_cli.probe.options import ColorReading, ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy, PixelReport
+from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid, Sampler
 from shrm_cli.vocabulary import Orientation, Sampling
@@ -65,6 +66,8 @@ class Probe:
     colors : mapping of str to list of 8 float
         What was said of its colors beside the images, for records: ``primaries`` that the numbers
         were taken to have, ``working`` that they were converted to.
+    proxy : ProxyBox, optional
+        Where it was captured, and the box that stands for the room around that, in world axes.
     """
 
     name: str
@@ -77,6 +80,7 @@ class Probe:
     images: tuple[ProbeImage, ...]
     report: PixelReport = field(default_factory=PixelReport)
     colors: Mapping[str, list[float]] = field(default_factory=dict)
+    proxy: ProxyBox | None = None
 
     @classmethod
     def from_array(
@@ -136,6 +140,31 @@ class Probe:
         stated = None if chromaticities is None else tuple(map(float, chromaticities))
         return _make_probe(name, (image,), found, "center", options, stated)
 
+    def within(self, box: ArrayLike | None, at: ArrayLike | None = None) -> Self:
+        """Return the probe in another proxy box.
+
+        Parameters
+        ----------
+        box : array_like of 6 numbers, optional
+            Two corners, the lesser first, world axes; those that it has by default.
+        at : array_like, shape (3,), optional
+            Where it was captured; by default where it says, or else in the middle of the box.
+
+        Raises
+        ------
+        ProbeError
+            If the box is flat, the place is not in it, or there is no box.
+        """
+        if box is None and at is None:
+            return self
+        if box is None and self.proxy is None:
+            raise ProbeError(f"{self.name}: `at` needs the box around the place; give `box`")
+        known = None if self.proxy is None else (self.proxy.low, self.proxy.high)
+        low, high = np.reshape(known if box is None else box, (2, 3))  # type: ignore[arg-type]
+        if at is None and self.proxy is not None:
+            at = self.proxy.at
+        return replace(self, proxy=ProxyBox.of(low, high, at))
+
     @property
     def width(self) -> int:
         """Columns of the grid."""
@@ -177,6 +206,8 @@ class Probe:
             found["fix_nonfinite"] = True
         if self.policy.clamp is not None:
             found["clamp"] = float(self.policy.clamp)
+        if self.proxy is not None:
+            found["proxy"] = self.proxy.record()
         return {**found, **self.colors}
 
     def blocks(self) -> Iterator[Block]:
@@ -282,7 +313,7 @@ def open_probe(
         layout = options.layout or _layout_of(files[0])
     first = files[0]
     sampling: Sampling = "border" if first.border_sampled else "center"
-    return _make_probe(name, files, layout, sampling, options, first.chromaticities)
+    return _make_probe(name, files, layout, sampling, options, first.chromaticities, first.proxy)
 
 
 def is_light_file(name: str) -> bool:
@@ -307,6 +338,7 @@ def _make_probe(
     sampling: Sampling,
     options: ReadOptions,
     chromaticities: tuple[float, ...] | None,
+    proxy: ProxyBox | None = None,
 ) -> Probe:
     """Make a probe from images, after checks of their size.
 
@@ -326,10 +358,15 @@ def _make_probe(
         own: Orientation = "gl" if first.file_format == "dds" else default_orientation(layout)
         orientation = options.orientation or own
     notes = tuple(dict.fromkeys(note for image in images for note in image.notes))
-    colors = ColorReading.of(chromaticities, options)
+    colors, matrix = ColorReading.of(chromaticities, options), options.matrix()
+    turned = None if proxy is None else proxy.turned(matrix)
+    if proxy is not turned is None:
+        notes += (
+            "its proxy box is left out, as it is not turned by right angles; `box` tells one",
+        )
     return Probe(
-        name, grid, layout, orientation, options.matrix(), options.pixels, colors.chromaticities,
-        colors.converted(images), PixelReport(notes=(*notes, *colors.notes)), colors.record,
+        name, grid, layout, orientation, matrix, options.pixels, colors.chromaticities,
+        colors.converted(images), PixelReport(notes=(*notes, *colors.notes)), colors.record, turned,
     )  # fmt: skip
 
 

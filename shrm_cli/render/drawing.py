@@ -10,6 +10,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import coarse_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
+from shrm_cli.render.boxed import Placed
 from shrm_cli.render.camera import background_rows
 from shrm_cli.render.lit import shaded_maps
 from shrm_cli.render.mesh import MeshSubject
@@ -136,10 +137,17 @@ def on_sphere(lit: Lit, size: int, values: Mapping[str, Any]) -> Drawing:
     size : int
         Width and height of its picture, pixels.
     values : mapping of str to value
-        ``roughness``, ``f0``, ``anisotropy`` and ``taps``, as `shaded_maps` takes them.
+        ``roughness``, ``f0``, ``anisotropy`` and ``taps``, as `shaded_maps` takes them; and
+        ``place`` and ``radius``, where the sphere is within the boxes of its maps.
     """
     asked = [values[name] for name in ("roughness", "f0", "anisotropy", "taps")]
     drawn, surface, warnings = shaded_maps(lit.maps, lit.names, *asked)
+    place, radius = values["place"], values["radius"]
+    if place is not None:
+        pairs = zip(lit.maps, drawn, lit.names, strict=True)
+        placed = [Placed.of(*each, place, radius) for each in pairs]
+        surface |= {"place": list(place), "radius": placed[0].radius}
+        drawn = [*placed]
     become: list[Any] | None = None
     if lit.others:
         become, _, more = shaded_maps(lit.others, lit.other_names, *asked)
@@ -169,14 +177,15 @@ def on_stage(
     size : tuple of 2 int
     moments : sequence of Moment
     values : mapping of str to value
-        ``fov``, ``target`` and ``distance`` of the camera; None for the defaults.
+        ``fov``, ``target`` and ``distance`` of the camera, None for the defaults; and
+        ``no_box``, whether the boxes of maps are left out.
     drawn : tuple of 2 list, optional
         Its materials under the maps and under the others, where they have their own shadows.
     """
     lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
     viewers = [each.viewer for each in moments]
     aim = aimed(stage.mesh.vertices, viewers, lens, values["target"], values["distance"])
-    subject = MeshSubject(stage, lens, aim)
+    subject = MeshSubject(stage, lens, aim, not values["no_box"])
     seen = [each.info for each in (*lit.maps, *stage.maps())]
     if drawn is None:
         first = [stage.reflectors(each) for each in lit.maps] or [stage.reflectors(None)]

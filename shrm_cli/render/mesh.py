@@ -72,6 +72,8 @@ class MeshSubject:
     stage : Stage
     lens : Lens
     aim : Aim
+    is_boxed : bool
+        Whether light is looked up where rays meet the boxes that maps know of.
 
     Raises
     ------
@@ -79,7 +81,8 @@ class MeshSubject:
         If embreex is not installed.
     """
 
-    def __init__(self, stage: Stage, lens: Lens, aim: Aim) -> None:
+    def __init__(self, stage: Stage, lens: Lens, aim: Aim, is_boxed: bool = True) -> None:
+        self._is_boxed = is_boxed
         self.stage, self.lens, self.aim = stage, lens, aim
         self._rays = Rays(stage.mesh)
         self._flat = face_normals(stage.mesh.vertices, stage.mesh.faces)
@@ -278,7 +281,11 @@ class MeshSubject:
                     if reflector.paint is not None:
                         seen = self._points_at(viewer, _picked(hits, part))
                         painted = reflector.paint.at(seen)
-                    given = normals[part], views[part], brushed, shares, painted
+                    places = None
+                    if self._is_boxed:
+                        ways = hits.distance[part, None] * hits.directions[part]
+                        places = self.aim.eye(viewer) + ways
+                    given = normals[part], views[part], brushed, shares, painted, places
                     result[part] = reflector.radiance(*given)
         return result
 

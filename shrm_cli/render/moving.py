@@ -101,6 +101,7 @@ class Moment:
                 shaded=self._moved(first.shaded, second and second.shaded),
                 irradiance=self._moved(first.irradiance, second and second.irradiance),
                 varied=self._moved(first.varied, second and second.varied),
+                is_boxed=False,
             )
         return MovedMap(first, second, self.share, np.eye(3) if self.turn is None else self.turn)
 

@@ -33,6 +33,9 @@ def render(
     fov: float | None = None,
     target: tuple[float, float, float] | None = None,
     distance: float | None = None,
+    place: tuple[float, float, float] | None = None,
+    radius: float | None = None,
+    no_box: bool = False,
     progress: Progress | None = None,
 ) -> Picture:
     """Draw a sphere or a mesh of a map, or a sheet of them of several maps.
@@ -56,6 +59,10 @@ def render(
         The surface that maps of light alone are shown as, see `shrm_cli.render.lit.shaded_maps`.
     fov, target, distance
         Of the camera before a mesh, see `shrm_cli.render.perspective`.
+    place, radius
+        Where the sphere is within the proxy boxes of its maps, and how large.
+    no_box : bool
+        Whether a mesh leaves the proxy boxes of the maps out.
     progress : callable, optional
         Called with the amount of work done and the amount in all.
 
@@ -79,7 +86,10 @@ def render(
     opened = [each if isinstance(each, Map) else open_map(each) for each in several]
     opened, _ = lit_maps(opened, names, None if probe is None else as_probe(probe), None)
     lit, moments = Lit(opened, names, (), ()), [Moment(Viewer(*view))]
-    surface = {"roughness": roughness, "f0": f0, "anisotropy": anisotropy, "taps": taps}
+    surface = {
+        "roughness": roughness, "f0": f0, "anisotropy": anisotropy, "taps": taps,
+        "place": place, "radius": radius,
+    }  # fmt: skip
     shape = (size, size) if isinstance(size, int) else size
     if mesh is None:
         drawing = on_sphere(lit, shape[0], surface)
@@ -90,7 +100,7 @@ def render(
         else:
             shown = Shown(roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
             stage = Stage.of([shown.actor(load_mesh(name), opened[0].info.chromaticities)])
-        camera = {"fov": fov, "target": target, "distance": distance}
+        camera = {"fov": fov, "target": target, "distance": distance, "no_box": no_box}
         drawing = on_stage(lit, stage, shape, moments, camera)
     sky = None if background is None else as_probe(background)
     (picture,) = Film(drawing, moments, names, exposure, (sky, None)).pictures(progress)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,7 @@ from shrm_cli.geometry.tangents import UvTangents, projected_tangents, tangents_
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
+from shrm_cli.render.boxed import Vectors, parts_of, seen_from
 from shrm_cli.render.paint import Paint, Painted
 from shrm_cli.render.shading import ggx_surface, outside_range, shown_as
 from shrm_cli.render.variation import Variation
@@ -102,6 +104,7 @@ class Reflector:
     paint: Paint | None = None
     varied: VariedSurface | None = None
     f0: Color | None = None
+    is_boxed: bool = True
 
     def radiance(
         self,
@@ -110,6 +113,7 @@ class Reflector:
         tangents: Array | None = None,
         shares: Array | None = None,
         painted: Painted | None = None,
+        points: Array | None = None,
     ) -> Array:
         """Return the radiance of a surface, shape (n, 3).
 
@@ -121,31 +125,34 @@ class Reflector:
             The values of the `variation`.
         painted : Painted, optional
             What the `paint` is there.
+        points : ndarray, shape (n, 3), optional
+            Where they are, in world axes, for maps that know of a box; see `render.boxed`.
         """
+        if tangents is None and shares is not None:
+            tangents = horizontal_tangents(normals)
+        vectors = normals, views, tangents
+        where = points if self.is_boxed else None
         if painted is None:
-            return self._even(normals, views, tangents, shares)
+            return self._even(vectors, shares, where)
         found: Array
         if self.varied is None:
-            found = self._even(normals, views, tangents, shares) * painted.base_color
+            found = self._even(vectors, shares, where) * painted.base_color
         else:
-            found = self._metallic(normals, views, tangents, painted)
+            found = self._metallic(vectors, painted, where)
         return found * painted.occlusion[:, None] + painted.emission
 
-    def _even(
-        self, normals: Array, views: Array, tangents: Array | None, shares: Array | None
-    ) -> Array:
+    def _even(self, vectors: Vectors, shares: Array | None, points: Array | None) -> Array:
         """Return what the map of one BRDF reflects, or a surface that is the same all over."""
-        if shares is not None:
-            along = horizontal_tangents(normals) if tangents is None else tangents
-            return self.map.varied_radiance(normals, along, views, shares)
-        shown = self.shaded or self.map
-        if tangents is None:
-            return shown.radiance(normals, views)
-        return shown.brushed_radiance(normals, tangents, views)
+        if points is None or self.map.info.proxy is None:
+            return _reflected(self.shaded or self.map, vectors, shares)
+        found = [
+            _reflected(part, seen_from(self.map, center, vectors, points), shares)
+            for part, center in parts_of(self.map, self.shaded)
+        ]
+        total: Array = sum(found[1:], found[0])
+        return total
 
-    def _metallic(
-        self, normals: Array, views: Array, tangents: Array | None, painted: Painted
-    ) -> Array:
+    def _metallic(self, vectors: Vectors, painted: Painted, points: Array | None) -> Array:
         """Return what glTF's metallic-roughness model reflects.
 
         The reflectance at normal incidence is ``lerp(0.04, base colour, metallic)``. What is left
@@ -156,11 +163,26 @@ class Reflector:
         f0: Array = _DIELECTRIC * (1 - metal) + painted.base_color * metal
         if self.f0 is not None:
             f0 = np.broadcast_to(np.array(self.f0), f0.shape)
-        found = self.varied.radiance(normals, views, tangents, painted.roughness, f0)
+        lit = seen_from(self.map, self.map.center, vectors, points)
+        found = self.varied.radiance(*lit, painted.roughness, f0)
         albedo = painted.base_color * (1 - metal)
         if self.irradiance is None or not albedo.any():
             return found
+        normals, views, _ = seen_from(self.irradiance, "normal", vectors, points)
         return found + self.irradiance.radiance(normals, views) * albedo
+
+
+def _reflected(shown: Any, vectors: Vectors, shares: Array | None) -> Array:
+    """Return the radiance of a map, with the tangents and the values that are given."""
+    normals, views, tangents = vectors
+    found: Array
+    if tangents is None:
+        found = shown.radiance(normals, views)
+    elif shares is None:
+        found = shown.brushed_radiance(normals, tangents, views)
+    else:
+        found = shown.varied_radiance(normals, tangents, views, shares)
+    return found
 
 
 @record

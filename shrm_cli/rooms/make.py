@@ -10,7 +10,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.lights.split import split_lamps
-from shrm_cli.probe.probe import AnyProbe, as_probe
+from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
@@ -42,6 +42,53 @@ class RoomPlan:
     mesh: Mesh
     lattice: Lattice
     textured: list[str]
+
+
+@record(eq=False)
+class OpenRoom:
+    """A room that was read, and what is known of its files.
+
+    Attributes
+    ----------
+    room : Room
+    surroundings : Probe, optional
+        All of the light past it, its lamps, too.
+    textured : list of str
+        Materials of which the numbers alone count, because their textures are left out.
+    """
+
+    room: Room
+    surroundings: Probe | None
+    textured: list[str]
+
+
+def open_room(
+    source: str | os.PathLike[str],
+    probe: AnyProbe | None = None,
+    albedo: Mapping[str, Color] | None = None,
+    emission: Mapping[str, Color] | None = None,
+) -> OpenRoom:
+    """Read a room; the arguments are those of `grid`.
+
+    Raises
+    ------
+    MeshError, ProbeError
+        If a file cannot be read, or nothing sends light.
+    """
+    albedo, emission = dict(albedo or {}), dict(emission or {})
+    mesh = load_mesh(os.fspath(source))
+    light = None if probe is None else as_probe(probe)
+    split = None if light is None else split_lamps(light)
+    outside = (None, ()) if split is None else (split.residual_probe, split.discs)
+    changes = {"albedo": albedo, "emission": emission}
+    room = Room.of(mesh, (_ALBEDO,) * 3, changes, *outside)
+    textured = [
+        repr(each.name)
+        for each in mesh.materials
+        if (each.color_map and each.name not in albedo)
+        or (each.emission_map and each.name not in emission)
+    ]
+    return OpenRoom(room, light, textured)
 
 
 def grid(
@@ -97,22 +144,12 @@ def grid(
         return read_grid(name)
     if name.lower().endswith(".csv"):
         return read_positions(name, order, progress)
-    albedo, emission = dict(albedo or {}), dict(emission or {})
-    mesh = load_mesh(name)
-    split = None if probe is None else split_lamps(as_probe(probe))
-    outside = (None, ()) if split is None else (split.residual_probe, split.discs)
-    changes = {"albedo": albedo, "emission": emission}
-    room = Room.of(mesh, (_ALBEDO,) * 3, changes, *outside)
+    opened = open_room(name, probe, albedo, emission)
+    mesh = opened.room.mesh
     lattice = _lattice(mesh.bounds, size, box)
-    textured = [
-        repr(each.name)
-        for each in mesh.materials
-        if (each.color_map and each.name not in albedo)
-        or (each.emission_map and each.name not in emission)
-    ]
     if begin is not None:
-        begin(RoomPlan(mesh, lattice, textured))
-    return bake(room, lattice, order, samples, progress)
+        begin(RoomPlan(mesh, lattice, opened.textured))
+    return bake(opened.room, lattice, order, samples, progress)
 
 
 def _lattice(

@@ -29,7 +29,7 @@ class Painter:
     def __init__(self, shown):
         self.shown = shown
 
-    def radiance(self, normals, views, tangents=None, shares=None, painted=None):
+    def radiance(self, normals, views, tangents=None, shares=None, painted=None, points=None):
         assert shares is None
         assert painted is None
         np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-12)

@@ -137,7 +137,7 @@ class Normals:
 
     variation = paint = None
 
-    def radiance(self, normals, views, tangents=None, shares=None, painted=None):
+    def radiance(self, normals, views, tangents=None, shares=None, painted=None, points=None):
         return normals
 
 

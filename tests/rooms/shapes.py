@@ -64,3 +64,27 @@ def two_rooms(bright=10.0, dim=0.3):
     albedo = [[0.7, 0.7, 0.7], [0.7, 0.3, 0.3], [0, 0, 0], [0, 0, 0], [0.3, 0.5, 0.7]]
     emission = [[0] * 3, [0] * 3, [bright, bright, 0.9 * bright], [dim, dim, 2 * dim], [0] * 3]
     return room(parts, albedo, emission)
+
+
+def for_mitsuba(mitsuba, room):
+    """The shapes of a room in a scene of Mitsuba, by names."""
+    found = {}
+    colors = np.column_stack([room.albedo, room.emission])
+    for number, color in enumerate(np.unique(colors, axis=0)):
+        faces = room.mesh.faces[(colors == color).all(axis=1)]
+        properties = mitsuba.Properties()
+        properties["bsdf"] = mitsuba.load_dict(
+            {"type": "diffuse", "reflectance": {"type": "rgb", "value": color[:3].tolist()}}
+        )
+        if color[3:].any():
+            properties["emitter"] = mitsuba.load_dict(
+                {"type": "area", "radiance": {"type": "rgb", "value": color[3:].tolist()}}
+            )
+        shape = mitsuba.Mesh("mesh", len(room.mesh.vertices), len(faces), properties, True)
+        held = mitsuba.traverse(shape)
+        held["vertex_positions"] = room.mesh.vertices.ravel().astype(np.float32)
+        held["vertex_normals"] = room.mesh.normals.ravel().astype(np.float32)
+        held["faces"] = faces.ravel().astype(np.uint32)
+        held.update()
+        found[f"shape{number}"] = shape
+    return found

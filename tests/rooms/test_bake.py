@@ -186,25 +186,7 @@ def test_two_rooms_beside_mitsuba(rng):
 
 def path_traced(mitsuba, room, points, normals, seed):
     """The irradiance of tiny discs by Mitsuba, shape (n, 3)."""
-    shapes_of = {}
-    colors = np.column_stack([room.albedo, room.emission])
-    for number, color in enumerate(np.unique(colors, axis=0)):
-        faces = room.mesh.faces[(colors == color).all(axis=1)]
-        properties = mitsuba.Properties()
-        properties["bsdf"] = mitsuba.load_dict(
-            {"type": "diffuse", "reflectance": {"type": "rgb", "value": color[:3].tolist()}}
-        )
-        if color[3:].any():
-            properties["emitter"] = mitsuba.load_dict(
-                {"type": "area", "radiance": {"type": "rgb", "value": color[3:].tolist()}}
-            )
-        shape = mitsuba.Mesh("mesh", len(room.mesh.vertices), len(faces), properties, True)
-        held = mitsuba.traverse(shape)
-        held["vertex_positions"] = room.mesh.vertices.ravel().astype(np.float32)
-        held["vertex_normals"] = room.mesh.normals.ravel().astype(np.float32)
-        held["faces"] = faces.ravel().astype(np.uint32)
-        held.update()
-        shapes_of[f"shape{number}"] = shape
+    shapes_of = shapes.for_mitsuba(mitsuba, room)
     film = {"type": "hdrfilm", "width": 1, "height": 1, "rfilter": {"type": "box"}}
     for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
         up = np.cross(normal, [1.0, 0, 0] if abs(normal[0]) < 0.9 else [0, 1.0, 0])

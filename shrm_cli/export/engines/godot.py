@@ -10,11 +10,15 @@ Godot 4, servers/rendering/renderer_rd/shaders/environment/sky.glsl and effects/
 cubemap_roughness.glsl; the project settings of rendering/reflections/sky_reflections.
 """
 
+import numpy as np
+
+from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.latlong import add_exr
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string
 from shrm_cli.export.tamed import Sampler
+from shrm_cli.probe.proxy import ProxyBox
 
 
 class Godot(Engine):
@@ -34,6 +38,18 @@ class Godot(Engine):
         spread=(0.08, 0.28, 0.34, 0.43, 0.46, 0.48, 0.49),
     )
 
+    def boxed(self, box: ProxyBox) -> list[str]:
+        low, high, at = (np.array(each) for each in (box.low, box.high, box.at))
+        middle = (low + high) / 2
+        return [
+            "# a sky has no box; a ReflectionProbe has one, and captures the scene by itself:",
+            "var probe := ReflectionProbe.new()",
+            f"probe.position = {_vector(middle)}",
+            f"probe.size = {_vector(high - low)}",
+            f"probe.origin_offset = {_vector(at - middle)}",
+            "probe.box_projection = true",
+        ]
+
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         if light.latlong is not None:
@@ -47,6 +63,11 @@ class Godot(Engine):
                 "environment.sky.sky_material = material",
             ]
         return made
+
+
+def _vector(numbers: Array) -> str:
+    """Write a vector; adding 0 leaves no negative zeros."""
+    return f"Vector3({', '.join(f'{each + 0:g}' for each in numbers)})"
 
 
 ENGINE = Godot()

@@ -11,6 +11,9 @@ References
 com.unity.render-pipelines.core; Skybox-Panoramic.shader.
 """
 
+import numpy as np
+
+from shrm_cli.arrays import Array
 from shrm_cli.export.cubes import mirrored
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.engines.coefficients import add_coefficients
@@ -19,6 +22,7 @@ from shrm_cli.export.latlong import add_exr
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment
 from shrm_cli.export.tamed import Sampler
+from shrm_cli.probe.proxy import ProxyBox
 
 _AXES = mirrored(-1, 1, 1)
 
@@ -38,6 +42,16 @@ class Unity(Engine):
         bare=(0.32, 0.26, 0.22, 0.17, 0.19, 0.37),
         spread=(0.13, 0.18, 0.19, 0.16, 0.18, 0.37),
     )
+
+    def boxed(self, box: ProxyBox) -> list[str]:
+        low, high, at = (np.array(each) for each in (box.low, box.high, box.at))
+        place, middle = at * [-1, 1, 1], ((low + high) / 2 - at) * [-1, 1, 1]
+        return [
+            "var probe = new GameObject().AddComponent<ReflectionProbe>();",
+            "probe.mode = ReflectionProbeMode.Custom; probe.customBakedTexture = cubemap;",
+            f"probe.transform.position = {_vector(place)}; probe.boxProjection = true;",
+            f"probe.center = {_vector(middle)}; probe.size = {_vector(high - low)};",
+        ]
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
@@ -66,6 +80,11 @@ class Unity(Engine):
                 "RenderSettings.ambientProbe = sh;",
             ]
         return made
+
+
+def _vector(numbers: Array) -> str:
+    """Write a vector; adding 0 leaves no negative zeros."""
+    return f"new Vector3({', '.join(f'{each + 0:g}f' for each in numbers)})"
 
 
 ENGINE = Unity()

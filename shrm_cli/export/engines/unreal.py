@@ -17,6 +17,7 @@ from shrm_cli.export.harmonics import in_axes, unreal
 from shrm_cli.export.latlong import add_exr, rolled
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment
+from shrm_cli.probe.proxy import ProxyBox
 
 _AXES = np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0]])
 
@@ -29,6 +30,20 @@ class Unreal(Engine):
     default_size = 0
     wants_levels = False
     wants_latlong = True
+
+    def boxed(self, box: ProxyBox) -> list[str]:
+        low, high, at = (100 * np.array(each)[[0, 2, 1]] for each in (box.low, box.high, box.at))
+        middle = (low + high) / 2
+        numbers = {
+            "Location": middle, "Scale": (high - low) / 2, "Capture Offset": at - middle,
+        }  # fmt: skip
+        texts = [
+            f"{name} {', '.join(f'{each + 0:g}' for each in of)}" for name, of in numbers.items()
+        ]
+        return [
+            "// Box Reflection Capture, from metres: Source Type Specified Cubemap, this Cubemap",
+            f"// {'; '.join(texts)}",
+        ]
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()

@@ -126,6 +126,11 @@ class LampMap(Map):
         lamps = self.lamps.radiance(bisector(reflections, views), views)
         return np.asarray(self.map.glimpse(reflections, views) + lamps)
 
+    @property
+    def parts(self) -> tuple[tuple[Any, str], ...]:
+        """Those of the map within, and the lamps."""
+        return (*self.map.parts, (self.lamps, self.lamps.brdf.center))
+
     def planes(self) -> Sequence[Array]:
         """Return the cubes of the map within."""
         return self.map.planes()

@@ -383,6 +383,11 @@ class PrincipalMap(Map):
         return np.mean([self.central_radiance(centers, views) for views in around], axis=0)
 
     @cached_property
+    def parts(self) -> tuple[tuple[Any, str], ...]:
+        """The lobes, as maps of one each, and the central direction of each."""
+        return tuple((replace(self, lobes=(each,)), each.center) for each in self.lobes)
+
+    @cached_property
     def _samplers(self) -> list[CubeSampler]:
         return [CubeSampler(plane, self.sampling) for plane in self.planes()]
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
+from shrm_cli.maps.shader.boxed import box_function, boxed_functions
 from shrm_cli.maps.shader.language import Language, harmless
 from shrm_cli.maps.shader.pages import Pages, Run, arrange
 from shrm_cli.maps.shader.source import Source, Table, Words
@@ -99,7 +100,9 @@ def look_up_code(
 
     It is ``shrm_radiance(n, v)``, ``shrm_radiance(n, v, roughness, f0)`` for light of any GGX
     surface, ``shrm_radiance(n, v, roughness)`` for that of another BRDF, and
-    ``shrm_irradiance(normal)`` for irradiance. All names begin with ``shrm_``.
+    ``shrm_irradiance(normal)`` for irradiance. Where the map knows of a box, ``shrm_radiance_at``
+    takes a point p after v, and ``shrm_irradiance_at`` after the normal. All names begin with
+    ``shrm_``.
 
     Parameters
     ----------
@@ -125,7 +128,7 @@ def look_up_code(
     """
     speech = Language(language)
     if made.representation == "irradiance":
-        return str(registry.module("irradiance", "shader").irradiance_snippet(made, language))
+        return _irradiance(made, speech)
     chosen = textures or ("layers" if speech.is_c else "cube-array")
     if (language, chosen) not in _VERSIONS:
         raise ArgumentError("textures", f"{language} reads no cube-array; take layers")
@@ -139,11 +142,28 @@ def look_up_code(
     if made.stored is not made:
         functions = _with_lamps(made, functions, speech)
         comment = [*comment, "shrm_lamps: the lamps beside the map, integrated over their discs."]
+    boxed = boxed_functions(made, functions, speech)
+    if boxed:
+        functions = [*functions, *boxed]
+        comment = [*comment, "shrm_radiance_at: looked up where rays from p meet the probe's box."]
     lines = [
         *_comment(made, source, _VERSIONS[language, chosen], comment),
         *speech.translated([*head, *functions]),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _irradiance(made: "Map", language: Language) -> str:
+    """Write the function of irradiance; in C, which takes arrays, without parallax."""
+    text = str(registry.module("irradiance", "shader").irradiance_snippet(made, language.name))
+    if made.info.proxy is None or language.is_c:
+        return text
+    looked_up = "{ return shrm_irradiance(shrm_box(p, normal)); }"
+    lines = [
+        *box_function(made.info.proxy, language),
+        f"vec3 shrm_irradiance_at(vec3 normal, vec3 p) {looked_up}",
+    ]
+    return text + "\n".join(language.translated(lines)) + "\n"
 
 
 def _with_lamps(made: "Map", functions: Sequence[str], language: Language) -> list[str]:

@@ -86,6 +86,11 @@ class SummedShrm(Map):
         return "+".join(term.center for term in self.terms)
 
     @property
+    def parts(self) -> tuple[tuple[Any, str], ...]:
+        """The terms, and the central direction of each."""
+        return tuple((term, term.center) for term in self.terms)
+
+    @property
     def sampling(self) -> Sampling:
         return self.terms[0].sampling
 

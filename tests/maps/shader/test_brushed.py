@@ -32,7 +32,9 @@ def in_c(folder, made, points, surface, taps):
     for texture in pack(made):
         texture.values.astype(np.float32).tofile(folder / texture.name)
         load += f'{texture.name} = loaded("{folder / texture.name}", {texture.values.size});\n'
-    program = C_MAIN.format(code=look_up_code(made, "c", taps=taps), load=load, surface="")
+    program = C_MAIN.format(
+        code=look_up_code(made, "c", taps=taps), load=load, surface="", name="shrm_radiance"
+    )
     program = program.replace("%lf %lf %lf %lf %lf %lf", "%lf " * 9).replace(
         "&e, &f) == 6", "&e, &f, &g, &h, &i) == 9"
     )

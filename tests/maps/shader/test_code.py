@@ -12,6 +12,7 @@ from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.render.boxed import parts_of, seen_from
 from shrm_cli.render.shading import takes_f0
 from tests.maps.khronos import compile_fragment
 from tests.maps.scenes import make_info
@@ -47,7 +48,7 @@ int main(void)
     shrm_vec3 found;
     {load}
     while (scanf("%lf %lf %lf %lf %lf %lf", &a, &b, &c, &d, &e, &f) == 6) {{
-        found = shrm_radiance(shrm_vec(a, b, c), shrm_vec(d, e, f){surface});
+        found = {name}(shrm_vec(a, b, c), shrm_vec(d, e, f){surface});
         printf("%.9g %.9g %.9g\\n", found.x, found.y, found.z);
     }}
     return 0;
@@ -57,11 +58,16 @@ STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-std=c89"]
 FORMS = sorted(cases.FORMS)
 
 
-def call_of(made, language):
+BOX = {"at": [0.5, 1.6, 3.0], "min": [-1.0, 0.0, 2.0], "max": [3.0, 2.5, 7.0]}
+PLACES = ((1.4, 1.1, 4.3), (3.0, 0.2, 2.0), (-9.0, 1.0, 3.0))
+"""Within a box, on an edge of it, and outside."""
+
+
+def call_of(made, language, name="shrm_radiance", point=""):
     vector = {"glsl": "vec3", "hlsl": "float3", "c": "shrm_vec"}[language]
     surface = ", 0.5" if made.needs_surface else ""
     surface += f", {vector}(1.0, 0.5, 0.25)" if takes_f0(made) else ""
-    return f"shrm_radiance(normalize(n), normalize(v){surface})"
+    return f"{name}(normalize(n), normalize(v){point}{surface})"
 
 
 def run(command, text=""):
@@ -75,18 +81,22 @@ def compiler_of_c():
     return found or pytest.skip("no compiler of C")
 
 
-def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32):
-    """What the code in C computes for each pair, with textures of some precision."""
+def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32, place=None):
+    """What the code in C computes for each pair, with textures of some precision; at a place."""
     compiler = compiler_of_c()
     load = ""
     for texture in pack(made):
         texture.values.astype(dtype).astype(np.float32).tofile(folder / texture.name)
         load += f'{texture.name} = loaded("{folder / texture.name}", {texture.values.size});\n'
-    surface = f", {roughness}" if made.needs_surface else ""
+    surface = "" if place is None else f", shrm_vec{place}"
+    surface += f", {roughness}" if made.needs_surface else ""
     surface += f", shrm_vec{f0}" if takes_f0(made) else ""
+    name = "shrm_radiance" if place is None else "shrm_radiance_at"
     source, program = folder / "main.c", folder / "main"
     code = look_up_code(made, "c")
-    source.write_text(C_MAIN.format(code=code, load=load, surface=surface), encoding="ascii")
+    source.write_text(
+        C_MAIN.format(code=code, load=load, surface=surface, name=name), encoding="ascii"
+    )
     done = run([compiler, *STRICT, source, "-o", program, "-lm"])
     assert (done.returncode, done.stderr) == (0, "")
     lines = "".join(" ".join(map(repr, row)) + "\n" for row in np.c_[normals, views].tolist())
@@ -104,11 +114,68 @@ def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name):
         np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
 
 
+def boxed(made):
+    """A map whose probe knows of a box; None of what is brushed, whose code has no parallax."""
+    within = made.stored
+    info = replace(within.info, options={"reading": {"proxy": BOX}})
+    placed = replace(within, info=info) if made is within else replace(
+        made, map=replace(within, info=info)
+    )  # fmt: skip
+    return placed if "shrm_radiance_at" in look_up_code(placed, "c") else None
+
+
+WITHOUT = {
+    "principal brushed", "principal brushed sum", "shrm tangent",
+    "product", "product colored", "product constant",
+}  # fmt: skip
+"""Forms whose code has no parallax, because of tangents."""
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_c_has_the_parallax_of_pictures(tmp_path, monkeypatch, name):
+    """A point in the box, one on its edge, and one outside, for axes and generic directions."""
+    cases.filter_bilinearly(monkeypatch)
+    made, (normals, views) = boxed(cases.FORMS[name]()), cases.points(60)
+    assert (made is None) == (name in WITHOUT)
+    if made is None:
+        return
+    for place in PLACES:
+        found = in_c(tmp_path, made, normals, views, 0.62, (0.9, 0.5, 0.04), place=place)
+        parts = []
+        for part, center in parts_of(made, None):
+            vectors = seen_from(made, center, (normals, views, None), np.array(place))
+            is_map = hasattr(part, "representation")
+            lit = cases.expected if is_map else (lambda part, n, v, *_: part.radiance(n, v))
+            parts.append(lit(part, *vectors[:2], 0.62, (0.9, 0.5, 0.04)))
+        truth = np.sum(parts, axis=0)
+        np.testing.assert_allclose(found, truth, rtol=0, atol=3e-7 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("name", ["shrm sum", "splitsum linear", "lamps", "principal sum"])
+@pytest.mark.parametrize(("language", "textures"), HEADS)
+def test_code_with_parallax_compiles(tmp_path, language, textures, name):
+    made = boxed(cases.FORMS[name]())
+    code = look_up_code(made, language, textures)
+    point = ", vec3(1.0, 2.0, 3.0)".replace("vec3", "vec3" if language == "glsl" else "float3")
+    call = call_of(made, language, "shrm_radiance_at", point)
+    assert compiled(tmp_path, language, code, HEADS[language, textures], call) == []
+
+
+@pytest.mark.parametrize("language", ["glsl", "hlsl"])
+def test_irradiance_with_parallax_compiles(tmp_path, language):
+    made = cases.irradiance(4)
+    made = replace(made, info=replace(made.info, options={"reading": {"proxy": BOX}}))
+    code, vector = look_up_code(made, language), "vec3" if language == "glsl" else "float3"
+    call = f"shrm_irradiance_at(n, {vector}(1.0, 2.0, 3.0) + v)"
+    assert compiled(tmp_path, language, code, HEADS[language, "cube-array"], call) == []
+
+
 @pytest.mark.parametrize("name", FORMS)
 def test_c_that_nothing_calls_is_no_warning(tmp_path, name):
     """A header with the code is included by files that do not call it, too."""
     compiler, source = compiler_of_c(), tmp_path / "alone.c"
-    source.write_text(look_up_code(cases.FORMS[name](), "c"), encoding="ascii")
+    made = cases.FORMS[name]()
+    source.write_text(look_up_code(boxed(made) or made, "c"), encoding="ascii")
     done = run([compiler, *STRICT, "-c", source, "-o", tmp_path / "alone.o"])
     assert (done.returncode, done.stderr) == (0, "")
 

@@ -1,0 +1,109 @@
+"""Look-ups with parallax as source code: the same as `probe.proxy` and `render.boxed` compute."""
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from shrm_cli.maps.shader.language import Language
+from shrm_cli.maps.shader.source import central_direction
+from shrm_cli.probe.proxy import PARALLEL, ProxyBox
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.base import Map
+
+_TERMS = {"shrm": "shrm_term", "principal": "shrm_lobe"}
+"""What the functions of a sum's terms are called, before their numbers."""
+_BOX = """\
+/* How far a coordinate goes along a direction until it leaves the box. */
+float shrm_way(float p, float d, float low, float high)
+{
+    float ahead = d > 0.0 ? high - p : p - low;
+    return abs(d) < PARALLEL ? 1e30 : ahead / max(abs(d), PARALLEL);
+}
+/* The direction in which the probe saw what a ray from p along d meets of the box. */
+vec3 shrm_box(vec3 p, vec3 d)
+{
+    float x = min(max(p.x, LOWX), HIGHX), y = min(max(p.y, LOWY), HIGHY);
+    float z = min(max(p.z, LOWZ), HIGHZ), size;
+    float way = min(shrm_way(x, d.x, LOWX, HIGHX), shrm_way(y, d.y, LOWY, HIGHY));
+    way = min(way, shrm_way(z, d.z, LOWZ, HIGHZ));
+    x = x + way * d.x - ATX;
+    y = y + way * d.y - ATY;
+    z = z + way * d.z - ATZ;
+    size = sqrt(x * x + y * y + z * z);
+    return vec3(x / size, y / size, z / size);
+}"""
+
+
+def boxed_functions(made: "Map", functions: Sequence[str], language: Language) -> list[str]:
+    """Write the function ``shrm_radiance_at``, which takes a point as well.
+
+    Parameters
+    ----------
+    made : Map
+    functions : sequence of str
+        Those of the map, with ``shrm_radiance``.
+    language : Language
+
+    Returns
+    -------
+    list of str
+        Lines of GLSL as `Language.translated` takes it; none where the map knows of no box, and
+        none for tangents, which would have to be turned with the normals.
+    """
+    box, centers = made.info.proxy, {center for _, center in made.parts}
+    text = "\n".join(functions)
+    if box is None or "shrm_brushed_radiance(" in text or centers == {"tangent"}:
+        return []
+    found = re.search(r"vec3 shrm_radiance\(vec3 n, vec3 v(.*?)\)", text)
+    assert found is not None
+    more = re.sub(r"(?:float|vec3) ", "", found[1])
+    both = language.minus(language.scale("2.0 * dot(axis, v)", "axis"), "v")
+    lines = [
+        *box_function(box, language),
+        "vec3 shrm_half_turn(vec3 v, vec3 axis)",
+        "{",
+        f"    return {both};",
+        "}",
+        "/* Turn v by the least rotation that takes a to b. */",
+        "vec3 shrm_carried(vec3 v, vec3 a, vec3 b)",
+        "{",
+        f"    vec3 axis = {language.add('a', 'b')};",
+        f"    axis = {language.scale('(1.0 / max(length(axis), 1e-6))', 'axis')};",
+        "    return shrm_half_turn(shrm_half_turn(v, a), axis);",
+        "}",
+        f"vec3 shrm_radiance_at(vec3 n, vec3 v, vec3 p{found[1]})",
+        "{",
+        "    vec3 total = vec3(0.0, 0.0, 0.0), c, d;",
+    ]
+    for name, center in _parts(made):
+        if center == "tangent":
+            lines.append(f"    {language.grow('total', f'{name}(n, v{more})')}")
+            continue
+        turned = f"{name}(shrm_carried(n, c, d), shrm_carried(v, c, d){more})"
+        lines += [
+            f"    c = {central_direction(center, language)};",
+            "    d = shrm_box(p, c);",
+            f"    {language.grow('total', turned)}",
+        ]
+    return [*lines, "    return total;", "}"]
+
+
+def box_function(box: ProxyBox, language: Language) -> list[str]:
+    """Write the function ``shrm_box``, whose numbers are in place."""
+    text = _BOX.replace("PARALLEL", language.number(PARALLEL))
+    for word, numbers in (("LOW", box.low), ("HIGH", box.high), ("AT", box.at)):
+        for axis, number in zip("XYZ", numbers, strict=True):
+            text = text.replace(word + axis, language.number(number))
+    return text.split("\n")
+
+
+def _parts(made: "Map") -> list[tuple[str, str]]:
+    """Return the function and the central direction of each part of a map."""
+    within = made.stored
+    centers = [center for _, center in within.parts]
+    names = ["shrm_radiance" if within is made else "shrm_map"]
+    if len(centers) > 1:
+        names = [f"{_TERMS[within.representation]}{k}" for k in range(len(centers))]
+    lamps = [] if within is made else [("shrm_lamps", made.parts[-1][1])]
+    return [*zip(names, centers, strict=True), *lamps]

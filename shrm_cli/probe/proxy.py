@@ -1,0 +1,144 @@
+"""Where a probe was captured, and the box that stands for the room around it.
+
+A probe tells the light of one point. At another point of its room the same wall lies in another
+direction, which is found where a ray from there meets the box: box-projected, or
+parallax-corrected, cube maps.
+
+References
+----------
+Lagarde and Zanuttini 2012, Local Image-based Lighting With Parallax-corrected Cubemaps.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from shrm_cli.arrays import Array
+from shrm_cli.errors import ProbeError
+from shrm_cli.records import record
+from shrm_cli.sphere.directions import normalize
+
+ATTRIBUTE = "shrm:proxy"
+"""The attribute of a probe's file that holds the record of its box, as JSON."""
+PARALLEL = 1e-9
+"""The component below which a direction counts as parallel to a face."""
+
+Place = tuple[float, float, float]
+
+
+@record
+class ProxyBox:
+    """A box whose faces run along the world axes, around the place of a probe.
+
+    Attributes
+    ----------
+    at : tuple of 3 float
+        Where the probe was captured, within the box.
+    low, high : tuple of 3 float
+        The least and the largest coordinates.
+    """
+
+    at: Place
+    low: Place
+    high: Place
+
+    @classmethod
+    def of(cls, low: ArrayLike, high: ArrayLike, at: ArrayLike | None = None) -> "ProxyBox":
+        """Return a box by two corners; the probe was captured in its middle by default.
+
+        Raises
+        ------
+        ProbeError
+            If the box is flat, or the place is not within it.
+        """
+        corners = np.array([low, high], dtype=float).reshape(2, 3)
+        place = corners.mean(axis=0) if at is None else np.asarray(at, dtype=float).reshape(3)
+        if not (np.isfinite(corners).all() and (corners[1] > corners[0]).all()):
+            raise ProbeError("`box` is flat; give two corners x0,y0,z0,x1,y1,z1, the lesser first")
+        # The place must be off the faces by more than rounding, or directions from it are none.
+        edge = 1e-6 * (corners[1] - corners[0])
+        if not ((place > corners[0] + edge) & (place < corners[1] - edge)).all():
+            given = ",".join(f"{each:g}" for each in place)
+            raise ProbeError(f"`at` {given} is not within the box; give a place inside it")
+        return cls(*(tuple(map(float, each)) for each in (place, *corners)))  # type: ignore[arg-type]
+
+    @classmethod
+    def read(cls, found: Any) -> "ProxyBox | None":
+        """Return the box of a record; None where a file holds anything else."""
+        try:
+            numbers = [np.array(found[key], dtype=float) for key in ("min", "max", "at")]
+            return cls.of(*numbers)
+        except (KeyError, IndexError, TypeError, ValueError, OverflowError, ProbeError):
+            return None
+
+    @classmethod
+    def of_text(cls, text: str) -> "ProxyBox | None":
+        """Return the box of an attribute; None where it is missing or wrong."""
+        from shrm_cli.files.json_text import parse_json
+
+        try:
+            return cls.read(parse_json(text)) if text else None
+        except ValueError:
+            return None
+
+    def record(self) -> dict[str, list[float]]:
+        """Return what files hold of it."""
+        return {"at": list(self.at), "min": list(self.low), "max": list(self.high)}
+
+    def turned(self, matrix: ArrayLike) -> "ProxyBox | None":
+        """Return the box turned about the origin; None where its faces leave the world axes.
+
+        Parameters
+        ----------
+        matrix : array_like, shape (3, 3)
+            Orthogonal; what was in a direction d is in ``matrix @ d``.
+        """
+        exact = np.round(np.asarray(matrix, dtype=float))
+        if np.abs(exact - matrix).max() > 1e-6:
+            return None
+        corners = np.array([self.low, self.high]) @ exact.T
+        return ProxyBox.of(corners.min(axis=0), corners.max(axis=0), exact @ self.at)
+
+    def directions(self, points: ArrayLike, directions: ArrayLike) -> Array:
+        """Return where the probe saw what rays meet of the box, shape (..., 3).
+
+        Parameters
+        ----------
+        points : array_like, shape (..., 3)
+            Where the rays begin, in world axes. What lies outside the box is moved to it.
+        directions : array_like, shape (..., 3), broadcastable
+            Unit vectors.
+
+        Returns
+        -------
+        ndarray
+            Unit vectors.
+        """
+        rays = np.asarray(directions, dtype=float)
+        start = np.clip(points, self.low, self.high)
+        ahead = np.where(rays > 0, self.high, self.low) - start
+        is_parallel = np.abs(rays) < PARALLEL
+        ways = np.where(is_parallel, np.inf, ahead / np.where(is_parallel, 1, rays))
+        met = start + ways.min(axis=-1)[..., None] * rays
+        return normalize(met - self.at)
+
+
+def carried(vectors: ArrayLike, before: ArrayLike, after: ArrayLike) -> Array:
+    """Turn vectors by the least rotation that takes one direction to another, shape (..., 3).
+
+    Two half turns, about `before` and about what is between both, make twice the angle between
+    their axes.
+
+    Parameters
+    ----------
+    vectors, before, after : array_like, shape (..., 3), broadcastable
+        The directions are unit, and not opposite.
+    """
+    middle = normalize(np.add(before, after))
+    return _half_turned(_half_turned(np.asarray(vectors), np.asarray(before)), middle)
+
+
+def _half_turned(vectors: Array, axis: Array) -> Array:
+    turned: Array = 2 * np.sum(axis * vectors, axis=-1, keepdims=True) * axis - vectors
+    return turned

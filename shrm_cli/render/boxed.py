@@ -1,0 +1,107 @@
+"""Maps at places of a room: looked up where rays meet the box that their probe knows of it.
+
+Each part of a map is looked up by a central direction C. What lies in it from a place, the probe
+saw in another direction C'. The surface and the viewer are turned by the least rotation that takes
+C to C', and the map is asked for the light of those: all angles of the BRDF stay as they are.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from shrm_cli.arrays import Array
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.probe.proxy import carried
+from shrm_cli.records import record
+from shrm_cli.sphere.directions import central_directions, horizontal_tangents
+
+Parts = tuple[tuple[Any, str], ...]
+Vectors = tuple[Array, Array, Array | None]
+
+
+def parts_of(made: Map, shown: Any) -> Parts:
+    """Return what a map consists of; with a surface it has one part, about the map's center."""
+    return made.parts if shown is None or shown is made else ((shown, made.center),)
+
+
+def seen_from(made: Map, center: str, vectors: Vectors, points: Array | None) -> Vectors:
+    """Return vectors of surfaces, turned as the probe of a map saw what they look at.
+
+    Parameters
+    ----------
+    made : Map
+    center : {"reflection", "normal", "tangent"}
+        The central direction. About the tangent nothing is turned, as light comes from all around.
+    vectors : tuple of ndarray, shape (n, 3)
+        Normals, views, and tangents or None; unit, world axes.
+    points : ndarray, shape (n, 3), optional
+        World axes. Without them, or where the map knows of no box, nothing is turned.
+    """
+    box = made.info.proxy
+    if points is None or box is None or center not in ("reflection", "normal"):
+        return vectors
+    normals, views, tangents = vectors
+    before = central_directions(center, normals, views)  # type: ignore[arg-type]
+    after = box.directions(points, before)
+    normals, views = (carried(each, before, after) for each in (normals, views))
+    return normals, views, None if tangents is None else carried(tangents, before, after)
+
+
+@record(eq=False)
+class Placed:
+    """A map as a sphere shows it that stands in the room of its probe.
+
+    Attributes
+    ----------
+    made : Map
+    shown : object with `info` and `radiance`
+        The map with its surface.
+    place : ndarray, shape (3,)
+        The sphere's middle, world axes.
+    radius : float
+    """
+
+    made: Map
+    shown: Any
+    place: Array
+    radius: float
+
+    @classmethod
+    def of(
+        cls, made: Map, shown: Any, name: str, place: ArrayLike, radius: float | None
+    ) -> "Placed":
+        """Place a map; the radius is a tenth of the box's shortest edge by default.
+
+        Raises
+        ------
+        ArgumentError
+            If the map knows of no box.
+        """
+        box = made.info.proxy
+        if box is None:
+            raise ArgumentError(
+                "place", f"needs a proxy box, and {name} has none; prefilter its probe with `box`"
+            )
+        edges = np.subtract(box.high, box.low)
+        size = float(edges.min()) / 10 if radius is None else radius
+        return cls(made, shown, np.asarray(place, dtype=float), size)
+
+    @property
+    def info(self) -> MapInfo:
+        """How the map was made."""
+        found: MapInfo = self.shown.info
+        return found
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Return the radiance of the sphere where it has some normals; see `Map.radiance`."""
+        normals, views = np.broadcast_arrays(np.asarray(normals, float), np.asarray(views, float))
+        points = self.place + self.radius * normals
+        tangents = horizontal_tangents(normals)
+        total = np.zeros(normals.shape)
+        for part, center in parts_of(self.made, self.shown):
+            turned = seen_from(self.made, center, (normals, views, tangents), points)
+            total += part.brushed_radiance(turned[0], turned[2], turned[1])
+        return total

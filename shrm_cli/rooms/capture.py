@@ -1,0 +1,162 @@
+"""Light probes of places in a room, by paths from there.
+
+A path goes from the probe to a surface, and from this to another one and to a point of a lamp.
+What the second surface sends is known as the brightness of its patch, which holds all further
+bounces.
+"""
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.geometry.rays import Rays
+from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress, Stages
+from shrm_cli.records import record
+from shrm_cli.rooms.emitters import Emitters
+from shrm_cli.rooms.radiosity import LIFT, Brightness
+from shrm_cli.rooms.room import Room
+from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
+from shrm_cli.sphere.grid.latlong import LatLong, latlong_points
+
+_PATCHES = 48
+"""Patches along the diagonal of a room."""
+_PATHS_AT_ONCE = 2**18
+_PLASTIC = 1.1673039782614187
+"""The root of x^5 = x + 1, whose powers' reciprocals fill cubes of four dimensions evenly (Roberts
+2018, "The Unreasonable Effectiveness of Quasirandom Sequences")."""
+
+
+@record(eq=False)
+class Captured:
+    """A light probe of a place.
+
+    Attributes
+    ----------
+    pixels : ndarray of float32, shape (height, 2 height, 3)
+        A lat-long in world axes.
+    noise : float
+        The relative RMS error of the pixels that is left by chance, from two independent halves.
+    behind : float
+        The share of what is seen that is the back of surfaces, and black.
+    """
+
+    pixels: Array
+    noise: float
+    behind: float
+
+
+def capture(
+    room: Room,
+    at: Array,
+    height: int,
+    samples: int,
+    surroundings: Probe | None = None,
+    progress: Progress | None = None,
+) -> Captured:
+    """Find what is seen from a place of a room.
+
+    Parameters
+    ----------
+    room : Room
+    at : ndarray, shape (3,)
+    height : int
+        Of the image, pixels.
+    samples : int
+        Paths through each pixel; an odd number is one more.
+    surroundings : Probe, optional
+        What is seen past the room, with its compact lamps.
+    progress : callable, optional
+        Called with the work done, and in all.
+    """
+    stages = Stages(progress, 3)
+    brightness = Brightness(room, Rays(room.mesh), room.size / _PATCHES, stages.within)
+    stages.done(1, 3)
+    paths = _Paths(brightness, np.asarray(at, dtype=float), height, surroundings)
+    halves, behind = [], 0.0
+    for number in range(2):
+        pixels, seen = paths.half((samples + 1) // 2, number, stages.within)
+        halves.append(pixels)
+        behind += seen / 2
+        stages.done(2 + number, 3)
+    image = (halves[0] + halves[1]) / 2
+    weights = LatLong(height).weights()[..., None]
+    whole = max(float((weights * image**2).sum()), np.finfo(float).tiny)
+    # Of independent halves the difference has four times the variance of their mean.
+    noise = float(np.sqrt((weights * (halves[0] - halves[1]) ** 2).sum() / 4 / whole))
+    return Captured(image.astype(np.float32), noise, behind)
+
+
+class _Paths:
+    """Paths from one place through the pixels of a lat-long."""
+
+    def __init__(
+        self, brightness: Brightness, at: Array, height: int, surroundings: Probe | None
+    ) -> None:
+        self._brightness, self._at, self._height = brightness, at, height
+        self._surroundings = surroundings
+        self._emitters = Emitters(brightness.room, brightness.rays, 1)
+
+    def half(self, samples: int, number: int, progress: Progress) -> tuple[Array, float]:
+        """Return the mean over some paths of each pixel, and the share of back faces.
+
+        Those of each `number` are independent of the others.
+        """
+        height, width = self._height, 2 * self._height
+        random = np.random.Generator(np.random.PCG64(number))
+        image, behind = np.empty((height * width, 3)), np.empty(height * width)
+        step = max(_PATHS_AT_ONCE // samples, 1)
+        for start in range(0, len(image), step):
+            pixels = np.arange(start, min(start + step, len(image)))
+            shifts = random.random((len(pixels), 1, 4))
+            # Each pixel has the same even sequence, shifted by other amounts.
+            steps = np.arange(samples)[:, None] / _PLASTIC ** np.arange(1, 5)
+            chances = ((shifts + steps) % 1).reshape(-1, 4)
+            of_lamps = int(random.integers(2**30))
+            row, column = np.divmod(np.repeat(pixels, samples), width)
+            ways = latlong_points(
+                2 * (column + chances[:, 0]) / width - 1, 2 * (row + chances[:, 1]) / height - 1
+            )
+            light, back = self._seen(ways, chances[:, 2:], of_lamps)
+            image[pixels] = light.reshape(-1, samples, 3).mean(axis=1)
+            behind[pixels] = back.reshape(-1, samples).mean(axis=1)
+            progress(int(pixels[-1]) + 1, len(image))
+        weights = np.broadcast_to(LatLong(height).weights(), (height, width)).ravel()
+        return image.reshape(height, width, 3), float(weights @ behind / weights.sum())
+
+    def _seen(self, ways: Array, chances: Array, number: int) -> tuple[Array, Array]:
+        """Return the radiance along directions from the place, and which meet back faces."""
+        room, rays = self._brightness.room, self._brightness.rays
+        faces, _, distance = rays.first_hits(self._at, ways)
+        light = np.zeros((len(ways), 3))
+        free = np.flatnonzero(faces < 0)
+        if self._surroundings is not None and len(free):
+            light[free] = self._surroundings.radiance(ways[free])
+        normals = room.normals[faces]
+        is_front = np.einsum("nv,nv->n", normals, ways) < 0
+        hit = np.flatnonzero((faces >= 0) & is_front)
+        points = self._at + distance[hit, None] * ways[hit]
+        arriving = self._arriving(points, normals[hit], chances[hit], number)
+        own = faces[hit]
+        light[hit] = room.emission[own] + room.albedo[own] / np.pi * arriving
+        return light, (faces >= 0) & ~is_front
+
+    def _arriving(self, points: Array, normals: Array, chances: Array, number: int) -> Array:
+        """Return the irradiance of points by one direction each, and one point of lamps."""
+        origins = points + LIFT * self._brightness.room.size * normals
+
+        def dense(directions: Array) -> Array:
+            found: Array = np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0) / np.pi
+            return found
+
+        directions, lamps = self._emitters.arriving(origins, number, dense)
+        cosines = np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0)
+        found: Array = np.einsum("ns,nsc->nc", cosines, lamps)
+        height, around = np.sqrt(chances[:, 0]), 2 * np.pi * chances[:, 1]
+        flat = np.sqrt(1 - chances[:, 0])
+        local = np.stack([flat * np.cos(around), flat * np.sin(around), height], axis=-1)
+        frames = surface_frames(normals, horizontal_tangents(normals))
+        ways = np.einsum("ni,nij->nj", local, frames)
+        density = height / np.pi
+        seen = self._brightness.look(origins, ways, self._emitters, density)
+        light = self._brightness.radiance[seen.patches] + seen.sky + seen.lamps
+        return found + np.pi * light

@@ -1,0 +1,208 @@
+"""`shrm probe capture`: what the file says of its place, and what is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.helpers import assert_refused, done, read_exr, run, write_exr
+from tests.cli.test_grid import write_gltf
+from tests.geometry.shapes import icosphere
+from tests.rooms import shapes
+
+SMALL = ("--size", 16, "--samples", 4)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with a room whose lamp is a material, and a white sky."""
+    parts = [shapes.box([0, 0, 0], [4, 2, 3]), shapes.ceiling_lamp(2, 1.5, 1.99)]
+    write_gltf(tmp_path / "room.glb", parts, [("wall", 0.5, 0), ("lamp", 0, 10)])
+    write_exr(tmp_path / "white.exr", np.ones((16, 32, 3), np.float32))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_probe_holds_its_place_and_the_box_of_the_room(folder):
+    said = json.loads(
+        done("probe", "capture", "room.glb", "--at", "1,1,1", "-o", "p.exr", *SMALL, "--json")
+    )
+    header, channels = read_exr("p.exr")
+    proxy = {"at": [1, 1, 1], "min": [0, 0, 0], "max": [4, 2, 3]}
+    assert json.loads(header["shrm:proxy"]) == said["proxy"] == proxy
+    recipe = json.loads(header["shrm:recipe"])
+    assert recipe["mesh"] == "room.glb"
+    assert recipe["noise"] == pytest.approx(said["noise"], abs=1e-5)
+    assert 0 < said["noise"] < 0.5
+    assert channels["R"].shape == (16, 32)
+    assert channels["R"].max() == 10
+    before = (folder / "p.exr").read_bytes()
+    done("probe", "capture", "room.glb", "--at", "1,1,1", "-o", "p.exr", *SMALL)
+    assert (folder / "p.exr").read_bytes() == before
+
+
+def test_options_reach_the_room(folder):
+    base = ("probe", "capture", "room.glb", "--at", "1,1,1", *SMALL)
+    done(*base, "--emit", "lamp=20,10,0", "--albedo", "wall=0", "-o", "a.exr")
+    _, channels = read_exr("a.exr")
+    lamp = channels["R"] > 19
+    assert lamp.any()
+    for name, value in (("R", 20), ("G", 10), ("B", 0)):
+        assert (channels[name][lamp] == value).all()
+    assert np.median(channels["R"]) == 0
+    box = ("--box", "-1,0,0,5,3,3.5")
+    done(*base, *box, "-o", "b.exr")
+    assert json.loads(read_exr("b.exr")[0]["shrm:proxy"])["max"] == [5, 3, 3.5]
+
+
+def test_light_from_outside_is_seen(folder):
+    base = ("probe", "capture", "room.glb", "--probe", "white.exr", "--box", "8,0,0,12,2,2")
+    said = run(*base, "--at", "10,1,1", "-o", "p.exr", *SMALL)
+    assert said.code == 0
+    _, channels = read_exr("p.exr")
+    assert np.median(channels["G"]) == pytest.approx(1, rel=1e-3)
+    assert channels["G"].min() == pytest.approx(0, abs=1e-3)  # backs of walls
+
+
+def test_places_are_checked(folder):
+    base = ("probe", "capture", "room.glb", "-o", "p.exr", *SMALL)
+    assert_refused(run(*base, "--at", "9,1,1"), 1, "--at 9,1,1", "not within the box")
+    assert_refused(run(*base, "--at", "1,1,1", "--box", "0,0,0,0,2,3"), 1, "--box", "flat")
+    assert_refused(run(*base, "--at", "1,1"), 2, "--at")
+    assert_refused(run(*base), 2, "--at")
+    assert_refused(run("probe", "capture", "none.glb", "--at", "1,1,1", "-o", "p.exr"), 1, "none")
+    assert not (folder / "p.exr").exists()
+
+
+def test_a_place_within_a_wall_is_told(folder):
+    parts = [shapes.box([0, 0, 0], [4, 2, 3], inward=False), shapes.ceiling_lamp(2, 1.5, 1.99)]
+    write_gltf(folder / "inside_out.glb", parts, [("wall", 0.5, 0), ("lamp", 0, 10)])
+    said = run("probe", "capture", "inside_out.glb", "--at", "1,1,1", "-o", "p.exr", *SMALL)
+    assert said.code == 0
+    assert "back of surfaces" in said.err
+
+
+@pytest.fixture
+def captured(folder):
+    """A probe that was captured in the room."""
+    done("probe", "capture", "room.glb", "--at", "1,1,1", "-o", "p.exr", *SMALL)
+    return {"at": [1, 1, 1], "min": [0, 0, 0], "max": [4, 2, 3]}
+
+
+def held(path):
+    """The proxy box of a map, as `shrm info` tells it."""
+    return json.loads(done("info", path, "--json")).get("proxy")
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        ("--brdf", "ggx:roughness=0.5", "--eps", "0.1"),
+        ("--brdf", "0.5*lambertian+0.5*ggx:roughness=0.5", "--eps", "0.1"),
+        ("--brdf", "ggx:roughness=0.6", "--to", "principal"),
+        ("--brdf", "ggx:roughness=0.6", "--to", "cabral", "--eps", "0.1"),
+        ("--to", "splitsum", "--size", 8),
+        ("--to", "she"),
+        ("--to", "irradiance"),
+    ],
+)
+def test_maps_of_every_form_hold_the_box(captured, made):
+    done("prefilter", "p.exr", *made, "-o", "m.exr")
+    assert held("m.exr") == captured
+    assert held("p.exr") == captured
+
+
+def test_boxes_are_given_and_replaced(captured, folder):
+    base = ("prefilter", "--to", "irradiance", "--force", "-o", "m.exr")
+    done(*base, "p.exr", "--box", "-1,0,0,5,3,4")
+    assert held("m.exr") == {"at": [1, 1, 1], "min": [-1, 0, 0], "max": [5, 3, 4]}
+    done(*base, "p.exr", "--at", "2,1,1.5")
+    assert held("m.exr")["at"] == [2, 1, 1.5]
+    done(*base, "white.exr")
+    assert held("m.exr") is None
+    done(*base, "white.exr", "--box", "0,0,0,2,4,6")
+    assert held("m.exr") == {"at": [1, 2, 3], "min": [0, 0, 0], "max": [2, 4, 6]}
+    assert_refused(run(*base, "white.exr", "--at", "1,1,1"), 1, "--at", "--box")
+    assert_refused(run(*base, "p.exr", "--at", "9,1,1"), 1, "--at 9,1,1", "not within")
+    # A file whose attribute is none of a box counts as one without.
+    write_exr(folder / "odd.exr", np.ones((8, 16, 3), np.float32), **{"shrm:proxy": '{"at": 3}'})
+    done(*base, "odd.exr")
+    assert held("m.exr") is None
+
+
+def test_a_box_is_turned_with_its_probe(captured):
+    base = ("prefilter", "p.exr", "--to", "irradiance", "--force", "-o", "m.exr")
+    done(*base, "--yaw", 90)  # +Z becomes +X
+    assert held("m.exr") == {"at": [1, 1, -1], "min": [0, 0, -4], "max": [3, 2, 0]}
+    said = run(*base, "--yaw", 30)
+    assert said.code == 0
+    assert "proxy box is left out" in said.err
+    assert held("m.exr") is None
+    done("prefilter", "p.exr", "--to", "irradiance", "--force", "-o", "m.exr")
+    done("convert", "m.exr", "--to", "irradiance", "--yaw", 90, "-o", "t.exr")
+    assert held("t.exr") == {"at": [1, 1, -1], "min": [0, 0, -4], "max": [3, 2, 0]}
+    done("convert", "m.exr", "--to", "irradiance", "--yaw", 30, "-o", "u.exr")
+    assert held("u.exr") is None
+    done("convert", "p.exr", "--to", "hcross", "--size", 8, "-o", "h.exr")
+    assert held("h.exr") == captured
+
+
+def test_pictures_obey_the_box_until_told_otherwise(captured, folder):
+    done("prefilter", "p.exr", "--brdf", "ggx:roughness=0.5", "--eps", "0.1", "-o", "m.exr")
+    done("prefilter", "p.exr", "--brdf", "ggx:roughness=0.5", "--eps", "0.1", "-o", "n.exr",
+         "--box", "-1e6,-1e6,-1e6,1e6,1e6,1e6")  # fmt: skip
+    small = ("--size", 32)
+    ball = ("render", "--mesh", "ball.glb", "--plain", *small)
+    vertices, faces = icosphere(2)
+    write_gltf(folder / "ball.glb", [(0.3 * vertices + [3, 1, 2], faces, vertices)],
+               [("ball", 0.5, 0)])  # fmt: skip
+    pictures = {}
+    for name, extra in (("box", ("m.exr",)), ("none", ("m.exr", "--no-box")), ("far", ("n.exr",))):
+        done(*ball, *extra, "-o", f"{name}.exr")
+        pictures[name] = read_exr(f"{name}.exr")[1]["R"]
+    np.testing.assert_allclose(pictures["none"], pictures["far"], rtol=0.01, atol=1e-3)
+    assert np.abs(pictures["box"] - pictures["none"]).max() > 0.05
+    # A sphere at the same place looks nearly the same, and at the probe's as without a place.
+    done("render", "m.exr", *small, "-o", "plain.exr")
+    done("render", "m.exr", *small, "--place", "1,1,1", "--radius", 0, "-o", "home.exr")
+    done("render", "m.exr", *small, "--place", "3,1,2", "--radius", 0.3, "-o", "there.exr")
+    plain, home, there = (read_exr(f"{name}.exr")[1]["R"] for name in ("plain", "home", "there"))
+    np.testing.assert_allclose(home, plain, rtol=1e-3)
+    assert np.abs(there - plain).max() > 0.05
+    assert there[16, 16] == pytest.approx(pictures["box"][16, 16], rel=0.1)
+
+
+def test_places_need_a_box_and_a_sphere(captured):
+    done("prefilter", "white.exr", "--to", "irradiance", "-o", "w.exr")
+    done("prefilter", "p.exr", "--to", "irradiance", "-o", "m.exr")
+    base = ("render", "-o", "r.png", "--size", 16)
+    assert_refused(run(*base, "w.exr", "--place", "1,1,1"), 2, "--place", "w.exr has none")
+    assert_refused(run(*base, "m.exr", "--radius", "1"), 2, "--radius", "with --place")
+    assert_refused(run(*base, "m.exr", "--no-box"), 2, "--no-box", "--mesh")
+    mesh = ("--mesh", "room.glb")
+    assert_refused(run(*base, *mesh, "m.exr", "--place", "1,1,1"), 2, "--place", "spheres")
+
+
+def readme(engine, *options):
+    done("export", "p.exr", "--for", engine, *options, "-o", engine)
+    return next(Path(engine).glob("*_README.md")).read_text()
+
+
+def test_engines_are_told_of_the_box(captured):
+    """A place of (1, 1, 1) in a box of 4 x 2 x 3, whose middle is (2, 1, 1.5)."""
+    unity = readme("unity")
+    assert "captured at (1, 1, 1) in the box from (0, 0, 0) to (4, 2, 3)" in unity
+    assert "probe.transform.position = new Vector3(-1f, 1f, 1f); probe.boxProjection" in unity
+    assert (
+        "probe.center = new Vector3(-1f, 0f, 0.5f); probe.size = new Vector3(4f, 2f, 3f)" in unity
+    )
+    unreal = readme("unreal")
+    assert "Location 200, 150, 100; Scale 200, 150, 100; Capture Offset -100, -50, 0" in unreal
+    godot = readme("godot")
+    assert "probe.position = Vector3(2, 1, 1.5)" in godot
+    assert "probe.origin_offset = Vector3(-1, 0, -0.5)" in godot
+    assert "Filament looks it up as if all of it were far away" in readme("filament", "--size", 16)
+    done("prefilter", "p.exr", "--to", "splitsum", "--size", 16, "-o", "s.exr")
+    assert run("export", "s.exr", "--for", "filament", "-o", "of-map").code == 0
+    assert "captured at (1, 1, 1)" in next(Path("of-map").glob("*_README.md")).read_text()

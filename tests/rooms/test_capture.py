@@ -1,0 +1,119 @@
+"""Probes of places in rooms, against closed forms and Mitsuba's path tracer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shrm_cli.geometry.rays import Rays
+from shrm_cli.probe.disc import Disc
+from shrm_cli.probe.probe import Probe
+from shrm_cli.rooms.capture import capture
+from shrm_cli.sphere.grid.latlong import latlong_directions
+from tests.rooms import shapes
+
+AT = np.array([2.5, 1.2, 2.2])
+
+
+def test_a_furnace_is_equally_bright_everywhere():
+    """Walls that send e and reflect a of all light: L = e / (1 - a), from anywhere."""
+    room = shapes.room([shapes.box([-1, -1, -1], [1, 1, 1])], [[0.6, 0.3, 0.9]], [[1, 2, 3]])
+    found = capture(room, [0.2, 0.1, -0.3], 16, 32)
+    expected = np.array([1, 2, 3]) / (1 - np.array([0.6, 0.3, 0.9]))
+    np.testing.assert_allclose(found.pixels / expected, 1, atol=0.05)
+    np.testing.assert_allclose((found.pixels / expected).mean(axis=(0, 1)), 1, atol=2e-3)
+    assert found.behind == 0
+    assert found.noise < 0.01
+
+
+def test_lamps_and_the_sky_are_seen_as_they_are():
+    """Outside, beside a black box that faces away: all of the sky, and black where the box is."""
+    room = shapes.room([shapes.box([0, 0, 0], [2, 2, 2], inward=False)], [[0] * 3], [[5, 0, 1]])
+    sky = np.zeros((16, 32, 3), np.float32)
+    sky[:8] = 3.0
+    room = replace(room, sky=Probe.from_array(0 * sky))
+    found = capture(room, [1, 1, -1], 32, 16, Probe.from_array(sky))
+    directions = latlong_directions(64, 32)
+    faces, _, _ = Rays(room.mesh).first_hits(np.array([1, 1, -1]), directions.reshape(-1, 3))
+    inner = np.zeros((32, 64), bool)
+    met = (faces >= 0).reshape(32, 64)
+    inner[1:-1, 1:-1] = np.all(
+        [met[1 + i : 31 + i, 1 + j : 63 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0
+    )
+    assert inner.sum() > 50
+    np.testing.assert_allclose(found.pixels[inner], np.tile([5, 0, 1], (inner.sum(), 1)))
+    np.testing.assert_allclose(found.pixels[:4], 3, rtol=1e-5)
+    np.testing.assert_allclose(found.pixels[-4:], 0, atol=1e-5)
+
+
+def test_the_sun_of_a_sky_shines_in():
+    """A floor under a disc of light overhead, and nothing else: its radiance is a / pi E."""
+    points, faces, normals = shapes.box([-9, 0, -9], [9, 3, 9])
+    floor = (points[faces][..., 1] < 0.1).all(axis=1)
+    used = np.unique(faces[floor])
+    part = points[used], np.searchsorted(used, faces[floor]), normals[used]
+    room = shapes.room([part], [[0.5, 0.2, 0.1]], [[0] * 3])
+    sun = Disc(np.array([0.0, 1, 0]), 0.02, np.array([50.0, 60, 70]))
+    room = replace(room, sky=Probe.from_array(np.zeros((8, 16, 3), np.float32)), discs=(sun,))
+    found = capture(room, [0, 1, 0], 16, 4)
+    expected = np.array([0.5, 0.2, 0.1]) / np.pi * sun.irradiance
+    np.testing.assert_allclose(found.pixels[-6:], np.broadcast_to(expected, (6, 32, 3)), rtol=1e-3)
+    assert found.pixels[:7].max() == 0
+
+
+def test_the_stated_noise_is_that_of_another_run():
+    room = shapes.two_rooms()
+    rough, fine = (capture(room, AT, 32, count).pixels for count in (8, 256))
+    weights = np.sin((np.arange(32) + 0.5) * np.pi / 32)[:, None, None]
+    missed = np.sqrt((weights * (rough - fine) ** 2).sum() / (weights * fine**2).sum())
+    stated = capture(room, AT, 32, 8).noise
+    assert 0.6 * stated < missed < 1.6 * stated
+
+
+def test_backs_are_black_and_told():
+    room = shapes.two_rooms()
+    found = capture(room, [1.4, 0.4, 1.4], 16, 2)  # within the crate
+    assert found.behind > 0.8  # its bottom lies in the floor, whose front is seen
+    assert found.pixels[:8].max() == 0
+
+
+@pytest.mark.slow
+def test_radiance_beside_mitsuba(rng):
+    """Along random directions that meet no edge, in a room with a crate and a lamp."""
+    mitsuba = pytest.importorskip("mitsuba", reason="mitsuba is not installed")
+    mitsuba.set_variant("scalar_rgb")
+    room = shapes.two_rooms()
+    height = 128
+    found = capture(room, AT, height, 64)
+    directions = latlong_directions(2 * height, height)
+    faces, _, _ = Rays(room.mesh).first_hits(AT, directions.reshape(-1, 3))
+    normals = room.normals[faces].reshape(directions.shape)
+    shown = np.concatenate([normals, room.emission[faces].reshape(directions.shape)], axis=-1)
+    rows, columns = rng.integers(4, height - 4, 150), rng.integers(1, 2 * height - 1, 150)
+    near = [shown[rows + i, columns + j] for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    smooth = np.ptp(near, axis=0).max(axis=-1) < 1e-9
+    rows, columns = rows[smooth][:80], columns[smooth][:80]
+    assert len(rows) == 80
+    expected = seen_by_mitsuba(mitsuba, room, directions[rows, columns])
+    ours = found.pixels[rows, columns]
+    off = (ours - expected) / expected
+    assert np.sqrt(np.mean(off**2)) < 0.03, np.sqrt(np.mean(off**2))
+    assert abs(off.mean()) < 0.005
+
+
+def seen_by_mitsuba(mitsuba, room, directions):
+    """The radiance that meets the place from directions, shape (n, 3)."""
+    scene = shapes.for_mitsuba(mitsuba, room)
+    film = {"type": "hdrfilm", "width": 1, "height": 1, "rfilter": {"type": "box"}}
+    for k, direction in enumerate(directions):
+        scene[f"meter{k:03d}"] = {
+            "type": "radiancemeter", "origin": AT.tolist(), "direction": direction.tolist(),
+            "film": film, "sampler": {"type": "independent", "sample_count": 4096},
+        }  # fmt: skip
+    scene = mitsuba.load_dict({"type": "scene", **scene}, optimize=False)
+    way = mitsuba.load_dict({"type": "path", "max_depth": 24})
+    found = [
+        mitsuba.render(scene, sensor=sensor, integrator=way, seed=k)
+        for k, sensor in enumerate(scene.sensors())
+    ]
+    return np.array([np.array(each)[0, 0, :3] for each in found])
