@@ -81,7 +81,6 @@ def _escaped(text: str) -> str:
     return "".join(spans)
 
 
-
 def man_pages(folder: Path) -> None:
     """Write `shrm.1` and a page for each command, and what shells complete by, into a folder."""
     import click_man.core
