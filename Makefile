@@ -25,6 +25,8 @@ PROBE ?=
 TABLES_FLAGS ?=
 # make taps TAPS_FLAGS="--probes FOLDER": the light that the look-ups of brushed GGX are fitted to
 TAPS_FLAGS ?=
+# make gallery GALLERY_FLAGS=--short: fewer pairs and smaller pictures
+GALLERY_FLAGS ?=
 # make survey MEASURED="a.bsdf b.binary": measured BRDFs beside the models; `make tables` draws two
 MEASURED ?=
 PREFILTER_FLAGS ?=
@@ -37,7 +39,7 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test prove web .web-setup engines browser fuzz mutants bench tables survey scale taps probes batch clean distclean
+.PHONY: help install demo test prove web site figures gallery .web-setup engines browser fuzz mutants bench tables survey scale taps probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
@@ -53,6 +55,9 @@ help:
 	@echo 'make survey    MEASURED="...": what all BRDFs cost, into build/paper/'
 	@echo 'make scale     what batches take and what limits them, into build/paper/'
 	@echo 'make taps      fit the look-ups of brushed GGX anew'
+	@echo 'make site      the pages of docs/, the reference, man pages and completion, into build/site/'
+	@echo 'make figures   the figures of the theory, into docs/figures/'
+	@echo 'make gallery   forms beside the truth, with bytes and errors, which the site then shows'
 	@echo 'make probes    fetch real probes into probes/real (Debian and Ubuntu)'
 	@echo 'make batch     PROBES="..." BRDFS="..." FORMS="...": bake every pair into build/'
 	@echo 'make install   set up .venv with shrm in it'
@@ -155,6 +160,26 @@ taps: $(VENV)/.dev
 probes:
 	@bash probes/fetch.sh
 
+# ---- the site ----------------------------------------------------------------------------------
+
+# KaTeX typesets equations; it becomes a part of the site, which loads nothing from elsewhere.
+$(VENV)/.site: $(VENV)/.installed tests/site/package-lock.json
+	@command -v npm >/dev/null || { echo 'The site needs npm (Debian and Ubuntu: apt install npm)'; exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[site,plots,lookdev]'
+	npm ci --silent --ignore-scripts --no-audit --no-fund --prefix tests/site
+	@touch $@
+
+site: $(VENV)/.site
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	$(BIN)/python -m tests.site.reference build/man
+	@echo "The site is in build/site/: $(BIN)/python -m http.server -d build/site"
+
+figures: $(VENV)/.site
+	$(BIN)/python -m tests.site.figures docs/figures
+
+gallery: $(VENV)/.site
+	$(BIN)/python -m tests.site.gallery build/gallery $(GALLERY_FLAGS)
+
 # ---- batch ------------------------------------------------------------------------------------
 
 # probes/batch.py has `shrm batch` bake what is out of date, because make itself cannot handle spaces,
@@ -172,4 +197,4 @@ clean:
 	find shrm_cli tests -name node_modules -prune -o -name __pycache__ -type d -exec rm -rf {} +
 
 distclean: clean
-	rm -rf $(VENV) shrm_cli.egg-info shrm_cli/_version.py tests/web/node_modules
+	rm -rf $(VENV) shrm_cli.egg-info shrm_cli/_version.py tests/web/node_modules tests/site/node_modules

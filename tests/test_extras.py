@@ -9,7 +9,7 @@ from shrm_cli import extras
 from tests.cli.helpers import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-FOR_WORK_ON_IT = {"dev", "mutants", "web-test"}
+FOR_WORK_ON_IT = {"dev", "mutants", "site", "web-test"}
 """Extras that no command of `shrm` needs."""
 PLACES = ["*.md", "*.cff", "*.in", "Makefile", "pyproject.toml", ".ci/*", "docs/*", "examples/*",
           "probes/*", "shrm_cli/**/*"]  # fmt: skip

@@ -1,0 +1,12 @@
+// Equations are typeset after a page was loaded, by KaTeX, which is a part of the site.
+document.addEventListener("DOMContentLoaded", () => {
+  for (const each of document.querySelectorAll(".arithmatex")) {
+    renderMathInElement(each, {
+      delimiters: [
+        { left: "\\(", right: "\\)", display: false },
+        { left: "\\[", right: "\\]", display: true },
+      ],
+      throwOnError: true,
+    });
+  }
+});

@@ -1,0 +1,1 @@
+"""What `make site` and `make gallery` need besides docs/: reference, figures, and gallery."""
