@@ -131,6 +131,15 @@ def test_boxes_are_given_and_replaced(captured, folder):
     assert held("m.exr") is None
 
 
+def test_maps_in_other_boxes_are_other_maps(captured):
+    base = ("prefilter", "p.exr", "--to", "irradiance")
+    done(*base)
+    done(*base)
+    assert_refused(run(*base, "--box", "-1,0,0,5,3,4"), 1, "--force")
+    done("sun", "p.exr", "-o", "residual.exr")
+    assert held("residual.exr") == captured
+
+
 def test_a_box_is_turned_with_its_probe(captured):
     base = ("prefilter", "p.exr", "--to", "irradiance", "--force", "-o", "m.exr")
     done(*base, "--yaw", 90)  # +Z becomes +X

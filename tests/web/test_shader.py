@@ -87,8 +87,11 @@ def test_the_browser_looks_up_with_parallax(secure, monkeypatch, language, name)
     made = boxed(cases.FORMS[name]())
     normals, views = cases.points(100)
     surface = 0.62, (0.9, 0.5, 0.04)
-    # Turned directions are rounded to 1e-7; functions of degree 12 that are random tell them apart.
-    allowed = 5e-4 if name.startswith("principal") else PRECISION
+    allowed = PRECISION
+    if name.startswith("principal"):
+        # Functions of degree 12 that are random tell directions apart that are rounded to 1e-7. The
+        # first normals are views as well, about which there is no azimuth but by rounding.
+        allowed, normals, views = 1e-4, normals[3:], views[3:]
     for place in PLACES:
         found = drawn(secure.page, made, normals, views, language, *surface, place)
         truth = placed(made, normals, views, *surface, place)
