@@ -53,8 +53,8 @@ def capture(
     """
     import numpy as np
 
-    from shrm_cli.files.image import write_image
-    from shrm_cli.probe.proxy import ATTRIBUTE, ProxyBox
+    from shrm_cli.files.image import probe_attributes, write_image
+    from shrm_cli.probe.proxy import ProxyBox, box_attributes
     from shrm_cli.rooms.bake import IN_WALLS
     from shrm_cli.rooms.capture import capture as captured_at
     from shrm_cli.rooms.make import open_room
@@ -76,10 +76,8 @@ def capture(
         **({} if probe is None else {"surroundings": Path(probe).name}),
     }  # fmt: skip
     attributes = {
-        "shrm:recipe": json.dumps(recipe),
-        ATTRIBUTE: json.dumps(proxy.record()),
-        **({} if colors is None else {"chromaticities": tuple(colors)}),
-    }
+        "shrm:recipe": json.dumps(recipe), **probe_attributes(colors), **box_attributes(proxy),
+    }  # fmt: skip
     pixel_type = write_image(output, found.pixels, precision, attributes)
     warnings = textures_left_out(mesh, opened.textured)
     if found.behind > IN_WALLS:

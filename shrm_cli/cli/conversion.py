@@ -7,7 +7,6 @@ for programs that read plain images.
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -237,7 +236,7 @@ def convert_probe(job: Conversion) -> Converted:
 
     from shrm_cli.files.image import probe_attributes, write_images
     from shrm_cli.probe.probe import face_paths, open_probe
-    from shrm_cli.probe.proxy import ATTRIBUTE
+    from shrm_cli.probe.proxy import box_attributes
     from shrm_cli.probe.resample import to_layout
 
     probe = open_probe(job.source, job.reading)
@@ -253,9 +252,7 @@ def convert_probe(job: Conversion) -> Converted:
         image = to_layout(probe, target, orientation, job.size, sampled)
     marked = (target, orientation) in (("openexr", "openexr"), ("latlong", "openexr"))
     envmap = target if sampled == "border" and marked else None
-    attributes = probe_attributes(probe.chromaticities, envmap)
-    if probe.proxy is not None:
-        attributes[ATTRIBUTE] = json.dumps(probe.proxy.record())
+    attributes = probe_attributes(probe.chromaticities, envmap) | box_attributes(probe.proxy)
     pictures = np.split(image, 6) if target == "faces" else [image]
     pixels = write_images(files, pictures, job.precision, attributes)
     height, width = pictures[0].shape[:2]

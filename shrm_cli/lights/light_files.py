@@ -9,6 +9,7 @@ from shrm_cli.errors import OutputError
 from shrm_cli.files.image import probe_attributes, write_image
 from shrm_cli.lights.split import LampSplit
 from shrm_cli.probe.disc import Disc
+from shrm_cli.probe.proxy import box_attributes
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.vocabulary import PixelType, Precision
 
@@ -26,6 +27,7 @@ def write_residual(path: str, split: LampSplit, precision: Precision = "auto") -
     probe = split.residual_probe
     is_tagged = probe.sampling == "border" and probe.layout in ("latlong", "openexr")
     attributes = probe_attributes(probe.chromaticities, probe.layout if is_tagged else None)
+    attributes |= box_attributes(split.probe.proxy)
     return write_image(path, split.residual, precision, attributes)
 
 

@@ -361,9 +361,7 @@ def _make_probe(
     colors, matrix = ColorReading.of(chromaticities, options), options.matrix()
     turned = None if proxy is None else proxy.turned(matrix)
     if proxy is not turned is None:
-        notes += (
-            "its proxy box is left out, as it is not turned by right angles; `box` tells one",
-        )
+        notes += ("its proxy box is left out, for it is not turned by right angles",)
     return Probe(
         name, grid, layout, orientation, matrix, options.pixels, colors.chromaticities,
         colors.converted(images), PixelReport(notes=(*notes, *colors.notes)), colors.record, turned,

@@ -9,6 +9,7 @@ References
 Lagarde and Zanuttini 2012, Local Image-based Lighting With Parallax-corrected Cubemaps.
 """
 
+import json
 from typing import Any
 
 import numpy as np
@@ -122,6 +123,11 @@ class ProxyBox:
         ways = np.where(is_parallel, np.inf, ahead / np.where(is_parallel, 1, rays))
         met = start + ways.min(axis=-1)[..., None] * rays
         return normalize(met - self.at)
+
+
+def box_attributes(proxy: ProxyBox | None) -> dict[str, str]:
+    """Return the attributes of a probe's file that hold its box; none where there is no box."""
+    return {} if proxy is None else {ATTRIBUTE: json.dumps(proxy.record())}
 
 
 def carried(vectors: ArrayLike, before: ArrayLike, after: ArrayLike) -> Array:

@@ -1,6 +1,7 @@
 """The code for WebGL2 and WebGPU, run in a browser: what it computes is what the maps say."""
 
 import base64
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from shrm_cli.render.shading import takes_f0
 from shrm_cli.vocabulary import TAP_COUNTS
 from tests.maps.irradiance.test_shader import make
 from tests.maps.shader import cases
+from tests.maps.shader.test_code import BOX, PLACES, WITHOUT, boxed, placed
 
 DRAW = {
     "glsl": Path(__file__).with_name("draw.js").read_text(),
@@ -30,13 +32,15 @@ def packed(values):
     return base64.b64encode(np.ascontiguousarray(values, dtype=np.float32).tobytes()).decode()
 
 
-def drawn(page, made, normals, views, language, roughness=0.5, f0=(1.0, 1.0, 1.0)):
-    """What the code returns in the browser for each pair."""
-    call = "shrm_irradiance(n)"
+def drawn(page, made, normals, views, language, roughness=0.5, f0=(1.0, 1.0, 1.0), place=None):
+    """What the code returns in the browser for each pair, or for each at a place."""
+    point = "" if place is None else f", {VECTOR[language]}{place}"
+    at = "_at" if point else ""
+    call = f"shrm_irradiance{at}(n{point})"
     if made.representation != "irradiance":
         surface = f", {roughness}" if made.needs_surface else ""
         surface += f", {VECTOR[language]}{f0}" if takes_f0(made) else ""
-        call = f"shrm_radiance(n, v{surface})"
+        call = f"shrm_radiance{at}(n, v{point}{surface})"
     textures = [] if made.representation == "irradiance" else pack(made)
     job = {
         "code": look_up_code(made, language, "layers"),
@@ -74,6 +78,36 @@ def test_the_browser_draws_what_the_map_says(secure, monkeypatch, language, name
         truth = cases.expected(made, normals, views, *surface)
         np.testing.assert_allclose(found, truth, rtol=0, atol=PRECISION * np.abs(truth).max())
     assert (secure.errors, secure.requests) == ([], [])
+
+
+@pytest.mark.parametrize("name", [name for name in cases.FORMS if name not in WITHOUT])
+@pytest.mark.parametrize("language", DRAW)
+def test_the_browser_looks_up_with_parallax(secure, monkeypatch, language, name):
+    cases.filter_bilinearly(monkeypatch)
+    made = boxed(cases.FORMS[name]())
+    normals, views = cases.points(100)
+    surface = 0.62, (0.9, 0.5, 0.04)
+    allowed = PRECISION
+    if name.startswith("principal"):
+        # Functions of degree 12 that are random tell directions apart that are rounded to 1e-7. The
+        # first normals are views as well, about which there is no azimuth but by rounding.
+        allowed, normals, views = 1e-4, normals[3:], views[3:]
+    for place in PLACES:
+        found = drawn(secure.page, made, normals, views, language, *surface, place)
+        truth = placed(made, normals, views, *surface, place)
+        np.testing.assert_allclose(found, truth, rtol=0, atol=allowed * np.abs(truth).max())
+    assert (secure.errors, secure.requests) == ([], [])
+
+
+@pytest.mark.parametrize("language", DRAW)
+def test_the_browser_computes_irradiance_with_parallax(secure, language):
+    made = make(6)
+    made = replace(made, info=replace(made.info, options={"reading": {"proxy": BOX}}))
+    normals, views = (each.astype(np.float32).astype(float) for each in cases.points(100))
+    for place in PLACES:
+        found = drawn(secure.page, made, normals, views, language, place=place)
+        truth = made.irradiance(made.info.proxy.directions(np.array(place), normals))
+        np.testing.assert_allclose(found, truth, rtol=0, atol=1e-5 * np.abs(truth).max())
 
 
 LIGHT = {

@@ -41,7 +41,7 @@ class Unreal(Engine):
             f"{name} {', '.join(f'{each + 0:g}' for each in of)}" for name, of in numbers.items()
         ]
         return [
-            "// Box Reflection Capture, from metres: Source Type Specified Cubemap, this Cubemap",
+            "// or a Box Reflection Capture, Source Type Specified Cubemap; from metres:",
             f"// {'; '.join(texts)}",
         ]
 
