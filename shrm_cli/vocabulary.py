@@ -101,6 +101,9 @@ ENGINES: dict[str, str] = {
 }
 """Each engine that light is exported for, and its module of `shrm_cli.export.engines`."""
 
+PROXY_ATTRIBUTE = "shrm:proxy"
+"""The attribute of a probe's file that holds the record of the box around its place, as JSON."""
+
 TEXEL_FORMATS: tuple[str, ...] = (
     "auto", "r11g11b10", "rgb9e5", "rgba16f", "bc6h", "uastc", "astc4x4", "astc6x6"
 )  # fmt: skip

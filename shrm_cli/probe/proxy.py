@@ -19,9 +19,8 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
+from shrm_cli.vocabulary import PROXY_ATTRIBUTE
 
-ATTRIBUTE = "shrm:proxy"
-"""The attribute of a probe's file that holds the record of its box, as JSON."""
 PARALLEL = 1e-9
 """The component below which a direction counts as parallel to a face."""
 
@@ -127,7 +126,7 @@ class ProxyBox:
 
 def box_attributes(proxy: ProxyBox | None) -> dict[str, str]:
     """Return the attributes of a probe's file that hold its box; none where there is no box."""
-    return {} if proxy is None else {ATTRIBUTE: json.dumps(proxy.record())}
+    return {} if proxy is None else {PROXY_ATTRIBUTE: json.dumps(proxy.record())}
 
 
 def carried(vectors: ArrayLike, before: ArrayLike, after: ArrayLike) -> Array:

@@ -127,8 +127,14 @@ class MovedMap:
 
     @property
     def info(self) -> MapInfo:
-        """How the first map was made."""
-        found: MapInfo = self.first.info
+        """How the first map was made; the box of a room does not turn with the light."""
+        found: MapInfo = self.first.info.without_box()
+        return found
+
+    @property
+    def center(self) -> str:
+        """The central direction of the first map."""
+        found: str = self.first.center
         return found
 
     def radiance(
