@@ -19,11 +19,19 @@ from shrm_cli.cli.options import (
     warn,
 )
 from shrm_cli.cli.outputs import PAGES, check_outputs
-from shrm_cli.cli.shading import lit_maps, needs_surface, surface_of, surface_options
+from shrm_cli.cli.shading import (
+    brushed_options,
+    brushed_rules,
+    lit_maps,
+    needs_surface,
+    surface_of,
+    surface_options,
+)
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.vocabulary import DEFAULT_TAPS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,6 +66,7 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     "several times, the truth is known of all of them.  [default: 0,0]",
 )  # fmt: skip
 @surface_options
+@brushed_options
 @click.option(
     "--exposure", type=STOPS, metavar="EV",
     help="Stops at the beginning.  [default: what suits the first MAP]",
@@ -90,6 +99,8 @@ def view(
     views: tuple[tuple[float, float], ...],
     roughness: float | None,
     f0: str | None,
+    anisotropy: float | None,
+    taps: int | None,
     exposure: float | None,
     brdf: str | None,
     truth_size: int,
@@ -138,10 +149,12 @@ def view(
         check_outputs([output], files=files, specs=[brdf], suffixes=PAGES)
     opened, notes = lit_maps([open_map(path) for path in maps], maps, light, None)
     refuse_inapplicable(needs_surface(opened))
+    refuse_inapplicable(brushed_rules(opened))
     surface = surface_of(roughness, f0, opened[0].info.chromaticities)
-    start = Start(views, exposure, surface.number("roughness"), surface.color("f0"))
+    shown = surface.number("roughness"), surface.color("f0"), anisotropy or 0.0
+    start = Start(views, exposure, *shown, taps or DEFAULT_TAPS)
     told: list[str] = []
-    if roughness is None and f0 is None:
+    if roughness is None and f0 is None and anisotropy is None:
         start, told = _as_beside(start, opened, maps)
     with progress_bar("integrating") as progress:
         own = None
@@ -186,19 +199,25 @@ def _as_beside(
 ) -> tuple[Start, list[str]]:
     """Show maps of light alone with the surface that a map beside them was made for.
 
+    The anisotropy is that of the surface, too, where all of them can be shown with one.
+
     Returns
     -------
     start : Start
-        With the roughness and f0 of the first map of plain GGX, where a map beside it needs them.
+        With the roughness, f0 and anisotropy of the first map of plain GGX, where a map beside it
+        needs them.
     told : list of str
         A line that says so.
     """
     from shrm_cli.brdf.models.ggx import Ggx
     from shrm_cli.errors import BrdfError
     from shrm_cli.maps.provenance import common_brdf, spec_of
+    from shrm_cli.render.shading import can_be_brushed
 
     if not any(each.needs_surface for each in opened):
         return start, []
+    lit = [each for each in opened if each.needs_surface]
+    is_brushable = all(map(can_be_brushed, lit))
     for made, name in zip(opened, names, strict=True):
         same = made.info.chromaticities == opened[0].info.chromaticities
         if made.needs_surface or made.info.brdf.get("name") != "ggx" or not same:
@@ -207,8 +226,14 @@ def _as_beside(
             brdf = common_brdf({name: made.info})
         except BrdfError:
             continue
-        if isinstance(brdf, Ggx) and brdf.isotropic and not brdf.film:
-            shown = replace(start, roughness=brdf.number("roughness"), f0=brdf.color("f0"))
+        if isinstance(brdf, Ggx) and (brdf.isotropic or is_brushable) and not brdf.film:
+            rough, anisotropy = brdf.number("roughness"), 0.0
+            if not brdf.isotropic:
+                ax, ay = brdf.alphas
+                if ax < ay:
+                    continue
+                rough, anisotropy = ay**0.5, ((ax - ay) / (1 - ay)) ** 0.5
+            shown = replace(start, roughness=rough, f0=brdf.color("f0"), anisotropy=anisotropy)
             line = f"maps of light alone have the surface of {name}, {spec_of(made.info.brdf)}"
             return shown, [line]
     return start, []
