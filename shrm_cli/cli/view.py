@@ -226,14 +226,9 @@ def _as_beside(
             brdf = common_brdf({name: made.info})
         except BrdfError:
             continue
-        if isinstance(brdf, Ggx) and (brdf.isotropic or is_brushable) and not brdf.film:
-            rough, anisotropy = brdf.number("roughness"), 0.0
-            if not brdf.isotropic:
-                ax, ay = brdf.alphas
-                if ax < ay:
-                    continue
-                rough, anisotropy = ay**0.5, ((ax - ay) / (1 - ay)) ** 0.5
-            shown = replace(start, roughness=rough, f0=brdf.color("f0"), anisotropy=anisotropy)
+        surface = brdf.brushed_surface if isinstance(brdf, Ggx) else None
+        if surface is not None and (is_brushable or not surface[1]):
+            shown = replace(start, roughness=surface[0], anisotropy=surface[1], f0=surface[2])
             line = f"maps of light alone have the surface of {name}, {spec_of(made.info.brdf)}"
             return shown, [line]
     return start, []
