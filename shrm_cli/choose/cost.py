@@ -20,6 +20,8 @@ _TRIANGLES = 20 * 3 * 9 + 3 * 20 + 3 + 9
 """Of Cabral's mixture: three volumes of each triangle, three solid angles, shares and colours."""
 _GREY = 47
 """Of an SH exponential for one f0, without its series."""
+_PAIR, _ALONE, _BRUSHED = 128, 79, 94
+"""Of two taps of brushed GGX, of one in the middle, and of all that is around them."""
 
 
 @record
@@ -59,6 +61,15 @@ def _bundle(p: int) -> int:
 def split_sum_cost() -> Cost:
     """Return the cost of a split sum, whose levels are linear in the roughness."""
     return Cost(2 + 4, _MIRROR + 1 + 3 + 3 + _BILINEAR + 6)
+
+
+def brushed_cost(taps: int) -> Cost:
+    """Return the cost of brushed GGX under a split sum, whose table is looked up twice.
+
+    Taps beside the middle are pairs, which have their numbers together.
+    """
+    pairs, alone = divmod(taps, 2)
+    return Cost(2 * taps + 2 * 4, _PAIR * pairs + _ALONE * alone + _BRUSHED)
 
 
 def exponential_cost(order_p: int, order_q: int, is_grey: bool) -> Cost:

@@ -10,6 +10,7 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.choose.cost import (
     Cost,
+    brushed_cost,
     cabral_cost,
     exponential_cost,
     irradiance_cost,
@@ -20,10 +21,12 @@ from shrm_cli.choose.truth import Truth
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.size import stored_bytes, total_error
+from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
+from shrm_cli.vocabulary import TAP_COUNTS
 
 _ORDERS = 2, 4, 8
 """The orders of irradiance that are offered: nine coefficients, 25 and 81."""
@@ -45,10 +48,13 @@ class Wanted:
     arguments : dict
         Those of `shrm_cli.prefilter.prefilter`, without the BRDF.
     needs_brdf : bool
+    taps : {3, 5, 8}, optional
+        How many look-ups a split sum of brushed GGX takes.
     """
 
     arguments: Mapping[str, Any]
     needs_brdf: bool = False
+    taps: int | None = None
 
 
 def others_of(brdf: Brdf) -> list[Wanted]:
@@ -63,6 +69,8 @@ def others_of(brdf: Brdf) -> list[Wanted]:
             given = {} if size is None else {"size": size}
             found.append(Wanted({"to": "splitsum", "levels": (own,), **given}))
         found.append(Wanted({"to": "she", "roughness": (own, own)}))
+    if isinstance(brdf, Ggx) and not brdf.isotropic and brdf.brushed_surface is not None:
+        found += [Wanted({"to": "splitsum"}, taps=taps) for taps in TAP_COUNTS]
     if brdf.isotropic:
         found.append(Wanted({"to": "cabral", "max_size": _CABRAL}, needs_brdf=True))
     return found
@@ -86,13 +94,16 @@ def made_offer(
         return prefilter_with_facts(probe, form, given, progress).map
 
     made = make(progress)
-    shown, scale = made, np.ones(3)
-    if made.needs_surface:
+    shown: Map | BrushedSplitSum = made
+    scale = np.ones(3)
+    if wanted.taps is not None:
+        shown = _brushed(made, brdf, wanted.taps)
+    elif made.needs_surface:
         shown = made.shaded(brdf.number("roughness"), brdf.color("f0"))
     elif form == "irradiance":
         scale = np.array(brdf.color("albedo"))
     error, share = truth.errors(shown, scale)
-    what, stored, cost = _described(made, brdf)
+    what, stored, cost = _described(made, brdf, wanted.taps)
     measured: tuple[str, ...] = ("error", "wrong_share")
     if not made.needs_surface:
         info = made.info
@@ -104,7 +115,13 @@ def made_offer(
     )  # fmt: skip
 
 
-def _described(made: Any, brdf: Brdf) -> tuple[str, int, Cost]:
+def _brushed(made: Any, brdf: Any, taps: int) -> BrushedSplitSum:
+    """Return a split sum as brushed GGX shows it."""
+    roughness, anisotropy, f0 = brdf.brushed_surface
+    return BrushedSplitSum(made, roughness, f0, anisotropy, taps)
+
+
+def _described(made: Any, brdf: Brdf, taps: int | None) -> tuple[str, int, Cost]:
     """Return a map in words, the bytes that its shader reads, and what that takes."""
     if made.representation == "irradiance":
         count = len(made.coefficients)
@@ -118,5 +135,7 @@ def _described(made: Any, brdf: Brdf) -> tuple[str, int, Cost]:
     what = f"{counted(len(planes), 'cube')} of {made.size}"
     if made.representation == "splitsum":
         levels = counted(len(planes), "level")
+        if taps is not None:
+            return f"{levels} of {made.size}, {taps} taps", stored, brushed_cost(taps)
         return f"{levels} of {made.size}", stored, split_sum_cost()
     return what, stored, cabral_cost(made.center)

@@ -18,7 +18,7 @@ from shrm_cli.cli.options import (
     warn,
 )
 from shrm_cli.cli.outputs import PAGES, check_outputs
-from shrm_cli.cli.shading import needs_surface, surface_options
+from shrm_cli.cli.shading import brushed_options, brushed_rules, needs_surface, surface_options
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _MAX_SIZE = 64 * 10**6
 """The most bytes of a page that is written, where no other number is given."""
 _TRUTH_SIZE = 192
-_SHOWN = ("views", "roughness", "f0", "exposure", "source_height", "exact")
+_SHOWN = ("views", "roughness", "f0", "anisotropy", "taps", "exposure", "source_height", "exact")
 """Arguments that `shrm_cli.view.show.view` takes as they are."""
 _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 
@@ -56,6 +56,7 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     "several times, the truth is known of all of them.  [default: 0,0]",
 )  # fmt: skip
 @surface_options
+@brushed_options
 @click.option(
     "--exposure", type=STOPS, metavar="EV",
     help="Stops at the beginning.  [default: what suits the first MAP]",
@@ -118,6 +119,7 @@ def view(
         check_outputs([output], files=files, specs=[brdf], suffixes=PAGES)
     opened = [open_map(path) for path in maps]
     refuse_inapplicable(needs_surface(opened))
+    refuse_inapplicable(brushed_rules(opened))
     with progress_bar("integrating") as progress:
         shown = view_of(
             opened, light, brdf, names=maps, mesh=mesh, **shown_as,

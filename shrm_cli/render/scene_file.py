@@ -5,8 +5,10 @@ An example, with everything that an object may have:
     [[objects]]
     mesh = "bunny.obj"              # beside the scene file, as are all files that it names
     map = "city.splitsum.exr"       # by default the MAP of the command line
-    roughness = 0.3                 # these three for maps of light alone
+    roughness = 0.3                 # these five for maps of light alone
     f0 = "gold"                     # or a number, or [R, G, B]
+    anisotropy = 0.6                # these two for split sums of GGX
+    taps = 8                        # 3, 5 or 8
     irradiance = "city.irradiance.exr"
     brush = [1, 0, 0]               # or "uv": what the tangents follow
     vary = "wear.png"               # or "vertex": what a parameter that varies follows
@@ -37,17 +39,17 @@ from shrm_cli.maps.file import open_map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
 from shrm_cli.render.paint import Paint
-from shrm_cli.render.shading import reflectance
+from shrm_cli.render.shading import can_be_brushed, reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
 from shrm_cli.render.textures import Shelf
 from shrm_cli.render.variation import open_variation
-from shrm_cli.vocabulary import MIN_ROUGHNESS
+from shrm_cli.vocabulary import MIN_ROUGHNESS, TAP_COUNTS
 
 MOST_OBJECTS = 256
 _MOST_BYTES = 2**20
 _LARGEST = 1e30
 _KEYS = (
-    "mesh", "map", "roughness", "f0", "irradiance", "brush", "vary", "plain",
+    "mesh", "map", "roughness", "f0", "anisotropy", "taps", "irradiance", "brush", "vary", "plain",
     "translate", "rotate", "scale",
 )  # fmt: skip
 
@@ -216,10 +218,16 @@ def _actor(
         _brush(given.get("brush")),
         _vary(folder, _text(given, "vary")),
         _plain(given.get("plain", False)),
+        _anisotropy(given),
+        _taps(given),
     )
     if shown.brush == "uv" and mesh.uvs is None:
         raise ValueError(f"brush cannot be uv: {mesh.name} has no texture coordinates; name others")
     light = shown.map or (maps[0] if maps else None)
+    if shown.anisotropy is not None and light is not None and not can_be_brushed(light):
+        raise ValueError(
+            "anisotropy is of split sums of GGX; other maps have a BRDF, ggx:anisotropy="
+        )
     moved = mesh.transformed(
         transformation(
             _numbers(given, "translate", 0.0),
@@ -269,6 +277,20 @@ def _roughness(given: Mapping[str, Any]) -> float | None:
     if value is not None and not (is_number(value) and MIN_ROUGHNESS <= value <= 1):
         raise ValueError(f"roughness must be a number within {MIN_ROUGHNESS:g} .. 1; correct it")
     return value
+
+
+def _anisotropy(given: Mapping[str, Any]) -> float | None:
+    value = given.get("anisotropy")
+    if value is not None and not (is_number(value) and 0 <= value <= 1):
+        raise ValueError("anisotropy must be a number within 0 .. 1; correct it")
+    return value
+
+
+def _taps(given: Mapping[str, Any]) -> int | None:
+    value = given.get("taps")
+    if value is None or (isinstance(value, int) and value in TAP_COUNTS and "anisotropy" in given):
+        return value
+    raise ValueError("taps are 3, 5 or 8, with anisotropy; correct them")
 
 
 def _f0(value: Any) -> str | None:

@@ -18,7 +18,7 @@ from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
 from shrm_cli.render.boxed import Vectors, parts_of, seen_from
 from shrm_cli.render.paint import Paint, Painted
-from shrm_cli.render.shading import ggx_surface, outside_range, shown_as
+from shrm_cli.render.shading import can_be_brushed, ggx_surface, outside_range, shown_as
 from shrm_cli.render.variation import Variation
 from shrm_cli.render.varied import VariedSurface
 from shrm_cli.sphere.directions import horizontal_tangents
@@ -75,6 +75,8 @@ class Look:
             raise MapError("an object of the scene has no map; name one")
         if not chosen.needs_surface:
             return Reflector(chosen, variation=self.variation, paint=self.paint)
+        if self.anisotropy is not None and not can_be_brushed(chosen):
+            raise MapError(f"anisotropy is of split sums of GGX, not of {chosen.what}")
         if self.paint is not None:
             varied = VariedSurface(chosen, self.anisotropy, self.taps)
             return Reflector(chosen, None, self.irradiance, None, self.paint, varied, self.f0)

@@ -12,14 +12,17 @@ from shrm_cli.maps.product.product import ProductMap
 from shrm_cli.maps.provenance import spec_of
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
-from shrm_cli.render.shading import takes_f0
+from shrm_cli.render.shading import can_be_brushed, takes_f0
 from shrm_cli.view.blocks import Blocks
+from shrm_cli.vocabulary import DEFAULT_TAPS
 
 _LIGHT = ("shrm_layers", "shrm_product")
 """The textures of light, for which half precision will do; tables of numbers stay 32 bits."""
 
 
-def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, Any]:
+def described_map(
+    made: Map, name: str, file: str, blocks: Blocks, taps: int = DEFAULT_TAPS
+) -> dict[str, Any]:
     """Describe a map for the page, and keep its textures.
 
     Parameters
@@ -31,6 +34,8 @@ def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, 
         The name of its file, without a folder.
     blocks : Blocks
         Its textures are added to these.
+    taps : {3, 5, 8}, optional
+        How many look-ups the light of brushed surfaces takes.
 
     Returns
     -------
@@ -44,8 +49,9 @@ def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, 
     """
     if made.needs_light:
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")
+    brushed = taps if can_be_brushed(made) else None
     try:
-        code = look_up_code(made, "glsl", "layers")
+        code = look_up_code(made, "glsl", "layers", brushed)
         textures = pack(made)
     except MapError as error:
         raise MapError(
@@ -68,6 +74,7 @@ def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, 
         "code": code,
         "call": _call(made),
         "surface": made.needs_surface,
+        "brushed": brushed,
         "roughness": list(made.roughness_range),
         "textures": packed,
         "lighting": _lighting(made),
@@ -87,6 +94,9 @@ def _call(made: Map) -> str:
     surface = ", view_roughness" if made.needs_surface else ""
     surface += ", view_f0" if takes_f0(made) else ""
     call = f"shrm_radiance(n, v{surface})"
+    if can_be_brushed(made):
+        brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
+        call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"
     if isinstance(made, Irradiance):
         call = "shrm_irradiance(n) * 0.3183098861837907"
     matrix = to_rec709(made.info.chromaticities)

@@ -22,12 +22,12 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer, sphere_normals
-from shrm_cli.render.shading import reflectance
+from shrm_cli.render.shading import ggx_surface, reflectance, shown_as
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.forms import described_map
 from shrm_cli.view.shapes import described_shapes
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS
 
 SKY_ROWS = 512
 """The most rows of the probe behind the shape."""
@@ -58,12 +58,26 @@ class Start:
         Perceptual roughness of the GGX surface that maps of light alone are shown as.
     f0 : tuple of 3 float
         Its reflectance at normal incidence.
+    anisotropy : float
+        That of glTF; only split sums of GGX are shown with one.
+    taps : {3, 5, 8}
+        How many directions their light is looked up in, where they are brushed.
     """
 
     views: Sequence[tuple[float, float]] = ((0.0, 0.0),)
     exposure: float | None = None
     roughness: float = DEFAULT_ROUGHNESS
     f0: Color = (1.0, 1.0, 1.0)
+    anisotropy: float = 0.0
+    taps: int = DEFAULT_TAPS
+
+    def shown(self, made: Map) -> Map:
+        """Return a map as the page shows it first."""
+        if not made.needs_surface:
+            return made
+        surface = ggx_surface(self.roughness, self.f0, self.anisotropy)
+        found: Map = shown_as(made, surface, self.taps)
+        return found
 
 
 @record
@@ -157,7 +171,7 @@ def make_scene(
         raise ArgumentError("view", f"is given {len(start.views)} times; give 1 to {MOST_VIEWS}")
     blocks, names = Blocks(is_rounded), _names(files)
     described = [
-        described_map(each, name, Path(file).name, blocks)
+        described_map(each, name, Path(file).name, blocks, start.taps)
         for each, name, file in zip(maps, names, files, strict=True)
     ]
     description: dict[str, Any] = {
@@ -171,6 +185,7 @@ def make_scene(
             "exposure": start.exposure,
             "roughness": start.roughness,
             "f0": list(start.f0),
+            "anisotropy": start.anisotropy,
         },
         "metals": _metals(maps[0].info.chromaticities),
         "sky": None,
@@ -204,7 +219,7 @@ def _add_truth(
     progress: Progress | None,
 ) -> None:
     """Add pictures of the truth, if the maps are of one BRDF."""
-    shown = [each.shaded(start.roughness, start.f0) for each in maps]
+    shown = [start.shown(each) for each in maps]
     brdf = truth.brdf
     if brdf is None:
         infos = {file: each.info for file, each in zip(files, shown, strict=True)}
@@ -224,6 +239,7 @@ def _add_truth(
                 "view": list(view),
                 "roughness": start.roughness,
                 "f0": list(start.f0),
+                "anisotropy": start.anisotropy,
                 "picture": scene.blocks.texture(picture, "the truth", is_half=False),
             }
         )

@@ -16,8 +16,10 @@ from shrm_cli.probe.probe import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.render.lit import lit_maps, surface_of
+from shrm_cli.render.shading import can_be_brushed
 from shrm_cli.view.page import page
 from shrm_cli.view.scene import TRUTH_SIZE, Scene, Start, Truth, make_scene
+from shrm_cli.vocabulary import DEFAULT_TAPS
 
 
 @record(eq=False)
@@ -52,6 +54,8 @@ def view(
     views: Sequence[tuple[float, float]] = ((0.0, 0.0),),
     roughness: float | None = None,
     f0: str | None = None,
+    anisotropy: float | None = None,
+    taps: int | None = None,
     exposure: float | None = None,
     truth_size: int = TRUTH_SIZE,
     source_height: int | None = None,
@@ -74,9 +78,9 @@ def view(
     mesh : path-like, optional
     views : sequence of 2 float
         Azimuth and elevation of the first view, and of others that have a truth, degrees.
-    roughness, f0
+    roughness, f0, anisotropy, taps
         The surface that maps of light alone are shown as first; by default that of a map of GGX
-        beside them.
+        beside them. Split sums of GGX alone are shown brushed.
     exposure : float, optional
         Stops; by default the page finds them.
     truth_size : int
@@ -110,9 +114,10 @@ def view(
     opened = [each if isinstance(each, Map) else open_map(each) for each in maps]
     opened, notes = lit_maps(opened, names, light, None)
     surface = surface_of(roughness, f0, opened[0].info.chromaticities if opened else None)
-    start = Start(views, exposure, surface.number("roughness"), surface.color("f0"))
+    first = surface.number("roughness"), surface.color("f0"), anisotropy or 0.0
+    start = Start(views, exposure, *first, taps or DEFAULT_TAPS)
     told: list[str] = []
-    if roughness is None and f0 is None:
+    if roughness is None and f0 is None and anisotropy is None:
         start, told = _as_beside(start, opened, names)
     if isinstance(brdf, str):
         brdf = parse_spec(brdf, primaries=None if light is None else light.chromaticities)
@@ -131,15 +136,19 @@ def _as_beside(
 ) -> tuple[Start, list[str]]:
     """Show maps of light alone with the surface that a map beside them was made for.
 
+    The anisotropy is that of the surface, too, where all of them can be shown with one.
+
     Returns
     -------
     start : Start
-        With the roughness and f0 of the first map of plain GGX, where a map beside it needs them.
+        With the roughness, f0 and anisotropy of the first map of plain GGX, where a map beside it
+        needs them.
     told : list of str
         A line that says so.
     """
     if not any(each.needs_surface for each in opened):
         return start, []
+    is_brushable = all(can_be_brushed(each) for each in opened if each.needs_surface)
     for made, name in zip(opened, names, strict=True):
         same = made.info.chromaticities == opened[0].info.chromaticities
         if made.needs_surface or made.info.brdf.get("name") != "ggx" or not same:
@@ -148,8 +157,9 @@ def _as_beside(
             brdf = common_brdf({name: made.info})
         except BrdfError:
             continue
-        if isinstance(brdf, Ggx) and brdf.isotropic and not brdf.film:
-            shown = replace(start, roughness=brdf.number("roughness"), f0=brdf.color("f0"))
+        surface = brdf.brushed_surface if isinstance(brdf, Ggx) else None
+        if surface is not None and (is_brushable or not surface[1]):
+            shown = replace(start, roughness=surface[0], anisotropy=surface[1], f0=surface[2])
             line = f"maps of light alone have the surface of {name}, {spec_of(made.info.brdf)}"
             return shown, [line]
     return start, []

@@ -13,6 +13,7 @@ from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import TRIED_SIZES
+from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Projection
 from tests.brute_force import unit
@@ -193,7 +194,31 @@ def test_progress_never_falls():
 
 
 @pytest.mark.proof
-def test_brushed_materials_are_offered_no_form_without_tangents():
-    (found,) = shrm.choose(light(0, 5), "ggx:roughness=0.8,anisotropy=0.5")
-    assert {offer.form for offer in found.offers} == {"principal"}
+@pytest.mark.parametrize("spec", ["ggx:roughness=0.8,anisotropy=0.5,f0=gold", "ggx:ax=0.9,ay=0.4"])
+def test_brushed_materials_are_offered_taps_beside_principal_maps(spec):
+    """Forms that know no tangent are not offered. Errors are those beside the truth, elsewhere."""
+    probe, rng = light(0, 5), np.random.default_rng(1)
+    (found,) = shrm.choose(probe, spec)
     assert not found.warnings
+    assert {offer.form for offer in found.offers} == {"principal", "splitsum"}
+    taps = [offer for offer in found.offers if offer.form == "splitsum"]
+    assert sorted(offer.look_ups for offer in taps) == [14, 18, 24]
+    brdf = parse_spec(spec)
+    ax, ay = brdf.alphas
+    mirrors, views = unit(rng, 1500), unit(rng, 1500)
+    normals = (mirrors + views) / np.linalg.norm(mirrors + views, axis=1, keepdims=True)
+    truth = shrm.reference(probe, spec, normals, views)
+    stretch = ((ax - ay) / (1 - ay)) ** 0.5
+    for offer in taps:
+        count = (offer.look_ups - 8) // 2
+        shown = BrushedSplitSum(offer.make(), ay**0.5, brdf.color("f0"), stretch, count)
+        missed = shown.radiance(normals, views) - truth
+        error = np.linalg.norm(missed) / np.linalg.norm(truth)
+        assert offer.error == pytest.approx(error, rel=0.3, abs=0.003)
+        wrong = np.abs(missed @ LUMINANCE) > 0.05 * (truth @ LUMINANCE)
+        assert offer.wrong_share == pytest.approx(wrong.mean(), abs=0.05)
+
+
+def test_surfaces_brushed_along_the_tangent_alone_have_no_taps():
+    (found,) = shrm.choose(light(0, 5), "ggx:ax=0.4,ay=0.9")
+    assert {offer.form for offer in found.offers} == {"principal"}

@@ -9,6 +9,7 @@ import pytest
 from shrm_cli.choose import cost
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.vocabulary import TAP_COUNTS
 from tests.maps.scenes import make_info, make_shrm
 from tests.maps.shader import cases
 
@@ -55,6 +56,7 @@ static vec4 texelFetch(sampler2DArray, ivec3, int) { return look(); }
 #define highp
 #define float F
 """
+BRUSHED = "0.5, 0.6, vec3(1.0, 0.8, 0.4)"
 POINT = "vec3(0.6, 0.0, 0.8), vec3(-0.28, 0.576, 0.768)"
 
 MADE = {
@@ -93,6 +95,10 @@ MADE = {
         ", 0.5, vec3(.04, .04, .04)",
         cost.split_sum_cost(),
     ),
+    **{
+        f"splitsum, {taps} taps": (cases.FORMS["splitsum linear"], taps, cost.brushed_cost(taps))
+        for taps in TAP_COUNTS
+    },
     "she grey": (
         cases.FORMS["she lobe"],
         ", 0.5, vec3(.04, .04, .04)",
@@ -129,9 +135,14 @@ def test_costs_are_those_of_the_code(tmp_path):
     for number, (make, surface, _) in enumerate(MADE.values()):
         made = make()
         is_diffuse = made.representation == "irradiance"
-        parts.append(f"namespace n{number} {{\n{as_cpp(look_up_code(made, 'glsl'))}}}\n")
+        taps = surface if isinstance(surface, int) else None
+        code = as_cpp(look_up_code(made, "glsl", taps=taps))
+        parts.append(f"namespace n{number} {{\n{code}}}\n")
         point = POINT if not is_diffuse else POINT.partition("), ")[0] + ")"
         call = f"n{number}::shrm_{'ir' if is_diffuse else ''}radiance({point}{surface})"
+        if isinstance(surface, int):
+            normal, view = POINT.split(", v")
+            call = f"n{number}::shrm_brushed({normal}, vec3(0.8, 0.0, -0.6), v{view}, {BRUSHED})"
         call = f"vec3(1., .5, .2) * {call}" if is_diffuse else call  # times the albedo
         calls.append(f'work = fetched = 0; {call}; printf("%ld %ld\\n", fetched, work);')
     main = "#undef float\nint main() {\n" + "\n".join(calls) + "\nreturn 0; }\n"

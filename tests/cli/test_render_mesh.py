@@ -183,6 +183,10 @@ BAD = {
     BALL + "f0 = [1, 2]": "f0",
     BALL + "brush = [0, 0, 0]": "brush",
     BALL + 'brush = "uv"': "bad.toml: object 1: brush cannot be uv",
+    BALL + "anisotropy = 0.5": "split sums of GGX",
+    BALL + 'map = "split.exr"\nanisotropy = 2': "within 0 .. 1",
+    BALL + 'map = "split.exr"\nanisotropy = 0.5\ntaps = 4': "3, 5 or 8",
+    BALL + 'map = "split.exr"\ntaps = 5': "with anisotropy",
     BALL + "scale = 0": "scale",
     BALL + "scale = inf": "scale",
     BALL + "scale = [1, 1, 1" + "0" * 400 + "]": "scale",
@@ -207,6 +211,20 @@ def test_a_scene_with_maps_of_its_own_takes_no_other(folder):
     assert "leave MAP out" in refused("a.exr", "--mesh", "own.toml")
     done("--mesh", "own.toml", "--size", "16")
     assert (folder / "own.png").exists()
+
+
+def test_an_object_is_brushed_as_a_mesh_alone_is(folder):
+    """Of several objects, each may be: the other one does not change."""
+    surface = "roughness = 0.4\nanisotropy = 0.7\ntaps = 8\nbrush = [0, 1, 0]\n"
+    (folder / "brushed.toml").write_text(BALL + surface)
+    camera = ("--size", "24", "--fov", "40", "--distance", "4", "--target", "0,0,0")
+    done("split.exr", "--mesh", "brushed.toml", *camera, "-o", "x.exr")
+    options = ("--roughness", "0.4", "--anisotropy", "0.7", "--taps", "8", "--brush", "0,1,0")
+    done("split.exr", "--mesh", "ball.obj", *options, *camera, "-o", "y.exr")
+    even = ("--roughness", "0.4", "--brush", "0,1,0")
+    done("split.exr", "--mesh", "ball.obj", *even, *camera, "-o", "z.exr")
+    np.testing.assert_array_equal(read("x.exr"), read("y.exr"))
+    assert np.abs(read("x.exr") - read("z.exr")).max() > 0.02
 
 
 def test_surfaces_of_a_file_are_drawn_and_said(folder):

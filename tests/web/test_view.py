@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.maps.provenance import record_of
+from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe, open_probe
@@ -115,6 +117,47 @@ def test_pictures_of_every_form(watched, tmp_path, monkeypatch):
         )
     assert watched.errors == []
     assert [url[:8] for url in watched.requests] == ["file:///"]
+
+
+@pytest.mark.parametrize("taps", [3, 8])
+def test_brushed_surfaces_of_split_sums(watched, tmp_path, probe, taps, monkeypatch):
+    """The page shows those of `shrm render --anisotropy --taps`, and even ones at anisotropy 0."""
+    made, f0 = prefilter(probe, to="splitsum"), (1, 0.5, 0.1)
+    start = Start(((33.0, -21.0),), None, 0.5, f0, 0.7, taps)
+    truth = Truth(None, 64, 32)
+    page = opened(
+        watched, make_page(make_scene([made], ["a"], probe, None, start, truth)), tmp_path
+    )
+    surfaces = {
+        0.7: BrushedSplitSum(made, 0.5, f0, 0.7, taps),
+        0.0: Shaded(made, 0.5, f0),
+    }
+    cases.filter_bilinearly(monkeypatch)
+    for anisotropy, surface in surfaces.items():
+        found = read(page, 48, background="plain", anisotropy=anisotropy)[..., :3]
+        expected = render_sphere(surface, Viewer(33, -21), 48)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=2 * HALF * expected.max())
+        assert page.locator(".missing").is_hidden() == (anisotropy == 0.7)
+    view(page, "view.set({anisotropy: 0.7});")
+    brdf = Ggx(roughness=0.5, anisotropy=0.7, f0=f0)
+    exact = render_sphere(Reference(probe, brdf, 32, exact=True), Viewer(33, -21), 32)
+    found = read(page, 32, 1, background="plain")[..., :3]
+    assert np.sqrt(np.mean((found - exact) ** 2) / np.mean(exact**2)) < 0.005
+    page.locator('[name="anisotropy"]').fill("0.25")
+    assert state(page, "anisotropy") == 0.25
+    assert watched.errors == []
+
+
+def test_brushed_principal_maps(watched, tmp_path, probe):
+    """Their tangents run around +Y, as in `shrm render`."""
+    made = prefilter(probe, "ggx:roughness=0.6,anisotropy=0.6", to="principal")
+    page = opened(watched, make_page(make_scene([made], ["a"])), tmp_path)
+    assert page.locator('[name="anisotropy"]').is_hidden()
+    found = read(page, 48, view=VIEW, background="plain")[..., :3]
+    expected = render_sphere(made, Viewer(33, -21), 48)
+    error = np.sqrt(np.mean((found - expected) ** 2) / np.mean(expected**2))
+    assert error < np.hypot(made.info.filter_error, HALF) + 4e-3  # of 24 azimuths a quarter turn
+    assert watched.errors == []
 
 
 def test_pages_of_rounded_textures(watched, tmp_path, probe):

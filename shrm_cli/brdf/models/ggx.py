@@ -105,6 +105,15 @@ class Ggx(Brdf):
             return None
         return self.number("roughness"), self.color("f0")
 
+    @property
+    def brushed_surface(self) -> tuple[float, float, Color] | None:
+        """The roughness, the anisotropy of glTF and f0 of a surface that they say all of."""
+        ax, ay = self.alphas
+        if self.film or ax < ay:
+            return None
+        anisotropy = 0.0 if self.isotropic else math.sqrt((ax - ay) / (1 - ay))
+        return math.sqrt(ay), anisotropy, self.color("f0")
+
     def _distribution(self, half: Half) -> Array:
         """The distribution D of normals of facets, Heitz 2014, eq. 85."""
         if self.isotropic:

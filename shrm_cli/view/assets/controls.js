@@ -70,6 +70,7 @@ Controls.prototype.fill = function () {
   scene.metals.forEach(function (metal, number) { option(fields.metal, String(number), metal.name); });
   option(fields.metal, "", "Own colour");
   this.root.querySelector('[data-group="surface"]').hidden = !viewer.needsSurface();
+  this.root.querySelector('[data-row="anisotropy"]').hidden = !viewer.canBeBrushed();
   if (scene.maps.length + scene.truths.length < 2)
     this.root.querySelector('[data-group="compare"]').hidden = true;
   var bar = this.root.querySelector(".legend canvas"), pen = bar.getContext("2d");
@@ -98,6 +99,7 @@ Controls.prototype.changed = function (field) {
     case "exposure": return viewer.set({ exposure: value });
     case "background": return viewer.set({ background: field.value });
     case "roughness": return viewer.set({ roughness: value });
+    case "anisotropy": return viewer.set({ anisotropy: value });
     case "metal":
       if (field.value !== "") viewer.set({ f0: viewer.scene.metals[value].f0.slice() });
       return undefined;
@@ -166,6 +168,7 @@ Controls.prototype.update = function () {
   put("exposure", state.exposure, signed(state.exposure, 2) + " EV");
   put("background", state.background);
   put("roughness", state.roughness, state.roughness.toFixed(2));
+  put("anisotropy", state.anisotropy, state.anisotropy.toFixed(2));
   "rgb".split("").forEach(function (c, k) { put("f0" + c, Number(state.f0[k].toFixed(4))); });
   var metal = this.viewer.scene.metals.findIndex(function (each) {
     return each.f0.every(function (x, k) { return Math.abs(x - state.f0[k]) < 5e-5; });

@@ -36,6 +36,8 @@ function renderCommand(viewer) {
   if (map.surface) {
     words.push("--roughness", String(Number(state.roughness.toFixed(4))));
     words.push("--f0", state.f0.map(function (x) { return Number(x.toFixed(4)); }).join("/"));
+    if (map.brushed && state.anisotropy)
+      words.push("--anisotropy", String(Number(state.anisotropy.toFixed(4))), "--taps", String(map.brushed));
   }
   var shape = scene.shapes[state.shape];
   if (shape.file) {

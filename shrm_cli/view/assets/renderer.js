@@ -86,6 +86,7 @@ Renderer.prototype.common = function (state, width, height) {
     view_distance: this.scene.shapes[state.shape].distance || 1,
     view_roughness: state.roughness,
     view_f0: state.f0,
+    view_anisotropy: state.anisotropy,
     view_has_sky: state.background === "probe" && this.sky !== null,
   };
 };

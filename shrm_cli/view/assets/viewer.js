@@ -17,6 +17,7 @@ function startState(scene) {
     light: 0, // degrees that it is turned by
     exposure: start.exposure || 0,
     roughness: start.roughness,
+    anisotropy: start.anisotropy,
     f0: start.f0.slice(),
     background: scene.sky ? "probe" : "plain",
     a: { kind: "map", number: 0 },
@@ -87,6 +88,11 @@ Viewer.prototype.needsSurface = function () {
   return this.scene.maps.some(function (map) { return map.surface; });
 };
 
+// Whether all maps of light alone can be shown as brushed surfaces.
+Viewer.prototype.canBeBrushed = function () {
+  return this.needsSurface() && this.scene.maps.every(function (map) { return map.brushed || !map.surface; });
+};
+
 // The number of the picture of the truth that belongs to a state, or -1.
 Viewer.prototype.truthOf = function (state) {
   var scene = this.scene, needs = this.needsSurface();
@@ -94,6 +100,7 @@ Viewer.prototype.truthOf = function (state) {
     return state.shape === SPHERE_SHAPE && Math.abs(state.light) < 1e-3 &&
       isSameView(state.view, truth.view[0], truth.view[1]) &&
       (!needs || (Math.abs(truth.roughness - state.roughness) < 1e-6 &&
+        Math.abs(truth.anisotropy - state.anisotropy) < 1e-6 &&
         truth.f0.every(function (x, k) { return Math.abs(x - state.f0[k]) < 1e-6; })));
   });
 };
@@ -114,6 +121,7 @@ Viewer.prototype.goToTruth = function () {
   };
   if (this.needsSurface()) {
     changes.roughness = truth.roughness;
+    changes.anisotropy = truth.anisotropy;
     changes.f0 = truth.f0.slice();
   }
   this.set(changes);
