@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 import shrm_cli as shrm
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.environment.environment_brdf import environment_brdf
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.maps.she.prefilter import Problem, fit_logarithm
-from shrm_cli.maps.splitsum.expansion import expand
-from shrm_cli.maps.splitsum.prefilter import make_levels
+from shrm_cli.maps.splitsum.expansion import expand, faded_order
+from shrm_cli.maps.splitsum.prefilter import level_lobe, make_levels
 from shrm_cli.probe.lighting import project
 from tests.oracles import random_directions
 from tests.torch.setup import has_right_gradients, torch, variable
@@ -74,9 +73,9 @@ def test_levels_are_those_of_a_split_sum(real_probes, name):
     """The numpy code chooses the degrees that a level keeps, and where they fade out."""
     probe = shrm.open_probe(real_probes / f"{name}.exr")
     (cube,), (info,) = make_levels(probe, [0.5], 16, sizes=[16])
-    lighting = project(probe, 256)
-    lobe = compute_coefficients(GgxLobe(roughness=0.5), 256, 0, 1e-5)
-    carried = len(expand(lighting, lobe, 5e-4).multipliers) - 1
+    lobe = level_lobe(0.5, 5e-4, probe.height, 16)
+    lighting = project(probe, faded_order(lobe.order))
+    carried = len(expand(lighting, lobe.coefficients, 5e-4).multipliers) - 1
     levels = SplitSumLevels(carried, 16, whole=info.order_f)
     light = torch.from_numpy(lighting.coefficients)
     found = levels(light, torch.tensor([0.5], dtype=torch.float64))[0]
