@@ -19,6 +19,8 @@ MINUTES ?= 10
 FUZZ_FLAGS ?=
 # make bench BENCH="start sphere": only these, or BENCH=--print, which leaves README as it is
 BENCH ?=
+# make torch TORCH='torch --index-url URL': a build for processors alone is a tenth as large
+TORCH ?= '.[torch]'
 # make engines PROBE=probe.exr
 PROBE ?=
 # make tables TABLES_FLAGS="--short", or "--probes FOLDER" with real probes in another folder
@@ -39,7 +41,7 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test prove web site figures gallery .web-setup engines browser fuzz mutants bench tables survey scale taps probes batch clean distclean
+.PHONY: help install demo test prove web torch site figures gallery .web-setup engines browser fuzz mutants bench tables survey scale taps probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
@@ -47,6 +49,7 @@ help:
 	@echo 'make prove     the proofs that take long, which make test leaves out'
 	@echo 'make web       test pages and exports in Chromium and in engines, all of which it sets up'
 	@echo 'make browser   a page that prefilters a panorama without a server, in build/browser'
+	@echo 'make torch     test gradients, with PyTorch, which it installs'
 	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
 	@echo 'make mutants   change the planner in a hundred ways, and tell which ones no test notices'
@@ -99,7 +102,7 @@ demo: $(VENV)/.installed
 	@echo "The picture is $$(pwd)/build/demo/lacquer.png: truth, map, difference"
 
 # The tests start hundreds of processes. Each would compile all of shrm again if no bytecode were kept.
-test prove web: export PYTHONDONTWRITEBYTECODE :=
+test prove web torch: export PYTHONDONTWRITEBYTECODE :=
 
 test: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -121,6 +124,13 @@ $(VENV)/.web: $(VENV)/.dev
 
 web: .web-setup $(VENV)/.web
 	SHRM_WEB=1 $(BIN)/python -m pytest tests/web $(PYTEST_FLAGS)
+
+$(VENV)/.torch: $(VENV)/.dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(TORCH)
+	@touch $@
+
+torch: $(VENV)/.torch
+	$(BIN)/python -m pytest tests/torch
 
 engines: .web-setup $(VENV)/.web
 	$(BIN)/python -m tests.web.table $(if $(PROBE),'$(PROBE)') -o build/engines

@@ -16,6 +16,7 @@ EXTRAS = {
     "remote": ("fsspec",),
     "export": ("zstandard",),
     "astc": ("astc-encoder-py",),
+    "torch": ("torch",),
     "materialx": ("MaterialX",),
 }
 """The packages of each extra that users may want."""

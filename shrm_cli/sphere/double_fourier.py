@@ -20,7 +20,7 @@ from shrm_cli.parallel import at_once
 from shrm_cli.sphere.harmonics import legendre_columns, order_of
 
 _known_places = Memo(2**20)
-"""What `_by_m` returns for some orders; that of order 96 takes 0.1 MB."""
+"""What `places_by_m` returns for some orders; that of order 96 takes 0.1 MB."""
 
 Tables = tuple[slice, Array, tuple[Array, Array]]
 """Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
@@ -55,7 +55,7 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     count = order_of(len(coefficients)) + 1
     maps = coefficients.shape[1]
     columns = np.zeros((count * count, 2, maps))
-    place, cosine, sine = _by_m(count)
+    place, cosine, sine = places_by_m(count)
     columns[place, 0] = coefficients[cosine]
     columns[place[count:], 1] = coefficients[sine[count:]]
     flat = columns.reshape(count, count, 2 * maps)
@@ -63,7 +63,7 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     result = np.empty((count, 2 * maps, count))
     if count <= _KEPT_ORDER + 1:
         kept = kept_order(count - 1) + 1
-        for which, above, k, matrices in _known_matrices.get(kept, lambda: _matrices(kept)):
+        for which, above, k, matrices in _known_matrices.get(kept, lambda: fourier_matrices(kept)):
             chosen, target = flat[which, above].transpose(0, 2, 1), result[which, :, k]
             size = len(target), target.shape[2], chosen.shape[2]
             target[...] = chosen @ matrices[: size[0], : size[1], : size[2]].transpose(0, 2, 1)
@@ -120,13 +120,13 @@ def harmonics_from_moments(moments: Array) -> Array:
     columns = series.reshape(count * count, 2, maps)
     columns[count:] *= np.sqrt(2)
     result = np.empty((count**2, maps))
-    place, cosine, sine = _by_m(count)
+    place, cosine, sine = places_by_m(count)
     result[cosine] = columns[place, 0]
     result[sine[count:]] = columns[place[count:], 1]
     return result
 
 
-def _by_m(count: int) -> tuple[Indices, Indices, Indices]:
+def places_by_m(count: int) -> tuple[Indices, Indices, Indices]:
     """Where the harmonics of m = 0 .. order stand in tables by m, ordered by m and then by l.
 
     The first `count` of them have m = 0.
@@ -174,7 +174,7 @@ def _tables(order: int, part: range) -> list[Tables]:
     return _known_tables.get((order, part), lambda: _make_tables(order, part))
 
 
-def _matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
+def fourier_matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
     """The whole transform from coefficients of one m to Fourier coefficients, for all m.
 
     The factor sqrt(2) of real harmonics with m > 0 is in the matrices.

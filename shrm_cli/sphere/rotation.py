@@ -97,7 +97,7 @@ def rotated_again(coefficients: Array, rotation: Array) -> Array:
     if order > _REPEATED_ORDER:
         return transform_coefficients(coefficients, rotation)
     kept = kept_order(order)
-    blocks = _known_blocks.get((kept, rotation.tobytes()), lambda: _blocks(kept, rotation))
+    blocks = _known_blocks.get((kept, rotation.tobytes()), lambda: rotation_blocks(kept, rotation))
     result = np.empty_like(coefficients)
     for degree, block in enumerate(blocks[: order + 1]):
         rows = slice(degree**2, (degree + 1) ** 2)
@@ -105,7 +105,7 @@ def rotated_again(coefficients: Array, rotation: Array) -> Array:
     return result
 
 
-def _blocks(order: int, rotation: Array) -> list[Array]:
+def rotation_blocks(order: int, rotation: Array) -> list[Array]:
     """Return the matrix of a rotation between the harmonics of each degree; see `_turn_zyz`."""
     alpha, beta, gamma = euler_zyz(rotation)
     exchanged = bool(beta == np.pi / 2)
@@ -114,8 +114,9 @@ def _blocks(order: int, rotation: Array) -> list[Array]:
     back, between, after = (
         _phases(order, np.array([each])) for each in (-gamma - quarter, beta, alpha - quarter)
     )
+    is_known = order <= _CACHED_ORDER
     blocks = []
-    for quarter_turn in _known_turns.up_to(order):
+    for quarter_turn in _known_turns.up_to(order) if is_known else _right_angle_turns(order):
         matrix = quarter_turn.matrix
         block = _turned(matrix.T, back).T
         if not exchanged:

@@ -33,20 +33,20 @@ from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import rotated_again, transform_coefficients
 from shrm_cli.vocabulary import Sampling
 
-_X_POLAR = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+X_POLAR = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Rows: the world axes y, z, x, which are x', y' and the polar z' of the turned series."""
 
 # Quadrant q holds the points (1, s, t), s and t in [-1, 1], turned by q * 90 degrees about the
 # polar axis. Each row is a quadrant, the face that it is, whether the face's rows go down as s
 # falls, and whether its columns go right as t falls.
-_ALONG_Z = ((0, "+X", True, False), (2, "-X", False, True))
-_ALONG_X = (
+ALONG_Z = ((0, "+X", True, False), (2, "-X", False, True))
+ALONG_X = (
     (0, "+Y", True, False),
     (1, "+Z", False, True),
     (2, "-Y", True, False),
     (3, "-Z", True, False),
 )
-_AXES = _ALONG_Z, _ALONG_X
+_AXES = ALONG_Z, ALONG_X
 
 _known_waves = Memo(2**24)
 """Waves of some sizes and orders, those of size 64 and order 64 take 1.1 MB in single precision."""
@@ -105,7 +105,7 @@ class CubeSeries:
     @cached_property
     def _both(self) -> Array:
         """The series as they are, and turned, shape ((order+1)^2, 2, maps)."""
-        return np.stack([self._series, rotated_again(self._series, _X_POLAR)], axis=1)
+        return np.stack([self._series, rotated_again(self._series, X_POLAR)], axis=1)
 
     def planes(
         self,
@@ -165,7 +165,7 @@ def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
     is_large = fourier[0].size * len(half) > _LARGE
     parts = list(zip(_AXES, in_order(along, range(len(_AXES)), is_large), strict=True))
     count = fourier[0].shape[1]
-    step = _rows_at_once(len(_ALONG_X) * len(result) * result.itemsize, count, len(half))
+    step = _rows_at_once(len(ALONG_X) * len(result) * result.itemsize, count, len(half))
 
     def fill(start: int) -> None:
         rows = slice(start, start + step)
@@ -232,11 +232,11 @@ def _meridians(
     -------
     symmetric, antisymmetric : ndarray, shape (len(half), quadrants * 2 * maps, about order+1)
         Coefficients of the waves that keep and that change their sign under theta -> pi - theta,
-        in the order that `_waves` has.
+        in the order that `meridian_waves` has.
     """
     count, maps = fourier.shape[1], fourier.shape[-1]
     parts = []
-    for parity, waves in enumerate(_longitude_waves(count, quadrants, half, dtype)):
+    for parity, waves in enumerate(longitude_waves(count, quadrants, half, dtype)):
         series = fourier[:, parity::2].transpose(0, 1, 3, 2).astype(dtype, order="C")
         series = series.reshape(-1, maps * count)
         parts.append((waves @ series).reshape(len(half), -1, count))
@@ -247,7 +247,7 @@ def _meridians(
     )
 
 
-def _longitude_waves(
+def longitude_waves(
     count: int, quadrants: list[int], half: Array, dtype: np.dtype[Any]
 ) -> tuple[Array, Array]:
     """Cosines and sines of m times the longitudes of `_meridians`, m < count.
@@ -269,10 +269,10 @@ def _longitude_waves(
 
 
 def _kept_waves(count: int, s: Array, t: Array, dtype: np.dtype[Any]) -> tuple[Array, Array]:
-    """What `_waves` returns, in a precision; it is kept from one call to the next."""
+    """What `meridian_waves` returns, in a precision; it is kept from one call to the next."""
 
     def make() -> tuple[Array, Array]:
-        same, opposite = _waves(count, s, t)
+        same, opposite = meridian_waves(count, s, t)
         return same.astype(dtype), opposite.astype(dtype)
 
     return _known_waves.get((count, s.tobytes(), t.tobytes(), np.dtype(dtype)), make)
@@ -285,7 +285,7 @@ def _meridian_angles(quadrants: list[int], half: Array) -> Array:
     return np.moveaxis(phi, -1, 0).reshape(-1)
 
 
-def _waves(count: int, s: Array, t: Array) -> tuple[Array, Array]:
+def meridian_waves(count: int, s: Array, t: Array) -> tuple[Array, Array]:
     """Waves cos(k theta) and sin(k theta), k < count, at the points (1, s, t) / |(1, s, t)|.
 
     They are sorted by their symmetry about the equator:
@@ -331,16 +331,16 @@ class CubeIntegral:
         They take the more time the fewer of them arrive together.
         """
         s = nodes(next(iter(faces.values())).shape[-1], self.sampling)
-        if along_z := tuple(part for part in _ALONG_Z if part[1] in faces):
+        if along_z := tuple(part for part in ALONG_Z if part[1] in faces):
             self._along_z = self._along_z + _gather_faces(faces, along_z, s, self.order)
-        if along_x := tuple(part for part in _ALONG_X if part[1] in faces):
+        if along_x := tuple(part for part in ALONG_X if part[1] in faces):
             self._along_x = self._along_x + _gather_faces(faces, along_x, s, self.order)
 
     def coefficients(self) -> Array:
         """The integrals, shape ((order+1)^2, maps), after all six faces were added."""
         along_x = harmonics_from_moments(self._along_x)
         along_z = harmonics_from_moments(self._along_z)
-        return along_z + transform_coefficients(along_x, _X_POLAR.T)
+        return along_z + transform_coefficients(along_x, X_POLAR.T)
 
 
 def _gather_faces(
@@ -383,7 +383,7 @@ def _moments(symmetric: Array, antisymmetric: Array, quadrants: list[int], half:
     maps, count = symmetric.shape[3], symmetric.shape[4]
     result = np.zeros((2, count, count, maps))
     evens, odds = (count + 1) // 2, count // 2
-    waves = _longitude_waves(count, quadrants, half, np.dtype(float))
+    waves = longitude_waves(count, quadrants, half, np.dtype(float))
     longitudes = len(waves[0])
     a, b = (np.empty((longitudes, maps, count)) for _ in range(2))
     symmetric = symmetric.reshape(longitudes, maps, count)

@@ -88,7 +88,7 @@ class Proposal:
 
     def make(self, warnings: Sequence[str] = ()) -> Prefiltered:
         """Make the map, with remarks about the BRDF's sampling before other warnings."""
-        lobes = tuple(_lobe(term, self.sampling) for term in self.terms)
+        lobes = tuple(lobe_of(term, self.sampling) for term in self.terms)
         made = PrincipalMap(lobes, self.info, self.sampling)
         remarks = filter(None, (term.planner.spectrum.transfer.remark for term in self.terms))
         facts, further = {"error_bound": None}, {"predicted_wrong_share": self.wrong_share}
@@ -185,7 +185,7 @@ class Proposals:
         return self.propose(error).candidate()
 
 
-def _lobe(term: Term, sampling: Sampling) -> Lobe:
+def lobe_of(term: Term, sampling: Sampling) -> Lobe:
     """Make the cubes and the tables of a term."""
     spectrum, counts = term.planner.spectrum, term.form.counts
     bundles = bundle_functions(counts)
@@ -228,7 +228,7 @@ def _coherence(parts: Sequence[Brdf], planners: Sequence[Planner], sampling: Sam
     small = []
     for part, planner in zip(parts, planners, strict=True):
         form = planner.with_maps(1, _SMALL)
-        lobe = _lobe(Term(part, planner, form, 0.0, 0, True), sampling)
+        lobe = lobe_of(Term(part, planner, form, 0.0, 0, True), sampling)
         small.append(PrincipalMap((lobe,), info, sampling))
     strengths, together = brightness(small)
     separate = float(strengths.sum())

@@ -50,7 +50,7 @@ from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import LAWS, Law, Sampling
 
-_LARGEST_EXPONENT = 80.0
+LARGEST_EXPONENT = 80.0
 """Larger exponents count as this one, whose exponential is still finite in single precision."""
 
 
@@ -176,7 +176,7 @@ class ShadedExponential(Shaded):
             channels = [k for k in range(3) if self.f0[k] == f0]
             series = exponent_series(self.light, normals, views, self.roughness, moments, f0)
             own = self.light.coefficients[:, channels]
-            exponent = np.minimum(series.exponent(own), _LARGEST_EXPONENT)
+            exponent = np.minimum(series.exponent(own), LARGEST_EXPONENT)
             result[..., channels] = series.albedo[..., None] * np.exp(exponent)
         return result
 

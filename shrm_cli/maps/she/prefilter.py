@@ -61,7 +61,7 @@ _STEPS = 20
 """The most steps of Gauss and Newton's method."""
 _SETTLED = 1e-4
 """The fit is finished when a step lowers the weighted squared error by less than this part."""
-_RIDGE = 1e-6
+RIDGE = 1e-6
 """The part of the mean diagonal that is added to the diagonal of the normal equations."""
 _TRIALS = 6
 """The most dampings that are tried for one step."""
@@ -343,7 +343,7 @@ def _start(problem: Problem) -> Array:
 
 def _ridge(normal: Array) -> Array:
     """Return a small diagonal matrix, because some combinations of P and Q nearly cancel."""
-    return _RIDGE * np.mean(np.diag(normal)) * np.eye(len(normal))
+    return RIDGE * np.mean(np.diag(normal)) * np.eye(len(normal))
 
 
 def _evaluate(problem: Problem, x: Array) -> tuple[Array, float]:

@@ -213,7 +213,7 @@ class LatLongAnalysis:
     ) -> None:
         self.order = order
         key = width, height, order, sampling, np.dtype(dtype)
-        self._row_waves, self._column_waves = _known_waves.get(key, lambda: _analysis_waves(*key))
+        self._row_waves, self._column_waves = _known_waves.get(key, lambda: analysis_waves(*key))
         self._moments: Array | None = None
 
     def add(self, start: int, pixels: Array, weights: Array | None = None) -> None:
@@ -266,7 +266,7 @@ class LatLongAnalysis:
         return harmonics_from_moments(self._moments)
 
 
-def _analysis_waves(
+def analysis_waves(
     width: int, height: int, order: int, sampling: Sampling, dtype: np.dtype[Any]
 ) -> tuple[list[Array], list[Array]]:
     """Return the waves over rows and over columns, times the weights of the integrals.
