@@ -146,6 +146,8 @@ class Engine(ABC):
     formats : tuple of str
         The names of the texel formats that it reads, the default first; empty where there is no
         choice.
+    spare : str, optional
+        Texels for light whose lamps its default changes by more than `packing.MAX_LAMP`.
     auto : tuple of str
         Those of its formats that ``auto`` chooses from, the smallest first: what every machine
         that it runs on reads, which for desktops is not ASTC.
@@ -170,6 +172,7 @@ class Engine(ABC):
     title: ClassVar[str]
     default_size: ClassVar[int] = 256
     formats: ClassVar[tuple[str, ...]] = ()
+    spare: ClassVar[str | None] = None
     auto: ClassVar[tuple[str, ...]] = ("bc6h", "rgb9e5", "r11g11b10", "rgba16f")
     mapping: ClassVar[LevelMapping | None] = None
     lobes: ClassVar[tuple[str, ...]] = ("ggx",)
