@@ -21,6 +21,7 @@ from shrm_cli.export.tamed import Sampler
 from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
+from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.vocabulary import ENGINES, LevelMapping
 
@@ -55,6 +56,8 @@ class Light:
         The primaries of the light.
     asset : Asset, optional
         A glTF file that the light is to be in.
+    discs : tuple of Disc
+        Lamps that all else is without.
     """
 
     name: str
@@ -69,6 +72,7 @@ class Light:
     table: Array | None = None
     chromaticities: tuple[float, ...] | None = None
     asset: Asset | None = None
+    discs: tuple[Disc, ...] = ()
 
     def nine(self) -> Array | None:
         """Return the lighting coefficients L_lm of degrees 0 to 2, shape (9, 3), if known."""
@@ -164,6 +168,8 @@ class Engine(ABC):
         Texels along an edge of the sharp cube that it is given by default, at most; 0 for none.
     takes_skybox, takes_table, takes_asset : bool
         Whether ``--skybox``, ``--dfg`` and ``--into`` apply.
+    lamps : int
+        The most directional lights that it shades with, where ``--sun split`` has lines for it.
     sampler : Sampler, optional
         How it filters a panorama, where that is known; ``--firefly-safe`` applies then.
     """
@@ -185,6 +191,7 @@ class Engine(ABC):
     takes_skybox: ClassVar[bool] = False
     takes_table: ClassVar[bool] = False
     takes_asset: ClassVar[bool] = False
+    lamps: ClassVar[int] = 0
     sampler: ClassVar[Sampler | None] = None
 
     def sizes(self, size: int) -> tuple[int, ...]:

@@ -36,6 +36,7 @@ class Three(Engine):
     title = "three.js"
     formats = ("uastc", "rgba16f", "bc6h", "astc4x4", "astc6x6")
     spare = "rgba16f"
+    lamps = 16
     auto = ("uastc", "rgba16f")
     mapping = "filament"
     wants_diffuse = True
