@@ -94,6 +94,7 @@ ENGINES: dict[str, str] = {
     "unity": "unity",
     "unreal": "unreal",
     "godot": "godot",
+    "realitykit": "realitykit",
     "blender": "blender",
     "gltf": "gltf",
     "directx": "directx",
