@@ -94,6 +94,7 @@ ENGINES: dict[str, str] = {
     "unity": "unity",
     "unreal": "unreal",
     "godot": "godot",
+    "realitykit": "realitykit",
     "blender": "blender",
     "gltf": "gltf",
     "directx": "directx",
@@ -172,7 +173,7 @@ LAMP_ERROR = 0.001
 """The relative RMS error of the irradiance that discs in place of lamps may make."""
 LAMP_COUNT = 8
 """The most lamps that are taken out of a probe."""
-LIGHT_ENGINES = ("three", "filament", "blender", "gltf")
+LIGHT_ENGINES = ("three", "filament", "bevy", "godot", "blender", "gltf")
 """The programs that `shrm sun` prints lines for."""
 DEFAULT_EPS = 0.03
 """The fraction of a BRDF's energy that a map may miss, where no other is asked for."""

@@ -33,6 +33,7 @@ OPTIONS = (
     Option("window", "of the nine coefficients", "text"),
     Option("dfg", "the environment-BRDF table", "switch"),
     Option("firefly_safe", "lamps that the engine's filter resolves", "switch"),
+    Option("sun", "lamps that become lights of the engine", "choice", choices=("split",)),
 )
 DESCRIPTION = Representation(
     EXPORT, "files of engines", frozenset(), OPTIONS, why_no_brdf="exports are of GGX"
@@ -145,6 +146,7 @@ def _asked(arguments: Mapping[str, Any], keeps_primaries: bool = False) -> Asked
         keeps_primaries=keeps_primaries,
         max_error=arguments.get("max_error"),
         safe=bool(arguments.get("firefly_safe")),
+        sun=arguments.get("sun"),
     )
 
 

@@ -79,6 +79,11 @@ texel_options = (
     help="Put the light into a copy of a glTF file, .glb or .gltf, where the engine reads glTF.",
 )  # fmt: skip
 @several(*texel_options)
+@click.option(
+    "--sun", type=click.Choice(["split"]),
+    help="split: take the lamps out, and make lights of the engine of them (three, filament, "
+    "bevy, godot).",
+)  # fmt: skip
 @probe_options
 @report_options
 def export(
@@ -94,6 +99,7 @@ def export(
     dfg: bool,
     into: str | None,
     firefly_safe: bool,
+    sun: str | None,
     **values: Any,
 ) -> None:
     """Make the files that an engine loads, and a README with the code that loads them.
@@ -117,7 +123,9 @@ def export(
     reading = make_read_options(values)
     name = source_stem(sources[0], REPRESENTATIONS)
     is_kept = reading.working is not None
-    asked = Asked(size, texel_format, skybox, window, dfg, is_kept, max_error, into, firefly_safe)
+    asked = Asked(
+        size, texel_format, skybox, window, dfg, is_kept, max_error, into, firefly_safe, sun
+    )
     if len(names) == 1:
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
         conclude(*_exported(sources, names[0], folder, asked, reading, force))

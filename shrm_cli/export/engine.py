@@ -21,6 +21,7 @@ from shrm_cli.export.tamed import Sampler
 from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
+from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.records import record
 from shrm_cli.vocabulary import ENGINES, LevelMapping
@@ -56,6 +57,8 @@ class Light:
         The primaries of the light.
     asset : Asset, optional
         A glTF file that the light is to be in.
+    discs : tuple of Disc
+        Lamps that all else is without.
     """
 
     name: str
@@ -70,6 +73,7 @@ class Light:
     table: Array | None = None
     chromaticities: tuple[float, ...] | None = None
     asset: Asset | None = None
+    discs: tuple[Disc, ...] = ()
 
     def nine(self) -> Array | None:
         """Return the lighting coefficients L_lm of degrees 0 to 2, shape (9, 3), if known."""
@@ -147,6 +151,8 @@ class Engine(ABC):
     formats : tuple of str
         The names of the texel formats that it reads, the default first; empty where there is no
         choice.
+    spare : str, optional
+        Texels for light whose lamps its default changes by more than `packing.MAX_LAMP`.
     auto : tuple of str
         Those of its formats that ``auto`` chooses from, the smallest first: what every machine
         that it runs on reads, which for desktops is not ASTC.
@@ -163,6 +169,8 @@ class Engine(ABC):
         Texels along an edge of the sharp cube that it is given by default, at most; 0 for none.
     takes_skybox, takes_table, takes_asset : bool
         Whether ``--skybox``, ``--dfg`` and ``--into`` apply.
+    lamps : int
+        The most directional lights that it shades with, where ``--sun split`` has lines for it.
     sampler : Sampler, optional
         How it filters a panorama, where that is known; ``--firefly-safe`` applies then.
     """
@@ -171,6 +179,7 @@ class Engine(ABC):
     title: ClassVar[str]
     default_size: ClassVar[int] = 256
     formats: ClassVar[tuple[str, ...]] = ()
+    spare: ClassVar[str | None] = None
     auto: ClassVar[tuple[str, ...]] = ("bc6h", "rgb9e5", "r11g11b10", "rgba16f")
     mapping: ClassVar[LevelMapping | None] = None
     lobes: ClassVar[tuple[str, ...]] = ("ggx",)
@@ -183,6 +192,7 @@ class Engine(ABC):
     takes_skybox: ClassVar[bool] = False
     takes_table: ClassVar[bool] = False
     takes_asset: ClassVar[bool] = False
+    lamps: ClassVar[int] = 0
     sampler: ClassVar[Sampler | None] = None
 
     def boxed(self, box: ProxyBox) -> list[str]:

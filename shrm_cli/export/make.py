@@ -15,6 +15,7 @@ from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export.asset import open_asset
 from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.lamps import add_lamps, without_lamps
 from shrm_cli.export.levels import levels_of_map, levels_of_probe
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.quoting import code_span, markdown
@@ -29,6 +30,7 @@ from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
+from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.proxy import ProxyBox
@@ -165,6 +167,8 @@ class Asked:
         The path of a glTF file that the light is put into.
     safe : bool
         Whether lamps of a panorama are spread over discs that the engine's filter resolves.
+    sun : str, optional
+        ``"split"`` takes the lamps out of all else, and makes lights of the engine of them.
     """
 
     size: int | None = None
@@ -176,6 +180,7 @@ class Asked:
     max_error: float | None = None
     into: str | None = None
     safe: bool = False
+    sun: str | None = None
 
 
 def export(
@@ -218,6 +223,7 @@ def export(
         _tell_box(engine, source.proxy, made)
     made.told[:0] = told
     made.warnings[:0] = warnings
+    add_lamps(made, light, engine)
     made.add_text(f"{light.name}_README.md", _readme(engine, light, made))
     return made
 
@@ -272,6 +278,8 @@ def check(engine: Engine, asked: Asked) -> None:
         raise ArgumentError("dfg", f"does not apply; {engine.title} has a table of its own")
     if asked.safe and engine.sampler is None:
         raise ArgumentError("safe", f"does not apply; {engine.title} has no sampler that is known")
+    if asked.sun is not None and not engine.lamps:
+        raise ArgumentError("sun", f"does not apply; lamps are not made for {engine.title}")
     if asked.into is not None and not engine.takes_asset:
         raise ArgumentError("into", f"does not apply; {engine.title} gets files of its own")
     if asked.size is not None and engine.wants_levels:
@@ -295,8 +303,15 @@ def gather(source: Source, engine: Engine, asked: Asked) -> tuple[Light, list[st
     elif others:
         source = source.in_rec709()
         colors = [f"colours: from {title_of(others[0])} to linear Rec.709, as engines have it"]
+    discs: tuple[Disc, ...] = ()
+    if asked.sun is not None:
+        if source.probe is None:
+            raise ArgumentError("sun", "applies to probes; this is a map")
+        rest, discs, lines, warnings = without_lamps(source.probe, engine)
+        source = replace(source, probe=rest)
+        colors += lines
     itself = source.light()
-    light = Light(source.name, source.title, chromaticities=source.primaries[0])
+    light = Light(source.name, source.title, chromaticities=source.primaries[0], discs=discs)
     if engine.wants_levels and source.split is not None:
         lobe = source.split.lobe
         if lobe not in engine.lobes:

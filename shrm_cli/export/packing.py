@@ -8,6 +8,8 @@ from shrm_cli.export.loss import Loss
 
 MAX_ERROR = 0.03
 """The error that ``auto`` keeps where none is given."""
+MAX_LAMP = 0.02
+"""The most that the default texels of an engine may change a lamp, where others are spare."""
 
 
 def refuse_missing(name: str | None) -> None:
@@ -24,7 +26,8 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
     engine : Engine
     light : Light
     name : str, optional
-        Of the texels, or ``auto``; the engine's own by default.
+        Of the texels, or ``auto``; by default the engine's own, and its spare ones for light whose
+        lamps these change.
     max_error : float, optional
 
     Raises
@@ -33,18 +36,31 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
         If the format, or all of those that ``auto`` chooses from, change the light by more.
     """
     limit = MAX_ERROR if name == "auto" and max_error is None else max_error
-    names = [each for each in engine.auto if each in engine.formats]
-    if name != "auto":
-        names = [name or (engine.formats or ("rgba16f",))[0]]
+    names = _candidates(engine, name)
     passed: list[str] = []
     for each in names:
         made = engine.pack(light, ALL[each])
-        worst = max(made.losses, key=lambda found: found.worst, default=None)
-        if limit is None or worst is None or worst.worst <= limit:
+        if limit is None:
+            worst = max(made.losses, key=lambda found: found.lamp, default=None)
+            is_kept = worst is None or worst.lamp <= MAX_LAMP or each == names[-1]
+        else:
+            worst = max(made.losses, key=lambda found: found.worst, default=None)
+            is_kept = worst is None or worst.worst <= limit
+        if worst is None or is_kept:
             made.told += passed
             return made
         passed.append(_excess(each, worst))
     raise ArgumentError("max_error", f"{limit:g} is not kept: {'; '.join(passed)}")
+
+
+def _candidates(engine: Engine, name: str | None) -> list[str]:
+    """Return the texels that are tried, in turn."""
+    if name == "auto":
+        return [each for each in engine.auto if each in engine.formats]
+    if name is not None:
+        return [name]
+    first = (engine.formats or ("rgba16f",))[0]
+    return [first] if engine.spare is None else [first, engine.spare]
 
 
 def _excess(name: str, worst: Loss) -> str:

@@ -13,10 +13,18 @@ from shrm_cli.arrays import Array
 from shrm_cli.lights.light_files import intensity_and_color, light_axes
 from shrm_cli.probe.disc import Disc
 
+_STEEP = 0.99
+"""The height of a direction that is too near to the vertical to be turned about it."""
+
 
 def snippet(engine: str, discs: Sequence[Disc]) -> str:
     """The lines for an engine, by its name in `shrm_cli.vocabulary.LIGHT_ENGINES`."""
     return _WRITERS[engine](discs)
+
+
+def beside_cubes(engine: str, discs: Sequence[Disc]) -> str:
+    """The lines for the files of `shrm export --for ENGINE`, which may lie in other axes."""
+    return _three_beside_cubes(discs) if engine == "three" else snippet(engine, discs)
 
 
 def _numbers(values: Array) -> str:
@@ -25,22 +33,33 @@ def _numbers(values: Array) -> str:
 
 def _three(discs: Sequence[Disc]) -> str:
     """three.js has +X in the centre of a lat-long and +Z to its right; we have +Z and -X."""
+    axes = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    about = "In the axes that three.js gives the residual (EquirectangularReflectionMapping)."
+    return "\n".join(_three_lights(discs, axes, about))
+
+
+def _three_beside_cubes(discs: Sequence[Disc]) -> str:
+    """Cubes of `shrm export` are looked up in our axes."""
+    lines = _three_lights(discs, np.eye(3), "The lamps that the cube is without.")
+    return "\n".join(['import * as THREE from "three";', *lines])
+
+
+def _three_lights(discs: Sequence[Disc], axes: Array, about: str) -> list[str]:
     lines = [
-        "// In the axes that three.js gives the residual (EquirectangularReflectionMapping).",
+        f"// {about}",
         "// Intensity is the irradiance in units of the probe; environmentIntensity scales both.",
     ]
     for disc in discs:
-        x, y, z = disc.direction
         intensity, color = intensity_and_color(disc)
         lines += [
             "{",
             f"  const lamp = new THREE.DirectionalLight(0xffffff, {intensity:.6g});",
             f"  lamp.color.setRGB({_numbers(color)}, THREE.LinearSRGBColorSpace);",
-            f"  lamp.position.set({_numbers(np.array([z, y, -x]))}).multiplyScalar(100);",
+            f"  lamp.position.set({_numbers(axes @ disc.direction)}).multiplyScalar(100);",
             "  scene.add(lamp);  // shines at lamp.target, the origin",
             "}",
         ]
-    return "\n".join(lines)
+    return lines
 
 
 def _filament(discs: Sequence[Disc]) -> str:
@@ -61,6 +80,57 @@ def _filament(discs: Sequence[Disc]) -> str:
             "    .build(engine, EntityManager::get().create());",
         ]
     return "\n".join(lines)
+
+
+def _bevy(discs: Sequence[Disc]) -> str:
+    """A directional light of Bevy shines along the -Z of its transform."""
+    lines = [
+        "// World axes, as cubes of `shrm export --for bevy` have them.",
+        "// scale: the intensity of the EnvironmentMapLight that is made of the residual.",
+    ]
+    for disc in discs:
+        intensity, color = intensity_and_color(disc)
+        up = "X" if abs(disc.direction[1]) > _STEEP else "Y"
+        lines += [
+            "commands.spawn((",
+            "    DirectionalLight {",
+            f"        illuminance: {_float(intensity)} * scale,",
+            f"        color: Color::linear_rgb({', '.join(map(_float, color))}),",
+            "        ..default()",
+            "    },",
+            f"    Transform::from_xyz({', '.join(map(_float, disc.direction))})"
+            f".looking_at(Vec3::ZERO, Vec3::{up}),",
+            "));",
+        ]
+    return "\n".join(lines)
+
+
+def _godot(discs: Sequence[Disc]) -> str:
+    """Godot multiplies the energy of a light by pi, and its lights shine along -Z."""
+    lines = [
+        "# World axes, as panoramas of `shrm export --for godot` have them, at a sky energy of 1.",
+        "# Energy is the irradiance in units of the probe, over pi.",
+    ]
+    for number, disc in enumerate(discs, 1):
+        intensity, color = intensity_and_color(disc)
+        up = "RIGHT" if abs(disc.direction[1]) > _STEEP else "UP"
+        lines += [
+            f"var lamp{number} := DirectionalLight3D.new()",
+            f"lamp{number}.light_energy = {intensity / np.pi:.6g}",
+            f"lamp{number}.light_color = Color({_numbers(color)}).linear_to_srgb()",
+            f"lamp{number}.light_angular_distance = {2 * np.degrees(disc.radius):.6g}",
+            f"lamp{number}.sky_mode = DirectionalLight3D.SKY_MODE_LIGHT_ONLY",
+            f"lamp{number}.basis = Basis.looking_at(Vector3({_numbers(-disc.direction)}), "
+            f"Vector3.{up})",
+            f"add_child(lamp{number})",
+        ]
+    return "\n".join(lines)
+
+
+def _float(value: float) -> str:
+    """A number that Rust takes for one of floating point."""
+    text = f"{value + 0.0:.6g}"
+    return text if "." in text or "e" in text else f"{text}.0"
 
 
 def _blender(discs: Sequence[Disc]) -> str:
@@ -135,6 +205,8 @@ def _quaternion(matrix: Array) -> Array:
 _WRITERS: dict[str, Callable[[Sequence[Disc]], str]] = {
     "three": _three,
     "filament": _filament,
+    "bevy": _bevy,
+    "godot": _godot,
     "blender": _blender,
     "gltf": _gltf,
 }

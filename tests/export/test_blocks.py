@@ -277,3 +277,22 @@ def test_what_changes_light_too_much_is_refused_or_passed_over(rng):
     assert 1e-4 < found.worst < 0.01
     lenient = packed(bevy, light, "auto", 10.0)
     assert lenient.losses[0].rms > 0.05
+
+
+@pytest.mark.parametrize("spread", [0.1, 2.5])
+def test_lamps_that_the_default_would_change_get_texels_that_do_not(rng, spread):
+    """A lamp that is smooth, and one of noise, whose brightest texels stand beside dark ones."""
+    level = np.full((6 * 64, 64, 3), 0.01)
+    level[16:32, 16:32] = np.exp(rng.normal(0, spread, (16, 16, 3)))
+    three, light = engine("three"), Light("a", "a.exr", levels=(level,), roughness=(0.0,))
+    chosen = packed(three, light, None, None)
+    (found,) = chosen.losses
+    assert found.lamp < 0.02
+    is_spare = spread > 1
+    names = {file.name for file in chosen.files}
+    assert ("shrm-environment.js" in names) == is_spare
+    assert any(line.startswith("uastc changes level 0 by") for line in chosen.told) == is_spare
+    (lost,) = packed(three, light, "uastc", None).losses
+    assert (lost.lamp > 0.02) == is_spare
+    with pytest.raises(ArgumentError, match="rgba16f changes level 0 by"):
+        packed(three, light, None, 1e-6)

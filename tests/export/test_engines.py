@@ -28,7 +28,7 @@ HEIGHT = 64
 LAMP = np.array([0.48, 0.6, -0.64])
 MINE = [
     "filament", "bevy", "gltf-sample-viewer", "unity", "unreal", "godot", "cesium", "playcanvas",
-    "model-viewer", "blender",
+    "model-viewer", "blender", "realitykit",
 ]  # fmt: skip
 
 
@@ -233,6 +233,17 @@ def test_blender(probe, tmp_path, rng):
         return u, 1 - (np.arctan2(z, np.hypot(x, y)) / np.pi + 0.5)
 
     assert_latlong(latlong(tmp_path, "sky_world.exr"), place, rng)
+
+
+def test_realitykit(probe, tmp_path, rng):
+    exported(probe, "realitykit", tmp_path)
+
+    def place(x, y, z):
+        """Apple's words: a scan clockwise, seen from above, that begins behind, at +Z."""
+        behind, left = z, -x
+        return np.arctan2(left, behind) % (2 * np.pi) / (2 * np.pi), np.arccos(y) / np.pi
+
+    assert_latlong(latlong(tmp_path, "sky_skybox.exr"), place, rng)
 
 
 def test_unity(probe, samples, tmp_path, rng):

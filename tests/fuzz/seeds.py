@@ -178,6 +178,11 @@ _OF_GLTF = (
     "render map.splitsum.exr --mesh worn.gltf --size 16 -o OUT.png",
     "render sound.irradiance.exr --mesh worn.gltf --size 16 -o OUT.exr",
 )
+_ASSET = (
+    *_MESH,
+    "export sound.exr --for gltf --into FILE --size 16 -o OUT",
+    "export sound.exr --for gltf --into FILE --size 16 -o OUT --json",
+)
 _SCENE = ("render sound.shrm.exr --mesh FILE --size 16 -o OUT.png",)
 _KEYS = ("render sound.shrm.exr --mesh FILE --size 16 -o OUT.apng",)
 _TRANSFER = (
@@ -234,7 +239,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         *(Seed("coefficients of light", name, _LIGHTS) for name in _series(folder)),
         *(Seed("light file", name, _EDITED) for name in _lights(folder)),
         Seed("arguments", SOUND, _ARGUMENTS),
-        *(Seed(kind, name, _MESH) for kind, name in _meshes(folder)),
+        *(Seed(kind, name, _ASSET if "gl" in name else _MESH) for kind, name in _meshes(folder)),
         Seed("materials of OBJ", "m.mtl", _OF_OBJ),
         Seed("texture", "paint.png", _OF_GLTF),
         Seed("scene", "scene.toml", _SCENE),

@@ -14,7 +14,7 @@ from shrm_cli.lights.light_files import (
     usd_text,
     write_residual,
 )
-from shrm_cli.lights.snippets import snippet
+from shrm_cli.lights.snippets import beside_cubes, snippet
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
@@ -187,8 +187,44 @@ def test_filament_takes_the_direction_of_travel(rng):
     assert radius == pytest.approx(np.degrees(0.02), rel=1e-5)
 
 
-def test_every_engine_has_the_irradiance(rng):
+def test_bevy_looks_from_the_lamp_to_the_origin(rng):
     made = discs(rng)
-    intensity = f"{np.pi * np.sin(0.02) ** 2 * LIGHT.max():.5g}"
+    text = snippet("bevy", made)
+    for direction, disc in zip(numbers(r"from_xyz\(([^)]*)\)", text), made, strict=True):
+        np.testing.assert_allclose(direction, disc.direction, atol=1e-5)
+    for words in (r"illuminance: (\S+) \*", r"linear_rgb\(([^)]*)\)"):
+        for found in re.findall(words, text):
+            assert all(re.fullmatch(r"-?\d+\.\d+(e-?\d+)?", each) for each in found.split(", "))
+
+
+def test_godot_looks_along_the_light(rng):
+    made = discs(rng)
+    text = snippet("godot", made)
+    for along, disc in zip(numbers(r"Vector3\(([^)]*)\)", text), made, strict=True):
+        np.testing.assert_allclose(along, -disc.direction, atol=1e-5)
+    angle = float(re.search(r"angular_distance = ([\d.]+)", text)[1])
+    assert angle == pytest.approx(2 * np.degrees(0.02), rel=1e-5)
+
+
+@pytest.mark.parametrize("engine", ["bevy", "godot"])
+def test_lights_from_above_turn_about_another_axis(engine):
+    """Of two axes that are parallel no rotation is made."""
+    steep, level = (Disc(np.array(d), 0.02, LIGHT) for d in ([0, 1.0, 0], [0.6, 0.8, 0]))
+    ups = re.findall(r"Vec(?:tor)?3(?:::|\.)(X|Y|RIGHT|UP)\b", snippet(engine, [steep, level]))
+    assert ups == {"bevy": ["X", "Y"], "godot": ["RIGHT", "UP"]}[engine]
+
+
+def test_cubes_of_three_js_are_looked_up_in_our_axes(rng):
+    made = discs(rng)
+    positions = numbers(r"position\.set\(([^)]*)\)", beside_cubes("three", made))
+    np.testing.assert_allclose(positions, [disc.direction for disc in made], atol=1e-5)
+    assert beside_cubes("bevy", made) == snippet("bevy", made)
+
+
+def test_every_engine_has_the_irradiance(rng):
+    """Godot multiplies its energy by pi."""
+    made = discs(rng)
+    irradiance = np.pi * np.sin(0.02) ** 2 * LIGHT.max()
     for engine in LIGHT_ENGINES:
-        assert snippet(engine, made).count(intensity) == len(made)
+        intensity = irradiance / (np.pi if engine == "godot" else 1)
+        assert snippet(engine, made).count(f"{intensity:.5g}") == len(made), engine

@@ -82,7 +82,8 @@ def seen_around(browser, folder, address, name, probe, size=64, pixels=_SIDE):
         found = {"mirror": page.call("shade", 0.0)}
         found |= {each: page.call("background", to) for each, to in AROUND.items()}
     else:
-        proofs.exported(folder / name, name, probe, size)
+        texels = "rgba16f" if name == "three" else None
+        proofs.exported(folder / name, name, probe, size, texels)
         proofs.prepare(folder, name)
         page = Page(browser, address, f"{name}.bundle.js")
         page.call("start", pixels, *((True,) if name == "babylon" else ()), proofs.VIEW)

@@ -124,7 +124,7 @@ def three(browser, folder, address, probe, size, roughnesses, pixels=256, texels
 
     The facts are what packing loses of each level, and what blocks three.js' own loader made.
     """
-    light, package = exported(folder / "three", "three", probe, size, texels)
+    light, package = exported(folder / "three", "three", probe, size, texels or "rgba16f")
     page = Page(browser, address, f"{build or 'three'}.bundle.js")
     page.call("start", pixels, VIEW)
     loaded = None
@@ -176,7 +176,7 @@ def three_filtered(browser, folder, address, probe, size, build, pixels=12):
         probe's pixels: each to the lobe that it has, and ``"both"`` to each other.
     errors : list of str
     """
-    light, _ = exported(folder / "three", "three", probe, size)
+    light, _ = exported(folder / "three", "three", probe, size, "rgba16f")
     page = Page(browser, address, f"{build}.bundle.js")
     page.call("start", pixels, VIEW)
     # three.js' panoramas have +X in the middle.
@@ -254,7 +254,7 @@ def three_brushed(browser, folder, address, probe, size, surface, patch, code, p
     errors : list of str
         What the pages complained about.
     """
-    light, _ = exported(folder / "three", "three", probe, size)
+    light, _ = exported(folder / "three", "three", probe, size, "rgba16f")
     found, errors = {}, []
     for name, patches in {"bent": (), "taps": ((patch, code),)}.items():
         page = Page(browser, address, "three.bundle.js")

@@ -7,16 +7,19 @@ the engine showed on the left, what its documented shading makes of our levels o
 import argparse
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from shrm_cli.files.png import encode_srgb, write_png
 from shrm_cli.probe.probe import open_probe
-from tests.web import proofs, viewer
+from tests.web import others, proofs, viewer
 from tests.web.browser import absent, launched, served
 
 ROUGHNESSES = (0.0, 0.2, 0.5, 1.0)
+_ROWS = 256
+"""Rows of the lat-long that PlayCanvas, CesiumJS and <model-viewer> are compared with sums of."""
 
 
 def lines(made, dds):
@@ -35,7 +38,7 @@ def lines(made, dds):
             f"x {min(row.turned for row in proof.rows):.0f}",
             " / ".join(map(_differences, diffuse)),
             *map(_differences, balls),
-            " / ".join(f"{100 * row.to_shrm:.1f} %" for row in balls[:2] if row),
+            " / ".join(f"{100 * row.to_shrm:.1f} %" for row in balls[:2] if row and row.to_shrm),
         ]
         yield f"| {' | '.join(cells)} |"
     yield f"\nTexels of a DDS cube as Babylon.js reads them: within {100 * dds:.3f} %."
@@ -44,6 +47,16 @@ def lines(made, dds):
 def _differences(row):
     """What a ball showed; nothing where it was not looked at."""
     return "" if row is None else f"{100 * row.rms:.2f} %, {100 * row.largest:.1f} %"
+
+
+def _other(browser, folder, address, name, probe, size):
+    """One of the engines of `others`, beside sums over the probe's pixels; it has no pictures."""
+    # The finer its panorama is, the less <model-viewer>'s own filter errs.
+    size = 1024 if name == "model-viewer" else size
+    opened = others.Opened(browser, folder, address, name, probe, size, 192)
+    rows = others.rows(opened, probe, ROUGHNESSES, _ROWS)
+    opened.page.close()
+    return proofs.Proof(name, rows, opened.page.errors, opened.page.requests)
 
 
 def main(arguments=None):
@@ -69,6 +82,11 @@ def main(arguments=None):
             proofs.babylon(*common, form="gltf"),
             viewer.gltf_viewer(*common[:4], 256, (0.0,), pixels=1024, samples=8),
         ]
+        for build in ("webgl", "webgpu"):
+            proofs.prepare_three(folder, build)
+            proof = proofs.three(*common, texels="uastc", build=build)
+            made.append(replace(proof, engine=f"three.js, its own loader, {build}"))
+        made += [_other(browser, folder, address, name, probe, given.size) for name in others.NAMES]
         dds, _, _ = proofs.directx(browser, folder, address, probe, given.size)
     print("\n".join(lines(made, dds)))
     if given.output:

@@ -13,10 +13,14 @@ import pytest
 from shrm_cli.export.blocks import uastc
 from shrm_cli.export.blocks.formats import ALL
 from shrm_cli.export.cubes import to_lookup
+from shrm_cli.export.engine import engine
 from shrm_cli.export.engines.three import LOOKUP
+from shrm_cli.export.make import Asked, Source, export, write
 from shrm_cli.export.pixels import encoded
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
+from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import DEFAULT_TAPS
+from tests.brute_force import latlong_samples
 from tests.cli.helpers import ROOT
 from tests.web import proofs, viewer
 
@@ -119,6 +123,39 @@ def test_three_s_own_filter(browser, site, probe):
         assert off["ours"] < 0.005, rough
         assert off["three"] < 0.01, rough
         assert off["both"] < (0.08 if 0.3 < rough < 1 else 0.01), rough
+
+
+def test_three_has_lights_in_place_of_lamps(browser, site):
+    """`--sun split` beside the same light in the cube: diffuse, and two rough metals."""
+    folder, address = site
+    proofs.prepare(folder, "three")
+    directions = np.asarray(latlong_samples(128)[0]).reshape(128, 256, 3)
+    image = 0.5 + 0.3 * directions
+    for towards, color in (((1, 2, 0.5), (400, 300, 200)), ((-1, 1, 1), (50, 80, 150))):
+        image[directions @ towards > 0.9995 * np.linalg.norm(towards)] = color
+    probe = Probe.from_array(image, "latlong")
+    page = proofs.Page(browser, address, "three.bundle.js")
+    pictures = {}
+    for sun in (None, "split"):
+        asked = Asked(size=256, texels="rgba16f", sun=sun)
+        made = export(Source("light", "light.exr", probe=probe), engine("three"), asked)
+        write(made, folder / "three", kept=False)
+        page.call("start", 128, proofs.VIEW)
+        page.call("environment", f"{address}/three/light.ktx2")
+        for name in ("dark", "lit") if sun else ("whole",):
+            if name == "lit":
+                lines = [line for line in made.loading if not line.startswith(("import", "scene"))]
+                start = lines.index("// The lamps that the cube is without.")
+                page.call("lights", "\n".join(lines[start:]))
+            for what in ("environment", 0.5, 1.0):
+                pictures[name, what] = proofs.ball.decoded(page.call("shade", what), 128)
+    assert not page.errors
+    page.close()
+    used = proofs.shown(128)[1]
+    for what, most in (("environment", 0.005), (0.5, 0.1), (1.0, 0.1)):
+        whole, dark, lit = (pictures[name, what][used] for name in ("whole", "dark", "lit"))
+        assert proofs.relative(lit, whole) < most, what
+        assert proofs.relative(dark, whole) > 0.2, what
 
 
 @pytest.mark.parametrize("surface", [(0.5, 0.6), (0.3, 0.9)])

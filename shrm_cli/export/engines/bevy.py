@@ -25,6 +25,7 @@ class Bevy(Engine):
     mapping = "linear"
     wants_irradiance = False
     wants_diffuse = True
+    lamps = 10
     least = 8
     """Texels along an edge of the last level: fewer would not show a lobe of roughness 1."""
 

@@ -30,6 +30,7 @@ class Godot(Engine):
     wants_levels = False
     wants_irradiance = False
     wants_latlong = True
+    lamps = 8
     sampler = Sampler(
         edge=256,
         radius=1.0,

@@ -67,6 +67,9 @@ window.brush = (roughness, anisotropy) =>
 // Run a patch of docs/anisotropy.md, which knows the code TAPS.
 window.patch = (text, taps) => new Function("THREE", "TAPS", text)(THREE, taps);
 
+// Run lines of a README that make lights.
+window.lights = (lines) => new Function("THREE", "scene", lines)(THREE, scene);
+
 // The light itself, or that of some roughness, 90 degrees across, along a horizontal direction.
 window.background = async (to, roughness = 0) => {
   scene.background = scene.environment;

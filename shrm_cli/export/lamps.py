@@ -1,0 +1,88 @@
+"""Lamps that go out of what is filtered, and become lights of the engine: `--sun split`.
+
+A lamp of a few texels is what packing, mips and the filters of engines get wrong. What is left
+without it is smooth enough for all of them, and the light that surfaces get stays the same.
+"""
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.lights.snippets import beside_cubes
+from shrm_cli.lights.split import LampSplit, split_lamps
+from shrm_cli.probe.disc import Disc
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.probe import Probe
+from shrm_cli.vocabulary import LAMP_COUNT
+
+
+def without_lamps(
+    probe: Probe, engine: Engine
+) -> tuple[Probe, tuple[Disc, ...], list[str], list[str]]:
+    """Take as many lamps out of a probe as the engine has lights for.
+
+    Returns
+    -------
+    Probe
+        What is left.
+    discs : tuple of Disc
+    told, warnings : list of str
+    """
+    most = min(engine.lamps, LAMP_COUNT)
+    split = split_lamps(probe, count=most)
+    while len(split.discs) > engine.lamps:  # a long lamp is several discs
+        most -= 1
+        split = split_lamps(probe, count=most)
+    if not split.discs:
+        return probe, (), ["lamps: none was found"], []
+    return split.residual_probe, split.discs, [_told(split)], [*split.clipped, *split.changed]
+
+
+def _told(split: LampSplit) -> str:
+    light = np.sqrt(4 * np.pi) * project(split.probe, 0).coefficients[0].sum()
+    share = sum(float(lamp.light.flux.sum()) for lamp in split.lamps) / light
+    radii = ", ".join(f"{np.degrees(disc.radius):.2g}" for disc in split.discs)
+    left = f"; {split.left} more stay" if split.left else ""
+    return (
+        f"lamps: {share:.1%} of the light is lights of the engine, discs of a radius of {radii} "
+        f"degrees{left}; together they change the irradiance by {split.proof.rms:.2g} RMS"
+    )
+
+
+def add_lamps(made: Package, light: Light, engine: Engine) -> None:
+    """Add a list of lamps, and the lines that make lights of them."""
+    if not light.discs:
+        return
+    made.add_text(f"{light.name}_lamps.json", lamps_json(light.discs))
+    made.loading += beside_cubes(engine.name, light.discs).splitlines()
+
+
+def lamps_json(discs: Sequence[Disc]) -> str:
+    """Return the lamps as JSON: for programs that read lights, whatever their axes are."""
+    return (
+        json.dumps(
+            {
+                "about": "Lamps that the other files are without. direction: from the origin to "
+                "the lamp, +Y up, as shrm has it. radius: degrees. radiance: of the disc. "
+                "irradiance: of a surface that faces it. Linear RGB, units of the probe.",
+                "lamps": [
+                    {
+                        "direction": _short(disc.direction),
+                        "radius": float(f"{np.degrees(disc.radius):.7g}"),
+                        "radiance": _short(disc.radiance),
+                        "irradiance": _short(disc.irradiance),
+                    }
+                    for disc in discs
+                ],
+            },
+            indent=1,
+        )
+        + "\n"
+    )
+
+
+def _short(values: Array) -> list[float]:
+    return [float(f"{value + 0.0:.7g}") for value in values]

@@ -1,0 +1,102 @@
+"""Exports whose lamps are lights of the engine: `--sun split`."""
+
+import json
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import ArgumentError
+from shrm_cli.export import engine as engines
+from shrm_cli.export.make import Asked, Source, export, gather
+from shrm_cli.probe.probe import Probe
+from shrm_cli.sphere.grid.cube import Cube
+from shrm_cli.vocabulary import ENGINES
+from tests.brute_force import latlong_samples, unit
+
+ROWS = 64
+NAMES = [name for name in ENGINES if engines.engine(name).lamps]
+SPLIT = Asked(size=32, sun="split")
+
+
+@pytest.fixture(scope="module")
+def lit():
+    """A smooth sky with three suns of a few pixels; their directions, and the image."""
+    directions, _ = latlong_samples(ROWS)
+    image = (1 + 0.4 * np.asarray(directions)).reshape(ROWS, 2 * ROWS, 3)
+    for row, column, color in ((12, 20, (900, 700, 500)), (30, 90, (90, 200, 400)),
+                               (25, 60, (300, 200, 200))):  # fmt: skip
+        image[row : row + 2, column : column + 2] = color
+    return image
+
+
+def source(image):
+    return Source("light", "light.exr", probe=Probe.from_array(image, "latlong"))
+
+
+def lamps_of(made):
+    (file,) = (each for each in made.files if each.name == "light_lamps.json")
+    return file
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_surfaces_get_the_same_light(lit, name, tmp_path, rng):
+    """What is left and the lamps of the list, beside sums over the pixels of the probe."""
+    engine = engines.engine(name)
+    made = export(source(lit), engine, SPLIT)
+    file = lamps_of(made)
+    file.write(tmp_path / file.name)
+    lamps = json.loads((tmp_path / file.name).read_text())["lamps"]
+    assert len(lamps) == min(3, engine.lamps)
+    directions, areas = (np.asarray(each) for each in latlong_samples(ROWS))
+    normals = unit(rng, 40)
+    cosines = np.maximum(normals @ directions.T, 0)
+    whole = (cosines * areas) @ lit.reshape(-1, 3)
+    light, _, _ = gather(source(lit), engine, Asked(size=ROWS, sun="split"))
+    if light.latlong is None:
+        cube = Cube(ROWS)
+        areas = cube.weights()
+        cosines = np.maximum(normals @ cube.directions().reshape(-1, 3).T, 0)
+    pixels = light.levels[0] if light.latlong is None else light.latlong
+    left = (cosines * np.ravel(areas)) @ pixels.reshape(-1, 3)
+    given = sum(
+        np.maximum(normals @ lamp["direction"], 0)[:, None] * lamp["irradiance"] for lamp in lamps
+    )
+    off = np.sqrt(((left + given - whole) ** 2).mean() / (whole**2).mean())
+    assert off < 0.01
+    assert np.sqrt(((left - whole) ** 2).mean() / (whole**2).mean()) > 0.1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_levels_are_smooth_without_their_lamps(lit, name):
+    engine = engines.engine(name)
+    whole, _, _ = gather(source(lit), engine, Asked(size=32))
+    light, told, _ = gather(source(lit), engine, SPLIT)
+    images = [(each.levels[0] if each.levels else each.latlong) for each in (whole, light)]
+    assert images[0].max() > 80
+    assert images[1].max() < (2 if engine.lamps > 1 else 410)
+    assert any(line.startswith("lamps: ") for line in told)
+
+
+def test_light_without_lamps_is_left_alone():
+    image = np.ones((ROWS, 2 * ROWS, 3))
+    made = export(source(image), engines.engine("three"), SPLIT)
+    plain = export(source(image), engines.engine("three"), Asked(size=32))
+    assert [each.name for each in made.files] == [each.name for each in plain.files]
+    assert made.loading == plain.loading
+    assert "lamps: none was found" in made.told
+
+
+def test_long_lamps_become_no_more_lights_than_an_engine_has():
+    """A tube is several discs; Filament has one light."""
+    image = np.full((ROWS, 2 * ROWS, 3), 0.1)
+    image[24:26, 30:40] = 300
+    for name in ("filament", "three"):
+        engine = engines.engine(name)
+        light, _, _ = gather(source(image), engine, SPLIT)
+        assert len(light.discs) <= engine.lamps
+    assert len(light.discs) > 1
+
+
+def test_what_has_no_lights_is_refused(lit):
+    with pytest.raises(ArgumentError, match="lamps are not made for Unity"):
+        export(source(lit), engines.engine("unity"), SPLIT)
