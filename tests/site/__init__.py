@@ -1,1 +1,1 @@
-"""What `make site` and `make gallery` need besides docs/: the reference, figures, and the gallery."""
+"""What `make site`, `make figures` and `make gallery` need besides docs/."""
