@@ -67,7 +67,7 @@ MATERIALS = {
 """The materials, and what the gallery calls them."""
 OF_ALL_MATERIALS = {"irradiance": ("--order-f", "2"), "splitsum": ("--size", "64"), "she": ()}
 """Forms that are made without a BRDF, and their options."""
-PROBES = {"studio": "0", "sky": "-4"}
+PROBES = {"studio": "-1", "sky": "-5.5"}
 """The probes, and the exposures that suit them, in stops."""
 
 
