@@ -1,17 +1,20 @@
 """What the pages for users say: links that lead somewhere, and a citation that can be read."""
 
 import re
+import shlex
 import tomllib
 
+import click
 import numpy as np
 import pytest
 
 from shrm_cli import __release__
+from shrm_cli.cli.main import cli
 from shrm_cli.extras import EXTRAS, install
 from shrm_cli.render.camera import Viewer, sphere_normals, sphere_radius
-from tests.cli.helpers import ROOT
+from tests.cli.helpers import ROOT, process
 
-PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -26,6 +29,62 @@ def test_links_lead_to_files_and_headings(page):
             titles = re.findall(r"^#+ (.*)$", linked.read_text(), re.M)
             slugs = [re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles]
             assert heading in slugs, f"{page.name}: {target}"
+
+
+def commands(text):
+    """The commands of blocks of a shell, as words; lines that go on are joined."""
+    blocks = re.findall(r"^```bash\n(.*?)^```", text, re.M | re.S)
+    return [shlex.split(line) for block in blocks for line in joined(block) if line]
+
+
+def joined(text):
+    return text.replace("\\\n", " ").splitlines()
+
+
+def parsed(words):
+    """The context of a command, which click makes after it has looked at all arguments."""
+    command, context = cli, click.Context(cli, info_name="shrm")
+    while isinstance(command, click.Group):
+        name, command, words = command.resolve_command(context, list(words))
+    return command.make_context(name, list(words), parent=context)
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in PAGES if "```bash" in page.read_text()],
+    ids=lambda page: page.name,
+)
+def test_commands_of_pages_can_be_given(page):
+    for program, *words in commands(page.read_text()):
+        assert program == "shrm"
+        parsed(words)
+
+
+def test_commands_that_cannot_be_given_are_found():
+    (words,) = commands("```bash\nshrm prefilter a.exr \\\n  --no-such-option\n```\n")
+    with pytest.raises(click.UsageError, match="no-such-option"):
+        parsed(words[1:])
+
+
+@pytest.mark.slow
+def test_five_minutes(tmp_path, monkeypatch):
+    """All commands of the first page that a newcomer types work in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    for _, *words in commands((ROOT / "docs" / "start.md").read_text()):
+        assert process(*words).code == 0, words
+    assert (tmp_path / "gold.html").exists()
+
+
+@pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")
+def test_python_of_researchers(monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    (block,) = re.findall(
+        r"```python\n(.*?)```", (ROOT / "docs" / "howto" / "research.md").read_text(), re.S
+    )
+    exec(compile(block, "research.md", "exec"), {})
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [
+        "shrm", "principal"
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

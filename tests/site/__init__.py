@@ -1,1 +1,1 @@
-"""What `make site` and `make gallery` need besides docs/: reference, figures, and gallery."""
+"""What `make site`, `make figures` and `make gallery` need besides docs/."""

@@ -31,8 +31,8 @@ _GREY = "#808080"
 def main(folder: Path) -> None:
     """Draw all figures into a folder."""
     style = {
-        "svg.hashsalt": "shrm", "svg.fonttype": "none", "font.size": 9, "axes.spines.top": False,
-        "axes.spines.right": False, "legend.frameon": False,
+        "svg.hashsalt": "shrm", "svg.fonttype": "none", "font.size": 9,
+        "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
     }  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context(style):
@@ -112,16 +112,16 @@ def principal(figure: Figure) -> None:
 
 
 def windows(figure: Figure) -> None:
-    """Draw what windows do to the irradiance of nine coefficients under a sun."""
+    """Draw what windows do to the irradiance of nine coefficients under a lamp."""
     axes = figure.subplots()
-    angles, directions = _through_the_sun("sky")
-    made = shrm.prefilter(PROBES / "sky.exr", to="irradiance", window="none")
+    angles, directions = _through_the_sun("impulse")
+    made = shrm.prefilter(PROBES / "impulse.exr", to="irradiance", window="none")
     series = lambert_factors(2)[degrees(2), None] * made.coefficients
     for spec in ("none", "hann", "lanczos", "auto"):
         values = real_harmonics(2, directions) @ make_window(spec, series).apply(series)
         axes.plot(angles, values[:, 1], label="least" if spec == "auto" else spec)
     axes.axhline(0, color=_GREY, lw=0.8)
-    axes.set(xlabel="degrees of the normal from the sun", ylabel="irradiance")
+    axes.set(xlabel="degrees of the normal from the lamp", ylabel="irradiance")
     axes.legend()
 
 

@@ -67,7 +67,7 @@ MATERIALS = {
 """The materials, and what the gallery calls them."""
 OF_ALL_MATERIALS = {"irradiance": ("--order-f", "2"), "splitsum": ("--size", "64"), "she": ()}
 """Forms that are made without a BRDF, and their options."""
-PROBES = {"studio": "0", "sky": "-4"}
+PROBES = {"studio": "-1", "sky": "-5.5"}
 """The probes, and the exposures that suit them, in stops."""
 
 
@@ -164,8 +164,8 @@ _INTRODUCTION = f"""# Gallery
 Forms of maps beside the truth, a sum over all pixels of the probe for each point of the ball, and
 their differences from it. `make gallery` makes this page from the shipped probes. Forms of one
 material are asked for an RMS error of 5 % (`{" ".join(_KEPT)}`); those of all roughnesses, and
-irradiance, are as they are. Bytes are those of the file, errors those of this picture: RMS,
-95th percentile (p95) of the relative error, and the share of pixels wrong by more than 5 %.
+irradiance, are as they are. Bytes are those of the file, errors those of this picture: RMS, 95th
+percentile (p95) of the relative error, and the share of pixels that are wrong by more than 5 %.
 """
 _SECTION = """### {name}, {probe}
 

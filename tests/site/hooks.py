@@ -49,8 +49,9 @@ def on_files(files: Files, config: Any) -> Files:
     copy("CITATION.cff", ROOT / "CITATION.cff")
     for path in sorted((ROOT / "examples").glob("*.py")):
         copy(f"examples/{path.name}", path)
-    names = "katex.min.css", "katex.min.js", "contrib/auto-render.min.js"
-    for path in (*(KATEX / name for name in names), *(KATEX / "fonts").glob("*.woff2")):
+    scripts = [KATEX / name for name in ("katex.min.css", "katex.min.js")]
+    scripts.append(KATEX / "contrib" / "auto-render.min.js")
+    for path in (*scripts, *sorted((KATEX / "fonts").glob("*.woff2"))):
         copy(f"katex/{path.relative_to(KATEX).as_posix()}", path)
     page = GALLERY / "gallery.md"
     add("gallery.md", page.read_text(encoding="utf-8") if page.exists() else NO_GALLERY)
@@ -62,4 +63,4 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Turn links that leave docs/ on a page of it to the copies within the site."""
-    return re.sub(r"\]\(\.\./(?=CITATION|examples|[A-Z]+\.md)", "](", markdown)
+    return re.sub(r"\]\(((?:\.\./)*)\.\./(?=CITATION|examples|[A-Z]+\.md)", r"](\1", markdown)
