@@ -1,6 +1,7 @@
 """`shrm probe capture`: what the file says of its place, and what is refused."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -14,19 +15,29 @@ from tests.rooms import shapes
 SMALL = ("--size", 16, "--samples", 4)
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """Current folder with a room whose lamp is a material, and a white sky."""
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with a room whose lamp is a material, a white sky, and a probe of the room."""
+    folder = tmp_path_factory.mktemp("room")
     parts = [shapes.box([0, 0, 0], [4, 2, 3]), shapes.ceiling_lamp(2, 1.5, 1.99)]
-    write_gltf(tmp_path / "room.glb", parts, [("wall", 0.5, 0), ("lamp", 0, 10)])
-    write_exr(tmp_path / "white.exr", np.ones((16, 32, 3), np.float32))
+    write_gltf(folder / "room.glb", parts, [("wall", 0.5, 0), ("lamp", 0, 10)])
+    write_exr(folder / "white.exr", np.ones((16, 32, 3), np.float32))
+    done("probe", "capture", folder / "room.glb", "--at", "1,1,1", "-o", folder / "p.exr", *SMALL)
+    return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    """Current folder with these files."""
+    for each in made.iterdir():
+        shutil.copy(each, tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 def test_a_probe_holds_its_place_and_the_box_of_the_room(folder):
     said = json.loads(
-        done("probe", "capture", "room.glb", "--at", "1,1,1", "-o", "p.exr", *SMALL, "--json")
+        done("probe", "capture", "room.glb", "--at", "1,1,1", "-o", "q.exr", *SMALL, "--json")
     )
     header, channels = read_exr("p.exr")
     proxy = {"at": [1, 1, 1], "min": [0, 0, 0], "max": [4, 2, 3]}
@@ -37,9 +48,7 @@ def test_a_probe_holds_its_place_and_the_box_of_the_room(folder):
     assert 0 < said["noise"] < 0.5
     assert channels["R"].shape == (16, 32)
     assert channels["R"].max() == 10
-    before = (folder / "p.exr").read_bytes()
-    done("probe", "capture", "room.glb", "--at", "1,1,1", "-o", "p.exr", *SMALL)
-    assert (folder / "p.exr").read_bytes() == before
+    assert (folder / "q.exr").read_bytes() == (folder / "p.exr").read_bytes()
 
 
 def test_options_reach_the_room(folder):
@@ -66,13 +75,13 @@ def test_light_from_outside_is_seen(folder):
 
 
 def test_places_are_checked(folder):
-    base = ("probe", "capture", "room.glb", "-o", "p.exr", *SMALL)
+    base = ("probe", "capture", "room.glb", "-o", "q.exr", *SMALL)
     assert_refused(run(*base, "--at", "9,1,1"), 1, "--at 9,1,1", "not within the box")
     assert_refused(run(*base, "--at", "1,1,1", "--box", "0,0,0,0,2,3"), 1, "--box", "flat")
     assert_refused(run(*base, "--at", "1,1"), 2, "--at")
     assert_refused(run(*base), 2, "--at")
-    assert_refused(run("probe", "capture", "none.glb", "--at", "1,1,1", "-o", "p.exr"), 1, "none")
-    assert not (folder / "p.exr").exists()
+    assert_refused(run("probe", "capture", "none.glb", "--at", "1,1,1", "-o", "q.exr"), 1, "none")
+    assert not (folder / "q.exr").exists()
 
 
 def test_a_place_within_a_wall_is_told(folder):
@@ -85,8 +94,7 @@ def test_a_place_within_a_wall_is_told(folder):
 
 @pytest.fixture
 def captured(folder):
-    """A probe that was captured in the room."""
-    done("probe", "capture", "room.glb", "--at", "1,1,1", "-o", "p.exr", *SMALL)
+    """The box of p.exr, which is in the current folder."""
     return {"at": [1, 1, 1], "min": [0, 0, 0], "max": [4, 2, 3]}
 
 
@@ -96,7 +104,7 @@ def held(path):
 
 
 @pytest.mark.parametrize(
-    "made",
+    "options",
     [
         ("--brdf", "ggx:roughness=0.5", "--eps", "0.1"),
         ("--brdf", "0.5*lambertian+0.5*ggx:roughness=0.5", "--eps", "0.1"),
@@ -107,8 +115,8 @@ def held(path):
         ("--to", "irradiance"),
     ],
 )
-def test_maps_of_every_form_hold_the_box(captured, made):
-    done("prefilter", "p.exr", *made, "-o", "m.exr")
+def test_maps_of_every_form_hold_the_box(captured, options):
+    done("prefilter", "p.exr", *options, "-o", "m.exr")
     assert held("m.exr") == captured
     assert held("p.exr") == captured
 
