@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.records import record
 from shrm_cli.vocabulary import CENTERS, FRAMES, SAMPLINGS, Domain
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
+    from shrm_cli.probe.proxy import ProxyBox
 
 
 @record
@@ -83,10 +83,15 @@ class MapInfo:
         return self.order_f if self.carried is None else self.carried
 
     @property
-    def proxy(self) -> ProxyBox | None:
+    def proxy(self) -> "ProxyBox | None":
         """Where the probe was captured and the box around that, by which light is looked up."""
         reading = self.options.get("reading")
-        return ProxyBox.read(reading.get("proxy")) if isinstance(reading, dict) else None
+        found = reading.get("proxy") if isinstance(reading, dict) else None
+        if found is None:
+            return None
+        from shrm_cli.probe.proxy import ProxyBox  # few probes have one
+
+        return ProxyBox.read(found)
 
     def turned(self, matrix: ArrayLike) -> "MapInfo":
         """Return the record of the same light turned, as if the probe had been read so.

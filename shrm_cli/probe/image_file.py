@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,8 +22,11 @@ from shrm_cli.files.openimageio import caught, last_noise, oiio, quiet
 from shrm_cli.files.whole import fault_of_name, note
 from shrm_cli.probe.encoding import Encoding, RadianceHeader, encoding_of
 from shrm_cli.probe.layers import Layer, choose_layer
-from shrm_cli.probe.proxy import ATTRIBUTE, ProxyBox
 from shrm_cli.records import record
+from shrm_cli.vocabulary import PROXY_ATTRIBUTE
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.proxy import ProxyBox
 
 MAX_PIXELS = 2**29
 """The most pixels that an image may have."""
@@ -203,9 +206,14 @@ class ImageFile:
         return self.encoding.primaries
 
     @property
-    def proxy(self) -> ProxyBox | None:
+    def proxy(self) -> "ProxyBox | None":
         """Where it was captured, and the box around that, where the file tells them."""
-        return ProxyBox.of_text(self._input.spec().get_string_attribute(ATTRIBUTE))
+        text = self._input.spec().get_string_attribute(PROXY_ATTRIBUTE)
+        if not text:
+            return None
+        from shrm_cli.probe.proxy import ProxyBox  # few probes have one
+
+        return ProxyBox.of_text(text)
 
     @property
     def row_multiple(self) -> int:

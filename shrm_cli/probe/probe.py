@@ -24,13 +24,13 @@ from shrm_cli.probe.image_file import ImageFile, check_file
 from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
 from shrm_cli.probe.options import ColorReading, ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy, PixelReport
-from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid, Sampler
 from shrm_cli.vocabulary import Orientation, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.probe.dds_file import DdsFile
+    from shrm_cli.probe.proxy import ProxyBox
 
 _DDS = b"DDS "
 """The bytes that a DDS file begins with."""
@@ -157,6 +157,8 @@ class Probe:
         """
         if box is None and at is None:
             return self
+        from shrm_cli.probe.proxy import ProxyBox  # few probes have one
+
         if box is None and self.proxy is None:
             raise ProbeError(f"{self.name}: `at` needs the box around the place; give `box`")
         known = None if self.proxy is None else (self.proxy.low, self.proxy.high)

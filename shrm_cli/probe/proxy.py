@@ -17,11 +17,11 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
+from shrm_cli.files.json_text import parse_json
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
+from shrm_cli.vocabulary import PROXY_ATTRIBUTE
 
-ATTRIBUTE = "shrm:proxy"
-"""The attribute of a probe's file that holds the record of its box, as JSON."""
 PARALLEL = 1e-9
 """The component below which a direction counts as parallel to a face."""
 
@@ -75,11 +75,9 @@ class ProxyBox:
 
     @classmethod
     def of_text(cls, text: str) -> "ProxyBox | None":
-        """Return the box of an attribute; None where it is missing or wrong."""
-        from shrm_cli.files.json_text import parse_json
-
+        """Return the box of an attribute; None where it is wrong."""
         try:
-            return cls.read(parse_json(text)) if text else None
+            return cls.read(parse_json(text))
         except ValueError:
             return None
 
@@ -127,7 +125,7 @@ class ProxyBox:
 
 def box_attributes(proxy: ProxyBox | None) -> dict[str, str]:
     """Return the attributes of a probe's file that hold its box; none where there is no box."""
-    return {} if proxy is None else {ATTRIBUTE: json.dumps(proxy.record())}
+    return {} if proxy is None else {PROXY_ATTRIBUTE: json.dumps(proxy.record())}
 
 
 def carried(vectors: ArrayLike, before: ArrayLike, after: ArrayLike) -> Array:
