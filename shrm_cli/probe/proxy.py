@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
+from shrm_cli.files.json_text import parse_json
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.vocabulary import PROXY_ATTRIBUTE
@@ -74,11 +75,9 @@ class ProxyBox:
 
     @classmethod
     def of_text(cls, text: str) -> "ProxyBox | None":
-        """Return the box of an attribute; None where it is missing or wrong."""
-        from shrm_cli.files.json_text import parse_json
-
+        """Return the box of an attribute; None where it is wrong."""
         try:
-            return cls.read(parse_json(text)) if text else None
+            return cls.read(parse_json(text))
         except ValueError:
             return None
 
