@@ -15,11 +15,13 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.lamps.discs import LitDiscs
 from shrm_cli.maps.lamps.rule import LEAST_COSINE, chebyshev, gauss, sines
 from shrm_cli.maps.shader.language import Language
-from shrm_cli.maps.shader.source import central_direction
+from shrm_cli.maps.shader.source import central_direction, tangent_function
 
-_HALF = """\
+_SUM = """\
     float x = l.x + v.x, y = l.y + v.y, z = l.z + v.z;
-    float size = max(sqrt(x * x + y * y + z * z), 1e-5);
+    float size = max(sqrt(x * x + y * y + z * z), 1e-5);"""
+"""The half vector before it is normalized."""
+_HALF = f"""{_SUM}
     float sine2 = (x * x + y * y) / (size * size), up = z / size;"""
 """The squared sine and the cosine of the half vector's angle to the normal."""
 _FRAME = """\
@@ -79,10 +81,10 @@ _CUT = """\
     low = max(low, turn - 0.5 * PI);
     high = min(high, turn + 0.5 * PI);"""
 _LAMPS = """\
-vec3 shrm_lamp(vec3 n, vec3 v, vec3 c, vec3 a, float radius)
+vec3 shrm_lamp(vec3 n, SIDEvec3 v, vec3 c, vec3 a, float radius)
 {
     vec3 total = vec3(0.0, 0.0, 0.0);
-    vec3 e = shrm_beside(c, v), f = shrm_third(c, e), s = shrm_beside(n, v), t = shrm_third(n, s);
+    vec3 e = shrm_beside(c, v), f = shrm_third(c, e), OWNt = shrm_third(n, s);
     float ax = dot(a, e), ay = dot(a, f), az = dot(a, c);
     float wide = sqrt(ax * ax + az * az), middle = atan(ax, az), sine = shrm_sin(radius);
     float span = shrm_asin(min(sine / max(wide, sine), 1.0));
@@ -124,7 +126,7 @@ CUT
     }
     return total;
 }
-vec3 shrm_lamps(vec3 n, vec3 v)
+vec3 shrm_lamps(vec3 n, SIDEvec3 v)
 {
     vec3 total = vec3(0.0, 0.0, 0.0), c = CENTER;
     int k;
@@ -136,18 +138,34 @@ vec3 shrm_lamps(vec3 n, vec3 v)
         }
     }
     return total;
-}
+}"""
+_BOTH = """\
 vec3 shrm_radiance(vec3 n, vec3 v)
 {
     return BOTH;
 }"""
+_BRUSHED = """\
+vec3 shrm_brushed_radiance(vec3 n, vec3 t, vec3 v)
+{
+    return BOTH;
+}
+vec3 shrm_radiance(vec3 n, vec3 v)
+{
+    return shrm_brushed_radiance(n, shrm_tangent(n), v);
+}"""
+"""Of brushed surfaces x is along the tangent, and not in the plane of the view."""
 
 
-def lamps_source(lamps: LitDiscs, language: Language) -> list[str]:
-    """Write the functions of lamps, and ``shrm_radiance``, which adds them to ``shrm_map``.
+def with_lamps(functions: Sequence[str], lamps: LitDiscs, language: Language) -> list[str]:
+    """Write the functions of a map with those of the lamps beside it.
+
+    Its ``shrm_radiance`` becomes ``shrm_map``, to which a new one adds the lamps. That of brushed
+    surfaces, ``shrm_brushed_radiance``, takes the tangent besides.
 
     Parameters
     ----------
+    functions : sequence of str
+        Those of the map.
     lamps : LitDiscs
     language : Language
 
@@ -161,7 +179,23 @@ def lamps_source(lamps: LitDiscs, language: Language) -> list[str]:
     MapError
         If there are no words for the BRDF.
     """
+    is_brushed = not lamps.brdf.isotropic
+    own = "\n".join(functions).replace("vec3 shrm_radiance(", "vec3 shrm_map(")
+    shown = "shrm_map(n, v)"
+    if is_brushed and "vec3 shrm_brushed_radiance(" in own:
+        own, shown = own.partition("\nvec3 shrm_map(")[0], "shrm_brushed_map(n, t, v)"
+        own = own.replace("vec3 shrm_brushed_radiance(", "vec3 shrm_brushed_map(")
+    both = language.add(shown, f"shrm_lamps({'n, t, v' if is_brushed else 'n, v'})")
+    lines = [*own.split("\n"), *_lamps(lamps, language)]
+    if is_brushed and "shrm_tangent(" not in own:
+        lines += tangent_function(["tangent"])
+    return lines + (_BRUSHED if is_brushed else _BOTH).replace("BOTH", both).split("\n")
+
+
+def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
+    """Write ``shrm_lamps``, and what it uses."""
     discs, rule = lamps.discs, lamps.rule
+    is_brushed = not lamps.brdf.isotropic
     radii = np.array([disc.radius for disc in discs])
     tables = {
         "shrm_lamp_whole": _rows(*chebyshev(rule.steps)),
@@ -177,7 +211,9 @@ def lamps_source(lamps: LitDiscs, language: Language) -> list[str]:
     light = language.combined(
         ["shrm_sin(x) * shrm_cos(y)", "shrm_sin(y)", "shrm_cos(x) * shrm_cos(y)"], ["e", "f", "c"]
     )
-    added = language.times("shrm_lamp(n, v, c, a, radius)", "shrm_lamp_lights[k]")
+    added = language.times(
+        f"shrm_lamp(n, {'t, ' if is_brushed else ''}v, c, a, radius)", "shrm_lamp_lights[k]"
+    )
     words = {
         "CUT": _CUT if cuts else "",
         "WIDTH": language.number(rule.width),
@@ -195,7 +231,9 @@ def lamps_source(lamps: LitDiscs, language: Language) -> list[str]:
         "BOOL": ", is_cut = 0" if cuts else "",
         "LOWEST": "-shrm_lamp_sizes[k].y" if cuts else "-2.0",
         "ADD": language.grow("total", added),
-        "BOTH": language.add("shrm_map(n, v)", "shrm_lamps(n, v)"),
+        "SIDEvec3 v, vec3 c": "vec3 s, vec3 v, vec3 c" if is_brushed else "vec3 v, vec3 c",
+        "SIDE": "vec3 t, " if is_brushed else "",
+        "OWN": "" if is_brushed else "s = shrm_beside(n, v), ",
     }
     text = _LAMPS
     for word, meaning in words.items():
@@ -223,11 +261,6 @@ def _brdf(brdf: Brdf, language: Language) -> tuple[list[str], str]:
                 f"no code for the lamps beside the map: there is none of {term.name}, only of "
                 f"{known} and their sums; the map's own code is had without `sun`"
             )
-        if not term.isotropic:
-            raise MapError(
-                f"no code for the lamps beside the map: there is none of brushed {term.name}; the "
-                "map's own code is had without `sun`"
-            )
         takes, gets = "vec3 l, vec3 v", "l, vec3(dot(v, s), dot(v, t), dot(v, n))"
         if term.name in _BLIND:
             takes, gets = "vec3 l", "l"
@@ -249,8 +282,6 @@ def _lambertian(brdf: Brdf, language: Language) -> list[str]:
 
 
 def _ggx(brdf: Brdf, language: Language) -> list[str]:
-    a2 = brdf.number("roughness") ** 4
-    a, rest = language.number(a2), language.number(1 - a2)
     parts = ["value * (1.0 - rest)", "value * rest"]
     colors = [_color(brdf.color("f0"), language), "vec3(1.0, 1.0, 1.0)"]
     table, place, blend = [], [], ["    rest = rest * rest * rest * rest * rest;"]
@@ -265,17 +296,35 @@ def _ggx(brdf: Brdf, language: Language) -> list[str]:
         ]
     return [
         *table,
-        *_HALF.split("\n"),
-        "    float lz = max(l.z, 1e-5), vz = max(v.z, 1e-5);",
-        f"    float d = sine2 / {a} + up * up, rest = 1.0 - min(0.5 * size, 1.0);",
-        f"    float both = lz * sqrt({a} + {rest} * vz * vz) + vz * sqrt({a} + {rest} * lz * lz);",
-        f"    float value = l.z / ({language.number(2 * math.pi * a2)} * d * d * both);",
+        *_facets(brdf.alphas, language),  # type: ignore[attr-defined]
         *place,
         *blend,
         "    if (l.z <= 0.0 || v.z <= 0.0) {",
         "        value = 0.0;",
         "    }",
         f"    return {language.combined(parts, colors)};",
+    ]
+
+
+def _facets(alphas: tuple[float, float], language: Language) -> list[str]:
+    """Write the distribution and the masking of GGX's facets, as `value`."""
+    ax2, ay2 = (alpha**2 for alpha in alphas)
+    a, b, rest = (language.number(each) for each in (ax2, ay2, 1 - ax2))
+    half, slopes = _HALF, f"sine2 / {a}"
+    masking = [f"sqrt({a} + {rest} * {z} * {z})" for z in ("vz", "lz")]
+    if ax2 != ay2:
+        half = f"{_SUM}\n    float up = z / size;"
+        slopes = f"(x * x / {a} + y * y / {b}) / (size * size)"
+        masking = [
+            f"sqrt({a} * {w}.x * {w}.x + {b} * {w}.y * {w}.y + {w}z * {w}z)" for w in ("v", "l")
+        ]
+    scale = language.number(2 * math.pi * math.sqrt(ax2 * ay2))
+    return [
+        *half.split("\n"),
+        "    float lz = max(l.z, 1e-5), vz = max(v.z, 1e-5);",
+        f"    float d = {slopes} + up * up, rest = 1.0 - min(0.5 * size, 1.0);",
+        f"    float both = lz * {masking[0]} + vz * {masking[1]};",
+        f"    float value = l.z / ({scale} * d * d * both);",
     ]
 
 

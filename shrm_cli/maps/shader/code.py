@@ -169,11 +169,10 @@ def _irradiance(made: "Map", language: Language) -> str:
 def _with_lamps(made: "Map", functions: Sequence[str], language: Language) -> list[str]:
     """Write the functions of a map, and those of the lamps beside it."""
     from shrm_cli.maps.lamps.map import LampMap
-    from shrm_cli.maps.lamps.shader import lamps_source
+    from shrm_cli.maps.lamps.shader import with_lamps
 
     assert isinstance(made, LampMap)
-    own = [line.replace("vec3 shrm_radiance(", "vec3 shrm_map(") for line in functions]
-    return own + lamps_source(made.lamps, language)
+    return with_lamps(functions, made.lamps, language)
 
 
 def _brushed(made: "Map", taps: int, language: Language) -> list[str]:

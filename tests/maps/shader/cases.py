@@ -227,6 +227,10 @@ FORMS = {
         "0.3*ggx:roughness=0.3,f0=0.9/0.5/0.04+0.6*lambertian:albedo=0.5/0.4/0.3",
         make_shrm(4, 3, 6),
     ),
+    "lamps of brushed": lambda: lamps(
+        "ggx:roughness=0.3,anisotropy=0.6,f0=0.9/0.5/0.04+0.6*lambertian:albedo=0.5/0.4/0.3",
+        FORMS["principal brushed"](),
+    ),
     "lamps with a film": lambda: lamps(
         "ggx:roughness=0.3,f0=0.04/0.1/0.3,film=500", make_shrm(2, 2, 4)
     ),

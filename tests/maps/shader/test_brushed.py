@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.vocabulary import TAP_COUNTS
 from tests.brute_force import unit
+from tests.maps.lamps.test_discs import disc_rule
 from tests.maps.shader import cases
 from tests.maps.shader.test_code import C_MAIN, HEADS, STRICT, compiled, compiler_of_c, run
 
@@ -25,9 +27,8 @@ def frames(count):
     return normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True), views
 
 
-def in_c(folder, made, points, surface, taps):
-    """What the code computes for each point."""
-    roughness, anisotropy, f0 = surface
+def in_c(folder, made, points, call, taps=None):
+    """What the code computes for each point; `call` begins a call, whose arguments follow."""
     load = "double g, h, i;\n"
     for texture in pack(made):
         texture.values.astype(np.float32).tofile(folder / texture.name)
@@ -40,8 +41,7 @@ def in_c(folder, made, points, surface, taps):
     )
     program = program.replace(
         "shrm_radiance(shrm_vec(a, b, c), shrm_vec(d, e, f))",
-        "shrm_brushed(shrm_vec(a, b, c), shrm_vec(d, e, f), shrm_vec(g, h, i), "
-        f"{roughness}, {anisotropy}, shrm_vec{f0})",
+        call.format("shrm_vec(a, b, c), shrm_vec(d, e, f), shrm_vec(g, h, i)"),
     )
     (folder / "main.c").write_text(program, encoding="ascii")
     done = run([compiler_of_c(), *STRICT, folder / "main.c", "-o", folder / "main", "-lm"])
@@ -59,7 +59,8 @@ def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name, taps):
         roughness, anisotropy, f0 = surface
         shown = BrushedSplitSum(made, roughness, f0, anisotropy, taps)
         truth = shown.brushed_radiance(*points)
-        found = in_c(tmp_path, made, points, surface, taps)
+        call = f"shrm_brushed({{}}, {roughness}, {anisotropy}, shrm_vec{f0})"
+        found = in_c(tmp_path, made, points, call, taps)
         np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
 
 
@@ -75,3 +76,25 @@ def test_code_compiles(tmp_path, language, textures, taps):
 def test_other_forms_are_refused(name):
     with pytest.raises(MapError, match="only split sums of GGX"):
         look_up_code(cases.FORMS[name](), "glsl", taps=5)
+
+
+@pytest.mark.parametrize(
+    "spec", ["ggx:roughness=0.4,anisotropy=0.6,f0=0.9/0.5/0.04", "ggx:ax=0.1,ay=0.3"]
+)
+def test_lamps_beside_brushed_maps_are_sums_over_their_discs(tmp_path, monkeypatch, spec):
+    """With tangents of any direction, and discs that the horizon cuts."""
+    cases.filter_bilinearly(monkeypatch)
+    made = cases.lamps(spec, cases.FORMS["principal brushed"]())
+    points = normals, tangents, views = frames(60)
+    found = in_c(tmp_path, made, points, "shrm_brushed_radiance({})")
+    whole = made.brushed_radiance(*points)
+    np.testing.assert_allclose(found, whole, rtol=0, atol=2e-7 * np.abs(whole).max())
+    expected, brdf = np.zeros((60, 3)), parse_spec(spec)
+    for disc in made.discs:
+        light, areas = disc_rule(disc.direction, disc.radius, 60)
+        for k, (n, t, v) in enumerate(zip(normals, tangents, views, strict=True)):
+            axes = np.stack([t, np.cross(n, t), n], axis=1)
+            values = brdf.evaluate(light @ axes, (v @ axes)[None])
+            expected[k] += (areas * np.maximum(light @ n, 0)) @ values * disc.radiance
+    found = found - made.map.brushed_radiance(*points)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-3 * expected.max())
