@@ -14,7 +14,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.layouts import FACES
 from shrm_cli.sphere.double_fourier import fourier_matrices, places_by_m
 from shrm_cli.sphere.grid.latlong import AXES, analysis_waves
-from shrm_cli.sphere.harmonics import degrees, real_harmonics
+from shrm_cli.sphere.harmonics import degrees, harmonic_planes
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import rotation_blocks
 from shrm_cli.sphere.synthesis import (
@@ -169,8 +169,10 @@ class DirectionSynthesis(nn.Module):
     def __init__(self, order: int, directions: ArrayLike) -> None:
         super().__init__()
         self.order = order
-        harmonics = table(real_harmonics(order, directions))
-        self.register_buffer("harmonics", harmonics, persistent=False)
+        self.shape = np.shape(directions)[:-1]
+        # Products with few maps are several times as fast where the directions lie side by side.
+        harmonics = harmonic_planes(order, directions).reshape((order + 1) ** 2, -1)
+        self.register_buffer("harmonics", table(harmonics), persistent=False)
         self.register_buffer("degrees", table(degrees(order)), persistent=False)
 
     def forward(self, series: Tensor, factors: Tensor | None = None) -> Tensor:
@@ -181,7 +183,8 @@ class DirectionSynthesis(nn.Module):
         series = series[: len(self.degrees)]
         if factors is not None:
             series = series * factors[self.degrees, None]
-        return self.harmonics @ series
+        values = series.T.contiguous() @ self.harmonics
+        return values.T.contiguous().reshape(*self.shape, series.shape[1])
 
 
 class CubeSynthesis(nn.Module):

@@ -1,0 +1,31 @@
+"""The example that finds light and roughness, in a short run."""
+
+import re
+import subprocess
+import sys
+
+from tests.conftest import ROOT
+from tests.torch.setup import torch
+
+
+def test_light_and_roughness_are_found(tmp_path):
+    """From a sphere, which is drawn where no mesh is given, under a probe that is shipped."""
+    assert torch.get_num_threads() >= 1
+    text = (ROOT / "examples" / "recover_light.py").read_text()
+    assert text.count("SIZE, ROUGHNESS, F0 = 56,") == 1
+    short = text.replace("SIZE, ROUGHNESS, F0 = 56,", "SIZE, ROUGHNESS, F0 = 32,")
+    short = short.replace("Path(__file__).resolve().parents[1]", f"Path({str(ROOT)!r})")
+    (tmp_path / "short.py").write_text(short)
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "short.py"], cwd=tmp_path, capture_output=True, text=True,
+        env={"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    first, last = (
+        float(each) for each in re.findall(r"roughness ([\d.]+)$", done.stdout, re.M)[::6]
+    )
+    assert abs(last - 0.4) < 0.03 < abs(first - 0.4)
+    of_view, of_light = (float(each) for each in re.findall(r"([\d.]+) dB", done.stdout))
+    assert of_view > 30
+    assert of_light > 25
+    assert (tmp_path / "recovered.png").exists()
