@@ -128,13 +128,12 @@ def section(folder: Path, probe: str, name: str, pixels: int) -> str:
          "--exposure", PROBES[probe], "-o", os.path.relpath(folder / page, ROOT))  # fmt: skip
     sizes = [(ROOT / file).stat().st_size for file in files]
     shutil.rmtree(work)
-    rows = [
-        _row(form, size, found, command)
-        for form, size, found, command in zip(
-            material.forms, sizes, json.loads(told)["summary"], commands, strict=True
-        )
-    ]
-    return _SECTION.format(probe=probe, name=name, picture=picture, page=page, rows="\n".join(rows))
+    found = json.loads(told)["summary"]
+    rows = [_row(*each) for each in zip(material.forms, sizes, found, strict=True)]
+    return _SECTION.format(
+        probe=probe, name=name, picture=picture, page=page, rows="\n".join(rows),
+        commands="\n".join(f"shrm {shlex.join(each)}" for each in commands),
+    )  # fmt: skip
 
 
 def _options(material: Material, form: str) -> tuple[str, ...]:
@@ -143,9 +142,9 @@ def _options(material: Material, form: str) -> tuple[str, ...]:
     return ("--brdf", material.spec, *_KEPT)
 
 
-def _row(form: str, size: int, found: dict[str, float], command: Sequence[str]) -> str:
+def _row(form: str, size: int, found: dict[str, float]) -> str:
     shares = [f"{found[key]:.1%}" for key in ("relative_rmse", "p95_relative_error", "wrong_share")]
-    return f"| {form} | {size:,} | {' | '.join(shares)} | `shrm {shlex.join(command)}` |"
+    return f"| {form} | {size:,} | {' | '.join(shares)} |"
 
 
 def _run(*command: str) -> str:
@@ -173,9 +172,13 @@ _SECTION = """### {name}, {probe}
 
 [Turn it in a browser](gallery/{page}).
 
-| form | bytes | RMS | p95 | wrong | |
-|---|---|---|---|---|---|
+| form | bytes | RMS | p95 | wrong |
+|---|---|---|---|---|
 {rows}
+
+```text
+{commands}
+```
 """
 
 
