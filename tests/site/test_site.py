@@ -52,6 +52,7 @@ def test_every_public_name_has_a_place():
         assert name.startswith("__") or f'heading: "{name}"' in text
 
 
+@pytest.mark.filterwarnings("ignore:.*short_help:DeprecationWarning")  # click-man asks for it
 def test_man_pages_and_completion(tmp_path):
     pytest.importorskip("click_man")
     man_pages(tmp_path)
