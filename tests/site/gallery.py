@@ -67,7 +67,7 @@ MATERIALS = {
 """The materials, and what the gallery calls them."""
 OF_ALL_MATERIALS = {"irradiance": ("--order-f", "2"), "splitsum": ("--size", "64"), "she": ()}
 """Forms that are made without a BRDF, and their options."""
-PROBES = {"studio": "-1", "sky": "-5.5"}
+PROBES = {"studio": "-2", "sky": "-5.5"}
 """The probes, and the exposures that suit them, in stops."""
 
 
@@ -168,7 +168,7 @@ percentile (p95) of the relative error, and the share of pixels that are wrong b
 """
 _SECTION = """### {name}, {probe}
 
-![{name} under {probe}: the truth, and each form with its difference](gallery/{picture})
+[![{name} under {probe}: truth, forms, differences](gallery/{picture})](gallery/{picture})
 
 [Turn it in a browser](gallery/{page}).
 
