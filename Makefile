@@ -175,7 +175,7 @@ probes:
 # KaTeX typesets equations; it becomes a part of the site, which loads nothing from elsewhere.
 $(VENV)/.site: $(VENV)/.installed tests/site/package-lock.json
 	@command -v npm >/dev/null || { echo 'The site needs npm (Debian and Ubuntu: apt install npm)'; exit 1; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[site,plots,lookdev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[site]'
 	npm ci --silent --ignore-scripts --no-audit --no-fund --prefix tests/site
 	@touch $@
 
@@ -184,10 +184,11 @@ site: $(VENV)/.site
 	$(BIN)/python -m tests.site.reference build/man
 	@echo "The site is in build/site/: $(BIN)/python -m http.server -d build/site"
 
-figures: $(VENV)/.site
+figures: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plots]'
 	$(BIN)/python -m tests.site.figures docs/figures
 
-gallery: $(VENV)/.site
+gallery: $(VENV)/.installed
 	$(BIN)/python -m tests.site.gallery build/gallery $(GALLERY_FLAGS)
 
 # ---- batch ------------------------------------------------------------------------------------

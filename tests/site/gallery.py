@@ -67,7 +67,7 @@ MATERIALS = {
 """The materials, and what the gallery calls them."""
 OF_ALL_MATERIALS = {"irradiance": ("--order-f", "2"), "splitsum": ("--size", "64"), "she": ()}
 """Forms that are made without a BRDF, and their options."""
-PROBES = {"studio": "-1", "sky": "-5.5"}
+PROBES = {"studio": "-2", "sky": "-5.5"}
 """The probes, and the exposures that suit them, in stops."""
 
 
@@ -128,13 +128,12 @@ def section(folder: Path, probe: str, name: str, pixels: int) -> str:
          "--exposure", PROBES[probe], "-o", os.path.relpath(folder / page, ROOT))  # fmt: skip
     sizes = [(ROOT / file).stat().st_size for file in files]
     shutil.rmtree(work)
-    rows = [
-        _row(form, size, found, command)
-        for form, size, found, command in zip(
-            material.forms, sizes, json.loads(told)["summary"], commands, strict=True
-        )
-    ]
-    return _SECTION.format(probe=probe, name=name, picture=picture, page=page, rows="\n".join(rows))
+    found = json.loads(told)["summary"]
+    rows = [_row(*each) for each in zip(material.forms, sizes, found, strict=True)]
+    return _SECTION.format(
+        probe=probe, name=name, picture=picture, page=page, rows="\n".join(rows),
+        commands="\n".join(f"shrm {shlex.join(each)}" for each in commands),
+    )  # fmt: skip
 
 
 def _options(material: Material, form: str) -> tuple[str, ...]:
@@ -143,9 +142,9 @@ def _options(material: Material, form: str) -> tuple[str, ...]:
     return ("--brdf", material.spec, *_KEPT)
 
 
-def _row(form: str, size: int, found: dict[str, float], command: Sequence[str]) -> str:
+def _row(form: str, size: int, found: dict[str, float]) -> str:
     shares = [f"{found[key]:.1%}" for key in ("relative_rmse", "p95_relative_error", "wrong_share")]
-    return f"| {form} | {size:,} | {' | '.join(shares)} | `shrm {shlex.join(command)}` |"
+    return f"| {form} | {size:,} | {' | '.join(shares)} |"
 
 
 def _run(*command: str) -> str:
@@ -169,13 +168,17 @@ percentile (p95) of the relative error, and the share of pixels that are wrong b
 """
 _SECTION = """### {name}, {probe}
 
-![{name} under {probe}: the truth, and each form with its difference](gallery/{picture})
+[![{name} under {probe}: truth, forms, differences](gallery/{picture})](gallery/{picture})
 
 [Turn it in a browser](gallery/{page}).
 
-| form | bytes | RMS | p95 | wrong | |
-|---|---|---|---|---|---|
+| form | bytes | RMS | p95 | wrong |
+|---|---|---|---|---|
 {rows}
+
+```text
+{commands}
+```
 """
 
 
