@@ -16,9 +16,6 @@ from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from shrm_cli.geometry.mesh import Mesh
     from shrm_cli.transfer.transfer import Transfer
 
 _SUFFIXES = (".npz", ".glb", ".ply", ".txt")
@@ -82,8 +79,7 @@ def transfer(
       shrm transfer bunny.obj --order 2 -o bounce0.txt
     """
     from shrm_cli.errors import OutputError
-    from shrm_cli.geometry.load import load_mesh
-    from shrm_cli.transfer.bake import Plan, bake
+    from shrm_cli.transfer.bake import bake, transfer_plan
     from shrm_cli.transfer.export import FACES, WRITERS
     from shrm_cli.transfer.file import write_transfer
 
@@ -96,10 +92,11 @@ def transfer(
         raise OutputError(f"{target}: matrices are written as .npz only; name it so")
     beside = [str(Path(target).with_name(FACES))] if suffix == ".txt" else []
     check_outputs([target, *beside], files=[mesh])
-    found = load_mesh(mesh)
-    plan = Plan(
-        found, order, bounces, samples, _albedo(found, albedo), matrices, _tangents(found, brush)
-    )
+    plan = transfer_plan(
+        mesh, order=order, bounces=bounces, albedo=albedo, samples=samples, matrices=matrices,
+        brush=brush,
+    )  # fmt: skip
+    found = plan.mesh
     announce([
         f"{mesh}: {len(found.vertices):,} vertices, order {order}; {plan.size():,} bytes beside "
         "the output while it works"
@@ -123,27 +120,3 @@ def transfer(
         f"{bounces} bounces, {size:,} bytes"
     ]
     conclude({"file": target, **said, "bytes": size}, lines, [])
-
-
-def _albedo(mesh: Mesh, albedo: str | tuple[float, ...]) -> ArrayLike:
-    """Return the albedo of a mesh as `Plan` takes it.
-
-    Raises
-    ------
-    ArgumentError
-        If its vertices are to have colours, and have none.
-    """
-    from shrm_cli.errors import ArgumentError
-
-    if not isinstance(albedo, str):
-        return albedo
-    if mesh.colors is None:
-        raise ArgumentError("albedo", f"cannot be vertex: {mesh.name} has no vertex colours")
-    return mesh.colors
-
-
-def _tangents(mesh: Mesh, brush: str | tuple[float, float, float] | None) -> Any:
-    """Return the tangents that matrices are baked for; None for the default."""
-    from shrm_cli.render.stage import Actor
-
-    return None if brush is None else Actor(mesh, (), brush).tangents()
