@@ -27,19 +27,55 @@ that compute the same write the same bytes.
 
 _HOMES = {
     "prefilter": "prefilter",
-    "reference": "reference",
+    "analyze": "analysis.analyze",
+    "basis_maps": "render.basis",
+    "batch": "batch.batch",
     "choose": "choose.choose",
+    "compare": "analysis.compare",
+    "contact_page": "report.contact",
+    "draw_contacts": "report.contact",
+    "dfg": "brdf.environment.dfg",
+    "edit_light": "lights.edited",
+    "examine": "brdf.examine",
+    "export": "export.export",
+    "grid": "rooms.make",
+    "lookdev": "lookdev.sheet",
+    "product": "maps.product.make",
+    "reference": "reference",
+    "render": "render.render",
+    "report": "report.report",
+    "split_lamps": "lights.split",
+    "to_layout": "probe.resample",
+    "transfer": "transfer.bake",
+    "view": "view.show",
+    "furnace": "probe.make",
+    "impulse": "probe.make",
+    "studio": "probe.make",
+    "sky": "probe.sky",
+    "probe_statistics": "analysis.probe_statistics",
+    "cache_usage": "brdf.cache",
+    "clear_cache": "brdf.cache",
     "Choice": "choose.offer",
     "Offer": "choose.offer",
+    "Asked": "export.make",
+    "Edit": "lights.edit",
+    "Dimming": "lights.edit",
+    "Entry": "batch.entry",
+    "Terms": "batch.work",
+    "Look": "report.page",
+    "Viewer": "render.camera",
     "open_map": "maps.file",
     "is_map": "maps.file",
     "Map": "maps.base",
     "MapInfo": "maps.info",
     "open_probe": "probe.probe",
     "Probe": "probe.probe",
+    "ReadOptions": "probe.options",
+    "project": "probe.lighting",
     "Brdf": "brdf.base",
     "Parameter": "brdf.base",
     "parse_spec": "brdf.spec",
+    "hdr_flip": "render.flip",
     "seen_errors": "render.seen",
     "SeenErrors": "render.seen",
     "using": "settings",
@@ -60,8 +96,18 @@ if TYPE_CHECKING:
     from typing import Any
 
     from shrm_cli._version import version as __version__
+    from shrm_cli.analysis.analyze import analyze as analyze
+    from shrm_cli.analysis.compare import compare as compare
+    from shrm_cli.analysis.probe_statistics import probe_statistics as probe_statistics
+    from shrm_cli.batch.batch import batch as batch
+    from shrm_cli.batch.entry import Entry as Entry
+    from shrm_cli.batch.work import Terms as Terms
     from shrm_cli.brdf.base import Brdf as Brdf
     from shrm_cli.brdf.base import Parameter as Parameter
+    from shrm_cli.brdf.cache import cache_usage as cache_usage
+    from shrm_cli.brdf.cache import clear_cache as clear_cache
+    from shrm_cli.brdf.environment.dfg import dfg as dfg
+    from shrm_cli.brdf.examine import examine as examine
     from shrm_cli.brdf.spec import parse_spec as parse_spec
     from shrm_cli.choose.choose import choose as choose
     from shrm_cli.choose.offer import Choice as Choice
@@ -74,17 +120,43 @@ if TYPE_CHECKING:
     from shrm_cli.errors import ProbeError as ProbeError
     from shrm_cli.errors import ShrmError as ShrmError
     from shrm_cli.errors import ShrmWarning as ShrmWarning
+    from shrm_cli.export.export import export as export
+    from shrm_cli.export.make import Asked as Asked
+    from shrm_cli.lights.edit import Dimming as Dimming
+    from shrm_cli.lights.edit import Edit as Edit
+    from shrm_cli.lights.edited import edit_light as edit_light
+    from shrm_cli.lights.split import split_lamps as split_lamps
+    from shrm_cli.lookdev.sheet import lookdev as lookdev
     from shrm_cli.maps.base import Map as Map
     from shrm_cli.maps.file import is_map as is_map
     from shrm_cli.maps.file import open_map as open_map
     from shrm_cli.maps.info import MapInfo as MapInfo
+    from shrm_cli.maps.product.make import product as product
     from shrm_cli.prefilter import prefilter as prefilter
+    from shrm_cli.probe.lighting import project as project
+    from shrm_cli.probe.make import furnace as furnace
+    from shrm_cli.probe.make import impulse as impulse
+    from shrm_cli.probe.make import studio as studio
+    from shrm_cli.probe.options import ReadOptions as ReadOptions
     from shrm_cli.probe.probe import Probe as Probe
     from shrm_cli.probe.probe import open_probe as open_probe
+    from shrm_cli.probe.resample import to_layout as to_layout
+    from shrm_cli.probe.sky import sky as sky
     from shrm_cli.reference import reference as reference
+    from shrm_cli.render.basis import basis_maps as basis_maps
+    from shrm_cli.render.camera import Viewer as Viewer
+    from shrm_cli.render.flip import hdr_flip as hdr_flip
+    from shrm_cli.render.render import render as render
     from shrm_cli.render.seen import SeenErrors as SeenErrors
     from shrm_cli.render.seen import seen_errors as seen_errors
+    from shrm_cli.report.contact import contact_page as contact_page
+    from shrm_cli.report.contact import draw_contacts as draw_contacts
+    from shrm_cli.report.page import Look as Look
+    from shrm_cli.report.report import report as report
+    from shrm_cli.rooms.make import grid as grid
     from shrm_cli.settings import using as using
+    from shrm_cli.transfer.bake import transfer as transfer
+    from shrm_cli.view.show import view as view
 
 
 def __getattr__(name: str) -> "Any":

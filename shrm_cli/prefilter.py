@@ -125,6 +125,12 @@ def prefilter(
     BrdfError, ProbeError, OrderError, MapError
         If the BRDF or the probe cannot be used, the tolerance cannot be met, or the map would be
         too large.
+
+    Examples
+    --------
+    >>> made = shrm.prefilter("probes/studio.exr", "phong:exponent=8", eps=0.1)
+    >>> made.representation, made.info.order_f, made.info.order_p
+    ('shrm', 4, 0)
     """
     given = {
         "brdf": brdf, "eps": eps, "error": error, "seen": seen, "order_f": order_f,

@@ -371,6 +371,13 @@ def reference(
     Raises
     ------
     ProbeError, BrdfError
+
+    Examples
+    --------
+    >>> white = np.ones((16, 32, 3), np.float32)
+    >>> up = [0.0, 1.0, 0.0]
+    >>> shrm.reference(white, "lambertian", up, up).round(2).tolist()
+    [1.0, 1.0, 1.0]
     """
     light = as_probe(probe)
     material = parse_spec(brdf, primaries=light.chromaticities) if isinstance(brdf, str) else brdf

@@ -117,8 +117,6 @@ MAX_ORDER_F = 512
 """The largest order F of a map: the degree to which the light is kept."""
 MAX_ORDER_P = 32
 """The largest order P of a map: the degree of the harmonics of the view."""
-PROXY_ATTRIBUTE = "shrm:proxy"
-"""The attribute of a probe's file that holds the record of its box, as JSON."""
 MAX_GRID_ORDER = 4
 """The largest order of a grid of probes."""
 MIN_CUBE_SIZE = 4

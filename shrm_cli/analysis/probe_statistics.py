@@ -153,6 +153,12 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     ------
     ProbeError
         If the probe cannot be read, or its light is beyond 32-bit floats.
+
+    Examples
+    --------
+    >>> found = shrm.probe_statistics(shrm.open_probe("probes/furnace.exr")).summary()
+    >>> found["lamps"]
+    []
     """
     to_xyz = xyz_matrix(probe.chromaticities)
     gathered = _Gathered(probe.grid, to_xyz[1])

@@ -192,19 +192,25 @@ def _from_disk(
     return found
 
 
-def usage() -> tuple[int, int]:
+def cache_usage() -> tuple[int, int]:
     """Count the entries.
 
     Returns
     -------
     count, size : int
         How many there are, and how many bytes they have together.
+
+    Examples
+    --------
+    >>> count, size = shrm.cache_usage()
+    >>> count <= size
+    True
     """
     sizes = [size for _, size, _ in _entries(settings.cache_folder())]
     return len(sizes), sum(sizes)
 
 
-def clear() -> tuple[int, int]:
+def clear_cache() -> tuple[int, int]:
     """Remove every entry, and the folder if nothing else is in it.
 
     Returns
@@ -216,6 +222,13 @@ def clear() -> tuple[int, int]:
     ------
     OutputError
         If an entry cannot be removed.
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> with shrm.using(cache=pathlib.Path("empty")):
+    ...     shrm.clear_cache()
+    (0, 0)
     """
     where = settings.cache_folder()
     count = size = 0

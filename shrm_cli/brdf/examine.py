@@ -64,6 +64,11 @@ def examine(brdf: Brdf, seed: int = 0) -> Examination:
         Albedos of an anisotropic one are those of views in the plane of x and z.
     seed : int
         Of the random pairs of directions; the same seed gives the same result.
+
+    Examples
+    --------
+    >>> shrm.examine(shrm.parse_spec("lambertian")).gains_energy
+    False
     """
     light, view = _random_pairs(brdf, np.random.default_rng(seed))
     there, back = _values(brdf, light, view), _values(brdf, view, light)

@@ -52,6 +52,11 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
     BrdfError
         If the model or a parameter is unknown, malformed, repeated or out of its range, or a
         file cannot be used.
+
+    Examples
+    --------
+    >>> shrm.parse_spec("ggx:roughness=0.4").number("roughness")
+    0.4
     """
 
     def parse(term: str) -> Brdf:

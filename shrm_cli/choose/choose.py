@@ -56,6 +56,12 @@ def choose(
     Raises
     ------
     ArgumentError, ProbeError, BrdfError
+
+    Examples
+    --------
+    >>> (choice,) = shrm.choose("probes/furnace.exr", "lambertian")
+    >>> choice.is_kept
+    True
     """
     light, most = shared(as_probe(probe)), checked_budget(budget)
     for name, value in (("error", error), ("seen", seen)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -45,8 +45,6 @@ from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import AUTO, ENGINES, EXPORT, MAX_COLLECTED_ORDER, REPRESENTATIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from shrm_cli.batch.collect import What
     from shrm_cli.batch.entry import Entry
     from shrm_cli.batch.job import Chunk
@@ -173,6 +171,7 @@ def batch(
       shrm batch 'probes/*.exr' --collect light.npz --collect-order 3
       shrm batch bake.toml --scheduler tcp://host:8786
     """
+    from shrm_cli.batch.batch import workers
     from shrm_cli.batch.entry import check_others, checked
     from shrm_cli.batch.job import by_probe
     from shrm_cli.batch.work import Terms
@@ -200,7 +199,10 @@ def batch(
         _check_count(chunks)
     if dry_run:
         contact_page = None
-    _run(chunks, terms, _workers(jobs, scheduler), None if dry_run else log, collect, contact_page)
+    if scheduler is None:
+        # Processes and threads must not multiply; workers take over the environment.
+        limit_libraries(1)
+    _run(chunks, terms, workers(jobs, scheduler), None if dry_run else log, collect, contact_page)
 
 
 def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) -> list[Entry]:
@@ -289,35 +291,6 @@ def _write_gathered(
     order = {chunk.probe: index for index, chunk in reversed(list(enumerate(chunks)))}
     found = sorted(results, key=lambda each: order[each.probe])
     write_collection(path, Collection.of(found, gathering.what, gathering.order, gathering.window))
-
-
-@contextmanager
-def _workers(jobs: int | None, scheduler: str | None) -> Iterator[tuple[Workers, bool]]:
-    """Yield the workers: processes here, or a cluster, and whether they are the latter."""
-    if scheduler is not None:
-        from shrm_cli.batch.cluster import cluster_executor
-
-        with cluster_executor(scheduler, jobs) as found:
-            yield found, True
-        return
-    from shrm_cli.batch.pool import ProcessWorkers
-
-    # Processes and threads must not multiply; workers take over the environment.
-    limit_libraries(1)
-    pool = ProcessWorkers(jobs or _processors())
-    try:
-        yield pool, False
-    except BaseException:
-        pool.stop(at_once=True)
-        raise
-    pool.stop()
-
-
-def _processors() -> int:
-    """Return how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _run(

@@ -20,10 +20,10 @@ def cache() -> None:
 @report_options
 def info() -> None:
     """Say where the cache is, and how large."""
-    from shrm_cli.brdf.cache import MOST_BYTES, usage
+    from shrm_cli.brdf.cache import MOST_BYTES, cache_usage
 
     where = str(settings.cache_folder())
-    count, size = _with_modules(where, *usage())
+    count, size = _with_modules(where, *cache_usage())
     line = f"{where}: {_amount(count, size)}, at most {bytes_text(MOST_BYTES)}"
     tell({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES}, [line])
 
@@ -32,12 +32,12 @@ def info() -> None:
 @report_options
 def clear() -> None:
     """Remove everything in the cache."""
-    from shrm_cli.brdf.cache import clear
+    from shrm_cli.brdf.cache import clear_cache
 
     where = str(settings.cache_folder())
     modules = _with_modules(where)
     bytecode.clear(where)
-    count, size = (a + b for a, b in zip(clear(), modules, strict=True))
+    count, size = (a + b for a, b in zip(clear_cache(), modules, strict=True))
     line = f"{where}: {_amount(count, size)} removed"
     tell({"folder": where, "removed": count, "bytes": size}, [line])
 

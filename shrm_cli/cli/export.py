@@ -23,7 +23,7 @@ from shrm_cli.errors import ShrmError
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
 if TYPE_CHECKING:
-    from shrm_cli.export.make import Asked, Source
+    from shrm_cli.export.make import Asked
     from shrm_cli.probe.options import ReadOptions
 
 
@@ -155,13 +155,18 @@ def _exported(
 ) -> tuple[dict[str, Any], list[str], list[str]]:
     """Make the files of one engine; return what is told as JSON, its lines, and warnings."""
     from shrm_cli.export.engine import engine as engine_of
-    from shrm_cli.export.make import check, export, write
+    from shrm_cli.export.make import Source, check, export, write
+    from shrm_cli.maps.file import is_map
 
     name = source_stem(sources[0], REPRESENTATIONS)
     chosen = engine_of(engine)
     with renamed(texels="format", safe="firefly_safe"):
         check(chosen, asked)
-    source = _source(sources, name, reading)
+    if is_map(sources[0]):
+        refuse_inapplicable(reading_rules(False, "to probes; this is a map"))
+    elif len(sources) > 1:
+        raise wrong_usage(f"{sources[0]} is a probe; export it alone")
+    source = Source.open(sources, name, reading)
     check_outputs([str(folder / name) if folder.is_dir() else str(folder)])
     with renamed(texels="format"), progress_bar(f"exporting for {engine}") as progress:
         made = export(source, chosen, asked, progress)
@@ -183,20 +188,3 @@ def _exported(
     ]
     remarks = source.probe.report.warnings() if source.probe is not None else ()
     return result, lines, [*(f"{sources[0]}: {line}" for line in remarks), *made.warnings]
-
-
-def _source(sources: tuple[str, ...], name: str, reading: ReadOptions) -> Source:
-    """Open one probe, or some maps."""
-    from shrm_cli.export.make import Source
-    from shrm_cli.files.whole import note
-    from shrm_cli.maps.file import is_map, open_map
-    from shrm_cli.probe.probe import open_probe
-
-    if is_map(sources[0]):
-        refuse_inapplicable(reading_rules(False, "to probes; this is a map"))
-        note(*sources)
-        return Source.of_maps(name, [(path, open_map(path)) for path in sources])
-    if len(sources) > 1:
-        raise wrong_usage(f"{sources[0]} is a probe; export it alone")
-    probe = open_probe(sources[0], reading)
-    return Source(name, Path(sources[0]).name, probe)

@@ -23,13 +23,10 @@ from shrm_cli.cli.usage import Applies, refuse_inapplicable
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.arrays import Array
     from shrm_cli.lights.edit import Edit, Tables
     from shrm_cli.vocabulary import Precision
 
 _WRITTEN = (".txt", ".npy", ".json")
-_ORDER = 4
-"""The order that light files and images are projected to."""
 
 
 @click.group()
@@ -74,6 +71,7 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
       shrm light edit studio.toml --rotate y:40 --add lamp.toml -o turned.toml
     """
     from shrm_cli.lights.coefficients import write_coefficients, write_light_file
+    from shrm_cli.lights.edited import edit_light
 
     check_outputs([output], files=[file, *add], suffixes=(*_WRITTEN, ".toml"))
     to_tables = output.lower().endswith(".toml")
@@ -86,7 +84,7 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
         count = sum(map(len, tables.values()))
         conclude({"file": output, "lights": count}, [f"{output}: {count} lights"])
         return
-    found, warnings = _edited_coefficients(file, add, wanted, order, values)
+    found, warnings = edit_light(file, wanted, add, order, make_read_options(values))
     write_coefficients(output, found)
     result = {"file": output, "coefficients": found.tolist()}
     conclude(result, [f"{output}: {len(found)} coefficients"], warnings)
@@ -111,43 +109,6 @@ def _edit(values: dict[str, Any]) -> Edit:
         dims,
         np.eye(3) if rotate is None else turn_about(*rotate),
     )
-
-
-def _edited_coefficients(
-    file: str, add: Sequence[str], wanted: Edit, order: int | None, values: dict[str, Any]
-) -> tuple[Array, list[str]]:
-    import numpy as np
-
-    from shrm_cli.color import conversion, same_primaries, title_of
-    from shrm_cli.probe.light_sum import LightSum
-    from shrm_cli.probe.lighting import project
-    from shrm_cli.probe.probe import open_probe
-    from shrm_cli.probe.series import sum_of
-    from shrm_cli.sphere.harmonics import order_of
-
-    reading = make_read_options(values)
-    probes = [open_probe(path, reading) for path in (file, *add)]
-    if order is None:
-        known = [
-            each.series
-            for each in probes
-            if isinstance(each, LightSum) and each.image_of_sum.file_format == "coefficients"
-        ]
-        orders = [order_of(len(each)) for each in known if each is not None]
-        order = max(orders) if len(orders) == len(probes) else max([_ORDER, *orders])
-    lights = []
-    for each in probes:
-        matrix = conversion(each.chromaticities, probes[0].chromaticities)
-        found = project(each, order).coefficients
-        lights.append(found if matrix is None else found @ matrix.T)
-    total = sum_of([wanted.of_coefficients(lights[0]), *lights[1:]])
-    warnings = [f"{each.name}: {line}" for each in probes for line in each.report.warnings()]
-    colors = probes[0].chromaticities
-    if not same_primaries(colors, None):
-        warnings.append(
-            f"coefficients are in the primaries {title_of(colors)}, which OUT cannot say"
-        )
-    return np.asarray(total), warnings
 
 
 def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> tuple[Tables, Any]:

@@ -14,7 +14,6 @@ from shrm_cli.cli.outputs import check_outputs, force_option, keep_edited, reada
 from shrm_cli.cli.types import Spec
 from shrm_cli.cli.usage import Applies, refuse_inapplicable, wrong_usage
 from shrm_cli.naming import brdf_label
-from shrm_cli.progress import using
 from shrm_cli.vocabulary import (
     CONTAINERS,
     DEFAULT_PRODUCT_ORDER,
@@ -79,11 +78,7 @@ def product(
     """
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.maps.file import store
-    from shrm_cli.maps.product.prefilter import (
-        product_texture,
-        varying_texture,
-        varying_values,
-    )
+    from shrm_cli.maps.product.make import product_with_facts
     from shrm_cli.maps.product.report import report
     from shrm_cli.maps.product.steps import ENOUGH
 
@@ -93,17 +88,15 @@ def product(
     label = brdf_label(",".join([spec, *vary]))
     target = output or f"{label}.product.exr"
     check_outputs([target], specs=[spec], suffixes=CONTAINERS)
-    varying, step_error = None, 0.0
-    if interval is not None:
-        values, step_error = varying_values(brdf, *interval, order, steps)
-        varying = interval[0], values
-    if not (output or force):
-        _keep_other_texture(target, brdf, order, size, varying)
-    with progress_bar("integrating") as progress, using(progress):
-        if varying is None:
-            made = product_texture(brdf, order, size)
-        else:
-            made = varying_texture(brdf, *varying, order, size, step_error)
+
+    def begin(varying: tuple[str, list[float]] | None) -> None:
+        if not (output or force):
+            _keep_other_texture(target, brdf, order, size, varying)
+
+    with progress_bar("integrating") as progress:
+        made, step_error = product_with_facts(
+            brdf, order, size, interval, steps, begin=begin, progress=progress
+        )
     stored = store(target, made.map, precision)
     result: dict[str, Any] = {
         "file": os.fspath(target),

@@ -113,36 +113,33 @@ def report(
       shrm report probe.exr --brdf ggx:roughness=0.3 --brdf paint.bsdf -o report.html
       shrm report probe.exr --brdf ggx:roughness=0.5 --to principal --to splitsum -o report.html
     """
-    from shrm_cli.analysis.probe_statistics import probe_statistics
     from shrm_cli.files.whole import write_bytes
     from shrm_cli.probe.probe import open_probe
-    from shrm_cli.report.measure import Plan, measure_maps
-    from shrm_cli.report.page import Look, report_page
+    from shrm_cli.report.page import Look
+    from shrm_cli.report.report import report as report_of
 
     light = open_probe(probe, make_read_options(values))
     check_outputs([output], specs=brdfs, suffixes=PAGES)
     arguments = {name: value for name, value in values.items() if value is not None}
-    plan = Plan(brdfs, to, arguments, angles, picture_size, truth_height, exact, not no_flip)
-    plan.recipes()  # refuses what no probe could make, before long work
-    statistics = probe_statistics(light)
-    with progress_bar("measuring") as progress:
-        measured = measure_maps(light, plan, progress)
     command = shlex.join(["shrm", "report", *words_of_call()])
-    look = Look(exposure, not no_view, max_page, command, _options(), flags)
-    with progress_bar("drawing") as progress:
-        made = report_page(measured, statistics, look, progress)
-    text = made.text.encode("utf-8", "replace")
+    with progress_bar("measuring") as progress:
+        made = report_of(
+            light, brdfs, to, angles=angles, picture_size=picture_size, truth_height=truth_height,
+            exact=exact, flips=not no_flip, progress=progress, **arguments,
+            look=Look(exposure, not no_view, max_page, command, _options(), flags),
+        )  # fmt: skip
+    text, measured = made.html.encode("utf-8", "replace"), made.measured
     write_bytes(output, text)
     failures = [{"what": name, "error": flags(why)} for name, why in measured.failures]
     result = {
         "file": output,
         "bytes": len(text),
-        "probe": statistics.summary(),
+        "probe": made.statistics.summary(),
         "maps": measured.summary(),
         "failures": failures,
     }
     warnings = [f"{probe}: {line}" for line in light.report.warnings()]
-    warnings += [*measured.warnings, *made.remarks]
+    warnings += made.warnings
     failed = [f"{each['what']}: {each['error']}" for each in failures]
     conclude(result, _lines(output, len(text), measured), warnings, failed)
 

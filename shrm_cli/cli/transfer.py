@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,9 +16,6 @@ from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from shrm_cli.geometry.mesh import Mesh
     from shrm_cli.transfer.transfer import Transfer
 
 _SUFFIXES = (".npz", ".glb", ".ply", ".txt")
@@ -88,12 +85,8 @@ def transfer(
       shrm transfer bunny.obj --bounces 1 --brdf ggx:roughness=0.5,f0=gold
       shrm transfer bunny.obj --order 2 -o bounce0.txt
     """
-    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.errors import OutputError
-    from shrm_cli.geometry.load import load_mesh
-    from shrm_cli.maps.product.prefilter import product_texture
-    from shrm_cli.maps.product.product import ProductTexture
-    from shrm_cli.transfer.bake import Plan, bake
+    from shrm_cli.transfer.bake import bake, transfer_plan
     from shrm_cli.transfer.export import FACES, WRITERS
     from shrm_cli.transfer.file import write_transfer
 
@@ -111,14 +104,11 @@ def transfer(
         raise OutputError(f"{target}: matrices are written as .npz only; name it so")
     beside = [str(Path(target).with_name(FACES))] if suffix == ".txt" else []
     check_outputs([target, *beside], files=[mesh])
-    found = load_mesh(mesh)
-    product = None
-    if brdf is not None:
-        product = cast(ProductTexture, product_texture(parse_spec(brdf), order).map)
-    plan = Plan(
-        found, order, bounces, samples, _albedo(found, albedo), matrices, _tangents(found, brush),
-        product,
+    plan = transfer_plan(
+        mesh, order=order, bounces=bounces, albedo=albedo, samples=samples, matrices=matrices,
+        brush=brush, brdf=brdf,
     )  # fmt: skip
+    found = plan.mesh
     announce([
         f"{mesh}: {len(found.vertices):,} vertices, order {order}; {plan.size():,} bytes beside "
         "the output while it works"
@@ -142,27 +132,3 @@ def transfer(
         f"{bounces} bounces, {size:,} bytes"
     ]
     conclude({"file": target, **said, "bytes": size}, lines, [])
-
-
-def _albedo(mesh: Mesh, albedo: str | tuple[float, ...]) -> ArrayLike:
-    """Return the albedo of a mesh as `Plan` takes it.
-
-    Raises
-    ------
-    ArgumentError
-        If its vertices are to have colours, and have none.
-    """
-    from shrm_cli.errors import ArgumentError
-
-    if not isinstance(albedo, str):
-        return albedo
-    if mesh.colors is None:
-        raise ArgumentError("albedo", f"cannot be vertex: {mesh.name} has no vertex colours")
-    return mesh.colors
-
-
-def _tangents(mesh: Mesh, brush: str | tuple[float, float, float] | None) -> Any:
-    """Return the tangents that matrices are baked for; None for the default."""
-    from shrm_cli.render.stage import Actor
-
-    return None if brush is None else Actor(mesh, (), brush).tangents()

@@ -20,8 +20,9 @@ from shrm_cli.export.levels import levels_of_map, levels_of_probe
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.quoting import code_span, markdown
 from shrm_cli.export.tamed import tamed
-from shrm_cli.files.whole import keeping, together
+from shrm_cli.files.whole import keeping, note, together
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
 from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import Window
@@ -29,10 +30,12 @@ from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.naming import probe_stem
 from shrm_cli.orders import Orders
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress, using
@@ -99,6 +102,28 @@ class Source:
             irradiance=irradiance[0] if irradiance else None,
             path=split[0][0] if split else "",
         )
+
+    @classmethod
+    def open(
+        cls, paths: Sequence[str], name: str = "", reading: ReadOptions | None = None
+    ) -> "Source":
+        """Open a probe, or some maps.
+
+        Parameters
+        ----------
+        paths : sequence of str
+            The file of one probe, or those of maps.
+        name : str
+            What the names of the files begin with; by default the name of the first file.
+        reading : ReadOptions, optional
+            How a probe is read.
+        """
+        name = name or probe_stem(paths[0])
+        if is_map(paths[0]):
+            note(*paths)
+            return cls.of_maps(name, [(path, open_map(path)) for path in paths])
+        (path,) = paths
+        return cls(name, Path(path).name, open_probe(path, reading))
 
     @property
     def primaries(self) -> list[tuple[float, ...] | None]:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
+from shrm_cli.errors import ArgumentError
 from shrm_cli.geometry.mesh import Integers, Mesh
 from shrm_cli.sphere.directions import horizontal_tangents
 
@@ -35,6 +36,29 @@ def tangents_from_uvs(mesh: Mesh) -> Array:
     total = _summed(mesh.faces, along, len(mesh.vertices))
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return perpendicular(total / np.where(length > 0, length, 1), mesh.normals)
+
+
+def brushed_tangents(mesh: Mesh, brush: str | tuple[float, float, float] | None = None) -> Array:
+    """Return unit tangents of a mesh's vertices, shape (n, 3).
+
+    Parameters
+    ----------
+    mesh : Mesh
+    brush : {"uv"} or tuple of 3 float, optional
+        Along the texture coordinate u, or a direction; by default around +Y.
+
+    Raises
+    ------
+    ArgumentError
+        If they are to follow texture coordinates, and the mesh has none.
+    """
+    if brush is None:
+        return horizontal_tangents(mesh.normals)
+    if not isinstance(brush, str):
+        return projected_tangents(mesh.normals, brush)
+    if mesh.uvs is None:
+        raise ArgumentError("brush", f"cannot be uv: {mesh.name} has no texture coordinates")
+    return tangents_from_uvs(mesh)
 
 
 class UvTangents:

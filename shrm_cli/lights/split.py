@@ -22,7 +22,7 @@ from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.pixels import PixelPolicy
-from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
@@ -155,7 +155,7 @@ class _Candidate:
 
 
 def split_lamps(
-    probe: Probe,
+    probe: AnyProbe,
     error: float = LAMP_ERROR,
     count: int = LAMP_COUNT,
     sun_radius: float | None = None,
@@ -164,7 +164,7 @@ def split_lamps(
 
     Parameters
     ----------
-    probe : Probe
+    probe : Probe, path-like or array
     error : float
         The RMS error of the irradiance over all normals, relative to its RMS, that discs in place
         of pixels may make. What gives less irradiance than this is no lamp.
@@ -182,7 +182,14 @@ def split_lamps(
     ------
     ProbeError
         If the probe cannot be read, or its light is beyond 32-bit floats.
+
+    Examples
+    --------
+    >>> split = shrm.split_lamps("probes/sky.exr")
+    >>> len(split.lamps), split.proof.rms < 0.01
+    (1, True)
     """
+    probe = as_probe(probe)
     coarse = coarse_probe(probe, LEAST_ROWS)
     image = coarse.image()
     pixels = SpherePixels(coarse.grid)

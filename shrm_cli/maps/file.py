@@ -111,6 +111,13 @@ def open_map(path: str | os.PathLike[str]) -> Map:
     ------
     MapError
         If the file is missing, damaged or too large, or is not a map.
+
+    Examples
+    --------
+    >>> shrm.prefilter("probes/studio.exr", to="irradiance").save("white.exr")
+    'half'
+    >>> shrm.open_map("white.exr").representation
+    'irradiance'
     """
     file = open_file(path)
     attributes = read_attributes(file.first)
@@ -167,7 +174,13 @@ def recorded(path: str | os.PathLike[str]) -> Recorded | None:
 
 
 def is_map(path: str | os.PathLike[str]) -> bool:
-    """Whether a readable file carries the attributes of a map."""
+    """Whether a readable file carries the attributes of a map.
+
+    Examples
+    --------
+    >>> shrm.is_map("probes/studio.exr")
+    False
+    """
     file = peek(path)
     return file is not None and has_map_attributes(file.first)
 

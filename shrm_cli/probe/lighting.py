@@ -226,6 +226,12 @@ def project(probe: Probe, order: int) -> Lighting:
     References
     ----------
     Ramamoorthi 2002, eq. 5.20 and 5.21.
+
+    Examples
+    --------
+    >>> white = shrm.Probe.from_array(np.ones((16, 32, 3), np.float32), layout="latlong")
+    >>> shrm.project(white, 1).coefficients.shape
+    (4, 3)
     """
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
         found = _project(probe, order)

@@ -73,6 +73,11 @@ def furnace(size: int, radiance: ArrayLike = 1.0) -> Image:
     ------
     ProbeError
         If the size or the radiance is out of its range.
+
+    Examples
+    --------
+    >>> shrm.furnace(2, 0.5).shape
+    (2, 4, 3)
     """
     check_size(size)
     return np.tile(_rgb(radiance).astype(np.float32), (size, 2 * size, 1))
@@ -101,6 +106,11 @@ def impulse(size: int, direction: ArrayLike, radiance: ArrayLike | None = None) 
     ------
     ProbeError
         If the size, the direction or the radiance is out of its range.
+
+    Examples
+    --------
+    >>> int(np.count_nonzero(shrm.impulse(8, [0, 0, 1]).max(axis=-1)))
+    1
     """
     check_size(size)
     vector = np.asarray(direction, dtype=float)
@@ -132,6 +142,11 @@ def studio(size: int, key: float = 20.0) -> Image:
     ------
     ProbeError
         If the size or the radiance is out of its range.
+
+    Examples
+    --------
+    >>> float(shrm.studio(32, key=20.0).max())
+    20.0
     """
     check_size(size)
     if not 0 <= key <= LARGEST_HALF:

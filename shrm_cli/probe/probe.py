@@ -291,6 +291,12 @@ def open_probe(
     ------
     ProbeError
         If it is no usable image, its layout is unknown, or a keyword or its value is.
+
+    Examples
+    --------
+    >>> probe = shrm.open_probe("probes/studio.exr", yaw=30)
+    >>> probe.layout, probe.height
+    ('latlong', 256)
     """
     options = with_keywords(options or ReadOptions(), keywords)
     name = str(path)

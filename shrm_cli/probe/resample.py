@@ -122,6 +122,11 @@ def to_layout(
     ------
     ProbeError
         If the size is out of its range, or the probe cannot be read.
+
+    Examples
+    --------
+    >>> shrm.to_layout(shrm.open_probe("probes/studio.exr"), "hcross", size=16).shape
+    (48, 64, 3)
     """
     kind = grid_class(grid_name(layout))
     size = default_size(probe, kind) if size is None else size

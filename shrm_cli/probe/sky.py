@@ -84,6 +84,11 @@ def sky(
     turbidity 3 and elevation 60 degrees it gives 32 klx on the ground and the sun 75 klx. Below
     turbidity 2 and above 6 the fit is extrapolated and can exceed the light that enters the
     atmosphere (127 klx perpendicular to the sun).
+
+    Examples
+    --------
+    >>> shrm.sky(16, 45, 35, has_disc=False).shape
+    (16, 32, 3)
     """
     check_size(size)
     if not np.isfinite(sun_azimuth):

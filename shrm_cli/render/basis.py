@@ -28,6 +28,11 @@ def basis_maps(order: int) -> list[Irradiance]:
 
     So the green of a picture is what is positive, and the blue what is negative, once it is cut off
     at 0.
+
+    Examples
+    --------
+    >>> len(shrm.basis_maps(2))
+    9
     """
     count = (order + 1) ** 2
     info = MapInfo(order, 0, 0.0, 1.0, 0.0)

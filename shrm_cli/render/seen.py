@@ -58,6 +58,12 @@ def seen_errors(picture: ArrayLike, truth: ArrayLike, weights: ArrayLike = 1.0) 
     ------
     ArgumentError
         If the shapes do not fit, or no pixel counts.
+
+    Examples
+    --------
+    >>> truth = np.ones((8, 8, 3))
+    >>> round(float(shrm.seen_errors(1.1 * truth, truth).wrong_share), 3)
+    1.0
     """
     found, expected = np.asarray(picture, dtype=float), np.asarray(truth, dtype=float)
     if found.shape != expected.shape or found.ndim < 1 or found.shape[-1] != 3:

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
-from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.errors import MapError
 from shrm_cli.geometry.mesh import Mesh, joined
-from shrm_cli.geometry.tangents import UvTangents, projected_tangents, tangents_from_uvs
+from shrm_cli.geometry.tangents import UvTangents, brushed_tangents
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
@@ -206,24 +206,6 @@ class Actor:
     looks: Sequence[Look]
     brush: "str | tuple[float, float, float] | None" = None
 
-    def tangents(self) -> Array:
-        """Return unit tangents of the vertices, shape (n, 3).
-
-        Raises
-        ------
-        ArgumentError
-            If they are to follow texture coordinates, and the mesh has none.
-        """
-        if self.brush is None:
-            return horizontal_tangents(self.mesh.normals)
-        if not isinstance(self.brush, str):
-            return projected_tangents(self.mesh.normals, self.brush)
-        if self.mesh.uvs is None:
-            raise ArgumentError(
-                "brush", f"cannot be uv: {self.mesh.name} has no texture coordinates"
-            )
-        return tangents_from_uvs(self.mesh)
-
 
 @record(eq=False)
 class Stage:
@@ -258,7 +240,9 @@ class Stage:
             joined(actors[0].mesh.name, [actor.mesh for actor in actors]),
             tuple(looks),
             np.concatenate(owners),
-            np.concatenate([actor.tangents() for actor in actors]) if brushed else None,
+            np.concatenate([brushed_tangents(one.mesh, one.brush) for one in actors])
+            if brushed
+            else None,
         )
 
     @property

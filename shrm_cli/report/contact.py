@@ -127,6 +127,13 @@ def draw_contacts(files: Sequence[str], progress: Progress | None = None) -> Con
     ------
     MapError
         If there is no map, or there are more than `MOST_MAPS`.
+
+    Examples
+    --------
+    >>> shrm.prefilter("probes/studio.exr", to="irradiance").save("white.exr")
+    'half'
+    >>> len(shrm.draw_contacts(["white.exr"]).maps)
+    1
     """
     if not 1 <= len(files) <= MOST_MAPS:
         raise MapError(
@@ -182,6 +189,14 @@ def contact_page(
     -------
     str
         HTML, to be written as UTF-8. It holds the pictures; the maps are linked.
+
+    Examples
+    --------
+    >>> shrm.prefilter("probes/studio.exr", to="irradiance").save("white.exr")
+    'half'
+    >>> page = shrm.contact_page(shrm.draw_contacts(["white.exr"]), "index.html")
+    >>> "white.exr" in page
+    True
     """
     rows: dict[tuple[str, str], dict[tuple[str, str], list[Thumbnail]]] = {}
     columns: dict[tuple[str, str], None] = {}

@@ -104,7 +104,7 @@ def grid(
     begin: Callable[[RoomPlan], object] | None = None,
     progress: Progress | None = None,
 ) -> ProbeGrid:
-    """Find the light at the points of a grid.
+    r"""Find the light at the points of a grid.
 
     Parameters
     ----------
@@ -138,6 +138,14 @@ def grid(
         If the box is flat, or there are too many probes.
     MeshError, ProbeError
         If a file cannot be read, or nothing sends light.
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> rows = "x,y,z,file\n0,0,0,probes/furnace.exr\n"
+    >>> _ = pathlib.Path("one.csv").write_text(rows)
+    >>> shrm.grid("one.csv", order=1).summary()["shape"]
+    [1, 1, 1]
     """
     name = os.fspath(source)
     if is_grid(name):

@@ -7,14 +7,16 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli import settings
 from shrm_cli.arrays import Array
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
+from shrm_cli.geometry.tangents import brushed_tangents
 from shrm_cli.maps.provenance import spec_of
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
@@ -27,6 +29,7 @@ from shrm_cli.transfer.work import Work, unfinished
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
 
 if TYPE_CHECKING:
+    from shrm_cli.brdf.base import Brdf
     from shrm_cli.geometry.mesh import Mesh
     from shrm_cli.maps.product.product import ProductTexture
 
@@ -165,6 +168,96 @@ class Plan:
         for array in [*arrays, *([] if self.product is None else [self.product.table])]:
             digest.update(np.ascontiguousarray(array).data)
         return digest.hexdigest()
+
+
+def transfer_plan(
+    mesh: "Mesh | str | os.PathLike[str]",
+    *,
+    order: int = 4,
+    bounces: int = 0,
+    albedo: ArrayLike = 0.5,
+    samples: int = 1024,
+    matrices: bool = False,
+    brush: str | tuple[float, float, float] | None = None,
+    brdf: "Brdf | str | None" = None,
+) -> Plan:
+    """Return what is baked of a mesh; `bake` does it.
+
+    Parameters
+    ----------
+    mesh : Mesh or path-like
+    order : int
+        The largest degree of the light's harmonics.
+    bounces : int
+        How often light is reflected within the mesh.
+    albedo : array_like or {"vertex"}
+        What the mesh reflects, as `Plan` takes it, or the colors of its vertices.
+    samples : int
+        Rays of each vertex and bounce.
+    matrices : bool
+        Whether matrices are baked too, for glossy surfaces.
+    brush : {"uv"} or tuple of 3 float, optional
+        Tangents of the matrices, as `brushed_tangents` takes them.
+    brdf : Brdf or str, optional
+        What the mesh reflects in bounces in place of `albedo`; matrices are baked with it.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument has a value that it cannot have, or the mesh lacks what it names.
+    MeshError, BrdfError
+        If a file cannot be read.
+    """
+    from shrm_cli.geometry.load import load_mesh
+    from shrm_cli.maps.product.prefilter import product_texture
+    from shrm_cli.maps.product.product import ProductTexture
+
+    found = load_mesh(mesh) if isinstance(mesh, str | os.PathLike) else mesh
+    if isinstance(albedo, str):
+        if found.colors is None:
+            raise ArgumentError("albedo", f"cannot be vertex: {found.name} has no vertex colours")
+        albedo = found.colors
+    tangents = None if brush is None else brushed_tangents(found, brush)
+    product = None
+    if brdf is not None:
+        material = parse_spec(brdf) if isinstance(brdf, str) else brdf
+        product, matrices = cast(ProductTexture, product_texture(material, order).map), True
+    return Plan(found, order, bounces, samples, albedo, matrices, tangents, product)
+
+
+def transfer(
+    mesh: "Mesh | str | os.PathLike[str]", *, progress: Progress | None = None, **arguments: Any
+) -> Transfer:
+    r"""Bake how a mesh shadows and lights itself.
+
+    Parameters
+    ----------
+    mesh : Mesh or path-like
+    progress : callable, optional
+        Called with the amount of work done and the amount in all.
+    **arguments
+        Those of `transfer_plan`: `order`, `bounces`, `albedo`, `samples`, `matrices`, `brush`,
+        `brdf`.
+
+    Returns
+    -------
+    Transfer
+        In memory; `shrm_cli.transfer.file.write_transfer` writes it.
+
+    Raises
+    ------
+    ArgumentError, MeshError
+
+    Examples
+    --------
+    >>> corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    >>> import pathlib
+    >>> _ = pathlib.Path("triangle.obj").write_text(corners)
+    >>> shrm.transfer("triangle.obj", order=1, samples=16).summary()["vertices"]
+    3
+    """
+    baked: Transfer = bake(transfer_plan(mesh, **arguments), progress=progress)
+    return baked
 
 
 def mesh_digest(vertices: Array, faces: NDArray[np.integer]) -> str:

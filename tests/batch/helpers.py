@@ -2,6 +2,7 @@
 
 import json
 from concurrent.futures import BrokenExecutor, Future
+from importlib import import_module
 
 import OpenEXR
 
@@ -55,7 +56,7 @@ def work_here(monkeypatch):
         def stop(self, at_once=False):
             pass
 
-    monkeypatch.setattr("shrm_cli.batch.pool.ProcessWorkers", Pool)
+    monkeypatch.setattr(import_module("shrm_cli.batch.pool"), "ProcessWorkers", Pool)
     monkeypatch.setattr("shrm_cli.cli.batch.limit_libraries", lambda count: None)
 
 

@@ -4,6 +4,7 @@ import contextlib
 import http.server
 import json
 import threading
+from importlib import import_module
 
 import pytest
 
@@ -102,7 +103,7 @@ def test_no_field_of_a_name_leads_out(tmp_path, monkeypatch, field):
     (tmp_path / "a" / "b" / "p0.exr").rename(tmp_path / "a" / "b" / "C:x.exr")
     patterns = {"folder": "a/*/../b/*.exr", "probe": "a/b/*.exr", "brdf": "a/b/*.exr"}
     if field == "brdf":
-        monkeypatch.setattr("shrm_cli.batch.entry.brdf_label", lambda _: "..")
+        monkeypatch.setattr(import_module("shrm_cli.batch.entry"), "brdf_label", lambda _: "..")
     entry = Entry((patterns[field],), ("phong",), output="out/{%s}/x.exr" % field)  # noqa: UP031
     with pytest.raises(ProbeError, match=rf"{{{field}}} would be .* which may lead out"):
         entry.jobs()

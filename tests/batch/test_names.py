@@ -4,6 +4,7 @@ import functools
 import http.server
 import json
 import threading
+from importlib import import_module
 
 import pytest
 
@@ -141,7 +142,9 @@ def test_a_listing_leads_to_no_folder_outside(server, tmp_path, monkeypatch):
 )  # fmt: skip
 def test_no_name_of_a_listing_leads_out_of_the_folder(monkeypatch, name):
     """Whatever kind of store it is of."""
-    monkeypatch.setattr("shrm_cli.batch.entry.matching", lambda pattern: [f"s3://bucket/{name}"])
+    monkeypatch.setattr(
+        import_module("shrm_cli.batch.entry"), "matching", lambda pattern: [f"s3://bucket/{name}"]
+    )
     entry = Entry(("s3://bucket/**/*.exr",), to=("irradiance",), output="out/{folder}/{probe}.exr")
     with pytest.raises(ProbeError, match=r"the listing has .*; do not trust it"):
         entry.jobs()
@@ -149,7 +152,9 @@ def test_no_name_of_a_listing_leads_out_of_the_folder(monkeypatch, name):
 
 def test_usual_names_of_listings_are_taken(monkeypatch):
     monkeypatch.setattr(
-        "shrm_cli.batch.entry.matching", lambda pattern: ["s3://bucket/a b/100%/ü..x/e.v.exr"]
+        import_module("shrm_cli.batch.entry"),
+        "matching",
+        lambda pattern: ["s3://bucket/a b/100%/ü..x/e.v.exr"],
     )
     entry = Entry(("s3://bucket/**/*.exr",), to=("irradiance",), output="out/{folder}/{probe}.exr")
     assert [job.output for job in entry.jobs()] == ["out/a b/100%/ü..x/e.v.exr"]

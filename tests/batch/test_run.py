@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures.process import BrokenProcessPool
+from importlib import import_module
 
 import pytest
 
@@ -53,7 +54,7 @@ def test_the_first_probe_comes_before_all_others(folder):
 
 
 def test_tasks_are_longer_where_handing_them_out_is_slow(folder, monkeypatch):
-    monkeypatch.setattr("shrm_cli.batch.run._TASK_SECONDS", 1e3)
+    monkeypatch.setattr(import_module("shrm_cli.batch.run"), "_TASK_SECONDS", 1e3)
     workers, told = Here(), []
     run(by_probe(irradiance().jobs()), workers, Terms(), told.append, is_remote=True)
     assert len(workers.tasks) < 8

@@ -173,7 +173,7 @@ def test_the_settings_can_name_its_folder(folder, tmp_path):
         for _ in range(2):
             cached_coefficients(parse_spec("phong"), *ORDERS, compute)
         assert settings.cache_folder() == tmp_path / "mine"
-        assert cache.usage()[0] == 1
+        assert cache.cache_usage()[0] == 1
     assert compute.calls == 1
     assert not folder.exists()
     assert settings.cache_folder() == folder
@@ -331,7 +331,7 @@ def test_a_folder_that_cannot_be_written_is_no_cache(tmp_path, monkeypatch):
         for _ in range(2):
             cached_coefficients(parse_spec("phong"), *ORDERS, compute)
         assert compute.calls == 2
-        assert cache.usage() == (0, 0)
+        assert cache.cache_usage() == (0, 0)
     assert (tmp_path / "file").read_text() == "in the way"
 
 
@@ -375,18 +375,18 @@ def test_clearing_removes_entries_and_nothing_else(folder):
     (folder / "below").mkdir()
     (folder / "below" / "x.coefficients").write_text("mine")
     (folder / ".x.shrm-host-1-ab.coefficients").write_text("left by a killed process")
-    count, size = cache.usage()
+    count, size = cache.cache_usage()
     assert count == 3
-    assert cache.clear() == (count, size)
+    assert cache.clear_cache() == (count, size)
     assert sorted(path.name for path in folder.iterdir()) == ["below", "notes.txt"]
     assert (folder / "below" / "x.coefficients").exists()
-    assert cache.clear() == (0, 0)
+    assert cache.clear_cache() == (0, 0)
 
 
 def test_clearing_removes_an_empty_folder(folder, kept):
-    cache.clear()
+    cache.clear_cache()
     assert not folder.exists()
-    assert cache.clear() == (0, 0)
+    assert cache.clear_cache() == (0, 0)
 
 
 def test_what_cannot_be_removed_is_said(folder, kept, monkeypatch):
@@ -395,15 +395,15 @@ def test_what_cannot_be_removed_is_said(folder, kept, monkeypatch):
 
     monkeypatch.setattr(type(kept), "unlink", refuse)
     with pytest.raises(OutputError, match="cannot be removed"):
-        cache.clear()
+        cache.clear_cache()
 
 
 def test_links_are_not_followed(folder, tmp_path):
     (tmp_path / "precious").write_text("data")
     folder.mkdir()
     (folder / "a.coefficients").symlink_to(tmp_path / "precious")
-    assert cache.usage() == (0, 0)
-    cache.clear()
+    assert cache.cache_usage() == (0, 0)
+    cache.clear_cache()
     assert (tmp_path / "precious").read_text() == "data"
 
 
@@ -460,8 +460,8 @@ def test_concurrent_runs_share_it(folder):
         "    brdf = parse_spec(f'microfacet:sigma=0.{3 + turn % 3}')\n"
         "    found = cache.cached_coefficients(brdf, 8, 3, 1e-2, compute)\n"
         "    right = np.array_equal(found.values, compute(brdf, 8, 3, 1e-2).values)\n"
-        "    sys.exit('wrong') if not right else cache.usage()\n"
-        "    cache.clear() if turn == 7 else None\n"
+        "    sys.exit('wrong') if not right else cache.cache_usage()\n"
+        "    cache.clear_cache() if turn == 7 else None\n"
     )
     runs = [Popen([sys.executable, "-c", code], env=environment()) for _ in range(3)]
     assert [run.wait(timeout=60) for run in runs] == [0, 0, 0]

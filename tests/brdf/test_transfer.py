@@ -248,7 +248,7 @@ def test_coefficients_and_transfer_functions_have_entries_of_their_own(folder):
     brdf = parse_spec("microfacet:sigma=0.6")
     cached_transfer(brdf, 8, 3, 1e-3, compute_transfer)
     cache.cached_coefficients(brdf, 8, 3, 1e-3, compute_coefficients)
-    assert cache.usage()[0] == 2
+    assert cache.cache_usage()[0] == 2
     assert cached_transfer(brdf, 8, 3, 1e-3, compute_transfer).max_q == 3
 
 

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import re
+from importlib import import_module
 
 import numpy as np
 import OpenImageIO as oiio
@@ -250,7 +251,7 @@ HINT = "flip-evaluator is not installed, so HDR-FLIP is left out; pip install fl
 
 @pytest.mark.parametrize(("options", "hints"), [([], [HINT]), (["--no-flip"], [])])
 def test_without_flip_its_column_is_left_out(folder, monkeypatch, options, hints):
-    monkeypatch.setattr("shrm_cli.render.flip.can_flip", lambda: False)
+    monkeypatch.setattr(import_module("shrm_cli.render.flip"), "can_flip", lambda: False)
     result = run("compare", "fine.map.exr", "coarse.map.exr", *SMALL, *options)
     assert result.code == 0
     assert result.err.splitlines() == [f"Warning: {hint}" for hint in hints]
@@ -336,7 +337,7 @@ def test_maps_of_the_same_name_have_labels_with_their_folders(folder, monkeypatc
         found.append([first, *names])
         return np.zeros((4, 4, 3), np.float32)
 
-    monkeypatch.setattr("shrm_cli.render.comparison.Comparison.picture", note)
+    monkeypatch.setattr(import_module("shrm_cli.render.comparison").Comparison, "picture", note)
     options = ["--size", 16]
     assert run("compare", "x/map.EXR", "y/map.EXR", *options).code == 0
     assert run("compare", "x/map.EXR", "fine.map.exr", *options).code == 0

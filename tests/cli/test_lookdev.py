@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from importlib import import_module
 
 import numpy as np
 import OpenImageIO as oiio
@@ -158,7 +159,7 @@ def test_frames_that_do_not_fit_into_memory_are_refused_before_work(folder, monk
     def fail(*_):
         raise AssertionError("maps were made")
 
-    monkeypatch.setattr("shrm_cli.lookdev.sheet.make_column", fail)
+    monkeypatch.setattr(import_module("shrm_cli.lookdev.sheet"), "make_column", fail)
     probe = "dim.exr"
     long = ["--brdf", "lambertian", "--size", "1024", "--frames", "9999", "-o", name]
     found = run("lookdev", probe, *long, "--max-memory", "4GB")
@@ -171,7 +172,9 @@ def test_frames_that_do_not_fit_into_memory_are_refused_before_work(folder, monk
 def test_a_long_turntable_says_how_long_it_takes(folder, monkeypatch):
     """A frame takes a second by a clock that moves a second when it is looked at."""
     seconds = itertools.count()
-    monkeypatch.setattr("shrm_cli.lookdev.sheet.perf_counter", lambda: next(seconds))
+    monkeypatch.setattr(
+        import_module("shrm_cli.lookdev.sheet"), "perf_counter", lambda: next(seconds)
+    )
     probe = "dim.exr"
     few = ["--brdf", "lambertian", "--size", "16", "--frames", "9", "-o", "a.%02d.png"]
     assert "rendering takes about 8 s more" in run("lookdev", probe, *few, terminal=True).err

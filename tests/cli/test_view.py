@@ -5,6 +5,7 @@ import re
 import urllib.error
 import urllib.request
 from contextlib import contextmanager
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -142,7 +143,7 @@ def test_a_page_that_is_too_large_is_refused_before_the_truth(folder, monkeypatc
     def fail(*_):
         raise AssertionError("the truth was computed")
 
-    monkeypatch.setattr("shrm_cli.view.scene._truth_pictures", fail)
+    monkeypatch.setattr(import_module("shrm_cli.view.scene"), "_truth_pictures", fail)
     arguments = ["glossy.exr", "--probe", "probe.exr", "-o", "a.html", "--max-size", "10"]
     assert_refused(run("view", *arguments), 1, "more than 10 bytes", "--max-size")
     assert not (folder / "a.html").exists()

@@ -1,5 +1,6 @@
 """Differences against formulas written again, and where the pictures of a comparison are."""
 
+import inspect
 import math
 
 import numpy as np
@@ -213,8 +214,8 @@ def test_a_row_holds_the_baseline_and_each_map_with_its_difference(exposure, amp
 def labels_of(monkeypatch, comparison, *arguments):
     """The texts under the tiles, by row."""
     found = []
-    drawn = "shrm_cli.render.comparison.draw_sheet"
-    monkeypatch.setattr(drawn, lambda layout, tiles, labels: found.extend(labels))
+    drawing = inspect.getmodule(type(comparison))
+    monkeypatch.setattr(drawing, "draw_sheet", lambda layout, tiles, labels: found.extend(labels))
     comparison.picture(*arguments)
     columns = 1 + 2 * len(comparison.others)
     return [found[k : k + columns] for k in range(0, len(found), columns)]

@@ -1,5 +1,7 @@
 """Baking: what resumes, what does not change the result, and what is refused."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -80,7 +82,9 @@ def test_unfinished_work_of_another_program_is_begun_anew(
     path = tmp_path / "t.npz"
     with pytest.raises(KeyboardInterrupt):
         baked_file(plan, path, Tripping(plan.mesh, 13))
-    monkeypatch.setattr("shrm_cli.transfer.bake.fingerprint", lambda folders: "another")
+    monkeypatch.setattr(
+        import_module("shrm_cli.transfer.bake"), "fingerprint", lambda folders: "another"
+    )
     everything = Tripping(plan.mesh)
     baked_file(plan, path, everything)
     assert everything.calls == 2 * -(-len(plan.mesh.vertices) // plan.step)

@@ -1,0 +1,125 @@
+"""Functions of the library do what the commands do: the same numbers, the same pixels."""
+
+import json
+
+import numpy as np
+import OpenEXR
+import pytest
+
+import shrm_cli as shrm
+from tests.cli.helpers import done
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a probe and two maps of it."""
+    monkeypatch.chdir(tmp_path)
+    done("probe", "studio", "--size", "32", "-o", "probe.exr")
+    probe = shrm.open_probe("probe.exr")
+    shrm.prefilter(probe, "lambertian", eps=0.01).save("white.exr")
+    shrm.prefilter(probe, to="splitsum", size=16).save("chain.exr")
+    return tmp_path
+
+
+def test_compare(folder):
+    told = json.loads(
+        done("compare", "white.exr", "--probe", "probe.exr", "--size", "32", "--no-flip", "--json",
+             "--no-picture", "--view", "30,10")
+    )  # fmt: skip
+    found = shrm.compare(["white.exr"], "probe.exr", size=32, views=[(30.0, 10.0)])
+    assert found.numbers() == {"views": told["views"], "summary": told["summary"]}
+    assert found.truth.error == told["truth_error"]
+    with pytest.raises(shrm.ArgumentError, match="nothing to be compared with"):
+        shrm.compare(["white.exr"])
+
+
+def test_render(folder):
+    done("render", "chain.exr", "--size", "32", "--view", "30,10", "--roughness", "0.3",
+         "--background", "probe.exr", "-o", "ball.exr", "--precision", "float")  # fmt: skip
+    with OpenEXR.File("ball.exr") as file:
+        written = file.channels()["RGB"].pixels
+    drawn = shrm.render("chain.exr", (30, 10), 32, roughness=0.3, background="probe.exr")
+    np.testing.assert_array_equal(written, drawn)
+
+
+def test_convert(folder):
+    done("convert", "white.exr", "--to", "cabral", "-o", "by-command.exr")
+    made = shrm.Map.converted(shrm.open_map("white.exr"), "cabral")
+    made.save("by-function.exr", "float")
+    np.testing.assert_array_equal(
+        np.stack(shrm.open_map("by-command.exr").planes()),
+        np.stack(shrm.open_map("by-function.exr").planes()),
+    )
+    done("convert", "probe.exr", "--to", "hcross", "--size", "8", "-o", "cross.exr",
+         "--precision", "float")  # fmt: skip
+    cross = shrm.to_layout(shrm.open_probe("probe.exr"), "hcross", size=8)
+    again = shrm.to_layout(shrm.open_probe("cross.exr"), "hcross", size=8)
+    np.testing.assert_allclose(again, cross, rtol=1e-6, atol=1e-6)
+
+
+def test_info(folder):
+    told = json.loads(done("info", "white.exr", "--json"))
+    assert shrm.open_map("white.exr").summary().items() <= told.items()
+    told = json.loads(done("info", "probe.exr", "--json"))
+    found = shrm.probe_statistics(shrm.open_probe("probe.exr")).summary()
+    assert json.loads(json.dumps(found))["stops"] == told["stops"]
+
+
+def test_light_edit(folder):
+    told = json.loads(
+        done("light", "edit", "probe.exr", "--order", "3", "--scale", "2", "-o", "twice.npy",
+             "--json")
+    )  # fmt: skip
+    twice = shrm.Edit([], 2 * np.ones(3), [], np.eye(3))
+    found, warnings = shrm.edit_light("probe.exr", twice, order=3)
+    assert told["coefficients"] == found.tolist()
+    assert warnings == []
+
+
+def test_contact(folder):
+    done("contact", "white.exr", "chain.exr", "-o", "page.html")
+    found = shrm.draw_contacts(["white.exr", "chain.exr"])
+    page = shrm.contact_page(found, "page.html")
+    assert len(found.maps) == 2
+    assert page.count("<img") == (folder / "page.html").read_text().count("<img") == 2
+
+
+def test_dfg_and_product_and_transfer(folder):
+    done("dfg", "--size", "8", "--brdf", "charlie", "-o", "dfg.exr", "--precision", "float")
+    table = shrm.dfg("charlie", size=8)
+    told = json.loads(done("dfg", "--size", "8", "--brdf", "charlie", "-o", "dfg.exr", "--json"))
+    assert told["maximum"] == table.texels.max()
+    assert (told["columns"], told["brdf"]) == (table.kind, table.brdf)
+    with pytest.raises(shrm.ArgumentError, match="kind"):
+        shrm.dfg("charlie", kind="gltf")
+    done("product", "ggx", "--order", "2", "--size", "16", "-o", "ggx.exr", "--precision", "float")
+    np.testing.assert_allclose(
+        shrm.open_map("ggx.exr").table, shrm.product("ggx", 2, 16).table, rtol=1e-6, atol=1e-7
+    )
+
+
+def test_analyze(folder):
+    told = json.loads(
+        done("analyze", "--brdf", "lambertian", "--probe", "probe.exr", "--no-plots", "--json")
+    )
+    found = shrm.analyze("lambertian", "probe.exr")
+    assert found.grid.captured.tolist() == told["brdf_energy_captured"]
+    assert found.curve.accuracy.tolist() == told["accuracy"]["accuracy"]
+
+
+def test_view_and_lookdev_and_report(folder):
+    done("view", "white.exr", "--lossless", "-o", "page.html")
+    assert shrm.view(["white.exr"]).html() == (folder / "page.html").read_text()
+    done("lookdev", "probe.exr", "--brdf", "lambertian", "--size", "32", "-o", "sheet.html")
+    made = shrm.lookdev(["probe.exr"], ["lambertian"], size=32)
+    assert made.page(shrm.Viewer(0, 0)) == (folder / "sheet.html").read_text()
+
+
+def test_batch(folder):
+    entry = shrm.Entry(("probe.exr",), to=("irradiance",))
+    looked = shrm.batch([entry], jobs=1, terms=shrm.Terms(only_looks=True))
+    assert (looked.waiting, looked.made) == (1, 0)
+    assert not (folder / "probe.irradiance.exr").exists()
+    assert shrm.batch([entry], jobs=1).made == 1
+    assert shrm.open_map("probe.irradiance.exr").representation == "irradiance"
+    assert shrm.batch([entry], jobs=1).skipped == 1
