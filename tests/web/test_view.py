@@ -1,10 +1,12 @@
 """`shrm view` in a browser: its pictures are those of `shrm render`, and its controls work."""
 
+import io
 import threading
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
@@ -434,6 +436,7 @@ def test_keys(two, watched):
         ("s", "shape", 1),
         ("d", "mode", 1),
         ("d", "mode", 2),
+        ("d", "mode", 3),
         ("d", "mode", 0),
         (">", "divider", pytest.approx(0.55)),
         (".", "roughness", pytest.approx(0.55)),
@@ -448,6 +451,52 @@ def test_keys(two, watched):
     assert two.locator(".help").is_visible()
     two.keyboard.press("Escape")
     assert not two.locator(".help").is_visible()
+    assert watched.errors == []
+
+
+def test_a_blend_is_the_map_of_blended_light(watched, tmp_path, probe):
+    """Three quarters of the way from one probe to another; the slider moves it."""
+    first = np.asarray(probe.image())
+    second = np.roll(first, 11, axis=1) * [0.4, 1.0, 2.0]
+    lights = first, second, 0.25 * first + 0.75 * second
+    maps = [
+        prefilter(
+            Probe.from_array(light.astype(np.float32), "latlong"), "phong:exponent=20", to="shrm"
+        )
+        for light in lights
+    ]
+    names = ["a.exr", "b.exr", "c.exr"]
+    page = opened(watched, make_page(make_scene(maps, names, is_rounded=False)), tmp_path)
+
+    def screen():
+        page.wait_for_timeout(1500)
+        data = page.locator("canvas").first.screenshot()
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(float)
+
+    side = '{kind: "map", number: %d}'
+    view(page, f"view.set({{a: {side % 2}, b: null, exposure: -2}});")
+    wanted = screen()
+    view(page, f"view.set({{a: {side % 0}, b: {side % 1}, mode: 3}});")
+    page.locator('[name="divider"]').fill("75")
+    blended = screen()
+    page.locator('[name="divider"]').fill("25")
+    other = screen()
+    last, drawn = view(
+        page,
+        """var draw = view.renderer.draw, count = 0;
+        view.renderer.draw = function () { count++; return draw.apply(this, arguments); };
+        for (var k = 0; k < 100; k++) { view.divide(k / 100); view.show(); }
+        await new Promise((done) => setTimeout(done, 300));
+        view.renderer.draw = draw;
+        return [view.state.divider, count];""",
+    )
+    assert last == 0.99
+    assert drawn == 0  # neither picture is drawn anew
+    assert np.ptp(wanted) > 50
+    # Tags lie upon the corners, and the maps' own errors are within a step or two of 8 bits.
+    middle = np.s_[100:-100, 60:-60]
+    assert np.abs(blended[middle] - wanted[middle]).max() <= 3
+    assert np.abs(other[middle] - wanted[middle]).max() > 20
     assert watched.errors == []
 
 

@@ -43,6 +43,7 @@ function Controls(viewer) {
   });
   viewer.listeners.push(function () { self.update(); });
   viewer.onTurned = function () { self.turned(); };
+  viewer.onDivided = function () { self.divided(); };
   viewer.onDrawn = function () { self.drawn(); };
   this.update();
 }
@@ -89,7 +90,7 @@ Controls.prototype.changed = function (field) {
     case "a": return viewer.set({ a: sideOf(field.value) });
     case "b": return viewer.set({ b: sideOf(field.value) });
     case "mode": return this.compare(value);
-    case "divider": return viewer.set({ divider: value / 100 });
+    case "divider": return viewer.divide(value / 100);
     case "scale": return viewer.set({ scale: Math.pow(2, value) });
     case "shape": return viewer.set({ shape: value });
     case "azimuth": view.azimuth = value; return viewer.set({ view: view });
@@ -116,7 +117,7 @@ Controls.prototype.compare = function (mode) {
   var viewer = this.viewer;
   if (!viewer.state.b) return;
   viewer.set({ mode: mode });
-  if (mode !== MODE.divider) {
+  if (isDifference(mode)) {
     var found = this.measure();
     if (found && found.p99 > 0)
       viewer.set({ scale: Math.pow(2, clamp(Math.ceil(Math.log2(found.p99)), -12, 8)) });
@@ -145,7 +146,7 @@ Controls.prototype.act = function (what) {
 
 Controls.prototype.update = function () {
   var state = this.viewer.state, fields = this.fields, self = this;
-  var differs = state.b !== null && state.mode !== MODE.divider;
+  var differs = state.b !== null && isDifference(state.mode), blends = state.mode === MODE.blend;
   function put(name, value, text) {
     var field = fields[name], output = field.closest(".row").querySelector("output");
     if (document.activeElement !== field || field.type !== "number") field.value = String(value);
@@ -158,7 +159,7 @@ Controls.prototype.update = function () {
     each.checked = Number(each.value) === state.mode;
     each.disabled = !state.b;
   });
-  put("divider", 100 * state.divider, Math.round(100 * state.divider) + " %");
+  this.divided();
   put("scale", Math.log2(state.scale), this.scaleText(state.scale));
   put("shape", state.shape);
   put("azimuth", state.view.azimuth, state.view.azimuth.toFixed(0) + "\u00b0");
@@ -175,6 +176,7 @@ Controls.prototype.update = function () {
   });
   put("metal", metal < 0 ? "" : metal);
   show('[data-row="divider"]', state.b !== null && !differs);
+  this.root.querySelector('[data-row="divider"] span').textContent = blends ? "Part of B" : "Divider";
   show('[data-row="scale"]', differs);
   show(".legend", differs);
   show(".measure", differs);
@@ -191,6 +193,12 @@ Controls.prototype.turned = function () {
   var light = this.viewer.state.light, field = this.fields.light;
   field.value = String(light);
   field.nextElementSibling.textContent = light.toFixed(0) + "\u00b0";
+};
+
+Controls.prototype.divided = function () {
+  var share = 100 * this.viewer.state.divider, field = this.fields.divider;
+  field.value = String(share);
+  field.nextElementSibling.textContent = Math.round(share) + " %";
 };
 
 Controls.prototype.scaleText = function (scale) {
@@ -256,7 +264,7 @@ Controls.prototype.drawn = function () {
 };
 
 Controls.prototype.showMeasure = function () {
-  if (this.viewer.state.mode === MODE.divider) return;
+  if (!isDifference(this.viewer.state.mode)) return;
   var found = this.measure(), place = this.root.querySelector(".measure");
   place.textContent = found
     ? "Relative RMSE of A from B in this view: " + (100 * found.relative).toPrecision(3) + " %"

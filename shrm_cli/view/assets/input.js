@@ -7,8 +7,8 @@ var KEYS = [
   [", .", "roughness"],
   ["1 \u2026 9", "map on side A; with Shift on side B"],
   ["X", "exchange A and B"],
-  ["D", "divider, difference, relative difference"],
-  ["< >", "move the divider"],
+  ["D", "divider, difference, relative difference, blend"],
+  ["< >", "move the divider, or blend"],
   ["L", "turn the light, or stop it"],
   ["T", "a view that the truth is known of"],
   ["S", "next shape"],
@@ -92,11 +92,11 @@ function pressed(viewer, controls, event) {
     "]": function () { viewer.set({ exposure: clamp(state.exposure + 0.25, -10, 10) }); },
     ",": function () { viewer.set({ roughness: clamp(state.roughness - 0.05, 0.05, 1) }); },
     ".": function () { viewer.set({ roughness: clamp(state.roughness + 0.05, 0.05, 1) }); },
-    "<": function () { viewer.set({ divider: clamp(state.divider - 0.05, 0, 1) }); },
-    ">": function () { viewer.set({ divider: clamp(state.divider + 0.05, 0, 1) }); },
+    "<": function () { viewer.divide(state.divider - 0.05); },
+    ">": function () { viewer.divide(state.divider + 0.05); },
     e: function () { controls.act("expose"); },
     x: function () { if (state.b) viewer.set({ a: state.b, b: state.a }); },
-    d: function () { controls.compare((state.mode + 1) % 3); },
+    d: function () { controls.compare((state.mode + 1) % 4); },
     l: function () { viewer.spin(); },
     t: function () { viewer.goToTruth(); },
     s: function () { viewer.set({ shape: (state.shape + 1) % scene.shapes.length }); },
@@ -152,7 +152,7 @@ function listenToPointers(viewer, controls) {
       return;
     }
     if (drags === "divider") {
-      viewer.set({ divider: clamp(now[0] / canvas.clientWidth, 0, 1) });
+      viewer.divide(now[0] / canvas.clientWidth);
     } else if (drags === "orbit") {
       // A drag across the sphere turns it by half a turn.
       var degrees = 180 / (SPHERE_FILL * Math.min(canvas.clientWidth, canvas.clientHeight));

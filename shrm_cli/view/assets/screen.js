@@ -24,7 +24,8 @@ function luminance(rgb) {
   return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
 }
 
-// Draw both sides onto the canvas. `shown` says {a, b, missing: [a, b], divider, mode, scale}.
+// Draw both sides onto the canvas. `shown` says {a, b, missing: [a, b], divider, share, mode,
+// scale}.
 function drawScreen(renderer, shown, state, unit) {
   var gl = renderer.gl, a = shown.a, b = shown.b || shown.a;
   var program = renderer.program("screen", FULL_SCREEN, function () {
@@ -38,6 +39,7 @@ function drawScreen(renderer, shown, state, unit) {
       view_missing_a: shown.missing[0],
       view_missing_b: shown.missing[1],
       view_divider: shown.divider,
+      view_share: shown.share,
       view_gain: Math.pow(2, state.exposure),
       view_mode: shown.mode,
       view_scale: shown.scale,

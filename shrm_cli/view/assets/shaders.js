@@ -198,7 +198,8 @@ var SCREEN = HEAD + [
   "uniform bool view_missing_b;",
   "uniform float view_divider;", // pixels from the left; everything to the right of it is B
   "uniform float view_gain;",
-  "uniform float view_mode;", // 0 pictures, 1 absolute difference, 2 relative difference
+  "uniform float view_share;", // of B, where both are blended
+  "uniform float view_mode;", // 0 pictures, 1 absolute difference, 2 relative difference, 3 both blended
   "uniform float view_scale;",
   "uniform float view_unit;", // of the screen: device pixels in a pixel of the page
   "uniform vec2 view_screen;", // its size; pictures may have fewer pixels
@@ -233,7 +234,8 @@ var SCREEN = HEAD + [
   "  vec4 a = texelFetch(view_a, at, 0), b = texelFetch(view_b, at, 0);",
   "  bool is_b = gl_FragCoord.x > view_divider;",
   "  vec3 color;",
-  "  if (view_mode > 0.5) {",
+  "  bool is_blend = view_mode > 2.5;",
+  "  if (view_mode > 0.5 && !is_blend) {",
   "    float shown = max(a.a, b.a);",
   "    vec3 apart = abs(a.rgb - b.rgb);",
   "    float amount = max(apart.r, max(apart.g, apart.b));",
@@ -241,8 +243,8 @@ var SCREEN = HEAD + [
   "    bool missing = view_missing_a || view_missing_b;",
   "    color = mix(view_paper, missing ? hatched() : turbo(clamp(amount / view_scale, 0.0, 1.0)), shown);",
   "  } else {",
-  "    vec4 here = is_b ? b : a;",
-  "    bool missing = is_b ? view_missing_b : view_missing_a;",
+  "    vec4 here = is_blend ? mix(a, b, view_share) : is_b ? b : a;",
+  "    bool missing = is_blend ? view_missing_a || view_missing_b : is_b ? view_missing_b : view_missing_a;",
   "    color = encoded(here.rgb * view_gain);",
   "    if (here.a < 1.0 && view_has_paper) color = mix(encoded(view_gain * here.rgb / max(here.a, 1e-4)), view_paper, 1.0 - here.a);",
   "    if (missing) color = mix(color, hatched(), max(a.a, b.a));",

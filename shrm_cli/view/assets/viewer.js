@@ -7,7 +7,11 @@ var MEASURED = 128; // Pixels along the edge of the pictures by which A is compa
 var TURNING = 30; // Degrees a second of a light that turns.
 var COARSEST = 4; // Pixels of the screen along the edge of one that is drawn while things move.
 
-var MODE = { divider: 0, absolute: 1, relative: 2 };
+var MODE = { divider: 0, absolute: 1, relative: 2, blend: 3 };
+
+function isDifference(mode) {
+  return mode === MODE.absolute || mode === MODE.relative;
+}
 
 function startState(scene) {
   var start = scene.start;
@@ -69,6 +73,13 @@ Viewer.prototype.turnLight = function (degrees) {
   this.state.light = wrapped(degrees);
   if (this.onTurned) this.onTurned();
   this.redraw();
+};
+
+// Move the divider, or what is blended: both pictures stay as they are.
+Viewer.prototype.divide = function (share) {
+  this.state.divider = clamp(share, 0, 1);
+  if (this.onDivided) this.onDivided();
+  this.reshow();
 };
 
 // Let the light go on turning, or stop it.
@@ -135,8 +146,12 @@ Viewer.prototype.nameOf = function (side) {
 // ---- drawing ------------------------------------------------------------------------------------
 
 Viewer.prototype.redraw = function () {
-  var self = this;
   this.stale = true;
+  this.reshow();
+};
+
+Viewer.prototype.reshow = function () {
+  var self = this;
   if (this.frame) return;
   this.frame = requestAnimationFrame(function () {
     self.frame = 0;
@@ -147,7 +162,6 @@ Viewer.prototype.redraw = function () {
 // Draw what has changed, or else make it smoother; come back as long as there is something to do.
 // Slow devices draw fewer pixels while something moves, and all of them once it has stopped.
 Viewer.prototype.step = function () {
-  var self = this;
   try {
     var more = false;
     if (this.stale) {
@@ -160,12 +174,7 @@ Viewer.prototype.step = function () {
     }
     this.show();
     if (this.onDrawn) this.onDrawn();
-    if (more && !this.frame) {
-      this.frame = requestAnimationFrame(function () {
-        self.frame = 0;
-        self.step();
-      });
-    }
+    if (more) this.reshow();
   } catch (error) {
     fail(this.root, error.message);
   }
@@ -242,6 +251,7 @@ Viewer.prototype.show = function () {
       b: both ? this.sides[1].picture() : null,
       missing: [this.shown[0].missing, both && this.shown[1].missing],
       divider: both ? this.state.divider * size.width : 1e9,
+      share: this.state.divider,
       mode: both ? this.state.mode : MODE.divider,
       scale: this.state.scale,
       paper: dark ? PAPER.dark : PAPER.light,
