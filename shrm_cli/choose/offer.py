@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
+from html import escape
 from typing import Any
 
 from shrm_cli.choose.cost import Cost
@@ -99,6 +100,22 @@ class Choice:
     recommended: Offer | None
     is_kept: bool
     warnings: tuple[str, ...] = ()
+
+    def _repr_html_(self) -> str:
+        """Return the offers as a table, which notebooks show; the recommended one is bold."""
+        rows = [("form", "what", "bytes", "RMS", "wrong", "look-ups", "multiply-adds")]
+        rows += [
+            (each.form, each.what, f"{each.bytes:,}", f"{each.error:.1%}",
+             f"{each.wrong_share:.1%}", str(each.look_ups), str(each.multiply_adds))
+            for each in self.offers
+        ]  # fmt: skip
+        lines = []
+        for offer, row in zip((None, *self.offers), rows, strict=True):
+            cell = "th" if offer is None or offer is self.recommended else "td"
+            cells = "".join(f"<{cell}>{escape(text)}</{cell}>" for text in row)
+            lines.append(f"<tr>{cells}</tr>")
+        title = escape(f"{self.probe}, {self.brdf}")
+        return f"<table><caption>{title}</caption>{''.join(lines)}</table>"
 
 
 def decided(

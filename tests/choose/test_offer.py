@@ -1,9 +1,11 @@
 """Fronts and recommendations, beside what a person would say of a handful of maps."""
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 
-from shrm_cli.choose.offer import Offer, decided
+from shrm_cli.choose.offer import Choice, Offer, decided
 from shrm_cli.plan.search import Goal
 
 GOAL = Goal(0.05, 0.05)
@@ -56,3 +58,16 @@ def test_fronts_hold_what_nothing_beats():
 def test_offers_are_frozen():
     with pytest.raises(AttributeError):
         offer(1, 0.1, 0.1).bytes = 2
+
+
+def test_notebooks_show_a_table_in_which_names_are_text():
+    offers = [
+        Offer(form, "a < b", 1000, 0.01, 0.02, (), 3, 4, None, lambda: None) for form in ("x", "y")
+    ]
+    choice = Choice("<b>.exr", "ggx", Goal(0.05, 0.05), None, tuple(offers), offers[1], True)
+    table = ElementTree.fromstring(choice._repr_html_())
+    assert table.find("caption").text == "<b>.exr, ggx"
+    rows = [[(cell.tag, cell.text) for cell in row] for row in table.findall("tr")]
+    assert [row[1] for row in rows] == [("th", "what"), ("td", "a < b"), ("th", "a < b")]
+    assert rows[2][0] == ("th", "y")
+    assert rows[1][2:5] == [("td", "1,000"), ("td", "1.0%"), ("td", "2.0%")]
