@@ -1,6 +1,6 @@
 """Properties of a BRDF: its values, its albedo, and whether a real surface could have it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -124,7 +124,9 @@ def directional_albedo(brdf: Brdf, theta: float, accuracy: float = _ACCURACY) ->
     return settled(lambda count: _albedo(brdf, theta, count), accuracy)
 
 
-def settled(sample: Callable[[int], Array], accuracy: float = _ACCURACY) -> Array:
+def settled(
+    sample: Callable[[int], Array], accuracy: float = _ACCURACY, counts: Sequence[int] = _COUNTS
+) -> Array:
     """Sample something with more and more nodes, until its sum changes by an accuracy at most.
 
     Parameters
@@ -133,9 +135,11 @@ def settled(sample: Callable[[int], Array], accuracy: float = _ACCURACY) -> Arra
         Takes a number of nodes of each angle, and returns what is found, shape (..., 3).
     accuracy : float
         Relative.
+    counts : sequence of int
+        The numbers of nodes that are tried.
     """
     previous = np.full(3, np.inf)
-    for count in _COUNTS:
+    for count in counts:
         found = sample(count)
         current = found.reshape(-1, 3).sum(axis=0)
         if np.abs(current - previous).max() <= accuracy * current.max():

@@ -34,13 +34,7 @@ class FixedMap(Map):
         """Return the same map with other cubes, if it has any, and another `info`."""
         return replace(self, info=info)  # type: ignore[type-var]
 
-    def converted(
-        self,
-        to: str,
-        size: int | None = None,
-        sampling: Sampling | None = None,
-        **options: Any,
-    ) -> Map:
+    def converted(self, to: str, *given: Any, **options: Any) -> Map:
         """Return the map itself, `resampled` where that is asked; it has no other representation.
 
         Raises
@@ -50,7 +44,7 @@ class FixedMap(Map):
         """
         if to != self.representation:
             raise no_way(self, to)
-        return super().converted(to, size, sampling, **options)
+        return super().converted(to, *given, **options)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
         """Return the map itself, because what it holds cannot be filtered.

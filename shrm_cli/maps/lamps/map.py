@@ -163,15 +163,9 @@ class LampMap(Map):
         """
         raise MapError(f"{self.what} has lamps beside it, which an SHRM does not hold")
 
-    def converted(
-        self,
-        to: str,
-        size: int | None = None,
-        sampling: Sampling | None = None,
-        **options: Any,
-    ) -> LampMap:
+    def converted(self, to: str, *given: Any, **options: Any) -> LampMap:
         """Return it with the map within `converted`, and the same lamps."""
-        return replace(self, map=self.map.converted(to, size, sampling, **options))
+        return replace(self, map=self.map.converted(to, *given, **options))
 
     def mixed(self, matrix: Array, info: MapInfo) -> LampMap:
         """Refuse other primaries, in which a BRDF with colors would not be the same.
