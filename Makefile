@@ -20,7 +20,7 @@ FUZZ_FLAGS ?=
 # make bench BENCH="start sphere": only these, or BENCH=--print, which leaves README as it is
 BENCH ?=
 # make torch TORCH='torch --index-url URL': a build for processors alone is a tenth as large
-TORCH ?= '.[torch]'
+TORCH ?= torch
 # make engines PROBE=probe.exr
 PROBE ?=
 # make tables TABLES_FLAGS="--short", or "--probes FOLDER" with real probes in another folder

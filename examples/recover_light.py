@@ -74,7 +74,7 @@ light_of = shrm_torch.LatLongProjection(ORDER, HEIGHT).float()
 # %% The search: the logarithm of each pixel, because light is not negative, and the roughness.
 pixels = (torch.ones(HEIGHT, 2 * HEIGHT, 3) * mean.log()).requires_grad_()
 logit = torch.tensor(float(np.log(0.7 / 0.3)), requires_grad=True)
-optimizer = torch.optim.Adam([{"params": [pixels], "lr": 0.1}, {"params": [logit], "lr": 0.02}])
+optimizer = torch.optim.Adam([{"params": [pixels], "lr": 0.25}, {"params": [logit], "lr": 0.02}])
 schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, STEPS, eta_min=1e-3)
 for step in range(STEPS):
     optimizer.zero_grad()
