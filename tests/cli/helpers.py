@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import OpenImageIO  # noqa: F401  (it notes in the environment where its font is; `run` keeps that)
 import pytest
 
 from shrm_cli.cli.main import main
