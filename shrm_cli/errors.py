@@ -46,6 +46,10 @@ class ClusterError(ShrmError):
     """A cluster cannot be reached, or its workers cannot take part."""
 
 
+class PluginError(ShrmError):
+    """What an installed package adds to `shrm` cannot be loaded, or is not what it should be."""
+
+
 class ArgumentError(ShrmError):
     """An argument has a value that it cannot have, or does not apply to what is asked for.
 

@@ -1,4 +1,4 @@
-"""What messages call the arguments of the library, for those who gave them by other means.
+"""How messages call the arguments of the library, and how they tell of errors of foreign code.
 
 Errors and warnings have arguments in backticks. On the command line they are flags; in light files,
 manifests and scenes they are keys, which no flag stands for.
@@ -26,3 +26,14 @@ def as_keys(message: object) -> str:
     return ARGUMENT.sub(
         lambda found: f"'{found[1]} = false'" if found[2] else f"'{found[1]}'", str(message)
     )
+
+
+def explained(error: BaseException, path: str | None = None) -> str:
+    """An error of foreign code in one line, with the last line of the file that took part in it."""
+    import traceback  # slow to load, and rarely needed
+
+    words = f"{type(error).__name__}: {error}".rstrip(": ")
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if path is not None and frame.filename == path]
+    place = f"line {lines[-1]}: " if lines else ""
+    return place + " ".join(words.split())

@@ -13,8 +13,8 @@ FOR_WORK_ON_IT = {"dev", "mutants", "site", "web-test"}
 """Extras that no command of `shrm` needs."""
 PLACES = ["*.md", "*.cff", "*.in", "Makefile", "pyproject.toml", ".ci/*", "docs/*", "examples/*",
           "probes/*", "shrm_cli/**/*"]  # fmt: skip
-OTHERS = {"pip install openjd-cli"}
-"""What is told to be installed for tests of other programs."""
+OTHERS = {"pip install openjd-cli", "pip install ./examples/plugin"}
+"""What is told to be installed for tests of other programs, and the example of a package."""
 OWN = re.compile(r"-e|-U|\.|\.\[[a-z,-]+\]|(dist/)?shrm_cli-[0-9a-z.*+-]+\.whl(\[[a-z,-]+\])?")
 """An option, this repository or a wheel of it, with extras or without."""
 

@@ -14,8 +14,9 @@ import pkgutil
 from functools import cache
 from typing import TYPE_CHECKING
 
-from shrm_cli.brdf.base import Brdf, suggestion
-from shrm_cli.errors import BrdfError
+from shrm_cli.brdf.base import Brdf, Parameter, suggestion
+from shrm_cli.errors import BrdfError, PluginError
+from shrm_cli.vocabulary import CENTERS
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -24,7 +25,6 @@ PACKAGE = "shrm_cli.brdf."
 """What the names of the modules of all BRDFs of `shrm` itself begin with."""
 MODELS = "shrm_cli.brdf.models"
 LAYERED = "shrm_cli.brdf.layered"
-GROUP = "shrm.brdf"
 
 
 def module_names(package: str) -> list[str]:
@@ -126,27 +126,51 @@ def all_models() -> tuple[list[type[Brdf]], list[str]]:
     return models, problems
 
 
-def _installed() -> dict[str, EntryPoint]:
-    """Entry points by name; of several with the same name the first that is found."""
-    import importlib.metadata  # slow to load, and rarely needed
+def checked_model(found: object, where: str) -> type[Brdf]:
+    """What a file or a package calls a BRDF, if it is one.
 
-    found: dict[str, EntryPoint] = {}
-    for each in importlib.metadata.entry_points(group=GROUP):
-        found.setdefault(each.name, each)
+    Parameters
+    ----------
+    found : object
+        What has the name that the user gave.
+    where : str
+        Where it is, for the messages: ``mine.py: Mine``.
+
+    Raises
+    ------
+    BrdfError
+        If it is no subclass of `Brdf`, lacks `evaluate`, or says impossible things of itself.
+    """
+    if not (isinstance(found, type) and issubclass(found, Brdf)):
+        raise BrdfError(f"{where} is not a subclass of Brdf; make it one")
+    if getattr(found, "__abstractmethods__", None):
+        raise BrdfError(f"{where} has no method evaluate(self, light, view); write one")
+    if found.center not in CENTERS:
+        raise BrdfError(f"{where} has the center {found.center!r}; known: {', '.join(CENTERS)}")
+    if not all(isinstance(each, Parameter) for each in found.parameters):
+        raise BrdfError(f"{where} has parameters that are no Parameter(name, default, ...)")
+    texts = {"name": found.name, "summary": found.summary, "source": found.source}
+    for key, text in texts.items():
+        if not isinstance(text, str):
+            raise BrdfError(f"{where} has a {key} that is no text")
     return found
 
 
-def _load(point: EntryPoint) -> type[Brdf]:
-    from shrm_cli.brdf.python_file import checked_model, explained
+def _installed() -> dict[str, EntryPoint]:
+    from shrm_cli.plugins import BRDFS, installed  # rarely needed
 
-    where = f"{point.name}: the entry point {point.value!r}"
-    if point.dist is not None:
-        where += f" of the package {point.dist.name}"
+    return installed(BRDFS)
+
+
+def _load(point: EntryPoint) -> type[Brdf]:
+    from shrm_cli.plugins import load, where
+
     try:
-        found = point.load()
-    except (Exception, SystemExit) as error:
-        raise BrdfError(f"{where} cannot be loaded: {explained(error)}") from error
-    model = checked_model(found, where)
+        model = checked_model(load(point), where(point))
+    except PluginError as error:
+        raise BrdfError(str(error)) from error
     if model.name != point.name:
-        raise BrdfError(f"{where} is a BRDF that calls itself {model.name!r}; give both one name")
+        raise BrdfError(
+            f"{where(point)} is a BRDF that calls itself {model.name!r}; give both one name"
+        )
     return model

@@ -17,48 +17,18 @@ from types import ModuleType
 
 import numpy as np
 
-from shrm_cli.brdf.base import Brdf, Parameter, Value
-from shrm_cli.brdf.library import brdf_classes
+from shrm_cli.brdf.base import Brdf, Value
+from shrm_cli.brdf.library import brdf_classes, checked_model
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import note
+from shrm_cli.messages import explained
 from shrm_cli.records import record
-from shrm_cli.vocabulary import CENTERS
 
 # They lie along the normal, slanting, grazing, opposite each other, and below the surface.
 _DIRECTIONS = np.array(
     [[0, 0, 1], [0.6, 0, 0.8], [-0.6, 0, 0.8], [0, 0.96, 0.28], [1, 0, 0], [0.6, 0, -0.8]]
 )
 _TERM = re.compile(r"(?P<path>.+?\.py)(:(?P<name>[^:]*))?(:(?P<values>.*))?")
-
-
-def checked_model(found: object, where: str) -> type[Brdf]:
-    """What a file or a package calls a BRDF, if it is one.
-
-    Parameters
-    ----------
-    found : object
-        What has the name that the user gave.
-    where : str
-        Where it is, for the messages: ``mine.py: Mine``.
-
-    Raises
-    ------
-    BrdfError
-        If it is no subclass of `Brdf`, lacks `evaluate`, or says impossible things of itself.
-    """
-    if not (isinstance(found, type) and issubclass(found, Brdf)):
-        raise BrdfError(f"{where} is not a subclass of Brdf; make it one")
-    if getattr(found, "__abstractmethods__", None):
-        raise BrdfError(f"{where} has no method evaluate(self, light, view); write one")
-    if found.center not in CENTERS:
-        raise BrdfError(f"{where} has the center {found.center!r}; known: {', '.join(CENTERS)}")
-    if not all(isinstance(each, Parameter) for each in found.parameters):
-        raise BrdfError(f"{where} has parameters that are no Parameter(name, default, ...)")
-    texts = {"name": found.name, "summary": found.summary, "source": found.source}
-    for key, text in texts.items():
-        if not isinstance(text, str):
-            raise BrdfError(f"{where} has a {key} that is no text")
-    return found
 
 
 def make_checked(model: type[Brdf], values: Mapping[str, Value], where: str) -> Brdf:
@@ -82,17 +52,6 @@ def make_checked(model: type[Brdf], values: Mapping[str, Value], where: str) -> 
         _try(brdf, directions[:, None], directions, where)
         _try(brdf, directions, directions[1], where)
     return brdf
-
-
-def explained(error: BaseException, path: Path | None = None) -> str:
-    """An error of foreign code in one line, with the last line of the file that took part in it."""
-    import traceback  # slow to load, and rarely needed
-
-    words = f"{type(error).__name__}: {error}".rstrip(": ")
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if path is not None and frame.filename == str(path)]
-    place = f"line {lines[-1]}: " if lines else ""
-    return place + " ".join(words.split())
 
 
 def _try(brdf: Brdf, light: np.ndarray, view: np.ndarray, where: str) -> None:
@@ -192,5 +151,5 @@ def _run(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        raise BrdfError(f"{path}: running it fails: {explained(error, path)}") from error
+        raise BrdfError(f"{path}: running it fails: {explained(error, str(path))}") from error
     return module

@@ -1,5 +1,7 @@
 """`shrm` itself finds the subcommand, and turns errors into one line and an exit code."""
 
+from __future__ import annotations
+
 import importlib
 import os
 import signal
@@ -7,7 +9,7 @@ import sys
 import threading
 import warnings
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,8 +18,11 @@ from shrm_cli import settings
 from shrm_cli.cli.terminal import echo_message, tell_nobody
 from shrm_cli.cli.threads import limit_small_products
 from shrm_cli.cli.usage import flags
-from shrm_cli.errors import ArgumentError, ShrmError, ShrmWarning
+from shrm_cli.errors import ArgumentError, PluginError, ShrmError, ShrmWarning
 from shrm_cli.files.whole import protecting
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 # The module of a command is imported only when the command runs, so that --help is immediate.
 _COMMANDS = {
@@ -57,28 +62,63 @@ _A_WHILE = 0.01
 
 class _LazyGroup(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(_COMMANDS)
+        return [*_COMMANDS, *_installed()]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name not in _COMMANDS:
-            return None
-        command: click.Command = getattr(importlib.import_module(f"shrm_cli.cli.{name}"), name)
-        return command
+        if name in _COMMANDS:
+            command: click.Command = getattr(importlib.import_module(f"shrm_cli.cli.{name}"), name)
+            return command
+        point = _installed().get(name)
+        try:
+            return None if point is None else _load(point)
+        except PluginError:
+            if ctx.resilient_parsing:  # a shell completes, and goes on with what there is
+                return None
+            raise
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
-            import difflib
+            known = self.list_commands(ctx)
+            if args[0] not in known:
+                import difflib
 
-            near = difflib.get_close_matches(args[0], _COMMANDS, n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
-            ctx.fail(f"No such command {args[0]!r}.{hint}")
+                near = difflib.get_close_matches(args[0], known, n=1)
+                hint = f" Did you mean {near[0]!r}?" if near else ""
+                ctx.fail(f"No such command {args[0]!r}.{hint}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl(list(_COMMANDS.items()))
+        rows, problems = [], []
+        for name, point in _installed().items():
+            try:
+                rows.append((name, _load(point).get_short_help_str(formatter.width)))
+            except PluginError as error:
+                problems.append(str(error))
+        if rows:
+            with formatter.section("Commands of installed packages"):
+                formatter.write_dl(rows)
+        _warn(problems)
+
+
+def _installed() -> dict[str, EntryPoint]:
+    """Return the commands of installed packages; names of `shrm` itself come first."""
+    from shrm_cli.plugins import COMMANDS, installed  # rarely needed
+
+    found = installed(COMMANDS)
+    return {name: found[name] for name in sorted(found) if name not in _COMMANDS}
+
+
+def _load(point: EntryPoint) -> click.Command:
+    from shrm_cli.plugins import load, where
+
+    found = load(point)
+    if not isinstance(found, click.Command):
+        raise PluginError(f"{where(point)} is no click.Command; make it one")
+    return found
 
 
 def _tell_version(context: click.Context, parameter: click.Parameter, asked: bool) -> None:
@@ -157,9 +197,14 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     """Say what the library warns of, such as what of a material is left out."""
+    _warn([str(message)])
+
+
+def _warn(lines: list[str]) -> None:
     from shrm_cli.cli.options import warn
 
-    warn([str(message)])
+    if lines:
+        warn(lines)
 
 
 def _one_line(error: BaseException, arguments: list[str]) -> str:
@@ -170,13 +215,21 @@ def _one_line(error: BaseException, arguments: list[str]) -> str:
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename or 'standard output'}: {error.strerror}"
     what = f"{type(error).__name__}: {error}"
-    return f"internal error, please report it ({what}); shrm --debug ... tells more"
+    named = _named(arguments)
+    told = "internal error, please report it"
+    if named and named not in _COMMANDS:
+        told = f"the installed command {named!r} failed, please report it to its authors"
+    return f"{told} ({what}); shrm --debug ... tells more"
 
 
 def _command(arguments: list[str]) -> str:
     """Return the command that was called, as its help names it."""
-    named = next((each for each in arguments if each in _COMMANDS), "")
-    return f"shrm {named}".rstrip()
+    return f"shrm {_named(arguments)}".rstrip()
+
+
+def _named(arguments: list[str]) -> str:
+    """Return the name of the command; the options before it take no values."""
+    return next((each for each in arguments if not each.startswith("-")), "")
 
 
 def _with_hint(error: click.UsageError) -> str:

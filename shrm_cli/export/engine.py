@@ -1,7 +1,8 @@
 """What an engine is, and what it is given: light as it wants it, and back come files.
 
 An engine is a subclass of `Engine` in a module of `shrm_cli.export.engines`, with one instance
-called ``ENGINE``, and a row in `vocabulary.ENGINES`. Nothing else knows it.
+called ``ENGINE``, and a row in `vocabulary.ENGINES`. Nothing else knows it. An installed package
+offers one by an entry point of the group `plugins.ENGINES`, which names the subclass.
 """
 
 import importlib
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from shrm_cli.arrays import Array
-from shrm_cli.errors import ArgumentError
+from shrm_cli.errors import ArgumentError, PluginError
 from shrm_cli.export.asset import Asset
 from shrm_cli.export.loss import Loss, sentence
 from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
@@ -21,6 +22,7 @@ from shrm_cli.export.tamed import Sampler
 from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
+from shrm_cli.messages import explained
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.records import record
@@ -236,11 +238,41 @@ class Engine(ABC):
 
 
 def engine(name: str) -> Engine:
-    """Return the engine of a name of `vocabulary.ENGINES`."""
+    """Return the engine of a name of `vocabulary.ENGINES`, or of an installed package.
+
+    Raises
+    ------
+    ArgumentError
+        If there is none.
+    PluginError
+        If the one of an installed package cannot be used.
+    """
     if name not in ENGINES:
-        raise ArgumentError("engine", f"{name!r} is none of {', '.join(ENGINES)}")
+        return _foreign(name)
     found: Engine = importlib.import_module(f"shrm_cli.export.engines.{ENGINES[name]}").ENGINE
     return found
+
+
+def _foreign(name: str) -> Engine:
+    from shrm_cli import plugins  # rarely needed
+
+    installed = plugins.installed(plugins.ENGINES)
+    if name not in installed:
+        known = dict.fromkeys([*ENGINES, *sorted(installed)])
+        raise ArgumentError("engine", f"{name!r} is none of {', '.join(known)}")
+    found, where = plugins.load(installed[name]), plugins.where(installed[name])
+    if not (isinstance(found, type) and issubclass(found, Engine)):
+        raise PluginError(f"{where} is not a subclass of Engine; make it one")
+    if found.__abstractmethods__:
+        raise PluginError(f"{where} has no method pack(self, light, texels); write one")
+    if not isinstance(getattr(found, "title", None), str):
+        raise PluginError(f"{where} has no title; give it one")
+    if getattr(found, "name", None) != name:
+        raise PluginError(f"{where} calls itself something else; make its name {name!r}")
+    try:
+        return found()
+    except Exception as error:
+        raise PluginError(f"{where} cannot be made: {explained(error)}") from error
 
 
 def halving(size: int, least: int, count: int | None = None) -> tuple[int, ...]:

@@ -28,7 +28,7 @@ def export(
     sources : path-like or sequence of path-like
         A light probe, or a split sum, an irradiance map, or both.
     engine : str
-        One of `vocabulary.ENGINES`.
+        One of `vocabulary.ENGINES`, or that of an installed package.
     folder : path-like, optional
         Where the files are written, all or none of them; by default they are not.
     asked : Asked, optional
@@ -45,7 +45,7 @@ def export(
 
     Raises
     ------
-    ArgumentError, ProbeError, MapError, OutputError
+    ArgumentError, ProbeError, MapError, OutputError, PluginError
 
     Examples
     --------

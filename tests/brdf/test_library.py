@@ -12,7 +12,7 @@ from shrm_cli.brdf import models
 from shrm_cli.brdf.library import all_models, built_in_names, find_model, model_names
 from shrm_cli.brdf.spec import names_file, parse_spec
 from shrm_cli.errors import BrdfError
-from tests.cli.helpers import done, environment, run
+from tests.cli.helpers import done, environment, run, write_package
 
 VELVET = '''
 import numpy as np
@@ -101,16 +101,8 @@ def install(tmp_path, monkeypatch):
     """Make a package with entry points of the group importable, as an installer would."""
 
     def make(points, code=VELVET):
-        site = tmp_path / "site"
-        information = site / "velvets-1.0.dist-info"
-        information.mkdir(parents=True)
-        (site / "velvets.py").write_text(code)
-        (information / "METADATA").write_text(
-            "Metadata-Version: 2.1\nName: velvets\nVersion: 1.0\n"
-        )
-        lines = [f"{name} = {value}" for name, value in points.items()]
-        (information / "entry_points.txt").write_text("[shrm.brdf]\n" + "\n".join(lines) + "\n")
-        monkeypatch.syspath_prepend(str(site))
+        write_package(tmp_path / "site", "velvets", "shrm.brdf", points, code)
+        monkeypatch.syspath_prepend(str(tmp_path / "site"))
         monkeypatch.delitem(sys.modules, "velvets", raising=False)
 
     yield make

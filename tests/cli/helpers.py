@@ -152,6 +152,16 @@ def snapshot(folder):
     }
 
 
+def write_package(site, name, group, points, code):
+    """Make a package of one module with entry points importable, as an installer would."""
+    information = site / f"{name}-1.0.dist-info"
+    information.mkdir(parents=True)
+    (site / f"{name}.py").write_text(code)
+    (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    lines = [f"[{group}]", *(f"{key} = {value}" for key, value in points.items())]
+    (information / "entry_points.txt").write_text("\n".join(lines) + "\n")
+
+
 def write_exr(path, pixels, **attributes):
     """Write an RGB EXR; the attributes override those of its header."""
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}

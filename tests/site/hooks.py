@@ -47,8 +47,9 @@ def on_files(files: Files, config: Any) -> Files:
         text = (ROOT / name).read_text(encoding="utf-8")
         add(name, text.replace("](docs/", "]("))
     copy("CITATION.cff", ROOT / "CITATION.cff")
-    for path in sorted((ROOT / "examples").glob("*.py")):
-        copy(f"examples/{path.name}", path)
+    examples = ROOT / "examples"
+    for path in (*sorted(examples.glob("*.py")), examples / "plugin" / "pyproject.toml"):
+        copy(path.relative_to(ROOT).as_posix(), path)
     scripts = [KATEX / name for name in ("katex.min.css", "katex.min.js")]
     scripts.append(KATEX / "contrib" / "auto-render.min.js")
     for path in (*scripts, *sorted((KATEX / "fonts").glob("*.woff2"))):

@@ -1,0 +1,52 @@
+"""What packages that are installed add to `shrm`, by their entry points.
+
+Nothing is looked for but where a name is none of `shrm` itself, or where all names are listed, and
+nothing is loaded but what is named: metadata of many packages take longer to read than short runs.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from shrm_cli.errors import PluginError
+from shrm_cli.messages import explained
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+BRDFS = "shrm.brdf"
+"""The group of BRDFs, each a subclass of `shrm_cli.brdf.base.Brdf`."""
+COMMANDS = "shrm_cli.commands"
+"""The group of commands, each a `click.Command`."""
+ENGINES = "shrm_cli.engines"
+"""The group of engines, each a subclass of `shrm_cli.export.engine.Engine`."""
+
+
+def installed(group: str) -> dict[str, EntryPoint]:
+    """Entry points of a group by name; of several with the same name the first that is found."""
+    import importlib.metadata  # slow to load, and rarely needed
+
+    found: dict[str, EntryPoint] = {}
+    for each in importlib.metadata.entry_points(group=group):
+        found.setdefault(each.name, each)
+    return found
+
+
+def where(point: EntryPoint) -> str:
+    """What messages call an entry point: its name, its value and its package."""
+    package = "" if point.dist is None else f" of the package {point.dist.name}"
+    return f"{point.name}: the entry point {point.value!r}{package}"
+
+
+def load(point: EntryPoint) -> object:
+    """Import what an entry point names.
+
+    Raises
+    ------
+    PluginError
+        Whatever goes wrong as its modules are imported.
+    """
+    try:
+        return point.load()
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{where(point)} cannot be loaded: {explained(error)}") from error

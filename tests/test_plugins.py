@@ -1,0 +1,289 @@
+"""Commands and engines of installed packages, and the example that docs/plugins.md is about.
+
+BRDFs of packages are tested in tests/brdf/test_library.py, too.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from shrm_cli import plugins
+from shrm_cli.cli.main import cli
+from shrm_cli.errors import ArgumentError, PluginError
+from shrm_cli.export.engine import engine
+from tests.cli.helpers import (
+    MAIN,
+    ROOT,
+    assert_refused,
+    done,
+    environment,
+    run,
+    write_exr,
+    write_package,
+)
+
+COLOR = np.array([1.0, 2.0, 0.5])
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """A folder with the example in it, installed by pip without the net."""
+    source = tmp_path_factory.mktemp("source") / "plugin"
+    shutil.copytree(ROOT / "examples" / "plugin", source)
+    folder = tmp_path_factory.mktemp("site")
+    command = (
+        sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet",
+        "--no-index", "--no-build-isolation", "--no-deps", "--target", folder, source,
+    )  # fmt: skip
+    made = subprocess.run(command, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    return folder
+
+
+@pytest.fixture
+def shell(site, tmp_path):
+    """What runs `shrm` in a process that finds the example; its folder has a probe in it."""
+    y = np.cos(np.pi * (np.arange(64) + 0.5) / 64)
+    light = np.broadcast_to((1 + 0.5 * y)[:, None, None] * COLOR, (64, 128, 3))
+    write_exr(tmp_path / "dawn.exr", light.astype(np.float32))
+
+    def call(*arguments, code=MAIN, **more):
+        found = subprocess.run(
+            [sys.executable, "-c", code, *map(str, arguments)],
+            env={**environment(), "PYTHONPATH": os.pathsep.join([str(ROOT), str(site)]), **more},
+            cwd=tmp_path, capture_output=True, text=True,
+        )  # fmt: skip
+        assert (found.returncode, found.stderr) == (0, "")
+        return found.stdout
+
+    return call
+
+
+@pytest.mark.slow
+def test_the_example_is_in_the_help(shell):
+    _, found = shell("--help").split("Commands of installed packages:\n")
+    assert found == "  mean  Print the mean radiance of a probe.\n"
+    assert shell("mean", "--help").startswith("Usage: shrm mean [OPTIONS] PROBE\n")
+    assert "|ambient-cube" in "".join(shell("export", "--help").split())
+    assert "\n  lommel-seeliger " in shell("brdf")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("line", "offered"), [("shrm mea", "mean"), ("shrm export x --for amb", "ambient-cube")]
+)
+def test_the_example_is_completed(shell, line, offered):
+    words = {"_SHRM_COMPLETE": "zsh_complete", "COMP_WORDS": line}
+    out = shell(**words, COMP_CWORD=str(line.count(" ")))
+    assert out.splitlines()[:2] == ["plain", offered]
+
+
+@pytest.mark.slow
+def test_the_command_of_the_example(shell):
+    """The light is 1 + y / 2 of a colour, whose mean over the sphere is the colour."""
+    assert [float(each) for each in shell("mean", "dawn.exr").split()] == pytest.approx(
+        COLOR, rel=1e-3
+    )
+
+
+@pytest.mark.slow
+def test_the_engine_of_the_example(shell, tmp_path):
+    """A white diffuse surface reflects 1 + n.y / 3 of that light: its degree 1 times 2 / 3."""
+    result = json.loads(shell("export", "dawn.exr", "--for", "ambient-cube", "--json"))
+    assert [each["name"] for each in result["files"]] == ["dawn_cube.json", "dawn_README.md"]
+    cube = json.loads((tmp_path / "dawn.ambient-cube" / "dawn_cube.json").read_text())
+    for axis, value in cube.items():
+        wanted = {"+y": 4 / 3, "-y": 2 / 3}.get(axis, 1) * COLOR
+        assert value == pytest.approx(wanted, rel=2e-3), axis
+    assert len(cube) == 6
+    readme = (tmp_path / "dawn.ambient-cube" / "dawn_README.md").read_text()
+    assert readme.startswith("Light of dawn.exr for programs with ambient cubes, by shrm ")
+
+
+@pytest.mark.slow
+def test_the_brdf_of_the_example(shell):
+    """A full moon, whose light comes from where it is seen, is as bright everywhere."""
+    brdf = "lommel-seeliger:albedo=0.4"
+    code = (
+        "import numpy as np, shrm_cli as shrm\n"
+        "light = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, -0.96, 0.28]])\n"
+        f"values = shrm.parse_spec({brdf!r}).evaluate(light, light)\n"
+        "print(*(values * light[:, 2:]).ravel())\n"
+    )
+    values = [float(each) for each in shell(code=code).split()]
+    assert values == pytest.approx([0.4 / (8 * np.pi)] * 9)
+    out = shell("prefilter", "dawn.exr", "--brdf", brdf, "--to", "principal", "--json")
+    assert json.loads(out)["file"] == "dawn.lommel-seeliger-albedo-0.4.principal.exr"
+
+
+REPORTING = """
+import atexit, sys
+looked = {"importlib.metadata", "shrm_moon.brdf", "shrm_moon.command", "shrm_moon.engine"}
+atexit.register(lambda: print("loaded", *sorted(looked & sys.modules.keys())))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "loaded"),
+    [
+        ("--help", "importlib.metadata shrm_moon.command"),
+        ("export dawn.exr --for ambient-cube", "importlib.metadata shrm_moon.engine"),
+        ("brdf lommel-seeliger", "importlib.metadata shrm_moon.brdf"),
+        ("export dawn.exr --for json", ""),
+        ("brdf phong", ""),
+    ],
+)
+def test_only_what_is_named_is_loaded(shell, arguments, loaded):
+    out = shell(*arguments.split(), code=REPORTING + MAIN)
+    assert out.splitlines()[-1] == f"loaded {loaded}".rstrip()
+
+
+# What goes wrong.
+
+CODE = '''
+import click
+import shrm_cli as shrm
+from shrm_cli.export.engine import Engine
+
+@click.command()
+@click.argument("how")
+def sound(how):
+    """Fail in some way."""
+    if how == "argument":
+        raise shrm.ArgumentError("how", "is wrong")
+    raise {"ours": shrm.MapError, "theirs": KeyError}[how]("it broke")
+
+class Mute(Engine):
+    name = title = "mute"
+
+class Nameless(Engine):
+    title = "nobody"
+    def pack(self, light, texels): ...
+
+class Untitled(Engine):
+    name = "untitled"
+    def pack(self, light, texels): ...
+
+class Unmade(Engine):
+    name = title = "unmade"
+    def __init__(self): 1 / 0
+    def pack(self, light, texels): ...
+
+class Bevy(Nameless):
+    name = title = "bevy"
+'''
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    def make(group, points, code=CODE):
+        write_package(tmp_path / "site", "oddments", group, points, code)
+        monkeypatch.syspath_prepend(str(tmp_path / "site"))
+        monkeypatch.delitem(sys.modules, "oddments", raising=False)
+
+    yield make
+    sys.modules.pop("oddments", None)
+
+
+BROKEN_COMMANDS = {
+    "gone": ("nowhere_at_all:x", "cannot be loaded: ModuleNotFoundError: No module named"),
+    "lost": ("oddments:x", "cannot be loaded: AttributeError"),
+    "engine": ("oddments:Mute", "is no click.Command; make it one"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN_COMMANDS)
+def test_a_broken_command_is_one_line(install, name):
+    value, words = BROKEN_COMMANDS[name]
+    install("shrm_cli.commands", {name: value, "sound": "oddments:sound"})
+    line = f"{name}: the entry point '{value}' of the package oddments "
+    assert_refused(run(name, "--help"), 1, line, words)
+    helped = run("--help")
+    assert helped.code == 0
+    assert helped.out.endswith("Commands of installed packages:\n  sound  Fail in some way.\n")
+    assert helped.err.startswith(f"Warning: {line}")
+    assert helped.err.count("\n") == 1
+    assert run("brdf", "lambertian").err == ""
+    words = {"_SHRM_COMPLETE": "zsh_complete", "COMP_WORDS": "shrm ", "COMP_CWORD": "1"}
+    completed = CliRunner().invoke(cli, env=words, prog_name="shrm")
+    assert completed.exit_code == 0
+    assert completed.output.splitlines()[1::3][-2:] == ["cache", "sound"]
+
+
+@pytest.mark.parametrize("code", ["raise SystemExit(3)", "1 / 0", "def x(:"])
+def test_a_command_whose_module_fails_is_one_line(install, code):
+    install("shrm_cli.commands", {"sound": "oddments:sound"}, code)
+    assert_refused(run("sound"), 1, "sound: the entry point", " cannot be loaded: ")
+    assert run("--help").code == 0
+
+
+def test_commands_of_shrm_win(install):
+    install("shrm_cli.commands", {"brdf": "nowhere_at_all:x"})
+    assert run("--help").err == ""
+    assert "Lambert" in done("brdf", "lambertian")
+
+
+def test_a_command_that_fails_says_whose_it_is(install):
+    install("shrm_cli.commands", {"sound": "oddments:sound"})
+    assert run("sound", "argument").err == "Error: --how is wrong; see shrm sound --help\n"
+    assert run("sound", "ours").err == "Error: it broke\n"
+    told = run("--debug", "sound", "--nothing").err
+    assert told.startswith("Error: No such option")
+    told = "the installed command 'sound' failed, please report it to its authors (KeyError: "
+    assert_refused(run("sound", "theirs"), 1, told)
+    assert_refused(run("soumd", "theirs"), 2, "Did you mean 'sound'?")
+
+
+BROKEN_ENGINES = {
+    "gone": ("nowhere_at_all:x", "cannot be loaded: ModuleNotFoundError: No module named"),
+    "command": ("oddments:sound", "is not a subclass of Engine; make it one"),
+    "mute": ("oddments:Mute", "has no method pack"),
+    "nameless": ("oddments:Nameless", "calls itself something else; make its name 'nameless'"),
+    "untitled": ("oddments:Untitled", "has no title; give it one"),
+    "unmade": ("oddments:Unmade", "cannot be made: ZeroDivisionError"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN_ENGINES)
+def test_a_broken_engine_is_one_line(install, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    value, words = BROKEN_ENGINES[name]
+    install("shrm_cli.engines", {name: value})
+    line = f"{name}: the entry point '{value}' of the package oddments "
+    with pytest.raises(PluginError, match=words):
+        engine(name)
+    done("probe", "furnace", "-o", "white.exr", "--size", 16)
+    assert_refused(run("export", "white.exr", "--for", name), 1, line, words)
+    both = run("export", "white.exr", "--for", name, "--for", "json")
+    assert both.code == 1
+    assert line in both.err
+    assert (tmp_path / "white.json" / "white_sh.json").exists()
+
+
+def test_engines_of_shrm_win(install):
+    install("shrm_cli.engines", {"bevy": "oddments:Bevy", "mute": "oddments:Mute"})
+    assert type(engine("bevy")).__module__ == "shrm_cli.export.engines.bevy"
+    with pytest.raises(ArgumentError, match=r"'bevi' is none of filament, bevy, .*, json, mute$"):
+        engine("bevi")
+    assert_refused(run("export", "x.exr", "--for", "bevi"), 2, "'bevi'", "'mute'")
+
+
+def test_the_page_tells_what_the_example_is():
+    page = (ROOT / "docs" / "plugins.md").read_text()
+    folder = ROOT / "examples" / "plugin"
+    files = [folder / "pyproject.toml", *sorted((folder / "shrm_moon").glob("*.py"))]
+    count = sum(len(path.read_text().splitlines()) for path in files)
+    assert f"in {count} lines" in page
+    points = tomllib.loads(files[0].read_text())["project"]["entry-points"]
+    for group, named in points.items():
+        for name, value in named.items():
+            assert f'    [project.entry-points."{group}"]\n    {name} = "{value}"\n' in page
+    assert set(points) == {plugins.BRDFS, plugins.COMMANDS, plugins.ENGINES}
