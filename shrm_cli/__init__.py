@@ -38,6 +38,7 @@ _HOMES = {
     "edit_light": "lights.edited",
     "examine": "brdf.examine",
     "export": "export.export",
+    "capture": "rooms.make",
     "grid": "rooms.make",
     "lookdev": "lookdev.sheet",
     "product": "maps.product.make",
@@ -153,6 +154,7 @@ if TYPE_CHECKING:
     from shrm_cli.report.contact import draw_contacts as draw_contacts
     from shrm_cli.report.page import Look as Look
     from shrm_cli.report.report import report as report
+    from shrm_cli.rooms.make import capture as capture
     from shrm_cli.rooms.make import grid as grid
     from shrm_cli.settings import using as using
     from shrm_cli.transfer.bake import transfer as transfer

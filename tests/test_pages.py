@@ -43,7 +43,7 @@ def joined(text):
 
 def parsed(words):
     """The context of a command, which click makes after it has looked at all arguments."""
-    command, context = cli, click.Context(cli, info_name="shrm")
+    command, context = cli, click.Context(cli, info_name="shrm", **cli.context_settings)
     while isinstance(command, click.Group):
         name, command, words = command.resolve_command(context, list(words))
     return command.make_context(name, list(words), parent=context)

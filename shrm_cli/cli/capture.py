@@ -56,7 +56,7 @@ def capture(
     from shrm_cli.files.image import probe_attributes, write_image
     from shrm_cli.probe.proxy import ProxyBox, box_attributes
     from shrm_cli.rooms.bake import IN_WALLS
-    from shrm_cli.rooms.capture import capture as captured_at
+    from shrm_cli.rooms.capture import captured
     from shrm_cli.rooms.make import open_room
 
     check_outputs([output], files=[mesh, *([probe] if probe else [])])
@@ -67,7 +67,7 @@ def capture(
     announce([f"{mesh}: {len(room.mesh.faces):,} triangles, {size} x {2 * size} pixels"])
     with progress_bar("tracing") as progress:
         place = np.array(at)
-        found = captured_at(room, place, size, samples, opened.surroundings, progress)
+        found = captured(room, place, size, samples, opened.surroundings, progress)
     light = opened.surroundings
     colors = None if light is None else light.chromaticities
     recipe = {

@@ -113,8 +113,6 @@ def prefilter(
     sampling: str | None,
     probe_sampling: str | None,
     map_sampling: str | None,
-    box: tuple[float, ...] | None,
-    at: tuple[float, float, float] | None,
     **values: Any,
 ) -> None:
     """Prefilter the light probe PROBE for a BRDF.
@@ -149,15 +147,15 @@ def prefilter(
 
     read_as = make_read_options(values, probe_sampling or sampling)
     prints = {name: values.pop(name) for name in _PRINTS}
+    place = {name: values.pop(name) for name in ("box", "at")}
     to = resolved_form(to, values)
-    chosen = registry.description(to)
     refuse_inapplicable(_rules_of_printing(to))
     given = {"brdf": brdf, **values}
-    if map_sampling or (sampling and "sampling" in chosen.arguments):
+    if map_sampling or (sampling and "sampling" in registry.description(to).arguments):
         given["sampling"] = map_sampling or sampling
     with renamed(**({"sampling": "map_sampling"} if map_sampling else {})):
         check_arguments(to, [name for name, value in given.items() if value is not None])
-    source = open_probe(probe, read_as).within(box, at)
+    source = open_probe(probe, read_as).within(**place)
     # What `auto` makes is known when it is made; any of its forms is then kept or replaced.
     names = [_default_name(probe, brdf, each) for each in (AUTO_FORMS if to == AUTO else [to])]
     check_outputs([output] if output else names, specs=[brdf], suffixes=CONTAINERS)

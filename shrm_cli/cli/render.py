@@ -154,10 +154,7 @@ def render(
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
     refuse_mesh_options(mesh, transfer)
-    rests = mesh is None and not any(values[name] for name in LIGHT_MOVES)
-    placed = Applies(rests and values["place"] is not None, "with --place")
-    of_spheres = Applies(rests, "to spheres under light that rests")
-    refuse_inapplicable({"place": of_spheres, "radius": placed})
+    _refuse_places(mesh, values)
     keys = scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
     pattern = output or _default_name(maps or (probe,) if transfer else maps, mesh, frames)
@@ -167,9 +164,8 @@ def render(
         refuse_inapplicable({"max_memory": Applies(False, "to moving pictures")})
         file_type(pattern)
     refuse_inapplicable(reading_rules(bool(background or probe), "with --background or --probe"))
-    options = make_read_options(values)
-    named_probes = (background, probe, values["background_to"])
-    probes = {path: open_probe(path, options) for path in named_probes if path is not None}
+    options, named = make_read_options(values), (background, probe, values["background_to"])
+    probes = {path: open_probe(path, options) for path in named if path is not None}
     skies = probes.get(background or ""), probes.get(values["background_to"] or "")
     check_outputs(targets, files=_files(maps, mesh, values))
     lit, baked, told = _lit(maps, probes.get(probe or ""), transfer, window, values["blend_to"])
@@ -193,6 +189,14 @@ def render(
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
     conclude({"files": written, **settings}, lines, warnings)
+
+
+def _refuse_places(mesh: str | None, values: dict[str, Any]) -> None:
+    """Refuse the place of what is no sphere, and of spheres under light that moves."""
+    rests = mesh is None and not any(values[name] for name in LIGHT_MOVES)
+    placed = Applies(rests and values["place"] is not None, "with --place")
+    of_spheres = Applies(rests, "to spheres under light that rests")
+    refuse_inapplicable({"place": of_spheres, "radius": placed})
 
 
 def _lit(

@@ -118,8 +118,7 @@ def view(
         files = [*maps, *([mesh] if mesh else [])]
         check_outputs([output], files=files, specs=[brdf], suffixes=PAGES)
     opened = [open_map(path) for path in maps]
-    refuse_inapplicable(needs_surface(opened))
-    refuse_inapplicable(brushed_rules(opened))
+    refuse_inapplicable({**needs_surface(opened), **brushed_rules(opened)})
     with progress_bar("integrating") as progress:
         shown = view_of(
             opened, light, brdf, names=maps, mesh=mesh, **shown_as,

@@ -45,7 +45,7 @@ class Captured:
     behind: float
 
 
-def capture(
+def captured(
     room: Room,
     at: Array,
     height: int,

@@ -1,4 +1,4 @@
-"""`grid`: the light at the points of a grid, of a room, of a table of probes, or of a file."""
+"""`grid` and `capture`: the light at the points of a grid, and the probe of a place, of a room."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -14,6 +14,7 @@ from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
+from shrm_cli.rooms.capture import captured
 from shrm_cli.rooms.file import is_grid, read_grid
 from shrm_cli.rooms.grid import ProbeGrid
 from shrm_cli.rooms.lattice import MOST, Lattice
@@ -158,6 +159,65 @@ def grid(
     if begin is not None:
         begin(RoomPlan(mesh, lattice, opened.textured))
     return bake(opened.room, lattice, order, samples, progress)
+
+
+def capture(
+    source: str | os.PathLike[str],
+    at: Sequence[float],
+    *,
+    size: int = 256,
+    samples: int = 64,
+    box: Sequence[float] | None = None,
+    probe: AnyProbe | None = None,
+    albedo: Mapping[str, Color] | None = None,
+    emission: Mapping[str, Color] | None = None,
+    progress: Progress | None = None,
+) -> Probe:
+    r"""Make the light probe of a place in a room.
+
+    Parameters
+    ----------
+    source : path-like
+        A mesh that is a room.
+    at : sequence of 3 float
+        Where the probe is, in the mesh's axes.
+    size : int
+        Rows of the probe, which is a lat-long in world axes.
+    samples : int
+        Paths of light through each pixel.
+    box : sequence of 6 float, optional
+        Two corners of the box that stands for the room where light is looked up; by default that
+        of the mesh.
+    probe, albedo, emission, progress
+        As `grid` takes them.
+
+    Returns
+    -------
+    Probe
+
+    Raises
+    ------
+    MeshError, ProbeError
+        If a file cannot be read, nothing sends light, or the place is not within the box.
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 2 3 4\n"
+    >>> _ = pathlib.Path("corner.obj").write_text(corners)
+    >>> sky = "probes/furnace.exr"
+    >>> shrm.capture("corner.obj", (0.2, 0.2, 0.2), size=8, samples=2, probe=sky).proxy.at
+    (0.2, 0.2, 0.2)
+    """
+    opened = open_room(source, probe, albedo, emission)
+    light = opened.surroundings
+    found = captured(opened.room, np.array(at, dtype=float), size, samples, light, progress)
+    made = Probe.from_array(
+        found.pixels, "latlong", name=opened.room.mesh.name,
+        chromaticities=None if light is None else light.chromaticities,
+    )  # fmt: skip
+    corners = opened.room.mesh.bounds if box is None else box
+    return made.within(np.ravel(corners), at)
 
 
 def _lattice(

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import shrm_cli as shrm
 from tests.cli.helpers import assert_refused, done, read_exr, run, write_exr
 from tests.cli.test_grid import write_gltf
 from tests.geometry.shapes import icosphere
@@ -223,3 +224,11 @@ def test_engines_are_told_of_the_box(captured):
     done("prefilter", "p.exr", "--to", "irradiance", "-o", "s.exr")
     assert run("export", "s.exr", "--for", "filament", "-o", "map").code == 0
     assert "captured at (1, 1, 1)" in next(Path("map").glob("*_README.md")).read_text()
+
+
+def test_the_function_makes_the_same(captured):
+    made = shrm.capture("room.glb", (1, 1, 1), size=16, samples=4)
+    done("probe", "capture", "room.glb", "--at", "1,1,1", "--size", 16, "--samples", 4,
+         "--precision", "float", "-o", "same.exr")  # fmt: skip
+    np.testing.assert_array_equal(made.image(), shrm.open_probe("same.exr").image())
+    assert made.proxy == shrm.open_probe("same.exr").proxy

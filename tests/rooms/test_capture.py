@@ -8,7 +8,7 @@ import pytest
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.probe import Probe
-from shrm_cli.rooms.capture import capture
+from shrm_cli.rooms.capture import captured
 from shrm_cli.sphere.grid.latlong import latlong_directions
 from tests.rooms import shapes
 
@@ -18,7 +18,7 @@ AT = np.array([2.5, 1.2, 2.2])
 def test_a_furnace_is_equally_bright_everywhere():
     """Walls that send e and reflect a of all light: L = e / (1 - a), from anywhere."""
     room = shapes.room([shapes.box([-1, -1, -1], [1, 1, 1])], [[0.6, 0.3, 0.9]], [[1, 2, 3]])
-    found = capture(room, [0.2, 0.1, -0.3], 16, 32)
+    found = captured(room, [0.2, 0.1, -0.3], 16, 32)
     expected = np.array([1, 2, 3]) / (1 - np.array([0.6, 0.3, 0.9]))
     np.testing.assert_allclose(found.pixels / expected, 1, atol=0.05)
     np.testing.assert_allclose((found.pixels / expected).mean(axis=(0, 1)), 1, atol=2e-3)
@@ -32,7 +32,7 @@ def test_lamps_and_the_sky_are_seen_as_they_are():
     sky = np.zeros((16, 32, 3), np.float32)
     sky[:8] = 3.0
     room = replace(room, sky=Probe.from_array(0 * sky))
-    found = capture(room, [1, 1, -1], 32, 16, Probe.from_array(sky))
+    found = captured(room, [1, 1, -1], 32, 16, Probe.from_array(sky))
     directions = latlong_directions(64, 32)
     faces, _, _ = Rays(room.mesh).first_hits(np.array([1, 1, -1]), directions.reshape(-1, 3))
     inner = np.zeros((32, 64), bool)
@@ -55,7 +55,7 @@ def test_the_sun_of_a_sky_shines_in():
     room = shapes.room([part], [[0.5, 0.2, 0.1]], [[0] * 3])
     sun = Disc(np.array([0.0, 1, 0]), 0.02, np.array([50.0, 60, 70]))
     room = replace(room, sky=Probe.from_array(np.zeros((8, 16, 3), np.float32)), discs=(sun,))
-    found = capture(room, [0, 1, 0], 16, 4)
+    found = captured(room, [0, 1, 0], 16, 4)
     expected = np.array([0.5, 0.2, 0.1]) / np.pi * sun.irradiance
     np.testing.assert_allclose(found.pixels[-6:], np.broadcast_to(expected, (6, 32, 3)), rtol=1e-3)
     assert found.pixels[:7].max() == 0
@@ -63,16 +63,16 @@ def test_the_sun_of_a_sky_shines_in():
 
 def test_the_stated_noise_is_that_of_another_run():
     room = shapes.two_rooms()
-    rough, fine = (capture(room, AT, 32, count).pixels for count in (8, 256))
+    rough, fine = (captured(room, AT, 32, count).pixels for count in (8, 256))
     weights = np.sin((np.arange(32) + 0.5) * np.pi / 32)[:, None, None]
     missed = np.sqrt((weights * (rough - fine) ** 2).sum() / (weights * fine**2).sum())
-    stated = capture(room, AT, 32, 8).noise
+    stated = captured(room, AT, 32, 8).noise
     assert 0.6 * stated < missed < 1.6 * stated
 
 
 def test_backs_are_black_and_told():
     room = shapes.two_rooms()
-    found = capture(room, [1.4, 0.4, 1.4], 16, 2)  # within the crate
+    found = captured(room, [1.4, 0.4, 1.4], 16, 2)  # within the crate
     assert found.behind > 0.8  # its bottom lies in the floor, whose front is seen
     assert found.pixels[:8].max() == 0
 
@@ -84,7 +84,7 @@ def test_radiance_beside_mitsuba(rng):
     mitsuba.set_variant("scalar_rgb")
     room = shapes.two_rooms()
     height = 128
-    found = capture(room, AT, height, 64)
+    found = captured(room, AT, height, 64)
     directions = latlong_directions(2 * height, height)
     faces, _, _ = Rays(room.mesh).first_hits(AT, directions.reshape(-1, 3))
     normals = room.normals[faces].reshape(directions.shape)

@@ -28,7 +28,7 @@ All that `import shrm_cli as shrm` offers; [the library](../library.md) tells ho
 
 def command_pages() -> Iterator[tuple[str, str]]:
     """Yield the name of each page of commands and its text; `index` lists them all."""
-    context = click.Context(cli, info_name="shrm")
+    context = click.Context(cli, info_name="shrm", **cli.context_settings)
     commands = {name: cli.get_command(context, name) for name in cli.list_commands(context)}
     rows = [
         f"| [`shrm {name}`]({name}.md) | {_escaped(each.get_short_help_str(200))} |"
@@ -95,7 +95,7 @@ def man_pages(folder: Path) -> None:
                 inner = command.get_command(context, name)
                 write(inner, click.Context(inner, context, name))
 
-    write(cli, click.Context(cli, info_name="shrm"))
+    write(cli, click.Context(cli, info_name="shrm", **cli.context_settings))
     for shell in ("bash", "zsh", "fish"):
         completion = get_completion_class(shell)(cli, {}, "shrm", "_SHRM_COMPLETE")
         (folder / f"shrm.{shell}").write_text(completion.source())

@@ -136,7 +136,7 @@ def placed(made, normals, views, roughness, f0, place):
     return total
 
 
-WITHOUT = {
+WITHOUT = {"lamps of brushed",
     "principal brushed", "principal brushed sum", "shrm tangent",
     "product", "product colored", "product constant",
 }  # fmt: skip
