@@ -6,9 +6,10 @@ nothing is loaded but what is named: metadata of many packages take longer to re
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING
 
-from shrm_cli.errors import PluginError
+from shrm_cli.errors import PluginError, ShrmWarning
 from shrm_cli.messages import explained
 
 if TYPE_CHECKING:
@@ -23,12 +24,19 @@ ENGINES = "shrm_cli.engines"
 
 
 def installed(group: str) -> dict[str, EntryPoint]:
-    """Entry points of a group by name; of several with the same name the first that is found."""
+    """Entry points of a group by name; of several with the same name the first that is found.
+
+    Where a package's list cannot be read, which Python says without naming it, there are none.
+    """
     import importlib.metadata  # slow to load, and rarely needed
 
     found: dict[str, EntryPoint] = {}
-    for each in importlib.metadata.entry_points(group=group):
-        found.setdefault(each.name, each)
+    try:
+        for each in importlib.metadata.entry_points(group=group):
+            found.setdefault(each.name, each)
+    except Exception as error:
+        what = f"entry points of installed packages cannot be read: {explained(error)}"
+        warnings.warn(what, ShrmWarning, stacklevel=2)
     return found
 
 

@@ -225,6 +225,17 @@ def test_a_command_whose_module_fails_is_one_line(install, code):
     assert run("--help").code == 0
 
 
+def test_a_list_that_cannot_be_read_is_one_warning(install):
+    """One line without an equals sign, which no installer writes, fails for all packages."""
+    install("shrm_cli.commands", {"sound": "oddments:sound\nnothing"})
+    helped = run("--help")
+    assert helped.code == 0
+    assert "\n  cache " in helped.out
+    assert helped.err.startswith("Warning: entry points of installed packages cannot be read: ")
+    assert helped.err.count("\n") == 1
+    assert run("brdf", "lambertian").err == ""
+
+
 def test_commands_of_shrm_win(install):
     install("shrm_cli.commands", {"brdf": "nowhere_at_all:x"})
     assert run("--help").err == ""
