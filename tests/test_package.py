@@ -32,33 +32,6 @@ PAGES = ["README.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "SECURI
 BUILD = (sys.executable, "-m", "build", "--no-isolation")
 VERSION = "import shrm_cli as s; print(s.__version__)"
 
-PLUGIN = """
-[build-system]
-requires = ["setuptools"]
-build-backend = "setuptools.build_meta"
-[project]
-name = "minnaert"
-version = "1"
-[project.entry-points."shrm.brdf"]
-minnaert = "minnaert:Minnaert"
-[tool.setuptools]
-py-modules = ["minnaert"]
-"""
-MODEL = '''
-import numpy as np
-import shrm_cli as shrm
-class Minnaert(shrm.Brdf):
-    """Diffuse, with a limb that is darker than Lambert's."""
-    name = "minnaert"
-    summary = "a darkened limb"
-    center = "normal"
-    parameters = (shrm.Parameter("k", 1.3, 1.0, 2.0, "1 is Lambert's law"),)
-    def evaluate(self, light, view):
-        cosines = np.maximum(light[..., 2] * view[..., 2], 1e-6)
-        value = cosines ** (self.number("k") - 1) / np.pi
-        return np.repeat(value[..., None], 3, axis=-1)
-'''
-
 
 def run(*command, environment=(), **options):
     hidden = ("PYTHONPATH", "VIRTUAL_ENV", "SETUPTOOLS_SCM_PRETEND_VERSION")
@@ -229,16 +202,17 @@ def test_the_wheel_works_where_nothing_else_of_the_project_is(installed, tmp_pat
     assert run(installed / "shrm", "--version", cwd=tmp_path) == f"shrm, version {version}\n"
 
 
-def test_an_installed_entry_point_is_a_brdf(installed, tmp_path):
-    plugin = tmp_path / "plugin"
-    plugin.mkdir()
-    (plugin / "pyproject.toml").write_text(PLUGIN)
-    (plugin / "minnaert.py").write_text(MODEL)
-    install(installed / "python", plugin)
-    assert "minnaert" in run(installed / "shrm", "brdf", cwd=tmp_path)
+def test_the_example_of_a_package_works(installed, tmp_path):
+    """A BRDF, a command and an engine by entry points, in an environment of their own."""
+    shutil.copytree(ROOT / "examples" / "plugin", tmp_path / "plugin")
+    install(installed / "python", tmp_path / "plugin")
+    assert "  mean " in run(installed / "shrm", "--help", cwd=tmp_path)
     run(installed / "shrm", "probe", "furnace", "-o", "white.exr", "--size", "16", cwd=tmp_path)
+    assert run(installed / "shrm", "mean", "white.exr", cwd=tmp_path) == "1 1 1\n"
     out = run(
-        installed / "shrm", "prefilter", "white.exr", "--brdf", "minnaert:k=1.2", "--eps", "0.1",
+        installed / "shrm", "prefilter", "white.exr", "--brdf", "lommel-seeliger:albedo=1",
         cwd=tmp_path,
     )  # fmt: skip
-    assert "white.minnaert-k-1.2.shrm.exr" in out
+    assert "white.lommel-seeliger-albedo-1." in out
+    out = run(installed / "shrm", "export", "white.exr", "--for", "ambient-cube", cwd=tmp_path)
+    assert "white_cube.json" in out

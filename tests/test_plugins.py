@@ -161,6 +161,31 @@ def sound(how):
         raise shrm.ArgumentError("how", "is wrong")
     raise {"ours": shrm.MapError, "theirs": KeyError}[how]("it broke")
 
+class Packs(Engine):
+    wants_levels = False
+    def pack(self, light, texels):
+        {"key": lambda: {}["k"], "none": lambda: None, "ours": lambda: ours()}[self.name]()
+
+def ours():
+    raise shrm.MapError("is too dark")
+
+class Key(Packs):
+    name = title = "key"
+
+class Nothing(Packs):
+    name = title = "none"
+
+class Ours(Packs):
+    name = title = "ours"
+
+class Odd(Packs):
+    name = title = "odd"
+    formats = ("rgba16f", "bc7")
+
+class Lawless(Packs):
+    name = title = "lawless"
+    wants_levels = True
+
 class Mute(Engine):
     name = title = "mute"
 
@@ -172,10 +197,9 @@ class Untitled(Engine):
     name = "untitled"
     def pack(self, light, texels): ...
 
-class Unmade(Engine):
+class Unmade(Packs):
     name = title = "unmade"
     def __init__(self): 1 / 0
-    def pack(self, light, texels): ...
 
 class Bevy(Nameless):
     name = title = "bevy"
@@ -260,6 +284,8 @@ BROKEN_ENGINES = {
     "nameless": ("oddments:Nameless", "calls itself something else; make its name 'nameless'"),
     "untitled": ("oddments:Untitled", "has no title; give it one"),
     "unmade": ("oddments:Unmade", "cannot be made: ZeroDivisionError"),
+    "odd": ("oddments:Odd", "has other formats than r11g11b10, rgb9e5, "),
+    "lawless": ("oddments:Lawless", "wants levels, and has neither a mapping nor roughness()"),
 }
 
 
@@ -277,6 +303,22 @@ def test_a_broken_engine_is_one_line(install, name, tmp_path, monkeypatch):
     assert both.code == 1
     assert line in both.err
     assert (tmp_path / "white.json" / "white_sh.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "line"),
+    [
+        ("key", "Key", "the engine 'key' failed: KeyError: 'k'"),
+        ("none", "Nothing", "the engine 'none' failed: pack() returns None"),
+        ("ours", "Ours", "white.exr: is too dark"),
+    ],
+)
+def test_an_engine_that_fails_is_one_line(install, tmp_path, monkeypatch, name, value, line):
+    monkeypatch.chdir(tmp_path)
+    install("shrm_cli.engines", {name: f"oddments:{value}"})
+    done("probe", "furnace", "-o", "white.exr", "--size", 16)
+    found = run("export", "white.exr", "--for", name)
+    assert (found.code, found.err) == (1, f"Error: {line}\n")
 
 
 def test_engines_of_shrm_win(install):

@@ -26,7 +26,7 @@ from shrm_cli.messages import explained
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.records import record
-from shrm_cli.vocabulary import ENGINES, LevelMapping
+from shrm_cli.vocabulary import ENGINES, TEXEL_FORMATS, LevelMapping
 
 
 @record
@@ -269,6 +269,10 @@ def _foreign(name: str) -> Engine:
         raise PluginError(f"{where} has no title; give it one")
     if getattr(found, "name", None) != name:
         raise PluginError(f"{where} calls itself something else; make its name {name!r}")
+    if not set(found.formats) <= set(TEXEL_FORMATS[1:]):
+        raise PluginError(f"{where} has other formats than {', '.join(TEXEL_FORMATS[1:])}")
+    if found.wants_levels and found.mapping is None and found.roughness is Engine.roughness:
+        raise PluginError(f"{where} wants levels, and has neither a mapping nor roughness()")
     try:
         return found()
     except Exception as error:

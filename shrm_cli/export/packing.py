@@ -1,10 +1,13 @@
 """Which texels an engine's cubes get: those that were asked for, or the smallest that will do."""
 
-from shrm_cli.errors import ArgumentError
+from shrm_cli.errors import ArgumentError, PluginError, ShrmError
 from shrm_cli.export.blocks import astc
 from shrm_cli.export.blocks.formats import ALL
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.loss import Loss
+from shrm_cli.export.pixels import TexelFormat
+from shrm_cli.messages import explained
+from shrm_cli.vocabulary import ENGINES
 
 MAX_ERROR = 0.03
 """The error that ``auto`` keeps where none is given."""
@@ -39,7 +42,7 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
     names = _candidates(engine, name)
     passed: list[str] = []
     for each in names:
-        made = engine.pack(light, ALL[each])
+        made = _pack(engine, light, ALL[each])
         if limit is None:
             worst = max(made.losses, key=lambda found: found.lamp, default=None)
             is_kept = worst is None or worst.lamp <= MAX_LAMP or each == names[-1]
@@ -51,6 +54,19 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
             return made
         passed.append(_excess(each, worst))
     raise ArgumentError("max_error", f"{limit:g} is not kept: {'; '.join(passed)}")
+
+
+def _pack(engine: Engine, light: Light, texels: TexelFormat) -> Package:
+    """Return the files of an engine, for some texels; what fails in a foreign one is one line."""
+    try:
+        made: object = engine.pack(light, texels)
+    except Exception as error:
+        if isinstance(error, ShrmError) or engine.name in ENGINES:
+            raise
+        raise PluginError(f"the engine {engine.name!r} failed: {explained(error)}") from error
+    if not isinstance(made, Package):
+        raise PluginError(f"the engine {engine.name!r} failed: pack() returns {made!r:.40}")
+    return made
 
 
 def _candidates(engine: Engine, name: str | None) -> list[str]:
