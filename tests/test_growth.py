@@ -2,7 +2,7 @@
 
 Each test adds the files to a copy of the package and runs the command line of that copy.
 Arrangements of cubes and grids are tested in tests/probe/test_new_layouts.py, BRDFs of users in
-tests/brdf/test_python_file.py and tests/test_package.py.
+tests/brdf/test_python_file.py, packages of theirs in tests/test_plugins.py.
 """
 
 import json
