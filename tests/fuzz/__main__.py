@@ -226,7 +226,8 @@ def _load_everything() -> None:
     from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 
     for module in pkgutil.walk_packages(shrm_cli.__path__, "shrm_cli."):
-        if not module.name.endswith("__main__"):
+        # No command imports PyTorch, which few have.
+        if not module.name.endswith("__main__") and not module.name.startswith("shrm_cli.torch"):
             importlib.import_module(module.name)
     for name in ("trimesh.exchange.load", "embreex.mesh_construction"):
         importlib.import_module(name)
