@@ -6,6 +6,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.lobe import cuts_horizon
+from shrm_cli.brdf.sums import weighted_terms
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, normalize, reflect
 from shrm_cli.sphere.quadrature import gauss_legendre
@@ -20,6 +22,11 @@ _NARROWEST = 1e-3  # radians from the half vector to the normal, least of the pa
 _COUNTS = (48, 96, 192, 384)  # nodes of each angle, tried until the albedo settles
 _ACCURACY = 1e-3  # the relative change of an albedo that counts as settled
 _SAMPLES_AT_ONCE = 2**17
+_HORIZON = 3.0
+"""The width of the step in what the hemisphere's border is, as the mirror direction grazes, in
+tangents of its height: azimuths are dense there."""
+
+_Rule = Callable[[float, int, slice], tuple[Array, Array]]
 
 
 @record(eq=False)
@@ -104,9 +111,9 @@ def difference(one: Brdf, other: Brdf, seed: int = 0) -> float:
 def directional_albedo(brdf: Brdf, theta: float, accuracy: float = _ACCURACY) -> Array:
     """Integrate rho_hat over all directions of the light, for a view at an angle.
 
-    The samples lie on polar coordinates about the mirror direction, and are dense near it. Their
-    number is doubled in both coordinates until the result changes by the accuracy at most, or there
-    are 384 x 384.
+    The samples lie on polar coordinates about the mirror direction, are dense near it, and end at
+    the horizon of a BRDF that has one. Their number is doubled in both coordinates until the result
+    changes by the accuracy at most, or there are 384 x 384.
 
     Parameters
     ----------
@@ -121,7 +128,9 @@ def directional_albedo(brdf: Brdf, theta: float, accuracy: float = _ACCURACY) ->
     ndarray, shape (3,)
         Linear RGB.
     """
-    return settled(lambda count: _albedo(brdf, theta, count), accuracy)
+    ends = all(cuts_horizon(term) for _, term in weighted_terms(brdf))
+    rule = hemisphere_rule if ends else _sphere_rule
+    return settled(lambda count: sampled_albedo(brdf, theta, rule, count), accuracy)
 
 
 def settled(
@@ -148,19 +157,29 @@ def settled(
     return found
 
 
-def _albedo(brdf: Brdf, theta: float, count: int) -> Array:
-    """`directional_albedo` with `count` nodes of each angle."""
+def sampled_albedo(brdf: Brdf, theta: float, rule: _Rule, count: int) -> Array:
+    """`directional_albedo` by a rule with `count` nodes of each angle."""
     view = from_angles(theta, 0.0)
     total = np.zeros(3)
+    is_whole = rule is _sphere_rule or brdf.isotropic
     rows = max(1, _SAMPLES_AT_ONCE // count)
     for start in range(0, count, rows):
-        light, weights = mirror_rule(theta, count, slice(start, start + rows))
-        total += np.einsum("t,tpc->c", weights, brdf.transfer(light, view))
+        light, weights = rule(theta, count, slice(start, start + rows))
+        if is_whole:
+            total += np.einsum("tp,tpc->c", weights, brdf.transfer(light, view))
+            continue
+        for side in (1, -1):
+            values = brdf.transfer(light * np.array([1, side, 1]), view)
+            total += np.einsum("tp,tpc->c", weights / 2, values)
     return total
 
 
-def mirror_rule(theta: float, count: int, block: slice = slice(None)) -> tuple[Array, Array]:
-    """Directions and weights that integrate over the sphere, dense near the mirror direction.
+def hemisphere_rule(theta: float, count: int, block: slice = slice(None)) -> tuple[Array, Array]:
+    """Directions over the horizon and weights, about the mirror direction of a view at an angle.
+
+    They lie on one side of the plane of the view, and count for both sides: a lobe is its own
+    mirror image. Angles from the mirror direction are squares of Gauss's nodes, and end at the
+    horizon, so that all that is integrated is smooth.
 
     Parameters
     ----------
@@ -174,18 +193,39 @@ def mirror_rule(theta: float, count: int, block: slice = slice(None)) -> tuple[A
     Returns
     -------
     light : ndarray, shape (n, count, 3)
-    weights : ndarray, shape (n,)
+    weights : ndarray, shape (n, count)
     """
+    nodes, weights = gauss_legendre(count)
+    cosine, sine = np.cos(theta), np.sin(theta)
+    width = min(_HORIZON * cosine / max(sine, 1e-9), 2 * np.pi)
+    end = np.arcsinh(np.pi / 2 / width)
+    azimuths = np.pi / 2 + width * np.sinh(end * nodes)
+    around = 2 * weights * end * width * np.cosh(end * nodes)
+    horizon = np.arctan2(cosine, -sine * np.cos(azimuths))
+    part = (nodes[block, None] + 1) / 2
+    angles = horizon * part**2
+    light = _about_mirror(theta, angles, azimuths)
+    return light, around * weights[block, None] * part * horizon * np.sin(angles)
+
+
+def _sphere_rule(theta: float, count: int, block: slice) -> tuple[Array, Array]:
+    """Directions and weights as of `hemisphere_rule`, over the whole sphere."""
     nodes, weights = gauss_legendre(count)
     # The angles from the mirror direction are squares of equal steps, so dense near it that a lobe
     # a third of a degree wide has nodes enough.
-    u = (nodes[block] + 1) / 2
+    u = (nodes[block, None] + 1) / 2
     from_mirror = np.pi * u**2
-    weights = weights[block] / 2 * 2 * np.pi * u * np.sin(from_mirror) * (2 * np.pi / count)
-    phi = (np.arange(count) + 0.5) * (2 * np.pi / count)
-    cosine, sine = np.cos(theta), np.sin(-theta)
-    x, y, z = np.moveaxis(from_angles(from_mirror[:, None], phi), -1, 0)
-    return np.stack([cosine * x + sine * z, y, cosine * z - sine * x], axis=-1), weights
+    step = 2 * np.pi / count
+    weights = weights[block, None] * np.pi * u * np.sin(from_mirror) * step
+    light = _about_mirror(theta, from_mirror, (np.arange(count) + 0.5) * step)
+    return light, np.broadcast_to(weights, light.shape[:-1])
+
+
+def _about_mirror(theta: float, angles: Array, azimuths: Array) -> Array:
+    """Directions (..., 3) at angles and azimuths about the mirror direction of a view."""
+    cosine, sine = np.cos(theta), np.sin(theta)
+    x, y, z = np.moveaxis(from_angles(angles, azimuths), -1, 0)
+    return np.stack([cosine * x - sine * z, y, cosine * z + sine * x], axis=-1)
 
 
 def _random_pairs(brdf: Brdf, rng: np.random.Generator) -> tuple[Array, Array]:

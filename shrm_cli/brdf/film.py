@@ -34,7 +34,10 @@ def film_of(brdf: Brdf) -> tuple[float, float] | None:
         If it has the index alone.
     """
     if "film" in brdf.values:
-        brdf.values.setdefault("film_ior", FILM[1].default)
+        # It stands where it would if it had been given, so that records are parsed to the same.
+        values = {"film_ior": FILM[1].default, **brdf.values}
+        own = [each.name for each in brdf.parameters if each.name in values]
+        brdf.values = {name: values[name] for name in dict.fromkeys([*own, *values])}
         return brdf.number("film"), brdf.number("film_ior")
     if "film_ior" in brdf.values:
         raise BrdfError(f"{brdf.name}: film_ior applies with film")

@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.color import mix_channels
+from shrm_cli.displayed import Displayed
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from shrm_cli.maps.shrm.shrm import Shrm
 
 
-class Map(ABC):
+class Map(Displayed, ABC):
     """Prefiltered light.
 
     Attributes

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.color import conversion
+from shrm_cli.displayed import Displayed
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import says_map
 from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
@@ -37,7 +38,7 @@ _DDS = b"DDS "
 
 
 @record(eq=False)
-class Probe:
+class Probe(Displayed):
     """A probe whose pixels are read on demand, and checked as they are.
 
     `open_probe` makes one from files, `Probe.from_array` from pixels in memory.

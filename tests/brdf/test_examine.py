@@ -12,6 +12,7 @@ from shrm_cli.brdf.examine import (
     examine,
 )
 from shrm_cli.brdf.spec import parse_spec
+from tests.brdf.layered.test_table import gridded
 from tests.brute_force import microfacet, sphere_rule
 
 
@@ -64,6 +65,28 @@ def test_albedos_are_those_of_brute_force(degrees, sigma):
 def test_the_sharpest_lobes_are_not_missed(spec):
     """Both are normalised for a view along the normal."""
     assert np.allclose(directional_albedo(parse_spec(spec), 0.0), 1, atol=2e-3)
+
+
+@pytest.mark.parametrize("cosine", [0.1, 0.03, 0.01])
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "ggx:roughness=0.05,f0=1",
+        "ggx:ax=0.3,ay=0.02,f0=1",
+        "0.5*ggx:roughness=0.1,f0=1+0.3*charlie",
+    ],
+)
+def test_lobes_that_the_horizon_cuts(spec, cosine):
+    """Beside a sum over slopes of half vectors, even in their inverse hyperbolic sines."""
+    expected = gridded(spec, cosine, np.ones_like)
+    found = directional_albedo(parse_spec(spec), np.arccos(cosine))
+    assert np.allclose(found, expected, rtol=2e-3)
+
+
+def test_an_albedo_of_a_surface_whose_sides_differ():
+    """Twice as bright on one side of the plane of the view as on the other."""
+    sided = Given(lambda light, view: (1.0 + (light[..., 1:2] > 0)) / np.pi, isotropic=False)
+    assert np.allclose(directional_albedo(sided, 0.7), 1.5, rtol=1e-3)
 
 
 def test_an_albedo_that_grows_is_found_at_its_angle():

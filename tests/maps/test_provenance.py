@@ -2,9 +2,11 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from shrm_cli.brdf import measured as measured_brdfs
+from shrm_cli.brdf.library import built_in_names
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from shrm_cli.maps.info import MapInfo
@@ -16,6 +18,7 @@ from shrm_cli.maps.provenance import (
     spec_of,
 )
 from shrm_cli.vocabulary import MAX_TERMS
+from tests.oracles import random_directions
 
 MICROFACET = {"name": "microfacet", "parameters": {"sigma": 0.1, "ior": 1.7}}
 LAMBERT = {"name": "lambertian", "parameters": {}}
@@ -27,13 +30,20 @@ def info(brdf, digest="f00d"):
 
 @pytest.mark.parametrize("spec", [
     "phong:exponent=0.1", "microfacet:sigma=0.3333333333333333", "ggx:roughness=0.2,f0=gold",
-    "lafortune:fit=skin", "0.3*lambertian+2*microfacet:sigma=0.1",
+    "lafortune:fit=skin", "0.3*lambertian+2*microfacet:sigma=0.1", "0.3333333333333333*ggx",
+    "2*0.5*phong:exponent=7", "1e-5*phong+1e5*lambertian", "ggx:ax=0.3,ay=0.1",
+    "ggx:film=300,f0=0.5", "coated:film=300", "0.5*coated:base=(coated:film=300)+0.5*lambertian",
+    "fuzzy:base=(0.25*lambertian:albedo=0.3/0.5/0.7+0.1234567890123*ggx)", *built_in_names(),
 ])  # fmt: skip
-def test_a_record_gives_the_same_brdf_again(spec):
+def test_a_record_gives_the_same_brdf_again(spec, rng):
     brdf = parse_spec(spec)
-    again = parse_spec(spec_of(record_of(brdf)))
-    assert type(again) is type(brdf)
-    assert again.values == brdf.values
+    record = json.loads(json.dumps(record_of(brdf)))
+    light, view = np.abs(random_directions(rng, 2, 50))
+    for again in (parse_spec(spec_of(record)), parse_spec(repr(brdf))):
+        assert type(again) is type(brdf)
+        assert again.values == brdf.values
+        assert repr(again) == repr(brdf)
+        assert np.array_equal(again.transfer(light, view), brdf.transfer(light, view))
 
 
 def test_specs():

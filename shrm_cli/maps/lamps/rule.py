@@ -213,12 +213,13 @@ def _frames(up: Array, towards: Array, other: Array) -> Array:
 
     Where these are parallel it is in the plane of `other`, or any.
     """
-    found = np.zeros(up.shape)
+    side = np.zeros(up.shape)
     for helper in (np.eye(3)[0], np.eye(3)[1], other, towards):
-        across = helper - np.sum(helper * up, axis=-1, keepdims=True) * up
-        length = np.linalg.norm(across, axis=-1, keepdims=True)
-        found = np.where(length > 1e-6, across / np.maximum(length, _TINY), found)
-    return np.stack([found, np.cross(up, found), up], axis=-2)
+        # It vanishes for parallel vectors, which rotations may leave a little off unit length.
+        across = np.cross(up, helper)
+        sine = np.linalg.norm(across, axis=-1, keepdims=True)
+        side = np.where(sine > 1e-6, across / np.maximum(sine, _TINY), side)
+    return np.stack([np.cross(side, up), side, up], axis=-2)
 
 
 @cache

@@ -114,3 +114,20 @@ def test_a_brushed_lobe_and_its_tangents():
         cosines = np.maximum(light @ normal, 0)
         expected.append((areas * cosines) @ values * disc.radiance)
     np.testing.assert_allclose(found, expected, rtol=0, atol=2e-3 * np.max(expected))
+
+
+@pytest.mark.parametrize("degrees", [0.27, 5.0])
+@pytest.mark.parametrize("roughness", [0.1, 0.3, 0.7])
+def test_vectors_that_rotations_left_off_unit_length(roughness, degrees):
+    """The view is along the normal there, and the plane of the view any."""
+    rng, radius = np.random.default_rng(7), np.radians(degrees)
+    brdf = parse_spec(f"ggx:roughness={roughness},f0={'/'.join(map(str, F0))}")
+    for normal in (np.array([0.0, 0.0, 1.0]), *brute_force.unit(rng, 2)):
+        for angle, around in [(0.3 * radius, 1.0), (0.4, 2.0), (1.2, 4.0)]:
+            disc = Disc(towards(normal, angle, around), radius, RADIANCE)
+            light, areas = disc_rule(disc.direction, radius, 40 + int(5 * radius / roughness**2))
+            base, tail = ggx.lobe(roughness, normal, normal, light)
+            expected = RADIANCE * (areas @ base * F0 + areas @ (base * tail) * (1 - F0))
+            for length in (1 + 1e-7, 1 + 2e-8, 1 - 2e-8):
+                found = LitDiscs(brdf, (disc,)).radiance(length * normal, length * normal)
+                np.testing.assert_allclose(found, expected, rtol=2e-3)

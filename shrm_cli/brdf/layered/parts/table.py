@@ -1,16 +1,14 @@
 """Functions of the angle from the normal that take long to integrate, and are tabulated."""
 
-from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, grey
-from shrm_cli.brdf.examine import settled
+from shrm_cli.brdf.examine import hemisphere_rule, sampled_albedo, settled
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles
-from shrm_cli.sphere.quadrature import gauss_legendre
 
 COSINES = np.linspace(0, 1, 64) ** 2
 """Where functions are tabulated: densely where directions graze, where they are steep."""
@@ -23,9 +21,6 @@ _COUNTS = 32, 48, 96, 192
 """Nodes of each angle, tried until an albedo settles."""
 _ROW_COUNTS = 64, 96, 192
 """The same for functions that are linear between the `COSINES`, which have kinks there."""
-_HORIZON = 3.0
-"""The width of the step in what the hemisphere's border is, as the mirror direction grazes, in
-tangents of its height: azimuths are dense there."""
 
 
 @record(eq=False)
@@ -68,12 +63,13 @@ def transport(brdf: Brdf, views: Array, lights: Array) -> Array:
         of that function, linear between them, times the BRDF and the cosine.
     """
     thetas = np.arccos(np.maximum(views, _LEAST))
-    return _settled([partial(_row, brdf, float(theta), lights) for theta in thetas], _ROW_COUNTS)
+    rows = [partial(_row, brdf, float(theta), lights) for theta in thetas]
+    return np.stack([settled(each, _ACCURACY, _ROW_COUNTS) for each in rows])
 
 
 def _row(brdf: Brdf, theta: float, lights: Array, count: int) -> Array:
     """A row of `transport`, shape (m, 3), with a number of nodes of each angle."""
-    light, weights = _hemisphere(theta, count)
+    light, weights = hemisphere_rule(theta, count)
     values = brdf.transfer(light, from_angles(theta, 0.0))
     grey = values.strides[-1] == 0
     place = np.interp(light[..., 2].ravel(), lights, np.arange(len(lights)))
@@ -89,44 +85,8 @@ def _row(brdf: Brdf, theta: float, lights: Array, count: int) -> Array:
 def albedos(brdf: Brdf, cosines: Array) -> Array:
     """The part of light from angles that a BRDF reflects, shape (n, 3)."""
     thetas = np.arccos(np.maximum(cosines, _LEAST))
-    return _settled([partial(_albedo, brdf, float(theta)) for theta in thetas], _COUNTS)
-
-
-def _albedo(brdf: Brdf, theta: float, count: int) -> Array:
-    """The part of light from an angle that is reflected, with a number of nodes of each angle."""
-    light, weights = _hemisphere(theta, count)
-    return np.einsum("tp,tpc->c", weights, brdf.transfer(light, from_angles(theta, 0.0)))
-
-
-def _settled(samples: Sequence[Callable[[int], Array]], counts: Sequence[int]) -> Array:
-    """Sample for each of some views, with as many nodes as each needs."""
-    return np.stack([settled(each, _ACCURACY, counts) for each in samples])
-
-
-def _hemisphere(theta: float, count: int) -> tuple[Array, Array]:
-    """Directions over the horizon and weights, about the mirror direction of a view at an angle.
-
-    They lie on one side of the plane of the view, and count for both sides: a lobe is its own
-    mirror image. Angles from the mirror direction are squares of Gauss's nodes, and end at the
-    horizon, so that all that is integrated is smooth.
-
-    Returns
-    -------
-    light : ndarray, shape (count, count, 3)
-    weights : ndarray, shape (count, count)
-    """
-    nodes, weights = gauss_legendre(count)
-    cosine, sine = np.cos(theta), np.sin(theta)
-    width = min(_HORIZON * cosine / max(sine, 1e-9), 2 * np.pi)
-    end = np.arcsinh(np.pi / 2 / width)
-    azimuths = np.pi / 2 + width * np.sinh(end * nodes)
-    around = 2 * weights * end * width * np.cosh(end * nodes)
-    horizon = np.arctan2(cosine, -sine * np.cos(azimuths))
-    part = (nodes[:, None] + 1) / 2
-    angles = horizon * part**2
-    x, y, z = np.moveaxis(from_angles(angles, azimuths), -1, 0)
-    light = np.stack([cosine * x - sine * z, y, cosine * z + sine * x], axis=-1)
-    return light, around * weights[:, None] * part * horizon * np.sin(angles)
+    found = [partial(sampled_albedo, brdf, float(theta), hemisphere_rule) for theta in thetas]
+    return np.stack([settled(each, _ACCURACY, _COUNTS) for each in found])
 
 
 def strength(matrix: Array, passing: Array, wanted: Array) -> Array:
