@@ -3,9 +3,12 @@
 `dataclasses.dataclass` writes the source of each method for each class and compiles it, half a
 millisecond a class. A short run loads some fifty classes, so that this was a tenth of it. The
 methods here are the same functions for all classes, and look at the class's fields as they run.
+
+`Displayed` is the base of those that notebooks show.
 """
 
 import dataclasses
+import importlib
 from collections.abc import Callable
 from dataclasses import MISSING, FrozenInstanceError, field
 from typing import Any, TypeVar, dataclass_transform, overload
@@ -132,3 +135,13 @@ def _refuse_to_set(self: Any, name: str, value: object) -> None:
 
 def _refuse_to_drop(self: Any, name: str) -> None:
     raise FrozenInstanceError(f"cannot delete field {name!r}")
+
+
+class Displayed:
+    """The base of what notebooks show as a picture with numbers, see `shrm_cli.notebook`."""
+
+    def _repr_html_(self) -> str:
+        """Return what IPython shows at the end of a cell."""
+        # The module that draws is loaded when a notebook asks.
+        html: str = importlib.import_module("shrm_cli.notebook").html(self)
+        return html

@@ -29,10 +29,10 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.color import mix_channels
-from shrm_cli.displayed import Displayed
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.records import Displayed
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Frame, Orientation, Precision, Sampling
 
