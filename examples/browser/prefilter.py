@@ -15,8 +15,12 @@ from shrm_cli.export.make import Asked, Source, export, write
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import ENGINES
 
-NEED_OPENEXR = ("blender", "godot", "unity", "unreal")
+NEED_OPENEXR = ("blender", "godot", "realitykit", "unity", "unreal")
 """Engines that get a panorama in OpenEXR, which OpenEXR's own library writes."""
+
+
+TEXELS = {"three": "rgba16f"}
+"""The texels of engines whose own choice is blocks: what these lose is found by OpenImageIO."""
 
 
 def engines():
@@ -31,7 +35,9 @@ def made(name, image, width, height, target, size, report):
         pixels = np.asarray(image.to_py(), dtype=np.float32).reshape(height, width, -1)[..., :3]
         probe = Probe.from_array(pixels, name=name)
         source = Source(Path(name).stem, name, probe)
-        package = export(source, engine(target), Asked(size=size), report)
+        package = export(
+            source, engine(target), Asked(size=size, texels=TEXELS.get(target)), report
+        )
         with tempfile.TemporaryDirectory() as folder:
             paths = write(package, Path(folder) / "made")
             files = [(path.name, path.read_bytes()) for path in paths]

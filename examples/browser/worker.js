@@ -34,9 +34,14 @@ started.then(
 onmessage = async ({ data: { name, image, width, height, engine, size } }) => {
   const python = await started, begun = performance.now();
   const report = (done, total) => postMessage({ what: 'progress', done, total });
-  const [files, told, error] = python.globals.get('made')(
-    name, image, width, height, engine, size, report,
-  ).toJs();
+  let files, told, error;
+  try {
+    [files, told, error] = python.globals.get('made')(
+      name, image, width, height, engine, size, report,
+    ).toJs();
+  } catch (unforeseen) {
+    error = `It could not be made: ${unforeseen.message.trim().split('\n').pop()}`;
+  }
   if (error) postMessage({ what: 'failed', text: error });
   else postMessage({
     what: 'made', told, seconds: (performance.now() - begun) / 1000,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.files.openimageio import quiet
+from shrm_cli.files.openimageio import oiio, quiet
 from shrm_cli.files.scratch import scratch_folder
 
 
@@ -13,8 +13,6 @@ def image_of(data: bytes, suffix: str) -> Array:
 
     Its Python bindings read from disk alone, hence the scratch file.
     """
-    import OpenImageIO as oiio
-
     with scratch_folder() as folder:
         path = folder / f"image{suffix}"
         path.write_bytes(data)

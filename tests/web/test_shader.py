@@ -85,13 +85,15 @@ def test_the_browser_draws_what_the_map_says(secure, monkeypatch, language, name
 def test_the_browser_looks_up_with_parallax(secure, monkeypatch, language, name):
     cases.filter_bilinearly(monkeypatch)
     made = boxed(cases.FORMS[name]())
-    normals, views = cases.points(100)
+    normals, views = (each.astype(np.float32).astype(float) for each in cases.points(100))
     surface = 0.62, (0.9, 0.5, 0.04)
     allowed = PRECISION
     if name.startswith("principal"):
         # Functions of degree 12 that are random tell directions apart that are rounded to 1e-7. The
         # first normals are views as well, about which there is no azimuth but by rounding.
         allowed, normals, views = 1e-4, normals[3:], views[3:]
+    elif name.startswith("lamps"):
+        allowed = 3e-5  # directions at the box are rounded to 1e-7, and lobes of lamps are sharp
     for place in PLACES:
         found = drawn(secure.page, made, normals, views, language, *surface, place)
         truth = placed(made, normals, views, *surface, place)
