@@ -3,7 +3,7 @@
 import pytest
 
 from tests.cli.helpers import ROOT
-from tests.web import browser
+from tests.web.browser import served
 
 SITE = ROOT / "build" / "site"
 PAGES = ("index.html", "formats.html", "conventions.html", "theory/parseval.html",
@@ -13,11 +13,11 @@ pytestmark = pytest.mark.skipif(not (SITE / "index.html").exists(), reason="make
 
 
 @pytest.fixture(scope="module", params=[(1280, "light"), (390, "light"), (1280, "dark")])
-def opened(request):
+def opened(request, browser):
     """Opens pages on screens of a width; keeps their requests and errors."""
     width, scheme = request.param
-    with browser.served(SITE) as address, browser.launched() as program:
-        context = program.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    with served(SITE) as address:
+        context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
 
         def open_page(name):
             page, heard = context.new_page(), []
@@ -28,6 +28,7 @@ def opened(request):
             return page, [each for each in heard if not each.startswith((address, "data:"))]
 
         yield width, open_page
+        context.close()
 
 
 @pytest.mark.parametrize("name", PAGES)
