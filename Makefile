@@ -123,7 +123,7 @@ $(VENV)/.web: $(VENV)/.dev
 	@touch $@
 
 web: .web-setup $(VENV)/.web
-	SHRM_WEB=1 $(BIN)/python -m pytest tests/web $(PYTEST_FLAGS)
+	SHRM_WEB=1 $(BIN)/python -m pytest tests/web tests/site $(PYTEST_FLAGS)
 
 $(VENV)/.torch: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(TORCH)

@@ -53,11 +53,9 @@ def _facts(shown: Map | Probe) -> dict[str, str]:
 
 def _ball(shown: Map) -> Html:
     """Return a sphere of the map's material, or of its light, as `shrm render` draws it."""
-    drawn, primaries = render(shown, size=_BALL), shown.info.chromaticities
-    luminance = (pictures.unmultiplied(drawn) @ xyz_matrix(primaries)[1])[whole_coverage(_BALL) > 0]
-    colors = pictures.tone_mapped(
-        pictures.unmultiplied(drawn), suitable_exposure(luminance), primaries
-    )
+    drawn, primaries = pictures.unmultiplied(render(shown, size=_BALL)), shown.info.chromaticities
+    luminance = (drawn @ xyz_matrix(primaries)[1])[whole_coverage(_BALL) > 0]
+    colors = pictures.tone_mapped(drawn, suitable_exposure(luminance), primaries)
     return pictures.image(pictures.on_sphere(colors), f"a sphere of {shown.representation}")
 
 

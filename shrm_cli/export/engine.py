@@ -237,6 +237,15 @@ class Engine(ABC):
         """
 
 
+class PanoramaEngine(Engine):
+    """An engine that filters a lat-long itself, and wants no more unless it says so."""
+
+    default_size = 0
+    wants_levels = False
+    wants_irradiance = False
+    wants_latlong = True
+
+
 def engine(name: str) -> Engine:
     """Return the engine of a name of `vocabulary.ENGINES`, or of an installed package.
 

@@ -6,6 +6,7 @@ a string, a comment or a span of code.
 
 import json
 import re
+from collections.abc import Iterable
 from urllib.parse import quote
 
 _MARKDOWN = re.compile(r"([\\`*_{}\[\]()<>#+!|&~-])")
@@ -38,6 +39,11 @@ def code_span(text: str) -> str:
     fence = "`" * (longest + 1)
     space = " " if "`" in text else ""
     return f"{fence}{space}{text}{space}{fence}"
+
+
+def numbers(values: Iterable[float], unit: str = "") -> str:
+    """Return numbers one after the other, each followed by a unit, without negative zeros."""
+    return ", ".join(f"{each + 0:g}{unit}" for each in values)
 
 
 def _printable(text: str) -> str:

@@ -76,6 +76,20 @@ class Archive:
         limit = self._stored(name) if most is None else most + MOST_TEXT
         return self._array(name, dimensions, "f", range(4, 9, 4), limit)
 
+    def those_of(self, dimensions: Mapping[str, int]) -> dict[str, NDArray[Any]]:
+        """Return the arrays that there are among some, given by their numbers of axes.
+
+        Raises
+        ------
+        ValueError
+            If one is another than expected.
+        """
+        return {
+            name: self.numbers(name, axes)
+            for name, axes in dimensions.items()
+            if name in self.names
+        }
+
     def text(self, name: str) -> str:
         """Return a single text.
 

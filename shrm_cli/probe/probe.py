@@ -368,7 +368,7 @@ def _make_probe(
     notes = tuple(dict.fromkeys(note for image in images for note in image.notes))
     colors, matrix = ColorReading.of(chromaticities, options), options.matrix()
     turned = None if proxy is None else proxy.turned(matrix)
-    if proxy is not turned is None:
+    if proxy is not None and turned is None:
         notes += ("its proxy box is left out, for it is not turned by right angles",)
     return Probe(
         name, grid, layout, orientation, matrix, options.pixels, colors.chromaticities,

@@ -69,11 +69,7 @@ def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
         if not path.is_file():
             raise MeshError(f"{path}: no such file; name a grid that shrm grid wrote")
         with npz.opened(path) as archive:
-            arrays = {
-                name: archive.numbers(name, dimensions)
-                for name, dimensions in _DIMENSIONS.items()
-                if name in archive.names
-            }
+            arrays = archive.those_of(_DIMENSIONS)
             settings = parse_json(archive.text("settings"))
         return _grid(arrays, settings)
     except (ValueError, KeyError) as error:

@@ -83,11 +83,7 @@ def read_transfer(path: str | os.PathLike[str]) -> Transfer:
         if not path.is_file():
             raise TransferError(f"{path}: no such file; name a transfer that shrm transfer wrote")
         with npz.opened(path) as archive:
-            arrays = {
-                name: archive.numbers(name, dimensions)
-                for name, dimensions in _DIMENSIONS.items()
-                if name in archive.names
-            }
+            arrays = archive.those_of(_DIMENSIONS)
             facts = _facts(parse_json(archive.text("settings")))
         if "vectors" not in arrays or "albedo" not in arrays:
             raise ValueError("not a transfer")

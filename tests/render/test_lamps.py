@@ -19,7 +19,7 @@ from shrm_cli.render.stage import Actor, Look, Stage
 from shrm_cli.render.vertex_colors import vertex_colors
 from shrm_cli.transfer.bake import Plan, bake
 from tests.transfer import meshes
-from tests.transfer.test_mitsuba import environment
+from tests.transfer.test_mitsuba import environment, shape_of
 
 FIRST_CORNER = np.array([0]), np.array([[1.0, 0, 0]])
 """The point of `meshes.wall` that its wall is about."""
@@ -141,16 +141,8 @@ def path_traced(mitsuba, mesh, probe, viewer, aim):
     rows = min(probe.height, 256)
     coarse = coarse_probe(probe, rows)
     grey = {"type": "rgb", "value": [0.5] * 3}
-    properties = mitsuba.Properties()
-    properties["bsdf"] = mitsuba.load_dict(
-        {"type": "twosided", "inner": {"type": "diffuse", "reflectance": grey}}
-    )
-    shape = mitsuba.Mesh("mesh", len(mesh.vertices), len(mesh.faces), properties, True)
-    held = mitsuba.traverse(shape)
-    held["vertex_positions"] = mesh.vertices.ravel().astype(np.float32)
-    held["vertex_normals"] = mesh.normals.ravel().astype(np.float32)
-    held["faces"] = mesh.faces.ravel().astype(np.uint32)
-    held.update()
+    material = {"type": "twosided", "inner": {"type": "diffuse", "reflectance": grey}}
+    shape = shape_of(mitsuba, mesh, material)
     place = mitsuba.ScalarTransform4f().look_at(
         origin=aim.eye(viewer).tolist(), target=np.asarray(aim.target).tolist(), up=[0, 1, 0]
     )

@@ -9,7 +9,7 @@ References
 Blender, intern/cycles/kernel/camera/projection.h (`direction_to_equirectangular_range`).
 """
 
-from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_exr, rolled
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment
@@ -40,15 +40,11 @@ bpy.context.scene.world = world
 """
 
 
-class Blender(Engine):
+class Blender(PanoramaEngine):
     """Blender's world, of Cycles and EEVEE."""
 
     name = "blender"
     title = "Blender"
-    default_size = 0
-    wants_levels = False
-    wants_irradiance = False
-    wants_latlong = True
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()

@@ -12,24 +12,19 @@ cubemap_roughness.glsl; the project settings of rendering/reflections/sky_reflec
 
 import numpy as np
 
-from shrm_cli.arrays import Array
-from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_exr
 from shrm_cli.export.pixels import TexelFormat
-from shrm_cli.export.quoting import string
+from shrm_cli.export.quoting import numbers, string
 from shrm_cli.export.tamed import Sampler
 from shrm_cli.probe.proxy import ProxyBox
 
 
-class Godot(Engine):
+class Godot(PanoramaEngine):
     """Godot 4's `PanoramaSkyMaterial`."""
 
     name = "godot"
     title = "Godot"
-    default_size = 0
-    wants_levels = False
-    wants_irradiance = False
-    wants_latlong = True
     lamps = 8
     sampler = Sampler(
         edge=256,
@@ -45,9 +40,9 @@ class Godot(Engine):
         return [
             "# a sky has no box; a ReflectionProbe has one, and captures the scene by itself:",
             "var probe := ReflectionProbe.new()",
-            f"probe.position = {_vector(middle)}",
-            f"probe.size = {_vector(high - low)}",
-            f"probe.origin_offset = {_vector(at - middle)}",
+            f"probe.position = Vector3({numbers(middle)})",
+            f"probe.size = Vector3({numbers(high - low)})",
+            f"probe.origin_offset = Vector3({numbers(at - middle)})",
             "probe.box_projection = true",
         ]
 
@@ -64,11 +59,6 @@ class Godot(Engine):
                 "environment.sky.sky_material = material",
             ]
         return made
-
-
-def _vector(numbers: Array) -> str:
-    """Write a vector; adding 0 leaves no negative zeros."""
-    return f"Vector3({', '.join(f'{each + 0:g}' for each in numbers)})"
 
 
 ENGINE = Godot()

@@ -8,7 +8,7 @@ three.js, ShaderChunk/common.glsl.js (`equirectUv`); @google/model-viewer, Textu
 reads Radiance files where the name ends in ``.hdr``.
 """
 
-from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_radiance, rolled
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import uri
@@ -17,15 +17,11 @@ _ROWS = 1024
 """Rows of a panorama from which its filter is as good as it becomes within reason."""
 
 
-class ModelViewer(Engine):
+class ModelViewer(PanoramaEngine):
     """The web component `<model-viewer>`, by its attribute `environment-image`."""
 
     name = "model-viewer"
     title = "<model-viewer>"
-    default_size = 0
-    wants_levels = False
-    wants_irradiance = False
-    wants_latlong = True
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()

@@ -9,21 +9,17 @@ Apple's documentation of `TextureResource.init(cubeFromEquirectangular:)`, `Envi
 `ImageBasedLightComponent`.
 """
 
-from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_exr, rolled
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string
 
 
-class RealityKit(Engine):
+class RealityKit(PanoramaEngine):
     """RealityKit's `EnvironmentResource`, for visionOS, iOS and macOS."""
 
     name = "realitykit"
     title = "RealityKit"
-    default_size = 0
-    wants_levels = False
-    wants_irradiance = False
-    wants_latlong = True
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()

@@ -13,28 +13,25 @@ com.unity.render-pipelines.core; Skybox-Panoramic.shader.
 
 import numpy as np
 
-from shrm_cli.arrays import Array
 from shrm_cli.export.cubes import mirrored
-from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.engines.coefficients import add_coefficients
 from shrm_cli.export.harmonics import in_axes, unity
 from shrm_cli.export.latlong import add_exr
 from shrm_cli.export.pixels import TexelFormat
-from shrm_cli.export.quoting import comment
+from shrm_cli.export.quoting import comment, numbers
 from shrm_cli.export.tamed import Sampler
 from shrm_cli.probe.proxy import ProxyBox
 
 _AXES = mirrored(-1, 1, 1)
 
 
-class Unity(Engine):
+class Unity(PanoramaEngine):
     """Unity's cube textures and `SphericalHarmonicsL2`."""
 
     name = "unity"
     title = "Unity"
-    default_size = 0
-    wants_levels = False
-    wants_latlong = True
+    wants_irradiance = True
     sampler = Sampler(
         edge=256,
         radius=0.5,
@@ -46,11 +43,14 @@ class Unity(Engine):
     def boxed(self, box: ProxyBox) -> list[str]:
         low, high, at = (np.array(each) for each in (box.low, box.high, box.at))
         place, middle = at * [-1, 1, 1], ((low + high) / 2 - at) * [-1, 1, 1]
+        where, center, size = (
+            f"new Vector3({numbers(each, 'f')})" for each in (place, middle, high - low)
+        )
         return [
             "var probe = new GameObject().AddComponent<ReflectionProbe>();",
             "probe.mode = ReflectionProbeMode.Custom; probe.customBakedTexture = cubemap;",
-            f"probe.transform.position = {_vector(place)}; probe.boxProjection = true;",
-            f"probe.center = {_vector(middle)}; probe.size = {_vector(high - low)};",
+            f"probe.transform.position = {where}; probe.boxProjection = true;",
+            f"probe.center = {center}; probe.size = {size};",
         ]
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
@@ -80,11 +80,6 @@ class Unity(Engine):
                 "RenderSettings.ambientProbe = sh;",
             ]
         return made
-
-
-def _vector(numbers: Array) -> str:
-    """Write a vector; adding 0 leaves no negative zeros."""
-    return f"new Vector3({', '.join(f'{each + 0:g}f' for each in numbers)})"
 
 
 ENGINE = Unity()

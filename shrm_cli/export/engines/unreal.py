@@ -11,38 +11,31 @@ References
 
 import numpy as np
 
-from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.engines.coefficients import add_coefficients
 from shrm_cli.export.harmonics import in_axes, unreal
 from shrm_cli.export.latlong import add_exr, rolled
 from shrm_cli.export.pixels import TexelFormat
-from shrm_cli.export.quoting import comment
+from shrm_cli.export.quoting import comment, numbers
 from shrm_cli.probe.proxy import ProxyBox
 
 _AXES = np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0]])
 
 
-class Unreal(Engine):
+class Unreal(PanoramaEngine):
     """Unreal's cube textures from lat-longs, and `FSHVectorRGB3`."""
 
     name = "unreal"
     title = "Unreal"
-    default_size = 0
-    wants_levels = False
-    wants_latlong = True
+    wants_irradiance = True
 
     def boxed(self, box: ProxyBox) -> list[str]:
         low, high, at = (100 * np.array(each)[[0, 2, 1]] for each in (box.low, box.high, box.at))
         middle = (low + high) / 2
-        numbers = {
-            "Location": middle, "Scale": (high - low) / 2, "Capture Offset": at - middle,
-        }  # fmt: skip
-        texts = [
-            f"{name} {', '.join(f'{each + 0:g}' for each in of)}" for name, of in numbers.items()
-        ]
         return [
             "// or a Box Reflection Capture, Source Type Specified Cubemap; from metres:",
-            f"// {'; '.join(texts)}",
+            f"// Location {numbers(middle)}; Scale {numbers((high - low) / 2)}; "
+            f"Capture Offset {numbers(at - middle)}",
         ]
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
