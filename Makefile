@@ -153,19 +153,19 @@ bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks $(BENCH)
 
 tables: $(VENV)/.dev
-	$(BIN)/python -m tests.paper build/paper $(TABLES_FLAGS) $(MEASURED)
+	$(BIN)/python -m research build/paper $(TABLES_FLAGS) $(MEASURED)
 
 # Without probes/real, which `make probes` fills, both take shipped probes.
 survey: $(VENV)/.dev
-	$(BIN)/python -m tests.paper build/paper --survey $(TABLES_FLAGS) $(MEASURED)
+	$(BIN)/python -m research build/paper --survey $(TABLES_FLAGS) $(MEASURED)
 
 # A quarter of an hour of an idle machine; docs/scale.md takes its tables from it.
 scale: $(VENV)/.dev
-	$(BIN)/python -m tests.paper build/paper --scale $(TABLES_FLAGS)
+	$(BIN)/python -m research build/paper --scale $(TABLES_FLAGS)
 
 # Five minutes; the table is part of the package, so that nothing needs this unless the fit changes.
 taps: $(VENV)/.dev
-	$(BIN)/python -m tests.taps $(TAPS_FLAGS)
+	$(BIN)/python -m research.taps $(TAPS_FLAGS)
 
 probes:
 	@bash probes/fetch.sh

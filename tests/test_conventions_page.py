@@ -8,8 +8,8 @@ import OpenEXR
 import pytest
 from scipy.spatial import ConvexHull
 
+from research.bilinear import centers, look_up
 from shrm_cli.maps.file import open_map
-from tests.bilinear import centers, look_up
 from tests.cli.helpers import done, polynomial_light, write_exr
 from tests.oracles import real_harmonics
 

@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
+from research.bilinear import centers
 from shrm_cli.maps.file import open_map
-from tests.bilinear import centers
 from tests.cli.helpers import ROOT, done, polynomial_light, write_exr
 
 CODE = "\n".join(

@@ -49,7 +49,7 @@ def distributions(tmp_path_factory):
     """The wheel and the source distribution of a copy of the tracked files."""
     source = tmp_path_factory.mktemp("source")
     files = [*PAGES, "pyproject.toml", "LICENSE", "MANIFEST.in", ".git_archival.txt"]
-    for folder in ("shrm_cli", "docs", "examples", "tests", "probes"):
+    for folder in ("shrm_cli", "docs", "examples", "research", "tests", "probes"):
         files += [path.relative_to(ROOT) for path in ROOT.glob(f"{folder}/**/*") if path.is_file()]
     for name in map(Path, files):
         if (
@@ -95,7 +95,7 @@ def test_the_source_distribution_is_complete_and_clean(distributions):
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert names >= PACKAGE
     assert {*PAGES, "pyproject.toml", "LICENSE", "docs/library.md", "examples/library.py"} <= names
-    assert not {name for name in names if name.startswith(("tests", "probes", "."))}
+    assert not {name for name in names if name.startswith(("research", "tests", "probes", "."))}
 
 
 def test_metadata_tell_what_it_is(distributions):

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from tests.bilinear import centers, look_up
+from research.bilinear import centers, look_up
 from tests.ggx import lobe
 
 

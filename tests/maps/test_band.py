@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from research import seen
+from research.glossy_truth import light_of, sphere
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps import band as band_module
@@ -14,8 +16,6 @@ from shrm_cli.reflected import last_visible, visible_beyond
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.sphere.grid.latlong import latlong_directions
 from tests import brute_force
-from tests.paper import seen
-from tests.paper.glossy_truth import light_of, sphere
 from tests.test_reflected import lamp, lit
 
 

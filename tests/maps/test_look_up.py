@@ -3,6 +3,10 @@
 import numpy as np
 import pytest
 
+from research.glossy_truth import light_of
+from research.looked_up import looked_up
+from research.pairs import bright_pairs
+from research.seen import lit
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.look_up import shrm_look_up_error
@@ -11,10 +15,6 @@ from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.grid.latlong import latlong_directions
-from tests.paper.glossy_truth import light_of
-from tests.paper.looked_up import looked_up
-from tests.paper.pairs import bright_pairs
-from tests.paper.seen import lit
 
 PAIRS = 4000
 SUNS = (1, 0.05, 0.1), (0.3, -1, 0.2), (-0.9, 0.85, 1)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from research.bilinear import bilinear
 from shrm_cli.sphere.between_texels import lost_between_texels
 from shrm_cli.sphere.quadrature import spiral_directions
-from tests.bilinear import bilinear
 from tests.oracles import real_harmonics
 
 TOWARDS = np.array([[1, 0.05, 0.1], [0.3, -1, 0.2], [-0.9, 0.85, 1]])

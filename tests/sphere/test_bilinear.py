@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from research.bilinear import bilinear, centers
 from shrm_cli.sphere.bilinear import bilinear_errors, energy_places
 from shrm_cli.sphere.quadrature import spiral_directions
-from tests.bilinear import bilinear, centers
 from tests.oracles import real_harmonics
 
 DIRECTIONS = 20000

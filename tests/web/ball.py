@@ -4,7 +4,7 @@ import base64
 
 import numpy as np
 
-from tests.bilinear import look_up
+from research.bilinear import look_up
 
 
 def decoded(text, size, channels=4):

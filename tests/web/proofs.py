@@ -463,7 +463,7 @@ TURNS = [np.array([-1, 1, 1]), np.array([1, -1, 1]), np.array([1, 1, -1])]
 
 def _turned(level, axis):
     """The same light mirrored along an axis, by another way than the package's."""
-    from tests.bilinear import centers, look_up
+    from research.bilinear import centers, look_up
 
     size = level.shape[1]
     directions = centers(size).reshape(-1, 3) * TURNS[axis]

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from research.bilinear import look_up
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.sphere.grid.cube import Cube
-from tests.bilinear import look_up
 from tests.web import letters
 
 ROOT = Path(__file__).parents[2]

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from research.bilinear import centers
 from shrm_cli.export.cubes import diffuse_cube
-from tests.bilinear import centers
 from tests.web import ball, proofs
 from tests.web.browser import HERE, MODULES, Page, bundle
 from tests.web.glb import ball_file

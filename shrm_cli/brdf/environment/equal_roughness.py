@@ -6,7 +6,7 @@ and for the part that Schlick's term adds. For a view (x, y, z) in the frame of 
 
     alpha^2 = (ax^2 + ay^2) / 2 + (c + d z) (x^2 - y^2) (ax^2 - ay^2) / 2,
 
-with the c and d that `tests.taps` fits by least squares to the integrals themselves.
+with the c and d that `research.taps` fits by least squares to the integrals themselves.
 """
 
 import numpy as np

@@ -11,8 +11,8 @@ second spreads the taps across the brush marks. A tap weighs ``max(w, 0) max(V.H
 much of its facets is seen, and its light is that of a level of alpha ``r^2 ay``.
 
 The numbers u, w, r and t of each tap are polynomials of the roughness, the ratio of alphas and N.V.
-They are fitted by `tests.taps` to the lobes themselves, by least squares over light whose spectrum
-is the mean of real probes, in all rotations.
+They are fitted by `research.taps` to the lobes themselves, by least squares over light whose
+spectrum is the mean of real probes, in all rotations.
 """
 
 from functools import cache

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import eval_legendre
 
+from research.irradiance import PROVEN, integrate, irradiance_row, small_lights
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.errors import ArgumentError, MapError, ProbeError
@@ -25,7 +26,6 @@ from shrm_cli.reflected import predicted_error
 from tests import oracles
 from tests.brute_force import unit
 from tests.makers import prefilter_irradiance
-from tests.paper.irradiance import PROVEN, integrate, irradiance_row, small_lights
 
 INFO = MapInfo(2, 0, 0.0, 1.0, 0.0)
 PROBES = ("city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset")

@@ -6,6 +6,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from research.bilinear import look_up
+from research.looked_up import looked_up
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import ArgumentError, MapError
@@ -24,11 +26,9 @@ from shrm_cli.reflected import kept_energy, weighted_power
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.harmonics import legendre_table
 from tests import brute_force
-from tests.bilinear import look_up
 from tests.brute_force import bright_pairs, unit
 from tests.maps.damage import refused, survives_flipped_bits
 from tests.maps.scenes import make_shrm, normals_of, uniform_points
-from tests.paper.looked_up import looked_up
 
 HEIGHT = 64
 pytestmark = pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")

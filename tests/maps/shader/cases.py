@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
+from research.bilinear import AXES
 from shrm_cli.brdf.environment.material_albedo import material_albedo
 from shrm_cli.brdf.library import find_model
 from shrm_cli.brdf.spec import parse_spec
@@ -29,7 +30,6 @@ from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.splitsum import split_sum
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.disc import Disc
-from tests.bilinear import AXES
 from tests.brute_force import unit
 from tests.maps.scenes import EXPLICIT, make_info, make_shrm
 
