@@ -66,7 +66,7 @@ def test_commands_that_cannot_be_given_are_found():
         parsed(words[1:])
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_five_minutes(tmp_path, monkeypatch):
     """All commands of the first page that a newcomer types work in an empty folder."""
     monkeypatch.chdir(tmp_path)

@@ -115,6 +115,7 @@ def test_sums_share_their_bytes_among_terms_best():
         assert found <= 1.05 * least
 
 
+@pytest.mark.proof
 @pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")
 def test_arguments_make_what_is_offered():
     probe = light(0, 5)

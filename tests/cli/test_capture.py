@@ -8,12 +8,21 @@ import numpy as np
 import pytest
 
 import shrm_cli as shrm
+from shrm_cli.rooms import capture
 from tests.cli.helpers import assert_refused, done, read_exr, run, write_exr
 from tests.cli.test_grid import write_gltf
 from tests.geometry.shapes import icosphere
 from tests.rooms import shapes
 
 SMALL = ("--size", 16, "--samples", 4)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_patches():
+    """Rooms of few patches: nothing here measures the brightness of walls."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(capture, "_PATCHES", 12)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -100,6 +100,7 @@ def test_principal_maps_have_as_many_bytes(rows):
     assert best.gpu_rms < other.gpu_rms
 
 
+@pytest.mark.proof
 def test_the_page_names_the_maps_that_miss_their_bar(rows):
     page = " ".join(page_seen.verdict(rows).split())
     assert "no negative pixel. | 1 of 1 | yes |" in page

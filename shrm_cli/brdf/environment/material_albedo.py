@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.environment.lobe import MaterialLobe
 from shrm_cli.brdf.environment.views import ViewTable, half_vectors, unit_rule
 from shrm_cli.brdf.vectors import GRAZING
@@ -107,12 +108,17 @@ def albedo_table(brdf: Brdf, size: int) -> Array:
     Returns
     -------
     ndarray, shape (size, size, 3)
+        Read-only where the process keeps it for the next map of this BRDF.
 
     Raises
     ------
     BrdfError
         If the BRDF has no roughness, or is one that `MaterialLobe` refuses.
     """
+    return remembered(brdf, ("albedo table", size), lambda: _tabulated(brdf, size))
+
+
+def _tabulated(brdf: Brdf, size: int) -> Array:
     centers = (np.arange(size) + 0.5) / size
     table = np.empty((size, size, 3))
     last: Brdf | None = None

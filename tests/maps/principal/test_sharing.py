@@ -60,7 +60,7 @@ def test_no_form_of_fewer_bytes_keeps_an_error(name, spec):
         assert found == least
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("spec", UNEVEN)
 @pytest.mark.parametrize("name", ["city", "forest", "night"])
 def test_no_form_of_fewer_bytes_does_under_real_light(real_probes, name, spec):
