@@ -85,8 +85,9 @@ $(VENV)/.installed: $(VENV)/.made pyproject.toml
 	@$(COMPILE)
 	@touch $@
 
+# Python compiles what tests import when they import it first, which is a part of all these packages.
 $(VENV)/.dev: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable '.[dev]'
 	@touch $@
 
 # ---- the two commands -------------------------------------------------------------------------

@@ -220,6 +220,7 @@ def test_brushed_materials_are_offered_taps_beside_principal_maps(spec):
         assert offer.wrong_share == pytest.approx(wrong.mean(), abs=0.05)
 
 
+@pytest.mark.proof
 def test_surfaces_brushed_along_the_tangent_alone_have_no_taps():
     (found,) = shrm.choose(light(0, 5), "ggx:ax=0.4,ay=0.9")
     assert {offer.form for offer in found.offers} == {"principal"}
