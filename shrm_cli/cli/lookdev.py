@@ -26,7 +26,7 @@ from shrm_cli.cli.usage import Applies, flags, refuse_inapplicable
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
-from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
+from shrm_cli.vocabulary import AUTO, DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,7 +49,7 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
     help="PNG, EXR or HTML page; turntable .apng, .gif or .mp4, or frames named with %04d.",
 )  # fmt: skip
 @click.option(
-    "--to", type=click.Choice(_FORMS), default="principal", show_default=True,
+    "--to", type=click.Choice([AUTO, *_FORMS]), default=AUTO, show_default=True,
     help="Representation of the maps.",
 )  # fmt: skip
 @shared_options(*_MAKING)
@@ -89,9 +89,10 @@ def lookdev(
 
     Every sphere stands before its own light. Each probe has an exposure of its own, unless
     --exposure says it: a tenth of a white, diffuse ball in its light is brighter than 0.8 of
-    white. Maps are made as `shrm prefilter` makes them, by default with --error 0.05; a pair that
-    cannot be made says why in its cell, and the run ends with 1. Pages have a slider for each
-    column. GIF and APNG need Pillow (`pip install pillow`), MP4 needs ffmpeg.
+    white. Maps are made as `shrm prefilter` makes them, with lamps beside them where nothing else
+    gives the right picture; a pair that cannot be made says why in its cell, and the run ends with
+    1. Pages have a slider for each column. GIF and APNG need Pillow (`pip install pillow`), MP4
+    needs ffmpeg.
 
     \b
       shrm lookdev city.exr studio.exr --brdf ggx:f0=gold --brdf lambertian -o sheet.png

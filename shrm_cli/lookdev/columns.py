@@ -15,9 +15,14 @@ from typing import Any
 import numpy as np
 
 from shrm_cli.batch.work import error_line
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.color import to_rec709
 from shrm_cli.files.picture import Picture
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.lamps.map import LampMap
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.size import stored_bytes, total_error
+from shrm_cli.plan.search import Candidate, Goal
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe, open_probe
@@ -29,7 +34,7 @@ from shrm_cli.render.camera import Viewer, background_rows
 from shrm_cli.render.image import expose, weighted_quantiles
 from shrm_cli.render.sphere import render_background, render_sphere
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
-from shrm_cli.vocabulary import LUMINANCE
+from shrm_cli.vocabulary import AUTO, LUMINANCE
 
 SHOWN = 0.8
 """Linear grey, 1 being white, of the luminance that is metered: 231 of 255 in sRGB."""
@@ -167,8 +172,7 @@ def make_column(
     stages = Stages(progress, count)
     for spec in wanted.specs:
         try:
-            given = {**wanted.arguments, "brdf": spec}
-            made = prefilter_with_facts(probe, wanted.to, given, stages.within)
+            made = _made(probe, wanted, spec, stages.within)
         except Exception as error:
             cells.append(error_line(error))
         else:
@@ -178,3 +182,27 @@ def make_column(
     # What the pixels needed is known when they have been read.
     warnings = (*probe.report.warnings(), *told)
     return Column(path, tuple(cells), behind, exposure, warnings)
+
+
+def _made(probe: Probe, wanted: Wanted, spec: str, progress: Progress) -> Prefiltered:
+    """Make a map; with the lamps beside it where that is the better picture."""
+    given = {**wanted.arguments, "brdf": spec}
+    made = prefilter_with_facts(probe, wanted.to, given, progress)
+    if wanted.to != AUTO or parse_spec(spec).center == "tangent":  # discs are not of fibres
+        return made
+    goal = Goal.of(wanted.arguments.get("error"), wanted.arguments.get("seen"))
+    found = _judged(made)
+    if found.keeps(goal):
+        return made
+    split = _judged(prefilter_with_facts(probe, AUTO, given | {"sun": "split"}))
+    return min(found, split, key=lambda each: each.badness(goal)).make()
+
+
+def _judged(made: Prefiltered) -> Candidate[Prefiltered]:
+    """Return what is predicted to be seen of a map."""
+    info, find = made.map.info, made.further["predicted_wrong_share"]
+    error = total_error(info.predicted_error, info.filter_error)
+    if isinstance(made.map, LampMap):
+        error = float(np.hypot(error, made.map.error))
+    form, count = made.map.representation, made.map.cube_count
+    return Candidate(form, stored_bytes(made.map.size, count), count, error, find, lambda: made)

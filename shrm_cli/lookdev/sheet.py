@@ -14,12 +14,7 @@ from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sheet import Grid, draw_grid
-
-_ERROR = 0.05
-"""The error of maps where no argument says how exact they are. For gold and plastic under three
-real probes such principal maps took .8 to 6 s of a core, SHRMs of the default tolerance 1.7 to 6 s
-with errors of 7 to 24 %, and principal maps of that tolerance 5 to 6 s."""
-_HOW_EXACT = {"eps", "error", "order_f", "order_p", "max_size"}
+from shrm_cli.vocabulary import AUTO
 
 
 @record(eq=False)
@@ -107,7 +102,7 @@ class Lookdev:
 def lookdev(
     probes: Sequence[str],
     brdfs: Sequence[str],
-    to: str = "principal",
+    to: str = AUTO,
     *,
     size: int = 256,
     exposure: float | None = None,
@@ -126,7 +121,8 @@ def lookdev(
     brdfs : sequence of str
         The materials, as specifications.
     to : str
-        The representation of the maps, one that is made for a BRDF.
+        The representation of the maps, one that is made for a BRDF, or ``auto``: what the picture
+        needs, with lamps beside the map where nothing else gives the right picture.
     size : int
         Width and height of a cell, pixels.
     exposure : float, optional
@@ -136,7 +132,7 @@ def lookdev(
     progress : callable, optional
         Called with the amount of work done and the amount in all.
     **arguments
-        Other arguments of `prefilter`; `error` is 0.05 where none says how exact the maps are.
+        Other arguments of `prefilter`.
 
     Returns
     -------
@@ -157,8 +153,6 @@ def lookdev(
     >>> [picture.shape[2] for picture in made.sheets([shrm.Viewer(30, 10)])]
     [3]
     """
-    if to == "principal" and not arguments.keys() & _HOW_EXACT:
-        arguments["error"] = _ERROR
     check_arguments(to, [*arguments, "brdf"])
     for spec in brdfs:
         parse_spec(spec)  # what is wrong with a material is said before the work begins
