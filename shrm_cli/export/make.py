@@ -38,7 +38,7 @@ from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.probe.resample import default_size, to_grid
-from shrm_cli.progress import Progress, using
+from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
@@ -235,8 +235,10 @@ def export(
     """
     check(engine, asked)
     asset = None if asked.into is None else open_asset(asked.into)
-    with using(progress):
+    work = Rising(progress)
+    with using(work):
         light, told, warnings = gather(source, engine, asked)
+    work.end()
     light = replace(light, asset=asset)
     try:
         made = packed(engine, light, asked.texels, asked.max_error)
