@@ -54,6 +54,7 @@ _HOMES = {
     "studio": "probe.make",
     "sky": "probe.sky",
     "probe_statistics": "analysis.probe_statistics",
+    "progress_bar": "progress",
     "cache_usage": "brdf.cache",
     "clear_cache": "brdf.cache",
     "Choice": "choose.offer",
@@ -143,6 +144,7 @@ if TYPE_CHECKING:
     from shrm_cli.probe.probe import open_probe as open_probe
     from shrm_cli.probe.resample import to_layout as to_layout
     from shrm_cli.probe.sky import sky as sky
+    from shrm_cli.progress import progress_bar as progress_bar
     from shrm_cli.reference import reference as reference
     from shrm_cli.render.basis import basis_maps as basis_maps
     from shrm_cli.render.camera import Viewer as Viewer

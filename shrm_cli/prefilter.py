@@ -175,18 +175,18 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
 
         probe = shared(probe)
     # Maps for a BRDF take one attempt after another at its coefficients.
-    is_rising = needs_brdf and request.domain != "angular"
+    is_rising = needs_brdf and (request.domain != "angular" or request.sun is not None)
     work = Rising(progress) if is_rising else progress
-    light, lamps = _split(probe, request)
     with using(work):
+        light, lamps = _split(probe, request)
         found = _made(light, request)
+        info = replace(found.map.info, options=request.record(probe))
+        found = replace(found, map=replace(found.map, info=info))  # type: ignore[type-var]
+        if needs_brdf:  # maps of light alone have words of their own for what is negative
+            found = examined(_finished(found, probe, lamps, request.brdf))
     if isinstance(work, Rising):
         work.end()
-    info = replace(found.map.info, options=request.record(probe))
-    found = replace(found, map=replace(found.map, info=info))  # type: ignore[type-var]
-    if not needs_brdf:  # maps of light alone have words of their own for what is negative
-        return found
-    return examined(_finished(found, probe, lamps, request.brdf))
+    return found
 
 
 def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:

@@ -65,7 +65,7 @@ USERS = {
     "OpenEXR": {"files"},
     "OpenImageIO": {"files", "probe"},
     "click": {"cli"},
-    "tqdm": {"cli"},
+    "tqdm": {"cli", "progress"},
 }
 """The stops that alone may open images or talk to the terminal, by what they do it with."""
 EXTRAS = {

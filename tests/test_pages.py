@@ -112,7 +112,8 @@ def test_everything_that_is_extra_is_told_of():
 
 
 def test_the_release_is_the_same_everywhere():
-    (first, *_) = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    parts = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    first = parts[parts[0] == "Unreleased"]
     assert re.fullmatch(rf"{re.escape(__release__)} \(\d{{4}}-\d\d-\d\d\)", first)
     tools = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
     assert tools["setuptools_scm"]["fallback_version"] == f"{__release__}.dev0"

@@ -4,7 +4,7 @@ import pytest
 
 from shrm_cli import settings
 from shrm_cli.parallel import in_order
-from shrm_cli.progress import Rising, Stages, foretell, report, using
+from shrm_cli.progress import Rising, Stages, foretell, progress_bar, report, using
 
 
 def test_stages_are_of_equal_length():
@@ -102,3 +102,12 @@ def test_jobs_in_threads_tell_nobody():
         assert list(in_order(lambda job: report(job, 3) or job, range(3))) == [0, 1, 2]
         report(3, 3)
     assert listener.told == [(3, 3)]
+
+
+def test_a_bar_shows_what_it_is_told_and_what_is_reported(capsys):
+    with progress_bar("lacquer") as progress:
+        progress(1, 4)
+        report(3, 4)
+    printed = capsys.readouterr().err
+    assert "lacquer:  25%" in printed
+    assert "lacquer:  75%" in printed

@@ -6,7 +6,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose.forms import Forms, Known, PrincipalForms, ShrmForms
 from shrm_cli.choose.offer import Choice, Offer, decided
-from shrm_cli.choose.others import made_offer, others_of
+from shrm_cli.choose.others import made_offers, others_of
 from shrm_cli.choose.truth import Truth
 from shrm_cli.errors import ArgumentError, ShrmError
 from shrm_cli.maps.lobes_lit import keeping_light
@@ -111,7 +111,7 @@ def _chosen(
             offers += [_offer(each) for each in known]
     for wanted in others_of(brdf):
         try:
-            offers.append(made_offer(wanted, probe, brdf, truth, work))
+            offers += made_offers(wanted, probe, brdf, truth, work)
         except ShrmError as reason:
             warnings.append(f"{name}: no {wanted.arguments['to']}: {reason}")
     work.end()

@@ -1,6 +1,6 @@
 """Forms that are made to be known: split sums, SH exponentials, irradiance and Cabral's maps."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,13 +48,13 @@ class Wanted:
     arguments : dict
         Those of `shrm_cli.prefilter.prefilter`, without the BRDF.
     needs_brdf : bool
-    taps : {3, 5, 8}, optional
-        How many look-ups a split sum of brushed GGX takes.
+    taps : tuple of {3, 5, 8}, optional
+        How many look-ups a split sum of brushed GGX takes: each number is an offer of its own.
     """
 
     arguments: Mapping[str, Any]
     needs_brdf: bool = False
-    taps: int | None = None
+    taps: Sequence[int] = ()
 
 
 def others_of(brdf: Brdf) -> list[Wanted]:
@@ -70,16 +70,16 @@ def others_of(brdf: Brdf) -> list[Wanted]:
             found.append(Wanted({"to": "splitsum", "levels": (own,), **given}))
         found.append(Wanted({"to": "she", "roughness": (own, own)}))
     if isinstance(brdf, Ggx) and not brdf.isotropic and brdf.brushed_surface is not None:
-        found += [Wanted({"to": "splitsum"}, taps=taps) for taps in TAP_COUNTS]
+        found.append(Wanted({"to": "splitsum"}, taps=TAP_COUNTS))
     if brdf.isotropic:
         found.append(Wanted({"to": "cabral", "max_size": _CABRAL}, needs_brdf=True))
     return found
 
 
-def made_offer(
+def made_offers(
     wanted: Wanted, probe: Probe, brdf: Brdf, truth: Truth, progress: Progress | None = None
-) -> Offer:
-    """Make a map, and measure it.
+) -> list[Offer]:
+    """Make a map once, and measure it as it is looked up in each way.
 
     Raises
     ------
@@ -94,16 +94,24 @@ def made_offer(
         return prefilter_with_facts(probe, form, given, progress).map
 
     made = make(progress)
+    return [_measured(made, taps, wanted, brdf, truth, make) for taps in wanted.taps or (None,)]
+
+
+def _measured(
+    made: Map, taps: int | None, wanted: Wanted, brdf: Brdf, truth: Truth, make: Callable[[], Map]
+) -> Offer:
+    """Measure a map, with so many taps if it is a split sum of brushed GGX."""
+    form = wanted.arguments["to"]
     shown: Map | BrushedSplitSum = made
     scale = np.ones(3)
-    if wanted.taps is not None:
-        shown = _brushed(made, brdf, wanted.taps)
+    if taps is not None:
+        shown = _brushed(made, brdf, taps)
     elif made.needs_surface:
         shown = made.shaded(brdf.number("roughness"), brdf.color("f0"))
     elif form == "irradiance":
         scale = np.array(brdf.color("albedo"))
     error, share = truth.errors(shown, scale)
-    what, stored, cost = _described(made, brdf, wanted.taps)
+    what, stored, cost = _described(made, brdf, taps)
     measured: tuple[str, ...] = ("error", "wrong_share")
     if not made.needs_surface:
         info = made.info

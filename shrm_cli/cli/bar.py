@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from shrm_cli.cli.terminal import echo_message, has_terminal
 from shrm_cli.cli.usage import is_quiet
+from shrm_cli.progress import BAR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -25,7 +26,6 @@ _SILENCE = 1.0
 """Seconds after the beginning of the process in which no bar is shown."""
 _LEAST_SILENCE = 0.3
 """Seconds of work for which no bar is shown, however long it took to begin."""
-_FORMAT = "{l_bar}{bar}| {elapsed}<{remaining}"
 _BEAT = 0.25
 """Seconds between two drawings of a bar that nothing is reported to."""
 _LONG = 3.0
@@ -47,7 +47,7 @@ def progress_bar(label: str) -> Iterator[Progress | None]:
     from tqdm import tqdm
 
     delay = max(_LEAST_SILENCE, _SILENCE - (time.monotonic() - _BEGAN))
-    options: dict[str, Any] = {"desc": label, "total": 1, "delay": delay, "bar_format": _FORMAT}
+    options: dict[str, Any] = {"desc": label, "total": 1, "delay": delay, "bar_format": BAR}
     # Reports come unevenly: the mean rate tells best how much time is left.
     options |= {"leave": False, "smoothing": 0, "miniters": 0, "mininterval": 0.1}
     with _own_stderr() as stream, tqdm(file=stream, **options) as bar:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from shrm_cli.cli.options import several
-from shrm_cli.cli.types import Parsed, within
+from shrm_cli.cli.types import BRUSH, Parsed, within
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MIN_ROUGHNESS, TAP_COUNTS
 
@@ -56,6 +56,12 @@ brushed_options = several(
         help="Look-ups of the light with --anisotropy.  "
         f"[default: {DEFAULT_TAPS}]",
     ),
+)  # fmt: skip
+
+brush_option = click.option(
+    "--brush", type=BRUSH,
+    help="Tangents of a mesh for anisotropic maps: along the texture coordinate u, or a "
+    "direction.  [default: around +Y]",
 )  # fmt: skip
 
 

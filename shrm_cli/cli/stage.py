@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.options import several
-from shrm_cli.cli.shading import brushed_rules, refuse_window
-from shrm_cli.cli.types import BRUSH, VECTOR, within
+from shrm_cli.cli.shading import brush_option, brushed_rules, refuse_window
+from shrm_cli.cli.types import VECTOR, within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
 if TYPE_CHECKING:
@@ -58,11 +58,7 @@ mesh_options = several(
         "--target", type=VECTOR,
         help="What the camera looks at.  [default: the middle of the mesh]",
     ),
-    click.option(
-        "--brush", type=BRUSH,
-        help="Tangents of a mesh for anisotropic maps: along the texture coordinate u, or a "
-        "direction.  [default: around +Y]",
-    ),
+    brush_option,
     click.option(
         "--vary", metavar="vertex|IMAGE",
         help="What the parameter of a product texture follows that varies: the brightness of "

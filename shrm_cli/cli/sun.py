@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
@@ -89,15 +90,18 @@ def sun(
     options = make_read_options(reading)
     from shrm_cli.lights.split import split_lamps
     from shrm_cli.probe.probe import open_probe
+    from shrm_cli.progress import Rising, using
 
     found = open_probe(probe, options)
     targets = {output: ".exr", light_file: ".toml", usd: ".usda"}
     for path, suffix in targets.items():
         if path is not None:
             check_outputs([path], suffixes=[suffix])
-    split = split_lamps(found, error, count, sun_radius)
+    with progress_bar("looking for lamps") as progress, using(Rising(progress)):
+        split = split_lamps(found, error, count, sun_radius)
+        result = _result(probe, split)
     written = _write(split, output, light_file, usd, precision)
-    result = _result(probe, split) | written
+    result |= written
     warnings = [f"{probe}: {line}" for line in found.report.warnings() + _doubts(split)]
     if engine is not None:
         from shrm_cli.lights.snippets import snippet

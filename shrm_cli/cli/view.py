@@ -18,7 +18,13 @@ from shrm_cli.cli.options import (
     warn,
 )
 from shrm_cli.cli.outputs import PAGES, check_outputs
-from shrm_cli.cli.shading import brushed_options, brushed_rules, needs_surface, surface_options
+from shrm_cli.cli.shading import (
+    brush_option,
+    brushed_options,
+    brushed_rules,
+    needs_surface,
+    surface_options,
+)
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
@@ -30,7 +36,9 @@ if TYPE_CHECKING:
 _MAX_SIZE = 64 * 10**6
 """The most bytes of a page that is written, where no other number is given."""
 _TRUTH_SIZE = 192
-_SHOWN = ("views", "roughness", "f0", "anisotropy", "taps", "exposure", "source_height", "exact")
+_SHOWN = (
+    "views", "roughness", "f0", "anisotropy", "taps", "brush", "exposure", "source_height", "exact",
+)  # fmt: skip
 """Arguments that `shrm_cli.view.show.view` takes as they are."""
 _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 
@@ -57,6 +65,7 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 )  # fmt: skip
 @surface_options
 @brushed_options
+@brush_option
 @click.option(
     "--exposure", type=STOPS, metavar="EV",
     help="Stops at the beginning.  [default: what suits the first MAP]",

@@ -6,6 +6,7 @@ offers one by an entry point of the group `plugins.ENGINES`, which names the sub
 """
 
 import importlib
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -110,6 +111,8 @@ class Package:
         More for ``--json``.
     losses : list of Loss
         What packing loses of the levels of all files.
+    limit : float
+        The least brightness at which texels were clipped; infinite where none were.
     """
 
     files: list[OutputFile] = field(default_factory=list)
@@ -118,6 +121,7 @@ class Package:
     warnings: list[str] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
     losses: list[Loss] = field(default_factory=list)
+    limit: float = math.inf
 
     def add_bytes(self, name: str, data: bytes) -> None:
         """Add a file of some bytes."""
@@ -132,6 +136,8 @@ class Package:
         warning = clip_warning(name, chosen, found)
         if warning is not None:
             self.warnings.append(warning)
+        if any(each.above for each in found):
+            self.limit = min(self.limit, *chosen.largest)
 
     def tell_lost(self, name: str, losses: Sequence[Loss]) -> None:
         """Add a sentence about what packing loses of a file's levels, and the numbers."""

@@ -15,7 +15,7 @@ from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export.asset import open_asset
 from shrm_cli.export.engine import Engine, Light, Package
-from shrm_cli.export.lamps import add_lamps, without_lamps
+from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
 from shrm_cli.export.levels import levels_of_map, levels_of_probe
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.quoting import code_span, markdown
@@ -38,7 +38,7 @@ from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.probe.resample import default_size, to_grid
-from shrm_cli.progress import Progress, using
+from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
@@ -235,8 +235,10 @@ def export(
     """
     check(engine, asked)
     asset = None if asked.into is None else open_asset(asked.into)
-    with using(progress):
+    work = Rising(progress)
+    with using(work):
         light, told, warnings = gather(source, engine, asked)
+    work.end()
     light = replace(light, asset=asset)
     try:
         made = packed(engine, light, asked.texels, asked.max_error)
@@ -246,6 +248,8 @@ def export(
         raise MapError(f"{source.title}: nothing in it is what {engine.title} reads")
     if source.proxy is not None:
         _tell_box(engine, source.proxy, made)
+    if asked.sun is None and source.probe is not None:
+        made.warnings = better_cures(made, source.probe, engine)
     made.told[:0] = told
     made.warnings[:0] = warnings
     add_lamps(made, light, engine)

@@ -112,6 +112,10 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
     return words.astype(words.dtype.newbyteorder("<"), copy=False).tobytes(), clipped
 
 
+CURE = "dim them with `clamp`"
+"""What a warning about clipped texels says to do, where nobody knows what they are of."""
+
+
 def clip_warning(file: str, chosen: TexelFormat, found: Iterable[Clipped]) -> str | None:
     """Return one line about everything that was clipped in a file; None if nothing was."""
     found = list(found)
@@ -123,7 +127,7 @@ def clip_warning(file: str, chosen: TexelFormat, found: Iterable[Clipped]) -> st
         where = ", ".join(f"{each.above} of {each.what}" for each in bright)
         parts.append(
             f"texels brighter than {chosen.title} holds ({min(chosen.largest):g}) were clipped: "
-            f"{where}, the brightest {most:.6g}; dim them with `clamp`"
+            f"{where}, the brightest {most:.6g}; {CURE}"
         )
     if dark:
         least = min(each.least for each in dark)

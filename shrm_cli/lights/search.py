@@ -8,6 +8,7 @@ that is allowed are not followed.
 
 import numpy as np
 
+from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.lights.pixels import Indices, SpherePixels, clusters
 from shrm_cli.records import record
@@ -94,6 +95,7 @@ def find_regions(
     found = []
     waiting = [(np.arange(len(numbers)), floor)]
     while waiting:
+        progress.report(len(bright) - sum(len(inside) for inside, _ in waiting), len(bright))
         inside, level = waiting.pop()
         inside = inside[bright[inside] > level]
         if not len(inside):

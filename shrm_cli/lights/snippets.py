@@ -63,20 +63,31 @@ def _three_lights(discs: Sequence[Disc], axes: Array, about: str) -> list[str]:
 
 
 def _filament(discs: Sequence[Disc]) -> str:
+    """Filament shades with one directional light, the strongest; the others are far away points."""
     lines = [
         "// World axes, as cubes of `shrm export --for filament` have them.",
         "// scale: the intensity of the IndirectLight that is made of the residual.",
     ]
-    for number, disc in enumerate(discs):
-        # An engine has one sun; other directional lights have no radius.
-        is_sun = number == 0
+    if len(discs) > 1:
+        lines.append("const float far = 1000.0f;  // from the origin, much farther than the scene")
+    strongest = max(discs, key=lambda disc: intensity_and_color(disc)[0], default=None)
+    for disc in discs:
         intensity, color = intensity_and_color(disc)
-        lines += [
-            f"LightManager::Builder(LightManager::Type::{'SUN' if is_sun else 'DIRECTIONAL'})",
-            f"    .color({{{_numbers(color)}}})  // linear",
+        is_sun = disc is strongest
+        placed = [
+            f"    .intensityCandela({intensity:.6g}f * far * far * scale)  // lux there",
+            f"    .position(math::float3{{{_numbers(disc.direction)}}} * far)",
+            "    .falloff(100.0f * far)",
+        ]
+        travelling = [
             f"    .intensity({intensity:.6g}f * scale)  // lux",
-            f"    .direction({{{_numbers(-disc.direction)}}})  // that of the light's travel",
-            *([f"    .sunAngularRadius({np.degrees(disc.radius):.6g}f)"] if is_sun else []),
+            f"    .direction({{{_numbers(-disc.direction)}}})  // that of its travel",
+            f"    .sunAngularRadius({np.degrees(disc.radius):.6g}f)",
+        ]
+        lines += [
+            f"LightManager::Builder(LightManager::Type::{'SUN' if is_sun else 'POINT'})",
+            f"    .color({{{_numbers(color)}}})  // linear",
+            *(travelling if is_sun else placed),
             "    .build(engine, EntityManager::get().create());",
         ]
     return "\n".join(lines)

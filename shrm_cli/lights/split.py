@@ -24,6 +24,7 @@ from shrm_cli.probe.lighting import project
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
+from shrm_cli.progress import Stages, current, using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR
@@ -194,9 +195,13 @@ def split_lamps(
     image = coarse.image()
     pixels = SpherePixels(coarse.grid)
     order = order_on(coarse.grid)
-    scale = irradiance_rms(project(coarse, order).coefficients)
-    # The brightness is the mean of three channels, the scale the root of the sum of their squares.
-    regions = find_regions(image, pixels, error * scale / np.sqrt(3))
+    stages = Stages(current(), 3)
+    with using(stages.within):
+        scale = irradiance_rms(project(coarse, order).coefficients)
+        stages.done(1, 3)
+        # The brightness is the mean of channels, the scale the root of the sum of their squares.
+        regions = find_regions(image, pixels, error * scale / np.sqrt(3))
+    stages.done(2, 3)
     kept = regions[:count]
     filled_regions = fill_regions(image, pixels, [region.numbers for region in kept])
     flat = image.reshape(-1, 3)
@@ -219,6 +224,7 @@ def split_lamps(
         for each in chosen
     )  # fmt: skip
     fills = tuple(each.filled for each in chosen)
+    stages.done(3, 3)
     return LampSplit(probe, lamps, fills, coarse.grid, len(regions) - len(lamps), error)
 
 

@@ -66,15 +66,17 @@ def described_map(
         }
         for each in textures
     ]
+    call = _call(made, "shrm_brushed_radiance(" in code)
     facts = _facts(made)
     facts += [("rounded by", f"{each['error']:.2%}") for each in packed if "error" in each]
     return {
         "name": name,
         "file": file,
         "code": code,
-        "call": _call(made),
+        "call": call,
         "surface": made.needs_surface,
         "brushed": brushed,
+        "tangents": "view_tangent(" in call,
         "roughness": list(made.roughness_range),
         "textures": packed,
         "lighting": _lighting(made),
@@ -89,11 +91,16 @@ def _lighting(made: Map) -> list[float] | None:
     return [float(x) for x in made.lighting.ravel()]
 
 
-def _call(made: Map) -> str:
-    """Return the expression of the radiance at a normal n and a view v, in linear Rec.709."""
+def _call(made: Map, is_brushed: bool) -> str:
+    """Return the expression of the radiance at a normal n and a view v, in linear Rec.709.
+
+    Of brushed maps the code takes the tangent besides.
+    """
     surface = ", view_roughness" if made.needs_surface else ""
     surface += ", view_f0" if takes_f0(made) else ""
     call = f"shrm_radiance(n, v{surface})"
+    if is_brushed:
+        call = "shrm_brushed_radiance(n, view_tangent(n), v)"
     if can_be_brushed(made):
         brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
         call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"

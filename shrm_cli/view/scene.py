@@ -13,6 +13,7 @@ from shrm_cli.brdf.vectors import METALS
 from shrm_cli.color import REC709, mix_channels, title_of, to_rec709
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.tangents import projected_tangents
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.provenance import common_brdf, record_of, spec_of
@@ -62,6 +63,9 @@ class Start:
         That of glTF; only split sums of GGX are shown with one.
     taps : {3, 5, 8}
         How many directions their light is looked up in, where they are brushed.
+    brush : {"uv"} or tuple of 3 float, optional
+        What the tangents of brushed surfaces follow: the texture coordinates of a mesh, or a
+        direction of any length. By default they run around +Y.
     """
 
     views: Sequence[tuple[float, float]] = ((0.0, 0.0),)
@@ -70,6 +74,7 @@ class Start:
     f0: Color = (1.0, 1.0, 1.0)
     anisotropy: float = 0.0
     taps: int = DEFAULT_TAPS
+    brush: str | tuple[float, float, float] | None = None
 
     def shown(self, made: Map) -> Map:
         """Return a map as the page shows it first."""
@@ -174,11 +179,12 @@ def make_scene(
         described_map(each, name, Path(file).name, blocks, start.taps)
         for each, name, file in zip(maps, names, files, strict=True)
     ]
+    is_brushed = any(each["tangents"] for each in described)
     description: dict[str, Any] = {
         "title": ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else ""),
         "file": names[0],
         "maps": described,
-        "shapes": described_shapes(mesh, blocks),
+        "shapes": described_shapes(mesh, blocks, is_brushed),
         "start": {
             "view": list(start.views[0]),
             "shape": 0,
@@ -186,6 +192,7 @@ def make_scene(
             "roughness": start.roughness,
             "f0": list(start.f0),
             "anisotropy": start.anisotropy,
+            "brush": _checked_brush(start.brush, mesh, is_brushed),
         },
         "metals": _metals(maps[0].info.chromaticities),
         "sky": None,
@@ -229,7 +236,8 @@ def _add_truth(
             scene.remarks.append(f"no truth: {error}")
             return
     source = Reference(probe, brdf, truth.rows, exact=truth.exact)
-    pictures = _truth_pictures(source, start.views, truth.size, progress)
+    brush = scene.description["start"]["brush"]
+    pictures = _truth_pictures(source, start.views, truth.size, brush, progress)
     matrix = to_rec709(probe.chromaticities)
     for view, picture in zip(start.views, pictures, strict=True):
         if matrix is not None:
@@ -240,6 +248,7 @@ def _add_truth(
                 "roughness": start.roughness,
                 "f0": list(start.f0),
                 "anisotropy": start.anisotropy,
+                "brush": None if brush == "uv" else brush,
                 "picture": scene.blocks.texture(picture, "the truth", is_half=False),
             }
         )
@@ -255,6 +264,7 @@ def _truth_pictures(
     source: Reference,
     views: Sequence[tuple[float, float]],
     size: int,
+    brush: str | list[float] | None = None,
     progress: Progress | None = None,
 ) -> list[Array]:
     """Integrate what a distant viewer sees on a sphere.
@@ -270,6 +280,8 @@ def _truth_pictures(
         Azimuth and elevation of each viewer, degrees.
     size : int
         Pixels along the square around the sphere.
+    brush : list of 3 float, optional
+        A direction that tangents follow. A sphere has no texture coordinates to follow.
     progress : callable, optional
         Called with the points done and the points of all pictures.
 
@@ -296,7 +308,13 @@ def _truth_pictures(
     for azimuth, elevation in views:
         viewer = Viewer(azimuth, elevation)
         picture = np.zeros((size, size, 3), dtype=np.float32)
-        picture[needed] = source.radiance(sphere_normals(viewer, x, y), viewer.direction)
+        normals = sphere_normals(viewer, x, y)
+        tangents = projected_tangents(normals, brush) if isinstance(brush, list) else None
+        picture[needed] = (
+            source.radiance(normals, viewer.direction)
+            if tangents is None
+            else source.brushed_radiance(normals, tangents, viewer.direction)
+        )
         pictures.append(picture)
     return pictures
 
@@ -317,6 +335,24 @@ def _add_sky(scene: Scene, probe: Probe, max_size: int | None) -> None:
         "file": name,
         **scene.blocks.texture(image, f"{name} behind the shape"),
     }
+
+
+def _checked_brush(
+    brush: str | tuple[float, float, float] | None, mesh: Mesh | None, is_brushed: bool
+) -> str | list[float] | None:
+    """Return what tangents follow, a direction as a unit vector, or say why they cannot."""
+    if brush is None:
+        return None
+    if not is_brushed:
+        raise ArgumentError("brush", "applies to brushed surfaces, and no map is shown as one")
+    if not isinstance(brush, str):
+        if not any(brush):
+            raise ArgumentError("brush", "0,0,0 is no direction")
+        return [float(x) for x in np.array(brush) / np.linalg.norm(brush)]
+    if mesh is None or mesh.uvs is None:
+        name = "the sphere" if mesh is None else mesh.name
+        raise ArgumentError("brush", f"cannot be uv: {name} has no texture coordinates")
+    return brush
 
 
 def _names(files: Sequence[str]) -> list[str]:

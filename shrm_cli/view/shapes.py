@@ -8,6 +8,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.tangents import tangents_from_uvs
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.perspective import Lens, aimed
 from shrm_cli.view.blocks import Blocks
@@ -19,7 +20,9 @@ _FRAMED = 20000
 """Vertices that the camera is aimed by; of larger meshes every k-th one, and the box's corners."""
 
 
-def described_shapes(mesh: Mesh | None, blocks: Blocks) -> list[dict[str, Any]]:
+def described_shapes(
+    mesh: Mesh | None, blocks: Blocks, is_brushed: bool = False
+) -> list[dict[str, Any]]:
     """Describe the shapes for the page, and keep their triangles.
 
     Parameters
@@ -28,6 +31,8 @@ def described_shapes(mesh: Mesh | None, blocks: Blocks) -> list[dict[str, Any]]:
         The user's, in world axes.
     blocks : Blocks
         Vertices, normals and indices are added to these.
+    is_brushed : bool
+        Whether a map cares for tangents: those along texture coordinates are added then, too.
 
     Returns
     -------
@@ -43,6 +48,9 @@ def described_shapes(mesh: Mesh | None, blocks: Blocks) -> list[dict[str, Any]]:
     if mesh is not None:
         file = Path(mesh.name).name
         shapes.append(_described(mesh, file, file, blocks))
+        if is_brushed and mesh.uvs is not None:
+            tangents = tangents_from_uvs(mesh)[np.unique(mesh.faces)]
+            shapes[-1]["tangents"] = blocks.add(_as_shorts(tangents))
     return shapes
 
 
@@ -57,8 +65,6 @@ def _described(mesh: Mesh, name: str, file: str, blocks: Blocks) -> dict[str, An
     points = (vertices - middle) / radius
     place = np.zeros(len(mesh.vertices), dtype=np.int64)
     place[used] = np.arange(len(used))
-    normals = np.zeros((len(used), 4), dtype=np.int16)
-    normals[:, :3] = np.rint(mesh.normals[used] * 32767)
     wide = len(used) > 2**16
     return {
         "name": name,
@@ -68,9 +74,14 @@ def _described(mesh: Mesh, name: str, file: str, blocks: Blocks) -> dict[str, An
         "distance": distance_of(points),
         "radius": radius,
         "positions": blocks.add(points.astype(np.float32)),
-        "normals": blocks.add(normals),
+        "normals": blocks.add(_as_shorts(mesh.normals[used])),
         "indices": blocks.add(place[mesh.faces].astype(np.uint32 if wide else np.uint16)),
     }
+
+
+def _as_shorts(directions: Array) -> Array:
+    """Return unit vectors, shape (n, 3), as integers of 16 bits, four each to be aligned."""
+    return np.pad(np.rint(directions * 32767).astype(np.int16), ((0, 0), (0, 1)))
 
 
 def distance_of(points: Array) -> float:

@@ -56,6 +56,7 @@ def view(
     f0: str | None = None,
     anisotropy: float | None = None,
     taps: int | None = None,
+    brush: str | tuple[float, float, float] | None = None,
     exposure: float | None = None,
     truth_size: int = TRUTH_SIZE,
     source_height: int | None = None,
@@ -81,6 +82,9 @@ def view(
     roughness, f0, anisotropy, taps
         The surface that maps of light alone are shown as first; by default that of a map of GGX
         beside them. Split sums of GGX alone are shown brushed.
+    brush : {"uv"} or tuple of 3 float, optional
+        What the tangents of brushed surfaces follow first: texture coordinates of the mesh, or a
+        direction. By default they run around +Y.
     exposure : float, optional
         Stops; by default the page finds them.
     truth_size : int
@@ -115,7 +119,7 @@ def view(
     opened, notes = lit_maps(opened, names, light, None)
     surface = surface_of(roughness, f0, opened[0].info.chromaticities if opened else None)
     first = surface.number("roughness"), surface.color("f0"), anisotropy or 0.0
-    start = Start(views, exposure, *first, taps or DEFAULT_TAPS)
+    start = Start(views, exposure, *first, taps or DEFAULT_TAPS, brush)
     told: list[str] = []
     if roughness is None and f0 is None and anisotropy is None:
         start, told = _as_beside(start, opened, names)

@@ -7,6 +7,8 @@ import pytest
 
 import shrm_cli as shrm
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.choose import others
+from shrm_cli.choose.truth import Truth
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
@@ -218,6 +220,19 @@ def test_brushed_materials_are_offered_taps_beside_principal_maps(spec):
         assert offer.error == pytest.approx(error, rel=0.3, abs=0.003)
         wrong = np.abs(missed @ LUMINANCE) > 0.05 * (truth @ LUMINANCE)
         assert offer.wrong_share == pytest.approx(wrong.mean(), abs=0.05)
+
+
+def test_all_taps_share_one_chain(monkeypatch):
+    made, prefilter = [], others.prefilter_with_facts
+    monkeypatch.setattr(
+        others, "prefilter_with_facts", lambda *asked: made.append(asked) or prefilter(*asked)
+    )
+    brdf = parse_spec("ggx:roughness=0.8,anisotropy=0.5")
+    (chain,) = others.others_of(brdf)
+    offers = others.made_offers(chain, light(0, 5), brdf, Truth(light(0, 5), brdf))
+    assert len(made) == 1
+    assert [offer.look_ups for offer in offers] == [14, 18, 24]
+    assert len({offer.error for offer in offers}) == 3
 
 
 @pytest.mark.proof

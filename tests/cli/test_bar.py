@@ -4,12 +4,14 @@ import os
 import pty
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from shrm_cli.cli.options import announce
 from tests.cli.helpers import Terminal, environment, run
 
+PROBE = str(Path(__file__).parents[2] / "probes" / "sky.exr")
 WORK = """
 import sys, time
 from shrm_cli.cli.bar import progress_bar
@@ -83,9 +85,25 @@ def test_an_interrupted_bar_is_gone():
     assert rest == ""
 
 
-@pytest.mark.parametrize("command", [("brdf",), ("analyze", "--no-plots", "--brdf")])
+GGX = ("ggx:roughness=0.4", "--eps", "0.03", "--eps", "0.01")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("brdf", *GGX),
+        ("analyze", "--no-plots", "--brdf", *GGX),
+        ("sun", PROBE),
+        ("prefilter", PROBE, "--to", "splitsum", "--size", "32"),
+        ("prefilter", PROBE, "--brdf", "phong:exponent=32", "--to", "shrm", "--sun", "split"),
+        ("export", PROBE, "--for", "filament", "--size", "16"),
+    ],
+    ids=lambda command: command[0],
+)
 def test_bars_never_fall(monkeypatch, tmp_path, command):
-    """Though the orders take several attempts, each of which reports all of itself."""
+    """Though orders take several attempts, and levels and lamps are made one after the other,
+    each of which reports all of itself.
+    """
     seen = []
 
     class Bar:
@@ -98,9 +116,10 @@ def test_bars_never_fall(monkeypatch, tmp_path, command):
         def __exit__(self, *error):
             return None
 
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(f"shrm_cli.cli.{command[0]}.progress_bar", Bar)
-    assert run(*command, "ggx:roughness=0.4", "--eps", "0.03", "--eps", "0.01").code == 0
+    assert run(*command).code == 0
     assert len(seen) > 5
     assert seen == sorted(seen)
 

@@ -94,6 +94,21 @@ def test_the_truth_of_several_views(folder):
     assert ["probe", "probe.exr, 128 pixels"] in scene["truth_facts"]
 
 
+def test_tangents_follow_a_direction_or_the_mesh(folder):
+    (folder / "a.obj").write_text(
+        "v 0 0 0\nv 0 1 0\nv 1 0 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3"
+    )
+    shown = ["light.exr", "--anisotropy", "0.5", "--probe", "probe.exr", "--truth-size", "16"]
+    done("view", *shown, "--brush", "0,0,2", "-o", "a.html")
+    scene = written("a.html")[1]
+    assert scene["start"]["brush"] == scene["truths"][0]["brush"] == [0, 0, 1]
+    assert [each["tangents"] for each in scene["maps"]] == [True]
+    done("view", *shown, "--brush", "uv", "--mesh", "a.obj", "-o", "b.html")
+    scene = written("b.html")[1]
+    assert (scene["start"]["brush"], scene["truths"][0]["brush"]) == ("uv", None)
+    assert "tangents" in scene["shapes"][2]
+
+
 def test_maps_of_different_brdfs_have_no_truth(folder):
     result = run("view", "glossy.exr", "light.exr", "--probe", "probe.exr", "-o", "a.html")
     assert result.code == 0
@@ -129,6 +144,8 @@ def test_a_small_page_has_a_small_probe_and_no_smaller_maps(folder):
         (["glossy.exr", "--yaw", "3", "-o", "a.html"], 2, "--yaw"),
         (["glossy.exr", "--max-size", "3MB"], 2, "--max-size"),
         (["glossy.exr", "--no-open", "-o", "a.html"], 2, "--no-open"),
+        (["glossy.exr", "--brush", "1,0,0", "-o", "a.html"], 2, "--brush applies to brushed"),
+        (["light.exr", "--brush", "uv", "-o", "a.html"], 2, "--brush cannot be uv: the sphere"),
         (["glossy.exr", "-o", "a.html", *["--view", "0,0"] * 9], 2, "--view"),
         ([], 2, "MAP"),
     ],

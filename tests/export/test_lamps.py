@@ -1,6 +1,7 @@
 """Exports whose lamps are lights of the engine: `--sun split`."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -73,7 +74,7 @@ def test_levels_are_smooth_without_their_lamps(lit, name):
     light, told, _ = gather(source(lit), engine, SPLIT)
     images = [(each.levels[0] if each.levels else each.latlong) for each in (whole, light)]
     assert images[0].max() > 80
-    assert images[1].max() < (2 if engine.lamps > 1 else 410)
+    assert images[1].max() < 2
     assert any(line.startswith("lamps: ") for line in told)
 
 
@@ -87,14 +88,51 @@ def test_light_without_lamps_is_left_alone():
 
 
 def test_long_lamps_become_no_more_lights_than_an_engine_has():
-    """A tube is several discs; Filament has one light."""
+    """A tube is several discs."""
     image = np.full((ROWS, 2 * ROWS, 3), 0.1)
     image[24:26, 30:40] = 300
-    for name in ("filament", "three"):
-        engine = engines.engine(name)
-        light, _, _ = gather(source(image), engine, SPLIT)
-        assert len(light.discs) <= engine.lamps
-    assert len(light.discs) > 1
+
+    class Few(type(engines.engine("three"))):
+        lamps = 2
+
+    whole, few = (
+        gather(source(image), each, SPLIT)[0] for each in (engines.engine("three"), Few())
+    )
+    assert len(few.discs) <= 2 < len(whole.discs) <= 16
+
+
+def test_as_many_lamps_are_taken_out_as_there_are_and_an_engine_holds():
+    """Twelve lamps: three.js takes all of them, Godot the strongest eight."""
+    image = np.full((ROWS, 2 * ROWS, 3), 0.1)
+    for number in range(12):
+        image[20 + 3 * (number % 3), 5 + 10 * number] = 200 - 5 * number
+    counts = {}
+    for name in ("three", "godot"):
+        light, told, _ = gather(source(image), engines.engine(name), SPLIT)
+        counts[name] = len(light.discs)
+        pixels = light.latlong if light.latlong is not None else light.levels[0]
+        assert (pixels.max() < 1) == (name == "three")
+        assert any("4 more stay" in line for line in told) == (name == "godot")
+    assert counts == {"three": 12, "godot": 8}
+
+
+@pytest.mark.parametrize(("name", "words"), [("three", "`sun` split"), ("unity", "shrm sun")])
+def test_clipped_lamps_are_better_taken_out_than_dimmed(name, words):
+    """Where nothing else is clipped; what `clamp` loses is that of the pixels."""
+    image = np.ones((ROWS, 2 * ROWS, 3))
+    image[30, 40] = 1e6
+    asked = Asked(size=32)
+    (line, *_) = export(source(image), engines.engine(name), asked).warnings
+    limit = 65216 if name == "three" else 65504
+    _, areas = (np.asarray(each).reshape(ROWS, -1) for each in latlong_samples(ROWS))
+    lost = (1e6 - limit) * areas[30, 40] / (image[..., 0] * areas).sum()
+    assert words in line
+    assert float(re.search(r"loses ([\d.]+)% of the light", line)[1]) == pytest.approx(
+        100 * lost, abs=0.1
+    )
+    image[:20] = 7e4  # a sky, which is no lamp, is clipped, too
+    (line, *_) = export(source(image), engines.engine(name), asked).warnings
+    assert line.endswith("dim them with `clamp`")
 
 
 def test_what_has_no_lights_is_refused(lit):

@@ -178,11 +178,18 @@ def test_gltf_nodes_turn_minus_z_along_the_light(rng):
         np.testing.assert_allclose(light["intensity"] * np.array(light["color"]), expected, 1e-6)
 
 
-def test_filament_takes_the_direction_of_travel(rng):
+def test_filament_has_one_directional_light_and_far_points(rng):
+    """It shades with the strongest directional light alone."""
     made = discs(rng)
-    text = snippet("filament", made)
-    for direction, disc in zip(numbers(r"direction\(\{([^}]*)\}", text), made, strict=True):
-        np.testing.assert_allclose(direction, -disc.direction, atol=1e-5)
+    strong = Disc(made[1].direction, made[1].radius, 2 * made[1].radiance)
+    text = snippet("filament", [made[0], strong, *made[2:]])
+    assert re.findall(r"Type::(\w+)", text) == ["POINT", "SUN"] + ["POINT"] * (len(made) - 2)
+    (direction,) = numbers(r"direction\(\{([^}]*)\}", text)
+    np.testing.assert_allclose(direction, -strong.direction, atol=1e-5)
+    for position, disc in zip(
+        numbers(r"float3\{([^}]*)\} \* far", text), [made[0], *made[2:]], strict=True
+    ):
+        np.testing.assert_allclose(position, disc.direction, atol=1e-5)
     radius = float(re.search(r"sunAngularRadius\(([\d.]+)f", text)[1])
     assert radius == pytest.approx(np.degrees(0.02), rel=1e-5)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.geometry.normals import face_normals
 from shrm_cli.probe.probe import Probe
 from shrm_cli.view.blocks import Blocks
@@ -165,6 +166,20 @@ def test_other_primaries_are_said_to_be_converted():
     ]
     np.testing.assert_allclose(np.reshape(columns, (3, 3)).T, published, atol=2e-4)
     assert any("from ACEScg" in each for each in scene.remarks)
+
+
+def test_meshes_have_the_tangents_of_their_texture_coordinates():
+    """A vertex that no triangle has is left out with its tangent."""
+    points, uvs = np.eye(4, 3), [[0, 0], [0, 1], [1, 0], [3, 3]]
+    mesh = make_mesh("a.obj", points[[3, 0, 1, 2]], [[1, 2, 3]], uvs=np.array(uvs)[[3, 0, 1, 2]])
+    made = cases.FORMS["splitsum linear"]()
+    scene = make_scene([made], ["a.exr"], mesh=mesh, start=Start(brush="uv"))
+    tangents = numbers(scene.blocks, scene.description["shapes"][2]["tangents"], "<i2")
+    # u grows from the first corner, x, to the third one, z.
+    expected = [-(0.5**0.5), 0, 0.5**0.5, 0]
+    np.testing.assert_allclose(tangents.reshape(3, 4) / 32767, [expected] * 3, atol=1e-4)
+    with pytest.raises(ArgumentError, match="no direction"):
+        make_scene([made], ["a.exr"], start=Start(brush=(0.0, 0.0, 0.0)))
 
 
 def test_maps_of_the_same_name_are_told_apart():

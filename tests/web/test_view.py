@@ -11,6 +11,7 @@ from PIL import Image
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.geometry.mesh import make_mesh
+from shrm_cli.geometry.tangents import projected_tangents
 from shrm_cli.maps.provenance import record_of
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.prefilter import prefilter
@@ -147,6 +148,67 @@ def test_brushed_surfaces_of_split_sums(watched, tmp_path, probe, taps, monkeypa
     assert np.sqrt(np.mean((found - exact) ** 2) / np.mean(exact**2)) < 0.005
     page.locator('[name="anisotropy"]').fill("0.25")
     assert state(page, "anisotropy") == 0.25
+    assert watched.errors == []
+
+
+def ball():
+    """A ball of triangles whose u runs around +Y."""
+    u, v = (
+        each.ravel() for each in np.meshgrid(np.linspace(0, 1, 49), np.linspace(0.02, 0.98, 25))
+    )
+    around, polar = 2 * np.pi * u, np.pi * v
+    points = np.stack(
+        [np.sin(polar) * np.sin(around), np.cos(polar), np.sin(polar) * np.cos(around)], axis=1
+    )
+    first = (np.arange(24)[:, None] * 49 + np.arange(48)).ravel()
+    faces = [[first, first + 49, first + 1], [first + 1, first + 49, first + 50]]
+    faces = np.concatenate([np.stack(each, axis=1) for each in faces])
+    return make_mesh("ball.obj", points, faces, normals=points, uvs=np.stack([u, v], axis=1))
+
+
+@dataclass
+class Along:
+    """What a map or the truth reflects where tangents follow a direction."""
+
+    source: object
+    brush: tuple
+
+    def radiance(self, normals, views):
+        tangents = projected_tangents(normals, self.brush)
+        return self.source.brushed_radiance(normals, tangents, views)
+
+
+@pytest.mark.parametrize("form", ["splitsum", "principal", "product"])
+def test_tangents_can_be_chosen(watched, tmp_path, probe, form, monkeypatch):
+    """Along a direction they are those of `brushed_radiance`; on meshes they may be those of u."""
+    brdf = parse_spec("ggx:roughness=0.6,anisotropy=0.6")
+    made = prefilter(probe, None if form == "splitsum" else brdf, to=form)
+    start = Start(((33.0, -21.0),), None, 0.6, (1, 1, 1), 0.6, brush=(0.0, 3.0, 3.0))
+    scene = make_scene([made], ["a"], probe, ball(), start, Truth(brdf, 64, 32))
+    page = opened(watched, make_page(scene), tmp_path)
+    cases.filter_bilinearly(monkeypatch)
+    shown = BrushedSplitSum(made, 0.6, (1, 1, 1), 0.6, 5) if form == "splitsum" else made
+
+    def error(found, source, brush):
+        expected = render_sphere(Along(source, brush), Viewer(33, -21), 48)
+        return np.sqrt(np.mean((found[..., :3] - expected) ** 2) / np.mean(expected**2))
+
+    assert page.locator(".missing").is_hidden()
+    first = read(page, 48, background="plain")
+    truth = read(page, 48, 1, background="plain")
+    assert error(first, shown, (0, 1, 1)) < 0.01
+    assert error(truth, Reference(probe, brdf, 32, exact=True), (0, 1, 1)) < 0.01
+    page.locator('[name="brush"]').select_option(label="X")
+    page.wait_for_selector(".missing:visible")
+    assert error(read(page, 48, background="plain"), shown, (1, 0, 0)) < 0.01
+    assert error(first, shown, (1, 0, 0)) > 0.05
+    drawn = [
+        read(page, 48, background="plain", shape=2, brush=each)[12:36, 12:36, :3]
+        for each in (None, "uv", (1, 0, 0))
+    ]
+    apart = [np.linalg.norm(each - drawn[0]) / np.linalg.norm(drawn[0]) for each in drawn]
+    print(f"{form}: u is {apart[1]:.2%} from around +Y, x {apart[2]:.2%}")
+    assert apart[1] < 0.01 < 0.015 < apart[2]
     assert watched.errors == []
 
 

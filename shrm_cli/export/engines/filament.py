@@ -28,7 +28,7 @@ class Filament(Engine):
     title = "Filament"
     formats = ("r11g11b10", "rgba16f")
     mapping = "filament"
-    lamps = 1
+    lamps = 16
     default_skybox = 512
     takes_skybox = True
     least = 16

@@ -30,7 +30,7 @@ from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.probe.source import latlong_light
-from shrm_cli.progress import using
+from shrm_cli.progress import Stages, current, using
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grid.cube import Cube
@@ -179,7 +179,10 @@ def make_levels(
     wanted = (
         faded_order(lobe.order) if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe
     )
-    lighting = project(probe, max(wanted, default=0))
+    stages = Stages(current(), 1 + len(lobes))
+    with using(stages.within):
+        lighting = project(probe, max(wanted, default=0))
+    stages.done(1, 0)
     series = CubeSeries(lighting.coefficients)
     known = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
     whole = _Light(probe, rows, lighting, series, known, sampling)
@@ -187,15 +190,22 @@ def make_levels(
     infos: list[MapInfo] = []
     for value, lobe, size in zip(roughness, lobes, fixed, strict=True):
         light = replace(whole, known=replace(known, brdf=_recorded(value, brdf)))
-        if lobe is None:
-            cube, info = _mirror(light, size or largest)
-        else:
-            make = _expanded if lobe.in_frequency else _integrated
-            cube, info = make(light, lobe, largest, size)
+        with using(stages.within):
+            cube, info = _level(light, lobe, largest, size)
         largest = cube.shape[1]
         cubes.append(cube)
         infos.append(info)
+        stages.done(1 + len(cubes), 0)
     return cubes, infos
+
+
+def _level(
+    light: "_Light", lobe: "LevelLobe | None", largest: int, size: int | None
+) -> tuple[Array, MapInfo]:
+    if lobe is None:
+        return _mirror(light, size or largest)
+    make = _expanded if lobe.in_frequency else _integrated
+    return make(light, lobe, largest, size)
 
 
 def _facts(made: SplitSum) -> dict[str, Any]:

@@ -70,6 +70,14 @@ Controls.prototype.fill = function () {
   option(fields.background, "plain", "Plain");
   scene.metals.forEach(function (metal, number) { option(fields.metal, String(number), metal.name); });
   option(fields.metal, "", "Own colour");
+  var brushes = [["null", "Around +Y"], ["[1,0,0]", "X"], ["[0,1,0]", "Y"], ["[0,0,1]", "Z"]];
+  if (scene.shapes.some(function (shape) { return shape.tangents !== undefined; }))
+    brushes.push(['"uv"', "Texture u"]);
+  var first = JSON.stringify(scene.start.brush);
+  if (brushes.every(function (each) { return each[0] !== first; }))
+    brushes.push([first, scene.start.brush.map(function (x) { return shortNumber(x); }).join(" ")]);
+  brushes.forEach(function (each) { option(fields.brush, each[0], each[1]); });
+  this.root.querySelector('[data-row="brush"]').hidden = !viewer.hasTangents();
   this.root.querySelector('[data-group="surface"]').hidden = !viewer.needsSurface();
   this.root.querySelector('[data-row="anisotropy"]').hidden = !viewer.canBeBrushed();
   if (scene.maps.length + scene.truths.length < 2)
@@ -101,6 +109,7 @@ Controls.prototype.changed = function (field) {
     case "background": return viewer.set({ background: field.value });
     case "roughness": return viewer.set({ roughness: value });
     case "anisotropy": return viewer.set({ anisotropy: value });
+    case "brush": return viewer.set({ brush: JSON.parse(field.value) });
     case "metal":
       if (field.value !== "") viewer.set({ f0: viewer.scene.metals[value].f0.slice() });
       return undefined;
@@ -170,6 +179,7 @@ Controls.prototype.update = function () {
   put("background", state.background);
   put("roughness", state.roughness, state.roughness.toFixed(2));
   put("anisotropy", state.anisotropy, state.anisotropy.toFixed(2));
+  put("brush", JSON.stringify(state.brush));
   "rgb".split("").forEach(function (c, k) { put("f0" + c, Number(state.f0[k].toFixed(4))); });
   var metal = this.viewer.scene.metals.findIndex(function (each) {
     return each.f0.every(function (x, k) { return Math.abs(x - state.f0[k]) < 5e-5; });

@@ -24,6 +24,7 @@ function makeProgram(gl, vertex, fragment) {
   gl.attachShader(program, compile(gl, gl.FRAGMENT_SHADER, fragment));
   gl.bindAttribLocation(program, 0, "position");
   gl.bindAttribLocation(program, 1, "normal");
+  gl.bindAttribLocation(program, 2, "tangent");
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
     throw new Error("A shader cannot be linked: " + gl.getProgramInfoLog(program));

@@ -45,6 +45,11 @@ function renderCommand(viewer) {
     words.push("--mesh", quoted(shape.file), "--fov", String(Number(fov.toFixed(4))));
     words.push("--distance", String(Number((shape.distance * shape.radius).toPrecision(7))));
   }
+  if (map.tangents && state.brush) {
+    var along = String(state.brush);
+    if (shape.file) words.push("--brush", along);
+    else if (along !== "uv") words.push("# with tangents along " + along);
+  }
   if (state.background === "probe" && scene.sky) words.push("--background", quoted(scene.sky.file));
   if (state.light && state.shape !== SPHERE_SHAPE)
     words.push("# of a map made with --yaw " + Number(state.light.toFixed(2)));

@@ -60,6 +60,11 @@ Renderer.prototype.meshOf = function (number) {
   buffer(gl.ARRAY_BUFFER, this.blocks[shape.normals]);
   gl.enableVertexAttribArray(1);
   gl.vertexAttribPointer(1, 4, gl.SHORT, true, 0, 0); // the fourth number keeps them aligned
+  if (shape.tangents !== undefined) { // without, all are 0
+    buffer(gl.ARRAY_BUFFER, this.blocks[shape.tangents]);
+    gl.enableVertexAttribArray(2);
+    gl.vertexAttribPointer(2, 4, gl.SHORT, true, 0, 0);
+  }
   buffer(gl.ELEMENT_ARRAY_BUFFER, this.blocks[shape.indices]);
   gl.bindVertexArray(null);
   this.meshes[number] = made;
@@ -87,6 +92,8 @@ Renderer.prototype.common = function (state, width, height) {
     view_roughness: state.roughness,
     view_f0: state.f0,
     view_anisotropy: state.anisotropy,
+    view_brush: Array.isArray(state.brush) ? state.brush : [0, 0, 0],
+    view_follows_u: state.brush === "uv",
     view_has_sky: state.background === "probe" && this.sky !== null,
   };
 };

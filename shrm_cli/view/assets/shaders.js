@@ -29,9 +29,15 @@ var COMMON = [
   "uniform bool view_has_sky;",
   "uniform sampler2D view_sky;",
   "",
-  // Tangents run around +Y, as those of `shrm render` do.
+  // Tangents follow a direction or the mesh's own, or run around +Y, as those of `shrm render` do.
+  "uniform vec3 view_brush;", // 0 for none
+  "vec3 view_along = vec3(0.0);", // of a mesh
   "vec3 view_tangent(vec3 n) {",
-  "  float size = length(n.xz);",
+  "  vec3 along = view_turn * (view_brush + view_along);",
+  "  along -= dot(along, n) * n;",
+  "  float size = length(along);",
+  "  if (size > 1e-6) return along / size;",
+  "  size = length(n.xz);",
   "  return size > 0.0 ? vec3(n.z, 0.0, -n.x) / size : vec3(1.0, 0.0, 0.0);",
   "}",
   "",
@@ -135,6 +141,7 @@ var SEEN_TRUTH = [
 var MESH_VERTEX = HEAD + [
   "in vec3 position;",
   "in vec3 normal;",
+  "in vec3 tangent;",
   "uniform vec2 view_size;",
   "uniform mat3 view_axes;",
   "uniform float view_focal;",
@@ -142,6 +149,7 @@ var MESH_VERTEX = HEAD + [
   "uniform vec2 view_shift;", // of the samples within a pixel
   "out vec3 mesh_position;",
   "out vec3 mesh_normal;",
+  "out vec3 mesh_tangent;",
   "void main() {",
   "  vec3 local = transpose(view_axes) * position;",
   "  float depth = view_distance - local.z, near = max(view_distance - 1.01, 0.01 * view_distance);",
@@ -151,14 +159,17 @@ var MESH_VERTEX = HEAD + [
   "  gl_Position = vec4(flat_point, z, depth);",
   "  mesh_position = position;",
   "  mesh_normal = normal;",
+  "  mesh_tangent = tangent;",
   "}",
 ].join("\n");
 
 // Both sides of a surface look alike; smooth normals that face away are bent towards the viewer.
 var MESH = [
   "uniform float view_distance;",
+  "uniform bool view_follows_u;",
   "in vec3 mesh_position;",
   "in vec3 mesh_normal;",
+  "in vec3 mesh_tangent;",
   "out vec4 view_result;",
   "void main() {",
   "  vec3 flat_normal = normalize(cross(dFdx(mesh_position), dFdy(mesh_position)));",
@@ -167,6 +178,7 @@ var MESH = [
   "  if (dot(flat_normal, v) * dot(flat_normal, n) < 0.0) n = -n;",
   "  float cosine = dot(n, v);",
   "  if (cosine < 0.01) n = 0.01 * v + sqrt(1.0 - 0.0001) * normalize(n - cosine * v);",
+  "  if (view_follows_u) view_along = mesh_tangent;",
   "  view_result = vec4(shrm_shown(n, v), 1.0);",
   "}",
 ].join("\n");

@@ -22,6 +22,7 @@ function startState(scene) {
     exposure: start.exposure || 0,
     roughness: start.roughness,
     anisotropy: start.anisotropy,
+    brush: start.brush, // a direction, "uv", or null for around +Y
     f0: start.f0.slice(),
     background: scene.sky ? "probe" : "plain",
     a: { kind: "map", number: 0 },
@@ -104,12 +105,18 @@ Viewer.prototype.canBeBrushed = function () {
   return this.needsSurface() && this.scene.maps.every(function (map) { return map.brushed || !map.surface; });
 };
 
+// Whether surfaces have tangents that can be chosen, those of maps of brushed BRDFs, too.
+Viewer.prototype.hasTangents = function () {
+  return this.scene.maps.some(function (map) { return map.tangents; });
+};
+
 // The number of the picture of the truth that belongs to a state, or -1.
 Viewer.prototype.truthOf = function (state) {
   var scene = this.scene, needs = this.needsSurface();
   return scene.truths.findIndex(function (truth) {
     return state.shape === SPHERE_SHAPE && Math.abs(state.light) < 1e-3 &&
       isSameView(state.view, truth.view[0], truth.view[1]) &&
+      String(truth.brush) === String(state.brush === "uv" ? null : state.brush) &&
       (!needs || (Math.abs(truth.roughness - state.roughness) < 1e-6 &&
         Math.abs(truth.anisotropy - state.anisotropy) < 1e-6 &&
         truth.f0.every(function (x, k) { return Math.abs(x - state.f0[k]) < 1e-6; })));
@@ -128,7 +135,7 @@ Viewer.prototype.goToTruth = function () {
   var truth = truths[near.indexOf(Math.max.apply(null, near))];
   var changes = {
     view: { azimuth: truth.view[0], elevation: truth.view[1], zoom: now.zoom }, shape: SPHERE_SHAPE,
-    light: 0,
+    light: 0, brush: truth.brush,
   };
   if (this.needsSurface()) {
     changes.roughness = truth.roughness;
