@@ -11,6 +11,7 @@ EXTRAS = {
     "flip": ("flip-evaluator",),
     "lookdev": ("pillow",),
     "mesh": ("trimesh", "embreex"),
+    "charts": ("xatlas",),
     "cluster": ("distributed", "threadpoolctl", "cryptography"),
     "parquet": ("pyarrow",),
     "remote": ("fsspec",),

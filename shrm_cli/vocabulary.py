@@ -144,6 +144,8 @@ MAX_LEVELS = 64
 """The most levels of a split sum."""
 MAX_TRANSFER_ORDER = 8
 """The largest order of precomputed transfer, whose matrices have (order + 1)^4 numbers a vertex."""
+TRANSFER_TEXTURES = 16, 2048
+"""The fewest and the most texels along the edge of a texture of transfer."""
 
 MAX_TERMS = 16
 """The most terms of a sum of BRDFs, and the most factors before one. Each term takes as long as a

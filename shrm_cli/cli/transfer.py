@@ -13,7 +13,7 @@ from shrm_cli.cli.outputs import check_outputs, force_option
 from shrm_cli.cli.types import ALBEDO, BRUSH
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
 from shrm_cli.files.whole import keeping
-from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
+from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
 
 if TYPE_CHECKING:
     from shrm_cli.transfer.transfer import Transfer
@@ -56,6 +56,10 @@ _MOST_SAMPLES = 2**16
     help="Tangents of the matrices: along the texture coordinate u, or a direction.  "
     "[default: around +Y]",
 )  # fmt: skip
+@click.option(
+    "--texture", type=click.IntRange(*TRANSFER_TEXTURES),
+    help="Bake for the texels of a texture of so many along its edge in place of the vertices.",
+)  # fmt: skip
 @force_option
 @report_options
 def transfer(
@@ -68,13 +72,15 @@ def transfer(
     brdf: str | None,
     matrices: bool,
     brush: str | tuple[float, float, float] | None,
+    texture: int | None,
     force: bool,
 ) -> None:
     """Bake how MESH shadows and lights itself, vertex by vertex, for light of any kind.
 
     The file holds a vector for each vertex: its products with the coefficients of a light are the
     irradiance, without 1/pi. With --matrices it also holds a matrix for each vertex, which product
-    textures of glossy BRDFs need. `shrm render --mesh MESH --transfer FILE` shades with it.
+    textures of glossy BRDFs need. `shrm render --mesh MESH --transfer FILE` shades with it. With
+    --texture there is a vector for each texel, for coarse meshes.
 
     Rays are traced on all threads. A run that is interrupted keeps its work in FILE.part, and the
     next one goes on with it.
@@ -82,6 +88,7 @@ def transfer(
     \b
       shrm transfer bunny.obj --bounces 1 --albedo 0.8
       shrm transfer bunny.obj --matrices -o glossy.npz
+      shrm transfer crate.obj --texture 256
       shrm transfer bunny.obj --bounces 1 --brdf ggx:roughness=0.5,f0=gold
       shrm transfer bunny.obj --order 2 -o bounce0.txt
     """
@@ -100,18 +107,19 @@ def transfer(
     suffix = Path(target).suffix.lower()
     if suffix not in _SUFFIXES:
         raise OutputError(f"{target}: transfer is written as {', '.join(_SUFFIXES)}; name it so")
-    if matrices and suffix != ".npz":
-        raise OutputError(f"{target}: matrices are written as .npz only; name it so")
+    if (matrices or texture is not None) and suffix != ".npz":
+        kind = "matrices" if texture is None else "textures of transfer"
+        raise OutputError(f"{target}: {kind} are written as .npz only; name it so")
     beside = [str(Path(target).with_name(FACES))] if suffix == ".txt" else []
     check_outputs([target, *beside], files=[mesh])
     plan = transfer_plan(
         mesh, order=order, bounces=bounces, albedo=albedo, samples=samples, matrices=matrices,
-        brush=brush, brdf=brdf,
+        brush=brush, brdf=brdf, texture=texture,
     )  # fmt: skip
-    found = plan.mesh
+    found, texels = plan.mesh, plan.sites.texels
+    sites = f"{len(plan.sites.positions):,} {'vertices' if texels is None else 'texels'}"
     announce([
-        f"{mesh}: {len(found.vertices):,} vertices, order {order}; {plan.size():,} bytes beside "
-        "the output while it works"
+        f"{mesh}: {sites}, order {order}; {plan.size():,} bytes beside the output while it works"
     ])  # fmt: skip
 
     def write(baked: Transfer) -> dict[str, Any]:
@@ -126,9 +134,11 @@ def transfer(
         said = bake(plan, keep=target, use=write, progress=progress)
     kinds = "vectors and matrices" if matrices else "vectors"
     size = Path(target).stat().st_size
+    of = f"{len(found.file_rows):,} in the file"
+    if texels is not None:
+        of = "a texture of {1} x {0}".format(*texels.rows.shape)
     lines = [
-        f"{target}: transfer {kinds} of {said['vertices']:,} vertices, of {len(found.file_rows):,} "
-        f"in the file, order {order}, "
+        f"{target}: transfer {kinds} of {sites}, of {of}, order {order}, "
         f"{bounces} bounces, {size:,} bytes"
     ]
     conclude({"file": target, **said, "bytes": size}, lines, [])

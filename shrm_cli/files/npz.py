@@ -30,6 +30,7 @@ _CHUNK = 2**24
 """Bytes that are read or written at a time."""
 _UNREADABLE = (
     zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, struct.error,
+    UnicodeDecodeError,
 )  # fmt: skip
 """What the reader of archives raises: also for passwords, for names that are no text, and for
 records that are cut off."""
@@ -75,6 +76,10 @@ class Archive:
         """
         limit = self._stored(name) if most is None else most + MOST_TEXT
         return self._array(name, dimensions, "f", range(4, 9, 4), limit)
+
+    def integers(self, name: str, dimensions: int) -> NDArray[np.integer]:
+        """Return an array of 32-bit integers, as `numbers` does."""
+        return self._array(name, dimensions, "i", range(4, 5), self._stored(name))
 
     def those_of(self, dimensions: Mapping[str, int]) -> dict[str, NDArray[Any]]:
         """Return the arrays that there are among some, given by their numbers of axes.

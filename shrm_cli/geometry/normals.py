@@ -1,9 +1,14 @@
 """Normals of triangles, and smooth ones of vertices."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
+
+if TYPE_CHECKING:
+    from shrm_cli.geometry.mesh import Mesh
 
 Integers = NDArray[np.int64]
 
@@ -92,3 +97,32 @@ def _angles(vertices: Array, faces: Integers) -> Array:
 def _unit(vectors: Array) -> Array:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(length > 0, length, 1)
+
+
+def smooth_points(mesh: "Mesh", faces: Integers, weights: Array, normals: Array) -> Array:
+    """Return points of the smooth surface that the normals belong to, from where to trace rays.
+
+    From the flat triangles themselves, rays of low lamps would meet their neighbours, and the edge
+    of the light would show the triangles (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing
+    Gems II, chapter 4).
+
+    Parameters
+    ----------
+    mesh : Mesh
+    faces : ndarray of int, shape (n,)
+    weights : ndarray, shape (n, 3)
+        Barycentric.
+    normals : ndarray, shape (n, 3)
+        Those of the side that is looked from.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+    """
+    corners = mesh.faces[faces]
+    points = mesh.interpolated(mesh.vertices, faces, weights)
+    own = mesh.normals[corners]
+    own = own * np.where(np.einsum("ncv,nv->nc", own, normals) < 0, -1.0, 1.0)[..., None]
+    below = np.einsum("ncv,ncv->nc", points[:, None] - mesh.vertices[corners], own)
+    moved: Array = points + np.einsum("nc,nc,ncv->nv", weights, np.maximum(-below, 0), own)
+    return moved

@@ -18,7 +18,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,14 +37,17 @@ from shrm_cli.probe.series import Series, as_radiance, holds_series, read_series
 from shrm_cli.sphere.directions import from_azimuth_elevation
 from shrm_cli.sphere.rotation import transform_coefficients
 
+if TYPE_CHECKING:
+    from shrm_cli.probe.proxy import ProxyBox
+
 _MOST_BYTES = 2**20
 _MOST_LIGHTS = 1000
 _BRIGHTEST = 1e30
 """The largest radiance, irradiance or scale, at which sums of squares are still finite."""
 _LEAST_RADIUS = 1e-6
 """The least radius of a disc in radians: smaller ones are points, which have no radiance."""
-_OF_THE_WHOLE = {"yaw", "pitch", "roll", "mirror", "up", "working"}
-"""The options that apply to a light file: they turn what is in it, and tell its primaries."""
+_OF_THE_WHOLE = {"yaw", "pitch", "roll", "mirror", "up", "working", "box", "at"}
+"""The options that apply to a light file: they turn it, and tell its primaries and its box."""
 _PROBE_KEYS = {each.name for each in fields(ReadOptions)} - {"pixels"} | {"clamp", "fix_nonfinite"}
 _KINDS = "probe", "disc", "sh"
 _SH_KEYS = {
@@ -91,12 +94,29 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
         _series(f"{name}: sh {k}", path, each, colors) for k, each in enumerate(tables["sh"], 1)
     ]
     whole = sum_of([each for each, _ in series])
+    box, more = _box_of(name, terms, options)
     image = SumImage(
-        name, path, text + b"".join(more for _, more in series), found_terms, tuple(discs), notes,
-        whole,
+        name, path, text + b"".join(more for _, more in series), found_terms, tuple(discs),
+        notes + more, whole,
     )  # fmt: skip
     record = {} if options.working is None or own is None else {"working": list(own)}
-    return LightSum.of(image, options.matrix(), colors, record)
+    return LightSum.of(image, options.matrix(), colors, record, box)
+
+
+def _box_of(
+    name: str, terms: list[Term], options: ReadOptions
+) -> tuple["ProxyBox | None", tuple[str, ...]]:
+    """The proxy box that the probes tell, turned as the whole is, and a line if there is none."""
+    told = {term.probe.proxy for term in terms} - {None}
+    (box,) = told if len(told) == 1 else (None,)
+    turned = None if box is None else box.turned(options.matrix())
+    if turned is None and told and options.box is None:
+        return None, (f"{name}: it has no proxy box, for {_why_no_box(len(told))}",)
+    return turned, ()
+
+
+def _why_no_box(count: int) -> str:
+    return "those of its probes differ" if count > 1 else "it is not turned by right angles"
 
 
 def read_light_tables(name: str) -> tuple[dict[str, list[dict[str, Any]]], Any]:

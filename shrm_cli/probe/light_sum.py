@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.proxy import ProxyBox
 
 _VALUES_AT_ONCE = 2**22
 """Values of harmonics in memory at a time."""
@@ -192,15 +195,16 @@ class LightSum(Probe):
         matrix: Array,
         chromaticities: tuple[float, ...] | None = None,
         colors: Mapping[str, list[float]] | None = None,
+        proxy: "ProxyBox | None" = None,
     ) -> "LightSum":
         """Make the sum of the lights of an image; the matrix turns all of them.
 
-        The last two arguments are attributes of `Probe`.
+        The last three arguments are attributes of `Probe`.
         """
         return cls(
             image.name, LatLong(image.height), "latlong", None, matrix, PixelPolicy(),
             chromaticities, (image,), PixelReport(notes=image.notes), colors or {},
-            image_of_sum=image,
+            proxy, image_of_sum=image,
         )  # fmt: skip
 
     def in_primaries(self, primaries: tuple[float, ...] | None) -> "LightSum":

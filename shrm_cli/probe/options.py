@@ -54,6 +54,11 @@ class ReadOptions:
         `vocabulary.PRIMARIES`, or CIE x and y of red, green, blue and white.
     working : str or sequence of 8 float, optional
         The primaries that the light is converted to when it is read.
+    box : sequence of 6 float, optional
+        The box that stands for the room around the probe, by two corners, the lesser first, in
+        world axes; see `Probe.within`.
+    at : sequence of 3 float, optional
+        Where in it the probe was captured.
 
     Raises
     ------
@@ -75,6 +80,8 @@ class ReadOptions:
     roll: float = 0.0
     primaries: str | Sequence[float] | None = None
     working: str | Sequence[float] | None = None
+    box: Sequence[float] | None = None
+    at: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
         _check_name("layout", self.layout, (None, *LAYOUTS))
@@ -83,6 +90,8 @@ class ReadOptions:
         _check_name("up", self.up, _UP)
         _check_flag("mirror", self.mirror)
         _check_flag("linearize", self.linearize)
+        _check_numbers("box", self.box, 6)
+        _check_numbers("at", self.at, 3)
         _check_text("part", self.part)
         _check_text("layer", self.layer)
         for name in ("yaw", "pitch", "roll"):
@@ -126,6 +135,8 @@ class ReadKeywords(TypedDict, total=False):
     layer: str | None
     primaries: str | Sequence[float] | None
     working: str | Sequence[float] | None
+    box: Sequence[float] | None
+    at: Sequence[float] | None
 
 
 def with_keywords(options: ReadOptions, keywords: ReadKeywords) -> ReadOptions:
@@ -205,6 +216,12 @@ def _check_flag(argument: str, value: object) -> None:
 def _check_text(argument: str, value: object) -> None:
     if not (value is None or isinstance(value, str)):
         raise ProbeError(f"`{argument}` must be a name, not {value!r}")
+
+
+def _check_numbers(argument: str, value: Any, count: int) -> None:
+    listed = [] if value is None or isinstance(value, str) or np.ndim(value) != 1 else [*value]
+    if value is not None and not (len(listed) == count and all(map(_is_finite, listed))):
+        raise ProbeError(f"`{argument}` must be {count} numbers, not {value!r:.60}")
 
 
 def _is_finite(value: Any) -> bool:

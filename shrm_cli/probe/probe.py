@@ -299,7 +299,11 @@ def open_probe(
     ('latlong', 256)
     """
     options = with_keywords(options or ReadOptions(), keywords)
-    name = str(path)
+    return _opened(str(path), options).within(options.box, options.at)
+
+
+def _opened(name: str, options: ReadOptions) -> Probe:
+    """Open a probe, whose box is the one that its file tells."""
     if is_light_file(name):
         from shrm_cli.probe.light_file import open_light_file
 

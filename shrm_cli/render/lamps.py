@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.normals import smooth_points
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.maps.lamps.discs import LitDiscs
 from shrm_cli.probe.disc import Disc, disc_directions
@@ -89,7 +90,7 @@ class LampsOnMesh:
             The number of each point among the samples of its pixel, which share the work.
         """
         tangents = horizontal_tangents(normals) if tangents is None else tangents
-        origins = self._origins(*points, normals)
+        origins = smooth_points(self._mesh, *points, normals) + self._lift * normals
         result = np.zeros((len(origins), 3))
         for disc, directions in zip(self.discs, self._directions, strict=True):
             if self._brdf is None:
@@ -104,23 +105,6 @@ class LampsOnMesh:
                 share = self._seen_by_samples(origins[lit], normals[lit], directions, samples[lit])
             result[lit] += share[:, None] * free[lit]
         return result
-
-    def _origins(self, faces: NDArray[np.int64], weights: Array, normals: Array) -> Array:
-        """Return where rays begin, shape (n, 3): on the smooth surface that the normals belong to.
-
-        From the flat triangles themselves, rays of low lamps would meet their neighbours, and the
-        edge of the light would show the triangles (Hanika 2021, "Hacking the Shadow Terminator",
-        Ray Tracing Gems II, chapter 4).
-        """
-        mesh = self._mesh
-        corners = mesh.faces[faces]
-        points = mesh.interpolated(mesh.vertices, faces, weights)
-        own = mesh.normals[corners]
-        # Normals are those of the side that is seen.
-        own = own * np.where(np.einsum("ncv,nv->nc", own, normals) < 0, -1.0, 1.0)[..., None]
-        below = np.einsum("ncv,ncv->nc", points[:, None] - mesh.vertices[corners], own)
-        lifted = np.einsum("nc,nc,ncv->nv", weights, np.maximum(-below, 0), own)
-        return points + lifted + self._lift * normals
 
     def _seen(self, origins: Array, normals: Array, directions: Array) -> Array:
         """Return the part of a lamp's irradiance that points get, shape (n,)."""

@@ -1,4 +1,4 @@
-"""Surfaces that are shaded at the vertices of their mesh, by its precomputed transfer."""
+"""Surfaces that are shaded at the vertices or texels of their mesh, by its transfer."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -63,7 +63,7 @@ class VertexColors:
         product: ProductTexture | None = None,
         lamps: LampsOnMesh | None = None,
     ) -> None:
-        transfer.check_mesh(mesh_digest(mesh.vertices, mesh.faces), mesh.name)
+        transfer.check_mesh(mesh_digest(mesh.vertices, mesh.faces), mesh)
         self._mesh, self._transfer, self._product, self._lamps = mesh, transfer, product, lamps
         if product is not None:
             transfer.check_glossy()
@@ -127,26 +127,26 @@ class VertexColors:
         points, normals, views, samples
             As `LampsOnMesh.radiance` takes them.
         """
-        found = self._mesh.interpolated(self.seen_from(eye), *points)
+        found = self._transfer.at(self._mesh, self.seen_from(eye), *points)
         if self._lamps is None:
             return found
         transfer, albedo, tangents = self._transfer, self._transfer.albedo, None
         if self._product is not None and transfer.frames is not None:
-            along = self._mesh.interpolated(transfer.frames[:, 0], *points)
+            along = transfer.at(self._mesh, transfer.frames[:, 0], *points)
             tangents = perpendicular(along, normals)
         lit = self._lamps.radiance(points, normals, views, tangents, samples)
         if self._product is not None:
             return found + lit
         return found + lit * (
-            albedo if len(albedo) == 1 else self._mesh.interpolated(albedo, *points)
+            albedo if len(albedo) == 1 else transfer.at(self._mesh, albedo, *points)
         )
 
     def seen_from(self, eye: Array) -> Array:
-        """Return what the vertices reflect towards a point, without the lamps, shape (v, 3)."""
+        """Return what vertices or texels reflect towards a point, without lamps, shape (v, 3)."""
         if self._product is None:
             return self._colors
         if self._eye is None or not np.array_equal(eye, self._eye):
-            views = normalize(eye - self._mesh.vertices)
+            views = normalize(eye - self._transfer.positions(self._mesh))
             arguments = self._transfer, self._product, self._lighting, views
             self._colors = np.maximum(glossy_colors(*arguments), 0)
             self._eye = np.array(eye)

@@ -1,4 +1,4 @@
-"""From a mesh to its transfer: blocks of vertices on all threads, bounce after bounce."""
+"""From a mesh to its transfer: blocks of vertices or texels on all threads, bounce after bounce."""
 
 import hashlib
 import json
@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import nullcontext
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,7 +17,7 @@ from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
-from shrm_cli.geometry.tangents import brushed_tangents
+from shrm_cli.geometry.tangents import brushed_tangents, perpendicular
 from shrm_cli.maps.provenance import spec_of
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
@@ -24,9 +25,10 @@ from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.transfer.gather import Gathering, Rays
 from shrm_cli.transfer.sent import DiffuseLight, GlossyLight, Sent
+from shrm_cli.transfer.sites import Sites, sites_of
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
-from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
+from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
     from shrm_cli.maps.product.product import ProductTexture
 
 _RAYS_AT_ONCE = 2**16
-"""Rays of the vertices that a thread takes at a time."""
+"""Rays of the vertices or texels that a thread takes at a time."""
 _MOST_BOUNCES = 64
 """The most bounces; each of them dims the light at least as much as the one before it did."""
 _MOST_SAMPLES = 2**16
@@ -65,6 +67,8 @@ class Plan:
     tangents : ndarray, shape (v, 3), optional
         The x axes of the vertices' frames, unit vectors at right angles to the normals; horizontal
         by default.
+    texture : int, optional
+        Texels along the edge of a texture for which is baked, in place of the vertices.
 
     Raises
     ------
@@ -80,15 +84,19 @@ class Plan:
     glossy: bool = False
     tangents: Array | None = None
     product: "ProductTexture | None" = None
+    texture: int | None = None
 
     def __post_init__(self) -> None:
         limits = {
             "order": (0, MAX_TRANSFER_ORDER),
             "bounces": (0, _MOST_BOUNCES),
             "samples": (1, _MOST_SAMPLES),
+            "texture": TRANSFER_TEXTURES,
         }
         for name, (low, high) in limits.items():
             value = getattr(self, name)
+            if name == "texture" and value is None:
+                continue
             if not low <= value <= high:
                 raise ArgumentError(name, f"is {value}, but must be {low} .. {high}")
         self.reflected()
@@ -96,7 +104,7 @@ class Plan:
             raise ArgumentError("product", "needs matrices, and a product function of their order")
 
     def reflected(self) -> Array:
-        """The albedo as an array of shape (1 or v, channels).
+        """The albedo of the mesh, or of each site, as an array of shape (1 or s, channels).
 
         Raises
         ------
@@ -109,7 +117,12 @@ class Plan:
             raise ArgumentError("albedo", f"has the shape {albedo.shape}; give one row or one each")
         if not (albedo.min() >= 0 and albedo.max() <= 1):  # NaN is neither
             raise ArgumentError("albedo", "has numbers outside 0 .. 1")
-        return albedo
+        return albedo if rows == 1 else self.sites.of_vertices(albedo)
+
+    @cached_property
+    def sites(self) -> Sites:
+        """What is baked for: the vertices, or the texels."""
+        return sites_of(self.mesh, self.texture)
 
     @property
     def channels(self) -> int:
@@ -123,23 +136,27 @@ class Plan:
 
     @property
     def step(self) -> int:
-        """Vertices of a block."""
+        """Sites of a block."""
         return max(1, _RAYS_AT_ONCE // self.samples)
 
     def frames(self) -> Array:
-        """The frames of the vertices, shape (v, 3, 3), with axes as rows."""
-        normals = self.mesh.normals
-        tangents = horizontal_tangents(normals) if self.tangents is None else self.tangents
+        """The frames of the sites, shape (s, 3, 3), with axes as rows."""
+        normals = self.sites.normals
+        if self.tangents is None:
+            return surface_frames(normals, horizontal_tangents(normals))
+        tangents = self.sites.of_vertices(self.tangents)
+        if self.texture is not None:
+            tangents = perpendicular(tangents, normals)
         return surface_frames(normals, tangents)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of the arrays that are filled, in the order of the work."""
-        vertices, count = len(self.mesh.vertices), (self.order + 1) ** 2
+        sites, count = len(self.sites.positions), (self.order + 1) ** 2
         found: dict[str, tuple[int, ...]] = {}
         for bounce in range(self.bounces + 1):
-            found[_stage(bounce)] = (vertices, count, self._channels(bounce))
+            found[_stage(bounce)] = (sites, count, self._channels(bounce))
             if self.has_matrices(bounce):
-                found[_matrices(bounce)] = (vertices, count, count, self._channels(bounce))
+                found[_matrices(bounce)] = (sites, count, count, self._channels(bounce))
         return found
 
     def has_matrices(self, bounce: int) -> bool:
@@ -165,6 +182,7 @@ class Plan:
         digest = hashlib.sha256(options.encode())
         mesh = self.mesh
         arrays = [mesh.vertices, mesh.faces, mesh.normals, self.frames(), self.reflected()]
+        arrays.append(self.sites.origins)
         for array in [*arrays, *([] if self.product is None else [self.product.table])]:
             digest.update(np.ascontiguousarray(array).data)
         return digest.hexdigest()
@@ -180,6 +198,7 @@ def transfer_plan(
     matrices: bool = False,
     brush: str | tuple[float, float, float] | None = None,
     brdf: "Brdf | str | None" = None,
+    texture: int | None = None,
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
 
@@ -200,6 +219,8 @@ def transfer_plan(
         Tangents of the matrices, as `brushed_tangents` takes them.
     brdf : Brdf or str, optional
         What the mesh reflects in bounces in place of `albedo`; matrices are baked with it.
+    texture : int, optional
+        Texels along the edge of a texture for which is baked, in place of the vertices.
 
     Raises
     ------
@@ -222,7 +243,7 @@ def transfer_plan(
     if brdf is not None:
         material = parse_spec(brdf) if isinstance(brdf, str) else brdf
         product, matrices = cast(ProductTexture, product_texture(material, order).map), True
-    return Plan(found, order, bounces, samples, albedo, matrices, tangents, product)
+    return Plan(found, order, bounces, samples, albedo, matrices, tangents, product, texture)
 
 
 def transfer(
@@ -237,7 +258,7 @@ def transfer(
         Called with the amount of work done and the amount in all.
     **arguments
         Those of `transfer_plan`: `order`, `bounces`, `albedo`, `samples`, `matrices`, `brush`,
-        `brdf`.
+        `brdf`, `texture`.
 
     Returns
     -------
@@ -317,15 +338,13 @@ def bake(
         matrices = work.arrays.get(_matrices(plan.bounces))
         frames = plan.frames() if plan.glossy else None
         direct = work.arrays[_stage(0)] if plan.bounces else None
-        return use(Transfer(vectors, plan.reflected(), plan.facts(), matrices, frames, direct))
+        parts = vectors, plan.reflected(), plan.facts(), matrices, frames, direct
+        return use(Transfer(*parts, plan.sites.texels))
 
 
 def _fill(work: Work, plan: Plan, rays: Rays, progress: Progress | None) -> None:
-    mesh = plan.mesh
-    gathering = Gathering(
-        mesh.vertices, mesh.normals, mesh.faces, plan.frames(), rays, plan.order, plan.samples
-    )
-    total = (plan.bounces + 1) * -(-len(mesh.vertices) // plan.step)
+    gathering = Gathering(plan.sites, plan.frames(), rays, plan.order, plan.samples)
+    total = (plan.bounces + 1) * -(-len(plan.sites.positions) // plan.step)
     for bounce in range(plan.bounces + 1):
         glossy = plan.has_matrices(bounce)
         sent = _sent(work, plan, bounce) if bounce else None

@@ -1,11 +1,13 @@
 """Files of transfer: numpy's .npz archives, which may come from anywhere.
 
 An archive holds the arrays ``vectors`` and ``albedo`` of a `Transfer`, ``direct``, ``matrices`` and
-``frames`` if it has them, and ``settings``: one text, a JSON object with ``version`` (1) and what
-`Facts` says. Beside them are arrays for other programs, which reading leaves alone: ``positions``
-and ``normals``, a row each for every row of the vectors, ``faces``, whose triangles name these
-rows, ``vertex_of_row``, the vertex of the mesh's file that each row is, and ``row_of_vertex``, the
-other way round (the first row of several; -1 for vertices without a triangle).
+``frames`` if it has them, and ``settings``: one text, a JSON object with ``version`` (1, and 2 of
+textures) and what `Facts` says. Textures have ``rows``, ``texcoords`` and ``positions``, as
+`geometry.texels.Texels` says. Those of vertices have arrays for other programs, which reading
+leaves alone: ``positions`` and ``normals``, a row each for every row of the vectors, ``faces``,
+whose triangles name these rows, ``vertex_of_row``, the vertex of the mesh's file that each row is,
+and ``row_of_vertex``, the other way round (the first row of several; -1 for vertices without a
+triangle).
 Arrays are not packed, so that a file is never smaller than what it unpacks to.
 """
 
@@ -22,11 +24,12 @@ from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.texels import Texels
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
 
 SUFFIX = ".npz"
-_VERSION = 1
+_VERSION = 2
 _DIMENSIONS = {"vectors": 3, "direct": 3, "albedo": 2, "matrices": 4, "frames": 3}
 _ROUNDING = 1e-3
 """How far frames may be from orthonormal."""
@@ -57,7 +60,14 @@ def write_transfer(
         arrays["direct"] = transfer.direct
     if transfer.matrices is not None and transfer.frames is not None:
         arrays |= {"frames": transfer.frames, "matrices": transfer.matrices}
-    if mesh is not None:
+    texels = transfer.texels
+    if texels is not None:
+        arrays |= {
+            "rows": texels.rows.astype("<i4"),
+            "texcoords": texels.texcoords.astype("<f4"),
+            "positions": texels.positions.astype("<f4"),
+        }
+    elif mesh is not None:
         arrays |= {
             "positions": mesh.vertices.astype("<f4"),
             "normals": mesh.normals.astype("<f4"),
@@ -65,7 +75,8 @@ def write_transfer(
             "vertex_of_row": mesh.file_vertices.astype("<i4"),
             "row_of_vertex": mesh.file_rows.astype("<i4"),
         }
-    settings = json.dumps({"version": _VERSION, **vars(transfer.facts)})
+    version = 1 if texels is None else _VERSION
+    settings = json.dumps({"version": version, **vars(transfer.facts)})
     npz.write_npz(path, {**arrays, "settings": settings})
 
 
@@ -84,15 +95,34 @@ def read_transfer(path: str | os.PathLike[str]) -> Transfer:
             raise TransferError(f"{path}: no such file; name a transfer that shrm transfer wrote")
         with npz.opened(path) as archive:
             arrays = archive.those_of(_DIMENSIONS)
+            texels = _texels(archive) if "rows" in archive.names else None
             facts = _facts(parse_json(archive.text("settings")))
         if "vectors" not in arrays or "albedo" not in arrays:
             raise ValueError("not a transfer")
         _check(arrays)
-        return Transfer(facts=facts, **arrays)
+        return Transfer(facts=facts, texels=texels, **arrays)
     except ValueError as error:
         raise TransferError(f"{path}: {error}; {_AGAIN}") from error
     except OSError as error:
         raise TransferError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _texels(archive: npz.Archive) -> Texels:
+    """Read a texture.
+
+    Raises
+    ------
+    ValueError
+        If it is not sound.
+    """
+    rows = archive.integers("rows", 2)
+    corners, positions = archive.numbers("texcoords", 3), archive.numbers("positions", 2)
+    shapes = corners.shape[1:], positions.shape[1:]
+    if min(rows.shape) < 2 or rows.min() < -1 or shapes != ((3, 2), (3,)):
+        raise ValueError("its texture is wrong")
+    if not (np.isfinite(corners).all() and np.isfinite(positions).all()):
+        raise ValueError("its texture holds NaN or infinite values")
+    return Texels(rows, np.clip(corners, 0, 1), positions.astype(float))
 
 
 def is_transfer(path: str | os.PathLike[str]) -> bool:

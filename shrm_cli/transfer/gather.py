@@ -23,8 +23,9 @@ value depends on it. This choice makes an unshadowed vertex exact, whereas a fun
 off at the horizon has no short expansion.
 
 A direction that is blocked brings the light that the point in the way reflects: what the three
-vertices of its triangle send back along the ray (`transfer.sent`), interpolated between them. A
-triangle that is met from behind blocks light, and sends none.
+vertices of its triangle, or the texels around it, send back along the ray (`transfer.sent`),
+interpolated between them. "Vertex" stands for both here (`transfer.sites`). A triangle that is met
+from behind blocks light, and sends none.
 
 All vertices use the same directions of their own frames. With these the sums over the directions
 are products of matrices, and neighbours on a smooth surface share their errors, which are not seen
@@ -44,26 +45,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
+from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
 from shrm_cli.transfer.sent import Sent
+from shrm_cli.transfer.sites import Sites
 
 Both = tuple[Array, Array | None]
 """Transfer vectors and matrices of some vertices."""
-
-OFFSET = 1e-5
-"""How far above its vertex a ray begins, as a part of the diagonal of the mesh's box.
-
-It is some hundred times the rounding of the 32-bit coordinates that rays are traced with.
-"""
-
-INSET = 0.01
-"""How far a ray begins from a vertex on a border, as a part of the way into its triangles.
-
-Where walls meet, each with vertices of its own, rays from the very edge would slip between them.
-"""
 
 
 class Rays(Protocol):
@@ -83,12 +74,10 @@ class Gathering:
 
     Parameters
     ----------
-    vertices, normals : ndarray, shape (v, 3)
-        World axes; the normals are unit vectors.
-    faces : ndarray of int, shape (f, 3)
-        Indices of the triangles' vertices.
+    sites : Sites
+        The vertices of the mesh, or its texels.
     frames : ndarray, shape (v, 3, 3)
-        The rows are the axes x', y', z' of each vertex's frame in world axes; z' is the normal.
+        The rows are the axes x', y', z' of each site's frame in world axes; z' is the normal.
     rays : Rays
         They meet the same mesh.
     order : int
@@ -99,16 +88,14 @@ class Gathering:
 
     def __init__(
         self,
-        vertices: Array,
-        normals: Array,
-        faces: NDArray[np.integer],
+        sites: Sites,
         frames: Array,
         rays: Rays,
         order: int,
         samples: int,
     ) -> None:
         self.order, self.samples, self._rays = order, samples, rays
-        self._normals, self._faces, self._frames = normals, faces, frames
+        self._sites, self._frames = sites, frames
         # The upper half of directions that fill the sphere evenly. The cosines of the n of them
         # are (k + 1/2) / n, so that the cosine's integral pi comes out exactly.
         local = spiral_directions(2 * samples)[samples:]
@@ -122,14 +109,11 @@ class Gathering:
         rows, columns = self._pairs
         self._products = (weight * harmonics[:, rows] * harmonics[:, columns]).astype(np.float32)
         self._factors = lambert_factors(order)[degrees(order)]
-        lift = OFFSET * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-        inset = INSET * _ways_inwards(vertices, normals, faces)
-        self._origins = vertices + lift * normals + inset
-        self._sides = _outer_sides(vertices, normals, faces)
+        self._sides = _outer_sides(sites.mesh)
 
     def unshadowed(self, part: slice) -> Array:
         """Transfer vectors ``A_l Y_lm(N)`` of a mesh that blocks nothing, shape (k, n)."""
-        return self._factors * real_harmonics(self.order, self._normals[part])
+        return self._factors * real_harmonics(self.order, self._sites.normals[part])
 
     def rotations(self, part: slice) -> Array:
         """Matrices of the rotation of coefficients from world axes into the frames, (k, n, n)."""
@@ -195,46 +179,29 @@ class Gathering:
         blocked = (faces >= 0).reshape(-1, self.samples).astype(np.float32)
         rays = np.flatnonzero(faces >= 0)
         rays = rays[np.einsum("ij,ij->i", self._sides[faces[rays]], directions[rays]) < 0]
-        corners, shares = self._faces[faces[rays]], inside[rays].astype(np.float32)
+        rows, shares = self._sites.places(faces[rays], inside[rays])
+        shares = shares.astype(np.float32)
         back = -directions[rays]
         seen = np.zeros((len(faces), np.prod(sent.shape)), np.float32)
         seen[rays] = sum(
-            shares[:, each, None] * sent.towards(corners[:, each], back) for each in range(3)
+            shares[:, each, None] * sent.towards(rows[:, each], back)
+            for each in range(shares.shape[1])
         )
         return blocked, seen.reshape(-1, self.samples, seen.shape[1])
 
     def _bundle(self, part: slice) -> tuple[Array, Array]:
         """Origins and directions of the rays of some vertices, shapes (k * samples, 3)."""
         directions = self._local @ self._frames[part]
-        origins = np.broadcast_to(self._origins[part, None], directions.shape)
+        origins = np.broadcast_to(self._sites.origins[part, None], directions.shape)
         return origins.reshape(-1, 3), directions.reshape(-1, 3)
 
 
-def _ways_inwards(vertices: Array, normals: Array, faces: NDArray[np.integer]) -> Array:
-    """Ways from vertices on a border to the middle of their triangles, 0 for all others; (v, 3).
-
-    A border is an edge of one triangle only. The ways do not lead below the tangent plane, where
-    a surface that is convex is closed.
-    """
-    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    unique, counts = np.unique(edges, axis=0, return_counts=True)
-    ways, triangles = np.zeros_like(vertices), np.zeros((len(vertices), 1))
-    for corner in faces.T:
-        np.add.at(ways, corner, vertices[faces].mean(axis=1) - vertices[corner])
-        np.add.at(triangles, corner, 1)
-    ways /= np.maximum(triangles, 1)
-    ways -= np.minimum(np.einsum("vi,vi->v", ways, normals), 0)[:, None] * normals
-    on_border = np.zeros(len(vertices), bool)
-    on_border[unique[counts == 1]] = True
-    return np.where(on_border[:, None], ways, 0)
-
-
-def _outer_sides(vertices: Array, normals: Array, faces: NDArray[np.integer]) -> Array:
+def _outer_sides(mesh: Mesh) -> Array:
     """Normals of the triangles, of any length, on the side where their vertices' normals are.
 
     Not all files wind their triangles the same way round.
     """
-    a, b, c = (vertices[faces[:, each]] for each in range(3))
+    a, b, c = (mesh.vertices[mesh.faces[:, each]] for each in range(3))
     across = np.cross(b - a, c - a)
-    along = np.einsum("fi,fi->f", across, normals[faces].sum(axis=1))
+    along = np.einsum("fi,fi->f", across, mesh.normals[mesh.faces].sum(axis=1))
     return np.where(along < 0, -1.0, 1.0)[:, None] * across

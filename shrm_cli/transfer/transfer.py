@@ -1,10 +1,15 @@
-"""The transfer of a mesh: what its vertices need to know to shadow and light themselves."""
+"""The transfer of a mesh: what vertices or texels must know to shadow and light themselves."""
 
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from shrm_cli.arrays import Array
 from shrm_cli.errors import TransferError
+from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.texels import Texels
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import order_of
 
@@ -56,6 +61,8 @@ class Transfer:
         normal.
     direct : ndarray of float32, shape (v, n, 1), optional
         The transfer vectors before any bounce, where light is reflected within the mesh.
+    texels : Texels, optional
+        The texture whose texels the rows of all arrays are. By default they are vertices.
 
     Raises
     ------
@@ -69,6 +76,7 @@ class Transfer:
     matrices: Array | None = None
     frames: Array | None = None
     direct: Array | None = None
+    texels: Texels | None = None
 
     def __post_init__(self) -> None:
         count, size, channels = self.vectors.shape
@@ -83,6 +91,9 @@ class Transfer:
         rows, colors = self.albedo.shape
         if rows not in (1, count) or colors not in (1, 3):
             raise ValueError(f"albedo of shape {self.albedo.shape}")
+        texels = self.texels
+        if texels and not len(texels.positions) == count > texels.rows.max(initial=-1):
+            raise ValueError("its texture is of other rows")
 
     @property
     def order(self) -> int:
@@ -93,6 +104,28 @@ class Transfer:
     def is_glossy(self) -> bool:
         """Whether there are matrices."""
         return self.matrices is not None
+
+    def at(self, mesh: Mesh, values: Array, faces: NDArray[np.integer], weights: Array) -> Array:
+        """Return values of all rows at points of the mesh, shape (k, channels).
+
+        Parameters
+        ----------
+        mesh : Mesh
+            The one that the transfer was baked for.
+        values : ndarray, shape (v, channels)
+        faces : ndarray of int, shape (k,)
+        weights : ndarray, shape (k, 3)
+            Barycentric.
+        """
+        if self.texels is None:
+            return mesh.interpolated(values, faces, weights)
+        rows, shares = self.texels.places(faces, weights)
+        found: Array = np.einsum("kc,kcv->kv", shares, values[rows])
+        return found
+
+    def positions(self, mesh: Mesh) -> Array:
+        """Return where the vertices or the texels are, shape (v, 3)."""
+        return mesh.vertices if self.texels is None else self.texels.positions
 
     def shades_lamps(self, glossy: bool) -> bool:
         """Return whether lamps may be shaded apart: what the mesh sends of their light is known.
@@ -119,24 +152,24 @@ class Transfer:
             )
         return replace(self, vectors=self.vectors - self.direct, direct=None)
 
-    def check_mesh(self, digest: str, name: str) -> None:
+    def check_mesh(self, digest: str, mesh: Mesh) -> None:
         """Check that a mesh is the one that the transfer was baked for.
 
         Parameters
         ----------
         digest : str
             `bake.mesh_digest` of the mesh.
-        name : str
-            The mesh's name, for the message.
+        mesh : Mesh
 
         Raises
         ------
         TransferError
             If it is another one.
         """
-        if digest != self.facts.mesh_sha256:
+        fits = self.texels is None or len(self.texels.texcoords) == len(mesh.faces)
+        if digest != self.facts.mesh_sha256 or not fits:
             raise TransferError(
-                f"{name}: not the mesh that the transfer was baked for, which was "
+                f"{mesh.name}: not the mesh that the transfer was baked for, which was "
                 f"{self.facts.mesh}; bake it again with shrm transfer"
             )
 
@@ -158,7 +191,7 @@ class Transfer:
         """Return what users and scripts are told of the transfer."""
         vertices, size, channels = self.vectors.shape
         return {
-            "vertices": vertices,
+            "vertices" if self.texels is None else "texels": vertices,
             "order": self.order,
             "coefficients": size,
             "channels": channels,

@@ -12,7 +12,7 @@ import json
 import shutil
 import struct
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,9 @@ import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
 
+from shrm_cli.geometry.load import load_mesh
+from shrm_cli.geometry.texels import Texels
+from shrm_cli.transfer.file import read_transfer, write_transfer
 from tests.brdf.measured.rgl_files import brushed, material, tensor_file
 from tests.cli.helpers import noise
 from tests.geometry import shapes
@@ -246,6 +249,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         Seed("keyframes", "keys.toml", _KEYS),
         *(Seed("transfer", name, _TRANSFER) for name in _transfers(folder)),
         Seed("grid of probes", _grid(folder), _GRID),
+        Seed("probe with a box", _captured(folder), _PROBE),
         *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
     ]
 
@@ -470,6 +474,7 @@ def _maps(folder: Path) -> list[tuple[str, str]]:
         "irradiance": ("--to", "irradiance", "--size", "4"),
         "splitsum": ("--to", "splitsum", "--size", "8"),
         "mips": ("--to", "splitsum", "--size", "32", "--levels", "3", "--mips"),
+        "boxed": ("--to", "splitsum", "--size", "8", "--box", "-1,-1,-1,1,1,1"),
         "she": ("--to", "she",),
     }  # fmt: skip
     _shrm("prefilter", SOUND, *made["shrm"], "-o", MAP)
@@ -477,7 +482,7 @@ def _maps(folder: Path) -> list[tuple[str, str]]:
     for name, options in made.items():
         path = f"map.{name}.exr"
         _shrm("prefilter", SOUND, *options, "-o", path)
-        kind = "map, splitsum, mips" if name == "mips" else f"map, {name}"
+        kind = f"map, splitsum, {name}" if name in ("mips", "boxed") else f"map, {name}"
         plain = f"plain.{name}.exr"
         _uncompressed(folder / path, folder / plain)
         found += [(kind, path), (kind, plain)]
@@ -651,12 +656,31 @@ def _grid(folder: Path) -> str:
     return "small.grid.npz"
 
 
+def _captured(folder: Path) -> str:
+    """A probe within the mesh, which knows of its box: its name."""
+    with contextlib.chdir(folder):
+        where = ("--at", "0,0.1,0", "--probe", SOUND, "--size", "8", "--samples", "2")
+        _shrm("probe", "capture", MESH, *where, "-o", "captured.exr")
+    return "captured.exr"
+
+
 def _bake() -> list[str]:
     _shrm("prefilter", SOUND, "--to", "irradiance", "--size", "4", "-o", IRRADIANCE)
     _shrm("product", "lambertian", "--order", "2", "--size", "8", "-o", PRODUCT)
     _shrm("transfer", MESH, "--samples", "4", "--bounces", "1", "-o", "diffuse.npz")
     _shrm("transfer", MESH, "--samples", "4", "--order", "2", "--matrices", "-o", "glossy.npz")
-    return ["diffuse.npz", "glossy.npz"]
+    _as_texture("diffuse.npz", "texels.npz")
+    return ["diffuse.npz", "glossy.npz", "texels.npz"]
+
+
+def _as_texture(source: str, target: str) -> None:
+    """Write the transfer of vertices as if they were texels: that needs no charts."""
+    baked, mesh = read_transfer(source), load_mesh(MESH)
+    rows = np.full((8, 8), -1, np.int32)
+    rows.flat[: len(mesh.vertices)] = np.arange(len(mesh.vertices))
+    corners = np.random.default_rng(1).uniform(0, 1, (*mesh.faces.shape, 2))
+    texels = Texels(rows, corners, mesh.vertices)
+    write_transfer(target, replace(baked, texels=texels))
 
 
 def copy_sound(source: Path, target: Path) -> None:

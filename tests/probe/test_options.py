@@ -54,7 +54,7 @@ def test_keywords_replace_options(path):
 
 
 def test_unknown_keywords_are_refused(path):
-    with pytest.raises(ProbeError, match=r"`rotation` says nothing .* give `clamp`, .* `yaw`"):
+    with pytest.raises(ProbeError, match=r"`rotation` says nothing .* give `at`, .* `yaw`"):
         open_probe(path, rotation=30)
 
 

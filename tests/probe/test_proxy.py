@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.maps.file import open_map
+from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.proxy import ProxyBox, carried
+from tests.cli.helpers import done, noise, write_exr
 
 BOX = ProxyBox.of([-1, 0, 2], [3, 2.5, 7], [0.5, 1.6, 3])
 
@@ -97,3 +101,63 @@ def test_impossible_boxes_are_refused():
     with pytest.raises(ProbeError, match="not within"):
         ProxyBox.of([0, 0, 0], [1, 1, 1], [1, 0.5, 0.5])
     assert ProxyBox.of([0, 0, 0], [1, 2, 4]).at == (0.5, 1, 2)
+
+
+CORNERS, PLACE = [-1, 0, 2, 3, 2.5, 7], [0.5, 1.6, 3]
+
+
+def test_light_files_have_the_box_of_their_probes(tmp_path):
+    write_exr(tmp_path / "a.exr", noise(8, 16))
+    one = f'[[probe]]\nfile = "a.exr"\nbox = {CORNERS}\nat = {PLACE}\n'
+    disc = "[[disc]]\nazimuth = 0\nelevation = 0\nradius = 5\nradiance = 1\n"
+    path = tmp_path / "light.toml"
+    path.write_text(one + disc + '[[probe]]\nfile = "a.exr"\n')
+    assert open_probe(path).proxy == BOX
+    made = prefilter(open_probe(path), to="irradiance")
+    assert made.info.proxy == BOX
+    # A quarter turn takes +Z to +X, and +X to -Z.
+    turned = open_probe(path, yaw=90).proxy
+    expected = ProxyBox.of([2, 0, -3], [7, 2.5, 1], [3, 1.6, -0.5])
+    for name in ("at", "low", "high"):
+        np.testing.assert_allclose(getattr(turned, name), getattr(expected, name), atol=1e-12)
+    slanted = open_probe(path, yaw=30)
+    assert slanted.proxy is None
+    assert "right angles" in slanted.report.notes[0]
+    assert open_probe(path, box=[0, 0, 0, 1, 1, 1]).proxy.at == (0.5, 0.5, 0.5)
+    path.write_text(one + one.replace("[-1,", "[-2,"))
+    assert open_probe(path).proxy is None
+    assert "differ" in open_probe(path).report.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("box = [0, 0, 0, 1, 1]", "'box' must be 6 numbers"),
+        ('box = "wide"', "'box' must be 6 numbers"),
+        ("box = [0, 0, 0, 1, 1, nan]", "'box' must be 6 numbers"),
+        ("box = [0, 0, 0, 1, 1, 0]", "flat"),
+        ("box = [0, 0, 0, 1, 1, 1]\nat = [2, 0.5, 0.5]", "not within the box"),
+        ("at = [0, 0, 0]", "needs the box"),
+    ],
+)
+def test_wrong_boxes_of_light_files_are_refused(tmp_path, line, said):
+    write_exr(tmp_path / "a.exr", noise(8, 16))
+    (tmp_path / "light.toml").write_text(f'[[probe]]\nfile = "a.exr"\n{line}\n')
+    with pytest.raises(ProbeError, match=said):
+        open_probe(tmp_path / "light.toml")
+
+
+def test_manifests_give_boxes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_exr("a.exr", noise(8, 16))
+    entry = '[[entry]]\noutput = "{probe}.boxed.exr"\n'
+    (tmp_path / "bake.toml").write_text(
+        'probes = "a.exr"\nto = "irradiance"\noutput = "{probe}.plain.exr"\n'
+        f"[[entry]]\n{entry}reading = {{ box = {CORNERS}, at = {PLACE} }}\n"
+    )
+    done("batch", "bake.toml", "--jobs", "1")
+    assert open_map("a.boxed.exr").info.proxy == BOX
+    assert open_map("a.plain.exr").info.proxy is None
+    done("prefilter", "a.exr", "--to", "irradiance", "--box", ",".join(map(str, CORNERS)), "--at",
+         ",".join(map(str, PLACE)), "-o", "alone.exr")  # fmt: skip
+    assert (tmp_path / "alone.exr").read_bytes() == (tmp_path / "a.boxed.exr").read_bytes()

@@ -48,9 +48,9 @@ def test_what_is_written_is_read(tmp_path, request, which):
 
 
 def test_transfer_belongs_to_its_mesh(mesh, glossy):
-    glossy.check_mesh(mesh_digest(mesh.vertices, mesh.faces), "bumps")
-    with pytest.raises(TransferError, match=r"^other: not the mesh"):
-        glossy.check_mesh(mesh_digest(mesh.vertices + 1, mesh.faces), "other")
+    glossy.check_mesh(mesh_digest(mesh.vertices, mesh.faces), mesh)
+    with pytest.raises(TransferError, match=r"^bumps: not the mesh"):
+        glossy.check_mesh(mesh_digest(mesh.vertices + 1, mesh.faces), mesh)
 
 
 def save(path, arrays, compression=zipfile.ZIP_STORED):
@@ -82,7 +82,7 @@ def nan_within(array):
         ({"albedo": None}, "not a transfer"),
         ({"settings": None}, "no array 'settings'"),
         ({"settings": "[1]"}, "not a JSON object"),
-        ({"settings": '{"version": 2}'}, "newer shrm"),
+        ({"settings": '{"version": 3}'}, "newer shrm"),
         ({"settings": '{"version": 1}'}, "settings are wrong"),
         ({"vectors": np.zeros((36, 8, 1), "f4")}, "of shape"),
         ({"vectors": np.zeros((0, 9, 1), "f4")}, "no vertices"),
@@ -196,3 +196,12 @@ def test_the_layout_of_pifu(tmp_path, mesh, glossy, coloured):
     np.testing.assert_array_equal(faces, mesh.faces)
     with pytest.raises(OutputError, match="grey transfer of order 2"):
         write_pifu(tmp_path / "bounce1.txt", mesh, coloured)
+
+
+def test_a_name_that_is_no_text(tmp_path):
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("\u00e9.npy", b"")
+    path.write_bytes(path.read_bytes().replace("\u00e9".encode(), b"\xff\xff"))
+    with pytest.raises(TransferError, match="damaged"):
+        read_transfer(path)

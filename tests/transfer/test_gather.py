@@ -87,9 +87,7 @@ def test_matrices_and_vectors_agree_where_the_cosine_is_the_surface():
 def test_white_boxes_are_furnaces():
     """Light that is sent by all walls alike comes back times the albedo, exactly."""
     mesh = meshes.box()
-    gathering = Gathering(
-        mesh.vertices, mesh.normals, mesh.faces, Plan(mesh).frames(), Rays(mesh), 0, 128
-    )
+    gathering = Gathering(Plan(mesh).sites, Plan(mesh).frames(), Rays(mesh), 0, 128)
     everything = slice(0, len(mesh.vertices))
     albedo, emitted = 0.5, 2.0
     total = np.full((len(mesh.vertices), 1, 1), emitted, np.float32)

@@ -1,0 +1,239 @@
+"""Textures over a mesh: which point of its surface each texel stands for, and how points look up.
+
+A texel stands for the point of the mesh that lies nearest to its middle in texture coordinates:
+the point at its middle, or, beside a chart, one of the chart's border. So bilinear look-ups near a
+border find texels of the same chart on all sides, and two charts that meet show no seam.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.records import record
+
+Integers = NDArray[np.int64]
+
+_PAIRS_AT_ONCE = 2**18
+"""Pairs of a triangle and a texel that are looked at together."""
+_INSIDE = 1e-6
+"""The least weight of a corner, within a triangle that certainly covers a texel's middle."""
+_INSET = 0.01
+"""How far a texel's point lies from the border of its triangle, as a part of the way to the middle.
+
+Where walls meet, rays from the very edge would slip between them.
+"""
+_MOST_INSET = 0.25
+"""The same in texels, at the most."""
+
+
+@record(eq=False)
+class Texels:
+    """A texture over a mesh, of whose texels some are rows of other arrays.
+
+    Attributes
+    ----------
+    rows : ndarray of int, shape (height, width)
+        The row of each texel, -1 for none; the first line is the top, where v is 1.
+    texcoords : ndarray, shape (m, 3, 2)
+        Where the corners of each triangle lie, v upwards.
+    positions : ndarray, shape (k, 3)
+        Where the points lie that the rows stand for.
+    """
+
+    rows: NDArray[np.integer]
+    texcoords: Array
+    positions: Array
+
+    def places(self, faces: NDArray[np.integer], weights: Array) -> tuple[Integers, Array]:
+        """Return which rows points of the mesh look up, and the share of each, bilinearly.
+
+        Parameters
+        ----------
+        faces : ndarray of int, shape (n,)
+        weights : ndarray, shape (n, 3)
+            Barycentric.
+
+        Returns
+        -------
+        rows : ndarray of int64, shape (n, 4)
+        shares : ndarray, shape (n, 4)
+            0 for texels that are no rows; the others add up to 1, if there is any.
+        """
+        height, width = self.rows.shape
+        u, v = np.einsum("nc,ncv->vn", weights, self.texcoords[faces])
+        x = np.clip(u * width - 0.5, 0, width - 1)
+        y = np.clip((1 - v) * height - 0.5, 0, height - 1)
+        left, top = np.minimum(x.astype(int), width - 2), np.minimum(y.astype(int), height - 2)
+        right, down = (x - left)[:, None], (y - top)[:, None]
+        columns = left[:, None] + [0, 1, 0, 1]
+        rows = self.rows[top[:, None] + [0, 0, 1, 1], columns].astype(np.int64)
+        shares = np.where([0, 1, 0, 1], right, 1 - right) * np.where([0, 0, 1, 1], down, 1 - down)
+        shares = np.where(rows < 0, 0, shares)
+        total = shares.sum(axis=1, keepdims=True)
+        return np.maximum(rows, 0), shares / np.where(total > 0, total, 1)
+
+
+@record(eq=False)
+class Sampled:
+    """The texels of some charts of a mesh, and the points that they stand for.
+
+    Attributes
+    ----------
+    rows : ndarray of int32, shape (height, width)
+        As those of `Texels`.
+    texcoords : ndarray, shape (m, 3, 2)
+    faces : ndarray of int64, shape (k,)
+        The triangle of each row's point.
+    weights : ndarray, shape (k, 3)
+        Its place there, barycentric.
+    is_apart : bool
+        Whether no texel is of two charts.
+    is_flat : bool
+        Whether no two triangles cover the middle of one texel.
+    """
+
+    rows: NDArray[np.int32]
+    texcoords: Array
+    faces: Integers
+    weights: Array
+    is_apart: bool
+    is_flat: bool
+
+
+def sampled(texcoords: Array, charts: Integers, shape: tuple[int, int]) -> Sampled:
+    """Find the texels that look-ups need, and the points that they stand for.
+
+    Parameters
+    ----------
+    texcoords : ndarray, shape (m, 3, 2)
+        As those of `Texels`.
+    charts : ndarray of int, shape (m,)
+        The number of each triangle's chart.
+    shape : tuple of 2 int
+        Height and width of the texture, 2 texels or more.
+    """
+    height, width = shape
+    corners = texcoords * [width, -height] + [0, height]
+    count = height * width
+    nearest, owner = np.full(count, np.inf), np.full(count, -1)
+    found = np.zeros((count, 3))
+    first, last = np.full(count, len(charts)), np.full(count, -1)
+    covers = np.zeros(count, dtype=np.int64)
+    for face, column, row in _pairs(corners, shape):
+        middles = np.stack([column, row], axis=1) + 0.5
+        weights, away = _nearest(middles, corners[face])
+        needed = np.abs(away).max(axis=1) < 1
+        face, weights, away = face[needed], weights[needed], away[needed]
+        texel = (row * width + column)[needed]
+        np.minimum.at(first, texel, charts[face])
+        np.maximum.at(last, texel, charts[face])
+        np.add.at(covers, texel, weights.min(axis=1) > _INSIDE)
+        distance = np.einsum("nv,nv->n", away, away)
+        order = np.lexsort((face, distance, texel))
+        chosen = order[np.unique(texel[order], return_index=True)[1]]
+        chosen = chosen[distance[chosen] < nearest[texel[chosen]]]
+        place = texel[chosen]
+        nearest[place], owner[place], found[place] = distance[chosen], face[chosen], weights[chosen]
+    used = np.flatnonzero(owner >= 0)
+    rows = np.full(count, -1, dtype=np.int32)
+    rows[used] = np.arange(len(used))
+    faces, weights = owner[used], found[used]
+    ways = corners[faces].mean(axis=1) - np.einsum("nc,ncv->nv", weights, corners[faces])
+    length = np.maximum(np.linalg.norm(ways, axis=1), np.finfo(float).tiny)
+    inset = np.where(nearest[used] > 0, np.minimum(_INSET, _MOST_INSET / length), 0)[:, None]
+    return Sampled(
+        rows.reshape(shape),
+        texcoords,
+        faces,
+        (1 - inset) * weights + inset / 3,
+        bool((first[used] == last[used]).all()),
+        bool(covers.max(initial=0) <= 1),
+    )
+
+
+def chart_numbers(mesh: Mesh, texcoords: Array) -> Integers:
+    """Return the chart of each triangle: those that share vertices with all that they have.
+
+    Vertices are the same where place, normal and texture coordinates are. So charts end at creases,
+    over which a texel would have to have two normals.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    texcoords : ndarray, shape (m, 3, 2)
+    """
+    corners = mesh.faces.ravel()
+    known = [mesh.vertices[corners], mesh.normals[corners], texcoords.reshape(-1, 2)]
+    _, vertices = np.unique(np.column_stack(known), axis=0, return_inverse=True)
+    faces = vertices.reshape(-1, 3)
+    labels = np.arange(int(faces.max()) + 1)
+    while True:
+        least = labels[faces].min(axis=1)
+        joined = labels.copy()
+        np.minimum.at(joined, faces, least[:, None])
+        joined = joined[joined]
+        if np.array_equal(joined, labels):
+            return np.asarray(least, dtype=np.int64)
+        labels = joined
+
+
+def _pairs(corners: Array, shape: tuple[int, int]) -> Iterator[tuple[Integers, Integers, Integers]]:
+    """Yield triangles with the texels whose middles are within one texel of the box around them."""
+    most = np.array(shape)[::-1] - 1
+    low = np.clip(np.ceil(corners.min(axis=1) - 1.5), 0, most).astype(np.int64)
+    high = np.clip(np.floor(corners.max(axis=1) + 0.5), 0, most).astype(np.int64)
+    face, row = _ranges(low[:, 1], high[:, 1])
+    widths = (high - low)[face, 0] + 1
+    block = (np.cumsum(widths) - 1) // _PAIRS_AT_ONCE
+    for start, stop in zip(*_runs(block), strict=True):
+        some = face[start:stop]
+        line, column = _ranges(low[some, 0], high[some, 0])
+        yield some[line], column, row[start:stop][line]
+
+
+def _ranges(low: Integers, high: Integers) -> tuple[Integers, Integers]:
+    """Return all numbers from `low` to `high`, after the place that each belongs to."""
+    counts = high - low + 1
+    place = np.repeat(np.arange(len(low)), counts)
+    return place, np.arange(len(place)) - (np.cumsum(counts) - counts - low)[place]
+
+
+def _runs(values: Integers) -> tuple[list[int], list[int]]:
+    """Return where runs of equal values start and stop."""
+    cuts = (np.flatnonzero(np.diff(values)) + 1).tolist()
+    return [0, *cuts], [*cuts, len(values)]
+
+
+def _nearest(points: Array, triangles: Array) -> tuple[Array, Array]:
+    """Return the nearest points of triangles in the plane, barycentric, and the ways to them."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    doubled = _cross(b - a, c - a)
+    scale = 1 / np.where(doubled == 0, 1, doubled)
+    weights = np.stack(
+        [_cross(b - points, c - points), _cross(c - points, a - points),
+         _cross(a - points, b - points)], axis=1,
+    ) * scale[:, None]  # fmt: skip
+    outside = np.flatnonzero((weights.min(axis=1) < 0) | (doubled == 0))
+    least = np.full(len(outside), np.inf)
+    for k in range(3):
+        start, along = triangles[outside, k], triangles[outside, k - 2] - triangles[outside, k]
+        square = np.einsum("nv,nv->n", along, along)
+        part = np.einsum("nv,nv->n", points[outside] - start, along) / np.where(square, square, 1)
+        part = np.clip(part, 0, 1)
+        away = start + part[:, None] * along - points[outside]
+        distance = np.einsum("nv,nv->n", away, away)
+        nearer = distance < least
+        least = np.where(nearer, distance, least)
+        chosen = outside[nearer]
+        weights[chosen] = 0
+        weights[chosen, k], weights[chosen, k - 2] = 1 - part[nearer], part[nearer]
+    away = np.einsum("nc,ncv->nv", weights, triangles) - points
+    away[weights.min(axis=1) > 0] = 0
+    return weights, away
+
+
+def _cross(first: Array, second: Array) -> Array:
+    return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
