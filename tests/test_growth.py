@@ -102,17 +102,6 @@ class Ambient(LightMap):
     def details(self):
         return {"mean": self.mean[0].tolist()}
 ''',
-    "options": '''
-"""What can be told of the mean."""
-from shrm_cli.maps.options import Option, Representation
-DESCRIPTIONS = {
-    "ambient": Representation(
-        "ambient", "ambient color", frozenset(),
-        (Option("gain", "ambient: brighter by so much.", "integer", limits=(1, 9), default=1),),
-        why_no_brdf="an ambient color is of a white Lambertian surface",
-    )
-}
-''',
     "prefilter": '''
 """How the mean is made."""
 import numpy as np
@@ -145,6 +134,14 @@ def report(result):
     return ["ambient color", "mean           " + " ".join(f"{x:.3f}" for x in result["mean"])]
 ''',
 }
+
+AMBIENT_DESCRIPTION = """
+DESCRIPTIONS["ambient"] = Representation(
+    "ambient", "ambient color", frozenset(),
+    (Option("gain", "ambient: brighter by so much.", "integer", limits=(1, 9), default=1),),
+    why_no_brdf="an ambient color is of a white Lambertian surface",
+)
+"""
 
 CONTAINER = '''
 """Parts as the arrays of a .npz, written only."""
@@ -227,12 +224,14 @@ def test_an_explicit_map_is_a_file_and_a_row(copy):
 
 @pytest.mark.proof
 @pytest.mark.slow
-def test_a_map_for_engines_is_a_folder_and_a_row(copy):
+def test_a_map_for_engines_is_a_folder_a_row_and_a_description(copy):
     for name, text in AMBIENT.items():
         path = copy / "shrm_cli" / "maps" / "ambient" / f"{name}.py"
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
     add_row(copy, '    "she":', '    "ambient": "ambient.ambient",\n')
+    with open(copy / "shrm_cli" / "maps" / "registry.py", "a") as stream:
+        stream.write(AMBIENT_DESCRIPTION)
     assert "irradiance, splitsum, ambient and she" in " ".join(
         run(copy, "prefilter", "--help").split()
     )
