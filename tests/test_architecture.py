@@ -333,13 +333,11 @@ def test_every_representation_has_its_modules(representation):
     kind, described = registry.map_class(representation), registry.description(representation)
     assert issubclass(kind, Map)
     assert kind.representation == described.name == representation
-    prefilter, file, report = (
-        registry.module(representation, each) for each in ("prefilter", "file", "report")
-    )
+    prefilter, file = (registry.module(representation, each) for each in ("prefilter", "file"))
     assert described.title
     assert inspect.signature(file.encode).parameters
     assert list(inspect.signature(file.decode).parameters) == ["file"]
-    assert list(inspect.signature(report.report).parameters) == ["result"]
+    assert list(inspect.signature(prefilter.report).parameters) == ["result"]
     prints = {option.name for option in described.options if option.prints}
     folder = prefilter.__name__.rpartition(".")[0]
     assert (find_spec(f"{folder}.shader") is not None) == bool(prints)

@@ -115,6 +115,8 @@ def prefilter(probe, request):
     mean = request.own["gain"] * project(probe, 0).coefficients / np.sqrt(4 * np.pi)
     made = Ambient(mean, provenance(probe, Lambertian(), Orders(0, 0, 0.0, 1.0)))
     return Prefiltered(made, {"mean": mean[0].tolist()})
+def report(result):
+    return ["ambient color", "mean           " + " ".join(f"{x:.3f}" for x in result["mean"])]
 ''',
     "file": '''
 """One pixel."""
@@ -127,11 +129,6 @@ def encode(ambient):
 def decode(file):
     attributes = read_attributes(file.first)
     return Ambient(file.first.read("RGB")[0].astype(float), map_info(attributes, file.first))
-''',
-    "report": '''
-"""What is printed of it."""
-def report(result):
-    return ["ambient color", "mean           " + " ".join(f"{x:.3f}" for x in result["mean"])]
 ''',
 }
 

@@ -236,7 +236,7 @@ def _default_name(probe: str, brdf: str | None, to: str) -> str:
 
 def _report(made: Prefiltered, result: dict[str, Any]) -> list[str]:
     """Return lines about the map, which its representation words, and how it was made."""
-    what, *lines = registry.module(made.map.representation, "report").report(result)
+    what, *lines = registry.module(made.map.representation, "prefilter").report(result)
     stored = [result["precision"], f"{result['bytes']:,} bytes"]
     if result["storage_error"] >= 5e-4:
         lines.append(f"and            {result['storage_error']:.2%} from half precision")

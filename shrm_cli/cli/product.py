@@ -79,7 +79,7 @@ def product(
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.maps.file import store
     from shrm_cli.maps.product.make import product_with_facts
-    from shrm_cli.maps.product.report import report
+    from shrm_cli.maps.product.prefilter import report
     from shrm_cli.maps.product.steps import ENOUGH
 
     brdf = parse_spec(spec)

@@ -3,18 +3,16 @@
 Each representation has a folder beside this module; the three explicit maps share one. A folder
 has these modules:
 
-``options``
-    The options of `shrm prefilter` that the representation obeys; this module loads no numpy.
 ``prefilter``
-    How the map is made: ``prefilter(probe, request) -> Prefiltered``.
+    How the map is made: ``prefilter(probe, request) -> Prefiltered``; and ``report``, what
+    `shrm prefilter` prints about it.
 ``file``
     The layout of the map in a file: ``encode(map) -> list of Part``, ``decode(file) -> map``.
-``report``
-    What `shrm prefilter` prints about the map; this module loads no numpy.
 ``shader``
     Its look-up as code, where it has the option ``shader``: ``source(map, textures) -> Source``.
 
-The registry (`shrm_cli.maps.registry`) finds these modules, and loads each only when it is needed.
+The registry (`shrm_cli.maps.registry`) describes what each takes, finds these modules, and loads
+each only when it is needed.
 """
 
 from __future__ import annotations

@@ -93,3 +93,39 @@ def with_wrong_share(
         f"{error:.1%} (RMS); `to` auto, without `eps` or orders, {chosen}"
     )
     return [*(line for line in lines if not line.startswith(_WRONG)), said]
+
+
+def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
+    """Return lines about the orders, the energy and the errors of a map made for a BRDF.
+
+    Parameters
+    ----------
+    result : dict
+        The object that `shrm prefilter --json` prints.
+    added_by : str
+        What causes the added error of the map, in words.
+    """
+    captured, bound = result["brdf_energy_captured"], result["error_bound"]
+    energy = f"{captured:.2%} captured, {1 - result['epsilon']:.2%} asked"
+    if "+" in result["center"]:
+        energy = f"{captured:.2%} captured by the terms, whose error together is that of one map"
+    if result["domain"] == "angular":
+        energy = f"{captured:.2%} in the truncated lobe"
+    at_most = "" if bound is None else f", {bound:.2%} at most"
+    carried = result["order_carried"]
+    further = f"; carried to {carried}" if carried > result["order_f"] else ""
+    lines = [
+        f"orders         F = {result['order_f']}, P = {result['order_p']}{further}",
+        f"BRDF energy    {energy}",
+        f"RMS error      {result['predicted_error']:.2%} of the reflected light predicted{at_most}",
+    ]
+    if result["added_error"] >= 5e-5:
+        lines.append(f"and            {result['added_error']:.2%} from {added_by}")
+    if result["filter_error"]:
+        lines.append(
+            f"and            {result['filter_error']:.2%} from bilinear look-ups, as on a GPU"
+        )
+    share = result["predicted_wrong_share"]
+    if share is not None:
+        lines.append(f"pixels         {share:.1%} predicted to be wrong by more than 5%")
+    return lines

@@ -1,14 +1,14 @@
 """How explicit maps are made: from an SHRM, or by one integral for each texel and view."""
 
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.explicit.explicit import ExplicitMap
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.prefiltered import Prefiltered, error_lines
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import Form
 from shrm_cli.maps.shrm.prefilter import centered, expand, order_warnings
@@ -94,3 +94,16 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
 
     facts, further = {"error_bound": expansion.bound}, {"predicted_wrong_share": share}
     return Prefiltered(made, facts, warnings=warnings, further=further)
+
+
+_AZIMUTH = "leaving out the azimuth, and interpolation between slices"
+"""What causes the added error of a local map."""
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return the lines for people about an explicit map, from what ``--json`` prints."""
+    size, maps, kind = result["size"], result["maps"], result["representation"]
+    what = f"{result['frame']} {kind} map, {maps} cubes of 6 x {size} x {size} texels"
+    # A local map has slices, which depend on the view by its angle only.
+    added_by = _AZIMUTH if result["frame"] == "local" else "interpolation between views"
+    return [what, *error_lines(result, added_by)]

@@ -351,3 +351,15 @@ def _evaluate(problem: Problem, x: Array) -> tuple[Array, float]:
     exponent = problem.rows @ x - problem.variances @ x**2
     value = np.exp(np.clip(exponent, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
     return value, float(problem.weights @ (value - problem.target) ** 2)
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return the lines for people about an SH exponential, from what ``--json`` prints."""
+    p, q = result["p_order"], result["q_order"]
+    (first, last), (low, high) = result["roughness"], result["ggx_alpha"]
+    return [
+        f"SH exponential, {(p + 1) ** 2} + {(q + 1) ** 2 - 1} coefficients a channel",
+        f"orders         P = {p}, Q = {q}, attenuated by the law {result['law']!r}",
+        f"roughness      {first:.4g} .. {last:.4g} (GGX's alpha {low:.4g} .. {high:.4g})",
+        f"RMS error      {result['fit_residual']:.2%} of the reflected light left by the fit",
+    ]

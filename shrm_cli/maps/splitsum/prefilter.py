@@ -15,6 +15,7 @@ from shrm_cli.brdf.environment.lobe import MaterialLobe, NormalLobe, check_varie
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance, record_of
 from shrm_cli.maps.request import Request
@@ -413,3 +414,26 @@ def _source_rows(rows: int, alpha: float) -> int:
     else:
         height = min(rows, max(2 * least, _MOST_ROWS))
     return height * (1 + height % 2)
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return the lines for people about a split sum, from what ``--json`` prints."""
+    levels = result["levels"]
+    heading = f"{'roughness':<10} {'texels':>15} {'F':>4}  {'made by':<12} RMS error predicted"
+    of = result["brdf"]["name"]
+    of = "" if of == "ggx-lobe" else f" of {of}"
+    what = f"split sum{of}, {counted(len(levels), 'level')} by the mapping {result['mapping']}"
+    lines = [what, heading]
+    for level in levels:
+        texels = f"6 x {level['size']} x {level['size']}"
+        order, error = str(level["order_f"]), f"{level['predicted_error']:.2%}"
+        if level["domain"] != "frequency":  # the order of such a level only chose its size
+            order = "-"
+        if level["domain"] == "probe":
+            error = "-"
+        made_by = {"frequency": "coefficients", "angular": "integration"}
+        lines.append(
+            f"{level['roughness']:<10.4g} {texels:>15} {order:>4}  "
+            f"{made_by.get(level['domain'], 'resampling'):<12} {error}"
+        )
+    return lines
