@@ -18,7 +18,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import BrdfCoefficients, energy_above
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
-from shrm_cli.sphere.clebsch_gordan import zonal_coupling
+from shrm_cli.sphere.wigner import zonal_coupling
 from shrm_cli.vocabulary import Sampling
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from shrm_cli.arrays import Array, Indices
 from shrm_cli.memo import Memo, kept_order
 from shrm_cli.parallel import in_order
 from shrm_cli.records import record
-from shrm_cli.sphere.clebsch_gordan import clebsch_gordan, zonal_coupling
 from shrm_cli.sphere.harmonics import complex_from_real
+from shrm_cli.sphere.wigner import clebsch_gordan, zonal_coupling
 
 _known_tables = Memo(2**25)
 """What couples light and view. All p to P = 2 take 0.3 MB together for F = 40, and all to P = 8
