@@ -55,8 +55,8 @@ class Arrangement:
         A lat-long gets a height of 2N, which keeps the resolution at the equator.
         """
         from shrm_cli.probe.layout import arrange_faces
+        from shrm_cli.sphere.cube import CubeSampler
         from shrm_cli.sphere.grid.latlong import latlong_directions
-        from shrm_cli.sphere.sampling import CubeSampler
 
         if self.layout == "latlong":
             height = 2 * stack.shape[1]

@@ -333,8 +333,7 @@ class Map(Displayed, ABC):
     def _moved(self, size: int, sampling: Sampling) -> Map:
         """Return the map on other cubes, each filtered from the old cube in its place."""
         from shrm_cli.maps.look_up import look_up_error
-        from shrm_cli.sphere.cube import cube_directions
-        from shrm_cli.sphere.sampling import CubeSampler
+        from shrm_cli.sphere.cube import CubeSampler, cube_directions
 
         directions = cube_directions(size, sampling)
         before = self.planes()
@@ -488,8 +487,7 @@ def _is_exact(values: Array) -> bool:
 
 def _lost(before: Array, after: Array, old: Sampling, new: Sampling) -> float:
     """Return the relative RMS difference of two cubes of any sizes at the texels of the first."""
-    from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
-    from shrm_cli.sphere.sampling import CubeSampler
+    from shrm_cli.sphere.cube import CubeSampler, cube_directions, cube_solid_angles
 
     size = before.shape[1]
     weights = np.tile(cube_solid_angles(size, old), (6, 1))[..., None]

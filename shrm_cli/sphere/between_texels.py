@@ -8,10 +8,9 @@ place among them, and the prediction is up to a fifth off. A small cube is soon 
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.sphere.cube import cube_solid_angles, face_axes
+from shrm_cli.sphere.cube import cube_solid_angles, face_axes, nearest_texels
 from shrm_cli.sphere.interpolation import linear_matrix
 from shrm_cli.sphere.quadrature import nodes
-from shrm_cli.sphere.sampling import nearest_texels
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 

@@ -22,11 +22,10 @@ from shrm_cli.maps.base import Map, refuse_arguments
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.records import record
-from shrm_cli.sphere.cube import cube_solid_angles
+from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels
 from shrm_cli.sphere.directions import bisector, central_directions
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
-from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
 _MOST_VALUES = 2**28

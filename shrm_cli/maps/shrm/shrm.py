@@ -23,10 +23,9 @@ from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
 from shrm_cli.progress import foretell
 from shrm_cli.records import record
-from shrm_cli.sphere.cube import cube_solid_angles, texel_directions
+from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels, texel_directions
 from shrm_cli.sphere.directions import bisector, central_directions, local_frame, to_angles
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, order_of, real_harmonics
-from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Center, Frame, Sampling
 

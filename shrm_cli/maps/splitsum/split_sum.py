@@ -25,8 +25,8 @@ from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
 from shrm_cli.maps.provenance import record_of, spec_of
 from shrm_cli.maps.splitsum.roughness import blend
 from shrm_cli.records import record
+from shrm_cli.sphere.cube import CubeSampler
 from shrm_cli.sphere.directions import central_directions
-from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, Center, LevelMapping, Sampling
 
 

@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.layouts import FACES
-from shrm_cli.sphere.cube import face_axes, right_angles, turned_face
+from shrm_cli.sphere.cube import face_axes, right_angles, texel_index, texel_scale, turned_face
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, WholeImageAnalysis
 from shrm_cli.sphere.harmonics import index, legendre_degrees
 from shrm_cli.sphere.quadrature import nodes
-from shrm_cli.sphere.sampling import texel_index, texel_scale
 from shrm_cli.vocabulary import Sampling
 
 _FRONT = FACES.index("+Z")

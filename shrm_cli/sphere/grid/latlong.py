@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.memo import Memo
+from shrm_cli.sphere.cube import catmull_rom, texel_index
 from shrm_cli.sphere.double_fourier import harmonics_from_moments
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler
 from shrm_cli.sphere.quadrature import cell_edges, colatitude_weights, longitude_weights, nodes
 from shrm_cli.sphere.rotation import transform_coefficients
-from shrm_cli.sphere.sampling import catmull_rom, texel_index
 from shrm_cli.vocabulary import Sampling
 
 AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
