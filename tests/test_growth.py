@@ -108,7 +108,7 @@ import numpy as np
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.maps.ambient.ambient import Ambient
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.info import provenance
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
 def prefilter(probe, request):

@@ -142,7 +142,7 @@ def _walk(spec: str, paths: int) -> None:
     """Print how far a coated BRDF is from a random walk."""
     from shrm_cli.brdf.layered.parts.walk import VIEWS, compared
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.maps.provenance import record_of
+    from shrm_cli.maps.info import record_of
 
     chosen = parse_spec(spec)
     found = compared(chosen, paths)

@@ -18,12 +18,11 @@ from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import says_map
 from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
-from shrm_cli.probe.blocks import Block, BlockReader
 from shrm_cli.probe.image import ArrayImage, ConvertedImage, ProbeImage, digest
 from shrm_cli.probe.image_file import ImageFile, check_file
 from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
 from shrm_cli.probe.options import ColorReading, ReadKeywords, ReadOptions, with_keywords
-from shrm_cli.probe.pixels import PixelPolicy, PixelReport
+from shrm_cli.probe.pixels import Block, BlockReader, PixelPolicy, PixelReport
 from shrm_cli.records import Displayed, record
 from shrm_cli.sphere.grid.base import Grid, Sampler
 from shrm_cli.vocabulary import Orientation, Sampling

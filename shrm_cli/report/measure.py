@@ -15,7 +15,7 @@ from shrm_cli.errors import ArgumentError, MapError, ShrmError
 from shrm_cli.files.scratch import scratch_folder
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map, store
-from shrm_cli.maps.provenance import common_brdf, record_of, same_brdf, spec_of
+from shrm_cli.maps.info import common_brdf, record_of, same_brdf, spec_of
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe

@@ -17,7 +17,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.geometry.tangents import brushed_tangents
-from shrm_cli.maps.provenance import spec_of
+from shrm_cli.maps.info import spec_of
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint

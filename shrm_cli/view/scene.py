@@ -14,8 +14,8 @@ from shrm_cli.color import REC709, mix_channels, title_of, to_rec709
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.info import common_brdf, record_of, spec_of
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.provenance import common_brdf, record_of, spec_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress

@@ -12,8 +12,8 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.maps.explicit.prefilter import explicit_form, explicit_kind, view_count
 from shrm_cli.maps.explicit.tabulate import tabulate
+from shrm_cli.maps.info import provenance
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import (
     Choice,

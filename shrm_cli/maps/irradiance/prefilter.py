@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from shrm_cli.brdf.models.lambertian import Lambertian
+from shrm_cli.maps.info import provenance
 from shrm_cli.maps.irradiance.irradiance import (
     Irradiance,
     irradiance_energies,
@@ -19,7 +20,6 @@ from shrm_cli.maps.irradiance.irradiance import (
 from shrm_cli.maps.irradiance.window import make_window, parse_window
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import Orders

@@ -10,7 +10,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.coupling import bundle_coefficients
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.joint import brightness
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.brushed import BrushedLobe
@@ -29,7 +29,6 @@ from shrm_cli.maps.principal.terms import (
     term_of,
     terms_of,
 )
-from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import total_error

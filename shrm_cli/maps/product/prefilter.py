@@ -10,7 +10,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import ProductFunctions
 from shrm_cli.errors import BrdfError, MapError
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, provenance, record_of
 from shrm_cli.maps.irradiance.window import parse_window
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.product.product import ProductTexture
@@ -18,7 +18,6 @@ from shrm_cli.maps.product.steps import ENOUGH, MOST_STEPS, chosen_values
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.product.window import product_window
-from shrm_cli.maps.provenance import provenance, record_of
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders

@@ -421,7 +421,7 @@ def from_expansion(
     dtype : type
         As `Shrm.from_coefficients` takes it.
     """
-    from shrm_cli.maps.provenance import provenance  # whoever reads maps needs none
+    from shrm_cli.maps.info import provenance  # whoever reads maps needs none
 
     orders, brdf = expansion.orders, expansion.brdf
     foretell(making_seconds(expansion.carried, orders.order_p, expansion.size))

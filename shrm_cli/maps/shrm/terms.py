@@ -10,9 +10,9 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.sums import split
 from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.maps.expansion import Expansion, carry
+from shrm_cli.maps.info import provenance
 from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import (
     Choice,

@@ -14,10 +14,9 @@ from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.environment.lobe import MaterialLobe, NormalLobe, check_varies
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ArgumentError, BrdfError
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, provenance, record_of
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance, record_of
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.core import split_lobe
