@@ -14,8 +14,7 @@ from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.map import LampMap
-from shrm_cli.maps.negative import negative_warnings
-from shrm_cli.maps.prefiltered import REMEDY, Prefiltered
+from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, negative_warnings
 from shrm_cli.plan import policy
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.lighting import Lighting, project

@@ -13,9 +13,8 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.maps.band import Band
 from shrm_cli.maps.look_up import shrm_look_up_error
-from shrm_cli.maps.size import furthest_order, largest_f, supported_order
+from shrm_cli.maps.size import Band, furthest_order, largest_f, supported_order
 from shrm_cli.orders import Orders, extended
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.records import record

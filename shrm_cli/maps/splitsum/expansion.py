@@ -10,7 +10,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.maps.band import Band
+from shrm_cli.maps.size import Band
 from shrm_cli.orders import first_enough
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
