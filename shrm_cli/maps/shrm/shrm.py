@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
+from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo, check_names
-from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
 from shrm_cli.progress import foretell
