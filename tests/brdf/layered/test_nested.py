@@ -4,11 +4,11 @@ import json
 
 import pytest
 
+from shrm_cli.brdf.base import MOST_NESTED, masked
 from shrm_cli.brdf.cache import _key
 from shrm_cli.brdf.measured.reading.table_file import write_table
 from shrm_cli.brdf.measured.table import sample_table
 from shrm_cli.brdf.models.lambertian import Lambertian
-from shrm_cli.brdf.nested import MOST, masked
 from shrm_cli.brdf.spec import named_files, parse_spec
 from shrm_cli.brdf.sums import is_sum, split
 from shrm_cli.cli.types import Spec
@@ -69,7 +69,10 @@ def test_colors_of_metals_are_in_the_primaries_of_the_probe():
         ("coated:base=(ggx),base=(ggx)", "base is given twice"),
         ("coated:ior=0.5", "outside 1 .. 3"),
         ("coated:bass=(ggx)", "unknown parameter 'bass'"),
-        ("coated:base=(" * (MOST + 1) + "ggx" + ")" * (MOST + 1), "more than 8 BRDFs within one"),
+        (
+            "coated:base=(" * (MOST_NESTED + 1) + "ggx" + ")" * (MOST_NESTED + 1),
+            "more than 8 BRDFs within one",
+        ),
         ("coated:base=(" * 5000 + "ggx" + ")" * 5000, "more than 8 BRDFs within one"),
     ],
 )
