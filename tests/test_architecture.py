@@ -25,7 +25,6 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 STOPS = [
     {"errors", "records"},
     {
-        "addresses",
         "arrays",
         "extras",
         "messages",
@@ -97,7 +96,7 @@ LIGHT = {
     "__init__.py", "errors.py", "extras.py", "files/whole.py", "layouts.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
-    "addresses.py", "bytecode.py", "messages.py", "records.py",
+    "bytecode.py", "messages.py", "records.py",
 }  # fmt: skip
 """Modules that `shrm --help` may load, besides those of cli/."""
 UNTRUSTED_LOADERS = {"pickle", "marshal", "shelve", "dill", "joblib"}

@@ -302,7 +302,7 @@ def _run(
     contact_page: str | None,
 ) -> None:
     """Do all jobs, and tell what became of them; exit with 1 if one failed."""
-    from shrm_cli import addresses
+    from shrm_cli import messages
     from shrm_cli.batch.log import Totals, opened_log
     from shrm_cli.batch.run import run
 
@@ -332,7 +332,7 @@ def _run(
     if collect is not None and terms.gathering is not None and not terms.only_looks:
         _write_gathered(collect, terms.gathering, chunks, results)
         if not (is_quiet() or wants_json()):
-            echo(f"{addresses.shown(collect)}: {terms.gathering.what} of {len(results):,} probes")
+            echo(f"{messages.shown(collect)}: {terms.gathering.what} of {len(results):,} probes")
     predictions = _predictions(chunks) if terms.only_looks else []
     if contact_page is not None:
         _show(chunks, totals, contact_page)

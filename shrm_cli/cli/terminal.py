@@ -19,7 +19,7 @@ from typing import Any
 
 import click
 
-from shrm_cli.addresses import shown
+from shrm_cli.messages import shown
 
 _MOST_WORD = 400
 """The most characters of a word in an error or a warning; paths and arguments are such words."""

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shrm_cli.addresses import is_url
 from shrm_cli.arrays import Array
 from shrm_cli.color import are_unset
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import excess
 from shrm_cli.files.openimageio import caught, last_noise, oiio, quiet
 from shrm_cli.files.whole import fault_of_name, note
+from shrm_cli.messages import is_url
 from shrm_cli.probe.encoding import Encoding, RadianceHeader, encoding_of
 from shrm_cli.probe.layers import Layer, choose_layer
 from shrm_cli.records import record

@@ -6,8 +6,8 @@ Nor does any of it let anybody in: a page is sent to others, with the command th
 import html
 from collections.abc import Iterable, Sequence
 
-from shrm_cli.addresses import shown
 from shrm_cli.files.html_page import asset, html_page
+from shrm_cli.messages import shown
 
 _VOID = {"img"}
 
