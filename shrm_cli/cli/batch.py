@@ -31,7 +31,6 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_message
-from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.usage import (
     Applies,
     flags,
@@ -42,6 +41,7 @@ from shrm_cli.cli.usage import (
     wrong_usage,
 )
 from shrm_cli.maps.options import counted
+from shrm_cli.settings import limit_libraries
 from shrm_cli.vocabulary import AUTO, ENGINES, EXPORT, MAX_COLLECTED_ORDER, REPRESENTATIONS
 
 if TYPE_CHECKING:
