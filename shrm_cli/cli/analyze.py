@@ -18,9 +18,8 @@ from shrm_cli.cli.options import (
     probe_options,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.types import DIRECTION, FRACTION, STOPS, Spec
-from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
+from shrm_cli.cli.usage import Applies, check_outputs, exclude, given_options, refuse_inapplicable
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT

@@ -28,11 +28,12 @@ from shrm_cli.cli.options import (
     tell,
     words_of_call,
 )
-from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_message
 from shrm_cli.cli.usage import (
+    PAGES,
     Applies,
+    check_outputs,
     flags,
     given_options,
     is_quiet,

@@ -10,9 +10,8 @@ import click
 
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, report_options, tell, warn
-from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.types import FRACTION, Spec
-from shrm_cli.cli.usage import exclude
+from shrm_cli.cli.usage import check_outputs, exclude
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:

@@ -15,10 +15,9 @@ from shrm_cli.cli.options import (
     probe_options,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import columns
 from shrm_cli.cli.types import BYTES, FRACTION
-from shrm_cli.cli.usage import flags
+from shrm_cli.cli.usage import check_outputs, flags
 from shrm_cli.extras import install
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import bytes_text

@@ -19,7 +19,6 @@ from shrm_cli.cli.options import (
     truth_options,
     views_option,
 )
-from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.shading import (
     brushed_options,
     f0_option,
@@ -31,8 +30,10 @@ from shrm_cli.cli.terminal import columns
 from shrm_cli.cli.types import BYTES, FRACTION, Spec, interval, within
 from shrm_cli.cli.usage import (
     Applies,
+    check_outputs,
     exclude,
     is_quiet,
+    picture_attributes,
     refuse_inapplicable,
     wants_json,
     wrong_usage,

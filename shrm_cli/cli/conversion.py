@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.usage import renamed, wrong_usage
+from shrm_cli.cli.usage import check_outputs, renamed, wrong_usage
 from shrm_cli.errors import MapError
 from shrm_cli.layouts import CUBES, default_orientation
 from shrm_cli.maps.options import counted

@@ -20,9 +20,14 @@ from shrm_cli.cli.options import (
     shared_options,
     view_option,
 )
-from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.types import STOPS
-from shrm_cli.cli.usage import Applies, flags, refuse_inapplicable
+from shrm_cli.cli.usage import (
+    Applies,
+    check_outputs,
+    flags,
+    picture_attributes,
+    refuse_inapplicable,
+)
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions

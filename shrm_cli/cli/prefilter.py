@@ -19,13 +19,15 @@ from shrm_cli.cli.options import (
     read_options,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs, force_option, keep_other_map
 from shrm_cli.cli.terminal import echo, has_terminal
 from shrm_cli.cli.types import BOX, VECTOR
 from shrm_cli.cli.usage import (
     Applies,
+    check_outputs,
+    force_option,
     given_options,
     is_quiet,
+    keep_other_map,
     refuse_inapplicable,
     renamed,
     wants_json,

@@ -10,9 +10,16 @@ import click
 
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, precision_option, report_options
-from shrm_cli.cli.outputs import check_outputs, force_option, keep_edited, readable_map
 from shrm_cli.cli.types import Spec
-from shrm_cli.cli.usage import Applies, refuse_inapplicable, wrong_usage
+from shrm_cli.cli.usage import (
+    Applies,
+    check_outputs,
+    force_option,
+    keep_edited,
+    readable_map,
+    refuse_inapplicable,
+    wrong_usage,
+)
 from shrm_cli.naming import brdf_label
 from shrm_cli.vocabulary import (
     CONTAINERS,

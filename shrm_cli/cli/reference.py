@@ -19,12 +19,7 @@ from shrm_cli.cli.options import (
     report_options,
     view_option,
 )
-from shrm_cli.cli.outputs import (
-    check_outputs,
-    force_option,
-    keep_other_picture,
-    picture_attributes,
-)
+from shrm_cli.cli.usage import check_outputs, force_option, keep_other_picture, picture_attributes
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT
 

@@ -31,7 +31,6 @@ from shrm_cli.cli.options import (
     report_options,
     view_option,
 )
-from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
 from shrm_cli.cli.shading import (
     brushed_options,
     refuse_surface,
@@ -49,7 +48,13 @@ from shrm_cli.cli.stage import (
     refuse_mesh_options,
 )
 from shrm_cli.cli.types import VECTOR, picture_size, within
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.cli.usage import (
+    Applies,
+    check_outputs,
+    map_stem,
+    picture_attributes,
+    refuse_inapplicable,
+)
 from shrm_cli.vocabulary import DEFAULT_FPS
 
 if TYPE_CHECKING:

@@ -22,10 +22,9 @@ from shrm_cli.cli.options import (
     views_option,
     words_of_call,
 )
-from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.types import BYTES, STOPS
-from shrm_cli.cli.usage import flags
+from shrm_cli.cli.usage import PAGES, check_outputs, flags
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPRESENTATIONS
 

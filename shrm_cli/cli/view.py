@@ -17,11 +17,10 @@ from shrm_cli.cli.options import (
     truth_options,
     warn,
 )
-from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.shading import brushed_options, brushed_rules, needs_surface, surface_options
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
-from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
+from shrm_cli.cli.usage import PAGES, Applies, check_outputs, exclude, is_quiet, refuse_inapplicable
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
