@@ -15,7 +15,7 @@ from shrm_cli.brdf.polar_rule import (
     transfer_samples,
 )
 from shrm_cli.errors import BrdfError
-from shrm_cli.parallel import at_once
+from shrm_cli.progress import at_once
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.harmonics import legendre_table

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.brdf import order_text, order_values
 from shrm_cli.cli.options import (
     brdf_option,
@@ -18,6 +17,7 @@ from shrm_cli.cli.options import (
     probe_options,
     report_options,
 )
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import DIRECTION, FRACTION, STOPS, Spec
 from shrm_cli.cli.usage import Applies, check_outputs, exclude, given_options, refuse_inapplicable
 from shrm_cli.extras import install

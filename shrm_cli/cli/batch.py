@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli import settings
-from shrm_cli.cli.bar import progress_bar, ticking
 from shrm_cli.cli.contact import write_contacts
 from shrm_cli.cli.export import texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
@@ -29,7 +28,7 @@ from shrm_cli.cli.options import (
     words_of_call,
 )
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
-from shrm_cli.cli.terminal import echo, echo_message
+from shrm_cli.cli.terminal import echo, echo_message, progress_bar, ticking
 from shrm_cli.cli.usage import (
     PAGES,
     Applies,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, report_options, tell, warn
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import FRACTION, Spec
 from shrm_cli.cli.usage import check_outputs, exclude
 from shrm_cli.maps.options import bytes_text

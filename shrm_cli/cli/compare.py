@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     READING_NAMES,
     conclude,
@@ -26,7 +25,7 @@ from shrm_cli.cli.shading import (
     refuse_window,
     window_option,
 )
-from shrm_cli.cli.terminal import columns
+from shrm_cli.cli.terminal import columns, progress_bar
 from shrm_cli.cli.types import BYTES, FRACTION, Spec, interval, within
 from shrm_cli.cli.usage import (
     Applies,

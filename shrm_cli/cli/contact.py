@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, report_options
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.usage import PAGES, check_outputs, flags
 
 if TYPE_CHECKING:

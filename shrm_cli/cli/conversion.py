@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.usage import check_outputs, renamed, wrong_usage
 from shrm_cli.errors import MapError
 from shrm_cli.layouts import CUBES, default_orientation

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
@@ -17,6 +16,7 @@ from shrm_cli.cli.options import (
     report_options,
     several,
 )
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.usage import (
     check_outputs,
     flags,

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.moving import fps_option, frame_targets, max_memory_option
 from shrm_cli.cli.options import (
     conclude,
@@ -20,6 +19,7 @@ from shrm_cli.cli.options import (
     shared_options,
     view_option,
 )
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import STOPS
 from shrm_cli.cli.usage import (
     Applies,

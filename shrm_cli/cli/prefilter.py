@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     READING_NAMES,
     command_with_headings,
@@ -19,7 +18,7 @@ from shrm_cli.cli.options import (
     read_options,
     report_options,
 )
-from shrm_cli.cli.terminal import echo, has_terminal
+from shrm_cli.cli.terminal import echo, has_terminal, progress_bar
 from shrm_cli.cli.types import BOX, VECTOR
 from shrm_cli.cli.usage import (
     Applies,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, precision_option, report_options
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import Spec
 from shrm_cli.cli.usage import (
     Applies,

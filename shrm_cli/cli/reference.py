@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     brdf_option,
     conclude,
@@ -19,6 +18,7 @@ from shrm_cli.cli.options import (
     report_options,
     view_option,
 )
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.usage import check_outputs, force_option, keep_other_picture, picture_attributes
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.moving import (
     LIGHT_MOVES,
     fps_option,
@@ -47,6 +46,7 @@ from shrm_cli.cli.stage import (
     open_stage,
     refuse_mesh_options,
 )
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import VECTOR, picture_size, within
 from shrm_cli.cli.usage import (
     Applies,

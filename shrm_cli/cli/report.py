@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     READING_NAMES,
     brdfs_option,
@@ -23,6 +22,7 @@ from shrm_cli.cli.options import (
     words_of_call,
 )
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import BYTES, STOPS
 from shrm_cli.cli.usage import PAGES, check_outputs, flags
 from shrm_cli.maps.options import bytes_text

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
@@ -18,7 +17,7 @@ from shrm_cli.cli.options import (
     warn,
 )
 from shrm_cli.cli.shading import brushed_options, brushed_rules, needs_surface, surface_options
-from shrm_cli.cli.terminal import echo
+from shrm_cli.cli.terminal import echo, progress_bar
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import PAGES, Applies, check_outputs, exclude, is_quiet, refuse_inapplicable
 from shrm_cli.maps.options import bytes_text

@@ -16,7 +16,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.memo import Memo, kept_order
-from shrm_cli.parallel import at_once
+from shrm_cli.progress import at_once
 from shrm_cli.sphere.harmonics import legendre_columns, order_of
 
 _known_places = Memo(2**20)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.layouts import FACES
 from shrm_cli.memo import Memo
-from shrm_cli.parallel import at_once, in_order
+from shrm_cli.progress import at_once, in_order
 from shrm_cli.sphere import octants
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
 from shrm_cli.sphere.harmonics import degrees, order_of
