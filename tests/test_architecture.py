@@ -34,7 +34,7 @@ STOPS = [
         "memo",
         "bytecode",
     },
-    {"layouts", "progress", "plugins", "color"},
+    {"progress", "plugins", "color"},
     {"sphere"},
     {"files"},
     {"geometry"},
@@ -92,7 +92,7 @@ EXTRAS = {
 ASKED_FOR = {"torch"}
 """Stops that import an extra as they are imported, which nothing else of the package does."""
 LIGHT = {
-    "__init__.py", "errors.py", "extras.py", "files/whole.py", "layouts.py",
+    "__init__.py", "errors.py", "extras.py", "files/whole.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
     "bytecode.py", "messages.py", "records.py",

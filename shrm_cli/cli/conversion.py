@@ -16,12 +16,11 @@ import click
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.usage import check_outputs, renamed, wrong_usage
 from shrm_cli.errors import MapError
-from shrm_cli.layouts import CUBES, default_orientation
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
 from shrm_cli.progress import using
 from shrm_cli.records import record
-from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS
+from shrm_cli.vocabulary import CONTAINERS, CUBES, REPRESENTATIONS, default_orientation
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map

@@ -35,11 +35,12 @@ from shrm_cli.cli.usage import (
     wants_json,
 )
 from shrm_cli.files.whole import keeping
-from shrm_cli.layouts import IMAGE_LAYOUTS, LAYOUTS
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions
 from shrm_cli.vocabulary import (
     FRAMES,
+    IMAGE_LAYOUTS,
+    LAYOUTS,
     MAX_ORDER_P,
     ORIENTATIONS,
     REPRESENTATIONS,

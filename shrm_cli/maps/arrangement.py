@@ -11,10 +11,9 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredPart
-from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, Layout
 from shrm_cli.maps.attributes import COLORS, map_info, read_attributes
 from shrm_cli.records import record
-from shrm_cli.vocabulary import MAX_CUBE_SIZE, Orientation, Sampling
+from shrm_cli.vocabulary import CUBES, IMAGE_LAYOUTS, MAX_CUBE_SIZE, Layout, Orientation, Sampling
 
 
 @record

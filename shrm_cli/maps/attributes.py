@@ -14,13 +14,13 @@ from shrm_cli import __release__
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredPart, sound_primaries
-from shrm_cli.layouts import LAYOUTS
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sources import fingerprint
 from shrm_cli.vocabulary import (
     CENTERS,
     DOMAINS,
     FRAMES,
+    LAYOUTS,
     MAX_ORDER_F,
     MAX_ORDER_P,
     ORIENTATIONS,

@@ -4,9 +4,16 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
-from shrm_cli.layouts import CUBES, FACES, IMAGE_LAYOUTS, Layout, grid_name
 from shrm_cli.sphere.grid.base import Grid, grid_class
-from shrm_cli.vocabulary import Orientation, Sampling
+from shrm_cli.vocabulary import (
+    CUBES,
+    FACES,
+    IMAGE_LAYOUTS,
+    Layout,
+    Orientation,
+    Sampling,
+    grid_name,
+)
 
 
 def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:

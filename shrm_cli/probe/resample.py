@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import ProbeError
-from shrm_cli.layouts import CUBES, Layout, default_orientation, grid_name
 from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.layout import arrange_faces
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.grid.base import Grid, grid_class
-from shrm_cli.vocabulary import Orientation, Sampling
+from shrm_cli.vocabulary import CUBES, Layout, Orientation, Sampling, default_orientation, grid_name
 
 LEAST_ROWS = 2048
 """A probe of no more rows is kept as it is: it takes 100 MB as float32. None becomes coarser."""

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.layouts import FACES
 from shrm_cli.sphere.quadrature import cell_edges, nodes
-from shrm_cli.vocabulary import Orientation, Sampling
+from shrm_cli.vocabulary import FACES, Orientation, Sampling
 
 _ROUNDING = 1e-9
 _ROWS_AT_ONCE = 256

@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.layouts import FACES
 from shrm_cli.memo import Memo, kept_order
 from shrm_cli.sphere.cube import face_axes
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, order_of
 from shrm_cli.sphere.quadrature import nodes
-from shrm_cli.vocabulary import Sampling
+from shrm_cli.vocabulary import FACES, Sampling
 
 MOST_VALUES = 3 * 2**19
 """The most numbers of a table of harmonics, 6 MB in single precision."""

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.layouts import FACES
 from shrm_cli.memo import Memo
 from shrm_cli.progress import at_once, in_order
 from shrm_cli.sphere import octants
@@ -31,7 +30,7 @@ from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_fro
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import rotated_again, transform_coefficients
-from shrm_cli.vocabulary import Sampling
+from shrm_cli.vocabulary import FACES, Sampling
 
 X_POLAR = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Rows: the world axes y, z, x, which are x', y' and the polar z' of the turned series."""

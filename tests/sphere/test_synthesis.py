@@ -2,9 +2,9 @@ import ducc0
 import numpy as np
 import pytest
 
-from shrm_cli.layouts import FACES
 from shrm_cli.sphere import octants, synthesis
 from shrm_cli.sphere.synthesis import CubeIntegral, CubeSeries, synthesize_cube
+from shrm_cli.vocabulary import FACES
 from tests import oracles
 from tests.oracles import tolerance
 

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Indices
-from shrm_cli.layouts import FACES
 from shrm_cli.sphere.cube import face_axes, right_angles, texel_index, texel_scale, turned_face
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, WholeImageAnalysis
 from shrm_cli.sphere.harmonics import index, legendre_degrees
 from shrm_cli.sphere.quadrature import nodes
-from shrm_cli.vocabulary import Sampling
+from shrm_cli.vocabulary import FACES, Sampling
 
 _FRONT = FACES.index("+Z")
 """An angular map has the axes of this face: right is -X and down is -Y."""

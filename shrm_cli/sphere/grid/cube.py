@@ -3,7 +3,6 @@
 import numpy as np
 
 from shrm_cli.arrays import Array, Indices
-from shrm_cli.layouts import FACES
 from shrm_cli.sphere.cube import (
     CubeSampler,
     cube_coordinates,
@@ -15,6 +14,7 @@ from shrm_cli.sphere.cube import (
 )
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, channels_at_once
 from shrm_cli.sphere.synthesis import CubeIntegral
+from shrm_cli.vocabulary import FACES
 
 
 class Cube(Grid):
