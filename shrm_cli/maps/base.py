@@ -332,7 +332,7 @@ class Map(Displayed, ABC):
 
     def _moved(self, size: int, sampling: Sampling) -> Map:
         """Return the map on other cubes, each filtered from the old cube in its place."""
-        from shrm_cli.maps.look_up import look_up_error
+        from shrm_cli.maps.size import look_up_error
         from shrm_cli.sphere.cube import CubeSampler, cube_directions
 
         directions = cube_directions(size, sampling)

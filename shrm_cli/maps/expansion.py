@@ -13,8 +13,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.maps.look_up import shrm_look_up_error
-from shrm_cli.maps.size import Band, furthest_order, largest_f, supported_order
+from shrm_cli.maps.size import Band, furthest_order, largest_f, shrm_look_up_error, supported_order
 from shrm_cli.orders import Orders, extended
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.records import record

@@ -16,7 +16,6 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.expansion import carried_band, view_band
-from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import wrong_light
 from shrm_cli.maps.request import Request
@@ -25,6 +24,7 @@ from shrm_cli.maps.size import (
     choose_size,
     largest_p,
     nothing_fits,
+    shrm_look_up_error,
     sizes_of,
     stored_bytes,
     supported_order,
