@@ -88,7 +88,7 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
 
     def share() -> float | None:
         # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.wrong_share import shown_wrong_share
+        from shrm_cli.maps.expansion import shown_wrong_share
 
         return shown_wrong_share([expansion], made)
 

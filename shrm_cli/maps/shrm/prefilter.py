@@ -222,7 +222,7 @@ def prefilter_shrm(
 
     def share() -> float | None:
         # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.wrong_share import predicted_wrong_share, shown_wrong_share
+        from shrm_cli.maps.expansion import predicted_wrong_share, shown_wrong_share
 
         if kept.info.added_error:  # compression adds errors of its own
             return shown_wrong_share([expansion], kept)
