@@ -53,7 +53,7 @@ class Arrangement:
 
         A lat-long gets a height of 2N, which keeps the resolution at the equator.
         """
-        from shrm_cli.probe.layout import arrange_faces
+        from shrm_cli.probe.image import arrange_faces
         from shrm_cli.sphere.cube import CubeSampler
         from shrm_cli.sphere.grid.latlong import latlong_directions
 
@@ -64,7 +64,7 @@ class Arrangement:
 
     def undo(self, image: Array) -> Array:
         """Return the stacked cube, shape (6N, N, C), from an image in this arrangement."""
-        from shrm_cli.probe.layout import stack_faces
+        from shrm_cli.probe.image import stack_faces
         from shrm_cli.sphere.cube import cube_directions
         from shrm_cli.sphere.grid.latlong import sample_latlong_cubic
 

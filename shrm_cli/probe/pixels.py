@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe.image import ProbeImage
-from shrm_cli.probe.layout import clear_unused, stack_faces
+from shrm_cli.probe.image import ProbeImage, clear_unused, stack_faces
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import reoriented
 from shrm_cli.sphere.grid.base import Grid

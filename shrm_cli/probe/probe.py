@@ -17,9 +17,16 @@ from shrm_cli.arrays import Array
 from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import says_map
-from shrm_cli.probe.image import ArrayImage, ConvertedImage, ProbeImage, digest
+from shrm_cli.probe.image import (
+    ArrayImage,
+    ConvertedImage,
+    ProbeImage,
+    check_shape,
+    detect_layout,
+    digest,
+    grid_of,
+)
 from shrm_cli.probe.image_file import ImageFile, check_file
-from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
 from shrm_cli.probe.options import ColorReading, ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.pixels import Block, BlockReader, PixelPolicy, PixelReport
 from shrm_cli.records import Displayed, record

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe.image import ArrayImage
-from shrm_cli.probe.layout import arrange_faces
+from shrm_cli.probe.image import ArrayImage, arrange_faces
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.grid.base import Grid, grid_class
 from shrm_cli.vocabulary import CUBES, Layout, Orientation, Sampling, default_orientation, grid_name

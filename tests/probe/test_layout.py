@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe import layout
+from shrm_cli.probe import image as layout
 from shrm_cli.sphere.grid.angular import Angular
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
