@@ -20,8 +20,7 @@ from shrm_cli.files.exr_header import excess
 from shrm_cli.files.openimageio import caught, last_noise, oiio, quiet
 from shrm_cli.files.whole import fault_of_name, note
 from shrm_cli.messages import is_url
-from shrm_cli.probe.encoding import Encoding, RadianceHeader, encoding_of
-from shrm_cli.probe.layers import Layer, choose_layer
+from shrm_cli.probe.encoding import Encoding, Layer, RadianceHeader, choose_layer, encoding_of
 from shrm_cli.records import record
 from shrm_cli.vocabulary import PROXY_ATTRIBUTE
 
