@@ -250,10 +250,8 @@ def test_no_modules_import_each_other_in_a_circle():
 CLOSED_LATE = {
     ("brdf/coefficients.py", "brdf/transfer.py"),
     ("brdf/layered/parts/layered.py", "brdf/spec.py"),
-    ("brdf/measured/table.py", "brdf/measured/reading/table_file.py"),
     ("maps/base.py", "maps/file.py"),
     ("maps/explicit/explicit.py", "maps/explicit/tabulate.py"),
-    ("maps/explicit/prefilter.py", "maps/explicit/angular.py"),
     ("maps/irradiance/irradiance.py", "maps/irradiance/zh3.py"),
     ("maps/shrm/prefilter.py", "maps/shrm/proposal.py"),
     ("maps/shrm/shrm.py", "maps/shrm/compressed.py"),

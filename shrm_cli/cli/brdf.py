@@ -124,8 +124,7 @@ def _save(spec: str, target: str) -> None:
 
         write_merl(target, chosen)
     else:
-        from shrm_cli.brdf.measured.reading.table_file import write_table
-        from shrm_cli.brdf.measured.table import sample_table
+        from shrm_cli.brdf.measured.table import sample_table, write_table
 
         write_table(target, sample_table(chosen))
     written = open_measured(target)

@@ -6,8 +6,7 @@ import pytest
 
 from shrm_cli.brdf.base import MOST_NESTED, masked
 from shrm_cli.brdf.cache import _key
-from shrm_cli.brdf.measured.reading.table_file import write_table
-from shrm_cli.brdf.measured.table import sample_table
+from shrm_cli.brdf.measured.table import sample_table, write_table
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.brdf.spec import named_files, parse_spec
 from shrm_cli.brdf.sums import is_sum, split
