@@ -150,7 +150,6 @@ def prefilter_with_facts(
 
     Parameters
     ----------
-    probe : Probe
     to : str
         The representation.
     given : mapping of str to value

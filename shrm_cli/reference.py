@@ -62,8 +62,6 @@ class Reference:
 
     Parameters
     ----------
-    probe : Probe
-    brdf : Brdf
     source_height : int, optional
         Average the probe down to a lat-long of this height first.
     tolerance : float, optional

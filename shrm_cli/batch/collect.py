@@ -124,7 +124,6 @@ def lighting_of(probe: Probe, order: int, what: What = "radiance", window: str =
 
     Parameters
     ----------
-    probe : Probe
     order : int
         The largest degree.
     what : {"radiance", "irradiance"}

@@ -434,7 +434,6 @@ def check_others(others: Iterable[str], chunks: Sequence[Chunk]) -> None:
     ----------
     others : iterable of str
         Paths or URLs of logs, pages, collections and files of farms.
-    chunks : sequence of Chunk
 
     Raises
     ------

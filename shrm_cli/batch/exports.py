@@ -65,8 +65,6 @@ def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
 
     Parameters
     ----------
-    job : Job
-    probe : Probe
     sources : str
         The fingerprint of the program.
 

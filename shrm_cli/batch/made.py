@@ -65,9 +65,6 @@ def difference(
     ----------
     path : path-like
         A file that exists.
-    probe : Probe
-    request : Request
-    precision : {"auto", "half", "float"}
     sources : str
         The fingerprint of the program that must have written the file; any, where it is empty.
 

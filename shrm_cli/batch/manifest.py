@@ -63,10 +63,6 @@ def is_manifest(name: str) -> bool:
 def read_manifest(name: str) -> list[Entry]:
     """Read the entries of a manifest.
 
-    Parameters
-    ----------
-    name : str
-
     Raises
     ------
     ProbeError

@@ -114,7 +114,6 @@ def bake(task: Task, terms: Terms) -> list[Result]:
     Parameters
     ----------
     task : tuple of Chunk
-    terms : Terms
 
     Returns
     -------

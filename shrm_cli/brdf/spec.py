@@ -99,7 +99,6 @@ def parse_recorded(
 
     Parameters
     ----------
-    spec : str
     open_file : callable
         Returns the measured BRDF that a term stands for, or None where it is the name of a model.
     primaries : sequence of 8 float, optional

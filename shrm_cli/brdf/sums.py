@@ -239,7 +239,6 @@ def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
 
     Parameters
     ----------
-    spec : str
     parse : callable
         Makes the BRDF of one term from its specification.
 

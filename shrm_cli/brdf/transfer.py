@@ -157,7 +157,6 @@ def compute_transfer(
 
     Parameters
     ----------
-    brdf : Brdf
     order_f, max_q : int
         The largest l and q.
     accuracy : float

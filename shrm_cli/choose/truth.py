@@ -29,8 +29,6 @@ class Truth:
 
     Parameters
     ----------
-    probe : Probe
-    brdf : Brdf
     progress : callable, optional
         Called with the number of points done, and of points in all.
     """
@@ -52,7 +50,6 @@ class Truth:
 
         Parameters
         ----------
-        shown : ReflectionMap
         scale : array_like, shape (3,)
             What its light is multiplied with.
 

@@ -123,7 +123,6 @@ def convert_map(job: Conversion, given: dict[str, Any]) -> Converted:
 
     Parameters
     ----------
-    job : Conversion
     given : dict
         The arguments of the representation that were given on the command line.
     """
@@ -189,7 +188,6 @@ def convert_to_layers(job: Conversion, shader: str | None) -> Converted:
 
     Parameters
     ----------
-    job : Conversion
     shader : str or None
         The language of the code.
     """

@@ -224,7 +224,6 @@ def make_read_options(values: dict[str, Any], sampling: str | None = None) -> Re
 
     Parameters
     ----------
-    values : dict
     sampling : str, optional
         Where the edge pixels lie, in place of the value of --sampling.
 

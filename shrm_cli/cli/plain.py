@@ -86,7 +86,6 @@ def convert_to_view(
 
     Parameters
     ----------
-    job : Conversion
     view : tuple of 2 float
         Azimuth and elevation of the viewer, in degrees.
     by, roughness, f0

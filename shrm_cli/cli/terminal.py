@@ -62,7 +62,6 @@ def echo(text: str, err: bool = False) -> None:
 
     Parameters
     ----------
-    text : str
     err : bool
         Whether to print to stderr.
 
@@ -263,7 +262,6 @@ def ticking(label: str, total: int) -> Iterator[Callable[[Totals], None]]:
 
     Parameters
     ----------
-    label : str
     total : int
         Jobs in all.
     """

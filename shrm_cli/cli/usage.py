@@ -54,7 +54,6 @@ def flags(message: str, typed: Iterable[str] | None = None) -> str:
 
     Parameters
     ----------
-    message : str
     typed : iterable of str, optional
         The words of the command line; by default the values of the running command's parameters.
     """
@@ -253,9 +252,6 @@ def keep_other_map(target: str, probe: Probe, request: Request, precision: Preci
     ----------
     target : str
         The name of the file, which need not exist.
-    probe : Probe
-    request : Request
-    precision : {"auto", "half", "float"}
 
     Raises
     ------

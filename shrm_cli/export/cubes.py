@@ -89,11 +89,8 @@ def ktx2_file(
 
     Parameters
     ----------
-    made : Package
-    name : str
     levels : sequence of ndarray, shape (6 N_k, N_k, 3)
         OpenEXR cubes in world axes.
-    texels : TexelFormat
     lookup : ndarray, shape (3, 3)
         How the engine looks its cubes up; see the top of this module.
     reads_zstd : bool

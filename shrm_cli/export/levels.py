@@ -27,8 +27,6 @@ def levels_of_probe(
 
     Parameters
     ----------
-    probe : Probe
-    engine : Engine
     size : int
         Texels along an edge of level 0.
 
@@ -56,10 +54,8 @@ def levels_of_map(
 
     Parameters
     ----------
-    split : SplitSum
     path : str
         Its file, for messages.
-    engine : Engine
     size : int, optional
         Texels along an edge of level 0, by default those of the file.
 

@@ -425,15 +425,10 @@ def write(package: Package, folder: Path, kept: bool = True) -> list[Path]:
 
     Parameters
     ----------
-    package : Package
     folder : path-like
         It is made if it does not exist; the folder that it lies in must.
     kept : bool
         Whether files that exist are replaced by files of the same bytes only.
-
-    Returns
-    -------
-    list of Path
 
     Raises
     ------

@@ -36,8 +36,6 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
 
     Parameters
     ----------
-    path : path-like
-    parts : sequence of Part
     pixel_type : {"half", "float"}
 
     Raises

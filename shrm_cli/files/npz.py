@@ -61,7 +61,6 @@ class Archive:
 
         Parameters
         ----------
-        name : str
         dimensions : int
             How many axes the array has.
         most : int, optional

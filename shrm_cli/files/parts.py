@@ -178,8 +178,6 @@ def write_parts(
 
     Parameters
     ----------
-    path : path-like
-    parts : sequence of Part
     precision : {"auto", "half", "float"}
         ``auto`` is half unless a value exceeds its range, or light is so dim that it loses digits.
 

@@ -75,7 +75,6 @@ def fetched(
 
     Parameters
     ----------
-    url : str
     folder : path-like, optional
         Where the copy is made, in a folder of its own; by default where the system has its
         temporary files.

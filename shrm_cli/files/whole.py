@@ -109,7 +109,6 @@ def check_target(
 
     Parameters
     ----------
-    target : path-like
     suffixes : tuple of str, optional
         The suffixes that the target's name may have, in lower case; by default any.
 
@@ -305,7 +304,6 @@ def abandoned(folder: Path, prefix: str, suffix: str = "") -> list[Path]:
 
     Parameters
     ----------
-    folder : Path
     prefix : str
         What `own_prefix` returns.
     suffix : str, optional

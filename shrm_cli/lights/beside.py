@@ -106,7 +106,6 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
     ----------
     made : Prefiltered
         The map of the residual. Where there are no lamps, it is of the probe.
-    beside : Beside
     brdf : Brdf
         What the map was made for.
 

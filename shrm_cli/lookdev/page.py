@@ -38,7 +38,6 @@ def lookdev_page(
 
     Parameters
     ----------
-    columns : sequence of Column
     heads, sides : sequence of str
         Names of the probes and of the materials.
     tiles : sequence of sequence of (ndarray or str)

@@ -62,7 +62,6 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
 
     Parameters
     ----------
-    reflection_map : Map
     order_p : int
         The order P of the map, which may be lower than that of its BRDF.
 
@@ -223,7 +222,6 @@ def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
     ----------
     attributes : dict
         The attributes of the part, as `read_attributes` returns them.
-    part : StoredPart
     """
     return MapInfo(
         attributes["F"],

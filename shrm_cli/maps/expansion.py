@@ -135,7 +135,6 @@ def carried_band(
     ----------
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients
     order_f, order_p : int
         The orders F and P that the tolerance asks for.
     size : int
@@ -156,7 +155,6 @@ def view_band(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) 
     ----------
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients
     order_p : int
         The order P of the map.
     """
@@ -176,9 +174,6 @@ def carry(
 
     Parameters
     ----------
-    light : Projection
-    brdf : Brdf
-    orders : Orders
     coefficients : BrdfCoefficients
         The coefficients of the BRDF, to at least the orders.
     size : int
@@ -309,12 +304,7 @@ def _share(lighting: Lighting, groups: Sequence[Lobes], whole: Array, error: Arr
 
 
 def _lobes_of(expansion: Expansion) -> Lobes:
-    """Return lobes and what an SHRM leaves out of them.
-
-    Parameters
-    ----------
-    expansion : Expansion
-    """
+    """Return lobes and what an SHRM leaves out of them."""
     brdf, known = expansion.brdf, expansion.coefficients
     beyond = visible_beyond(expansion.lighting, known)
     order = last_visible(beyond)

@@ -74,8 +74,6 @@ def store(
 
     Parameters
     ----------
-    path : path-like
-    reflection_map : Map
     precision : {"auto", "half", "float"}
         ``auto`` is float for an SH exponential. For other maps it is half unless a value exceeds
         the range of half, or half would make an error of more than a tenth of the map's own.
@@ -314,7 +312,6 @@ def stored_arrangement(part: StoredPart, attributes: dict[str, Any]) -> tuple[Ar
 
     Parameters
     ----------
-    part : StoredPart
     attributes : dict
         The attributes of the part, as `read_attributes` returns them.
 

@@ -149,10 +149,6 @@ def negative_share(map_: Map) -> float:
     Mirror directions and views are spread evenly over all pairs. These are the pixels of spheres,
     seen in parallel projection from all sides.
 
-    Parameters
-    ----------
-    map_ : Map
-
     Returns
     -------
     float

@@ -26,7 +26,6 @@ def kept_or_best(
     ----------
     propose : callable
         As `shrm_cli.plan.search.rising` takes it.
-    goal : Goal
     max_size : int
         The most bytes, for the warning.
     instead : callable

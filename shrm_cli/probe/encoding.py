@@ -170,7 +170,6 @@ def encoding_of(
 
     Parameters
     ----------
-    path : Path
     spec : OpenImageIO.ImageSpec
     file_format : str
         OpenImageIO's name of the format.
@@ -323,7 +322,6 @@ def choose_layer(path: Path, source: Any, part: str | None, layer: str | None) -
 
     Parameters
     ----------
-    path : Path
     source : OpenImageIO.ImageInput
     part : str, optional
         Name or number, from 0, of the part that is wanted.

@@ -160,7 +160,6 @@ class ArrayImage:
         Parameters
         ----------
         array : array_like of a floating type, shape (H, W, 3) or (H, W)
-        name : str
 
         Raises
         ------
@@ -219,7 +218,6 @@ def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
     ----------
     name : str
         What messages call the image.
-    width, height : int
     envmap : {"latlong", "cube", ""}
 
     Raises
@@ -254,7 +252,6 @@ def proportions(layout: Layout, images: int = 1) -> tuple[int, int]:
 
     Parameters
     ----------
-    layout : Layout
     images : int
         1, or 6 where each face is an image of its own.
     """
@@ -272,7 +269,6 @@ def check_shape(name: str, layout: Layout, width: int, height: int, images: int 
     ----------
     name : str
         What messages call the image.
-    layout : Layout
     width, height : int
         Of each image.
     images : int
@@ -306,10 +302,8 @@ def grid_of(layout: Layout, width: int, sampling: Sampling, images: int = 1) -> 
 
     Parameters
     ----------
-    layout : Layout
     width : int
         Of each image, which suits the layout.
-    sampling : {"center", "border"}
     images : int
         1, or 6 where each face is an image of its own.
     """

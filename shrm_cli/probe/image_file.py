@@ -98,7 +98,6 @@ class ImageFile:
 
         Parameters
         ----------
-        path : path-like
         linearize : bool
             Whether to decode integer pixels as the file says, or else as sRGB; they are refused
             otherwise.
@@ -302,7 +301,6 @@ def stored_image(path: str | os.PathLike[str], most: int) -> Array:
 
     Parameters
     ----------
-    path : path-like
     most : int
         The most pixels that it may have.
 

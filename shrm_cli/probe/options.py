@@ -138,11 +138,6 @@ class ReadKeywords(TypedDict, total=False):
 def with_keywords(options: ReadOptions, keywords: ReadKeywords) -> ReadOptions:
     """The options with some of them replaced.
 
-    Parameters
-    ----------
-    options : ReadOptions
-    keywords : ReadKeywords
-
     Raises
     ------
     ProbeError

@@ -48,7 +48,6 @@ def coarse_probe(probe: Probe, rows: int) -> Probe:
 
     Parameters
     ----------
-    probe : Probe
     rows : int
         The result has no fewer rows than this, and than `LEAST_ROWS`.
 
@@ -149,7 +148,6 @@ def to_grid(probe: Probe, target: Grid) -> Array:
 
     Parameters
     ----------
-    probe : Probe
     target : Grid
         A cube is stacked, in OpenEXR's order and orientation.
 
@@ -230,7 +228,6 @@ def _take_bright(image: Array, probe: Probe) -> tuple[Indices, Indices, Array]:
     ----------
     image : ndarray, shape (H, W, 3)
         The probe's pixels, which have just been read: its report tells their mean.
-    probe : Probe
 
     Returns
     -------
@@ -264,7 +261,6 @@ def _add_bright(
     ----------
     image : ndarray, shape (H, W, 3)
         On the target.
-    target, source : Grid
     matrix : ndarray, shape (3, 3)
         From the axes of the source to those of the target.
     rows, columns, excess

@@ -46,7 +46,6 @@ def shaded_maps(
 
     Parameters
     ----------
-    maps : sequence of Map
     names : sequence of str
         Names of the maps' files, for warnings.
     roughness : float, optional
@@ -89,10 +88,8 @@ def lit_maps(
 
     Parameters
     ----------
-    maps : sequence of Map
     names : sequence of str
         Names of the maps' files, for the message.
-    probe : Probe, optional
     window : str, optional
         The window of the light; ``auto`` by default.
 

@@ -95,7 +95,6 @@ class Shown:
 
         Parameters
         ----------
-        mesh : Mesh
         primaries : tuple of 8 float, optional
             The chromaticities of the light, which colours are converted to.
         shelf : Shelf, optional

@@ -41,7 +41,6 @@ class VertexColors:
     ----------
     mesh : Mesh
         The one that the transfer was baked for.
-    transfer : Transfer
     lighting : array_like, shape (n, 3)
         Coefficients of the light in world axes.
     product : ProductTexture, optional
@@ -160,8 +159,6 @@ def vertex_colors(
 
     Parameters
     ----------
-    mesh : Mesh
-    transfer : Transfer
     light : Map
         An irradiance map, or a product texture with light. Of one whose parameter varies the
         middle of the range is shown, as without a transfer.

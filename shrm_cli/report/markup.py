@@ -98,7 +98,6 @@ def whole_page(title: str, *parts: Part, framed: tuple[str, str] = ("", "")) -> 
 
     Parameters
     ----------
-    title : str
     *parts : Part
         What is in it.
     framed : tuple of (str, str)

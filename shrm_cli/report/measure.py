@@ -190,8 +190,6 @@ def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> 
 
     Parameters
     ----------
-    probe : Probe
-    plan : Plan
     progress : callable, optional
         Called with the amount of work done and the amount in all.
 

@@ -173,7 +173,6 @@ class CubeSampler:
     ----------
     image : array_like, shape (6 N, N, channels)
         Faces in OpenEXR's order and orientation.
-    sampling : {"center", "border"}
     """
 
     def __init__(self, image: ArrayLike, sampling: Sampling = "center") -> None:
@@ -254,7 +253,6 @@ def nearest_texels(
         They may have any length but 0.
     size : int
         Texels along a face's edge.
-    sampling : {"center", "border"}
 
     Returns
     -------

@@ -225,7 +225,6 @@ def _make_tables(order: int, part: range) -> list[Tables]:
 
     Parameters
     ----------
-    order : int
     part : range
         Some m.
 
@@ -402,7 +401,6 @@ def _places(negative: tuple[int, int, int], size: int) -> list[tuple[int, slice,
     ----------
     negative : tuple of int
         For x, y and z whether the octant lies on their negative side.
-    size : int
     """
     rising, falling = slice(size // 2, None), slice((size + 1) // 2 - 1, None, -1)
     places = []

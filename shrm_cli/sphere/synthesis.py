@@ -71,7 +71,6 @@ def synthesize_cube(
         One series a column, index l(l+1)+m.
     size : int
         Texels along a face's edge.
-    sampling : {"center", "border"}
     dtype : float32 or float64
         Precision of the products and of the result.
 
@@ -318,7 +317,6 @@ class CubeIntegral:
     ----------
     order : int
         Largest degree.
-    sampling : {"center", "border"}
     """
 
     def __init__(self, order: int, sampling: Sampling = "center") -> None:

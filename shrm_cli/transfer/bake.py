@@ -279,7 +279,6 @@ def bake(
 
     Parameters
     ----------
-    plan : Plan
     rays : Rays, optional
         What traces rays; `geometry.rays.Rays` of the mesh by default.
     keep : path-like, optional

@@ -42,8 +42,6 @@ def write_transfer(
 
     Parameters
     ----------
-    path : path-like
-    transfer : Transfer
     mesh : Mesh, optional
         The mesh of the transfer, which tells which row is which vertex of its file.
 

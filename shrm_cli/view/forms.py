@@ -27,7 +27,6 @@ def described_map(
 
     Parameters
     ----------
-    made : Map
     name : str
         What the page calls the map.
     file : str

@@ -136,15 +136,12 @@ def make_scene(
 
     Parameters
     ----------
-    maps : sequence of Map
     files : sequence of str
         The names of the maps' files.
     probe : Probe, optional
         It is shown behind the shape, and the truth is computed of it.
     mesh : Mesh, optional
         A shape to show the maps on, in world axes.
-    start : Start, optional
-    truth : Truth, optional
     max_size : int, optional
         The most bytes of the blocks, in base64. The probe behind the shape gets fewer rows to keep
         it. By default there is no limit.
@@ -152,10 +149,6 @@ def make_scene(
         Called with the points of the truth that are done and their number.
     is_rounded : bool
         Whether textures of light are rounded, by a percent or so, to make a page small.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------
@@ -265,7 +258,6 @@ def _truth_pictures(
 
     Parameters
     ----------
-    source : Reference
     views : sequence of (float, float)
         Azimuth and elevation of each viewer, degrees.
     size : int

@@ -201,7 +201,6 @@ def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
 
     Parameters
     ----------
-    brdf : Brdf
     shape : tuple of three int
         The numbers of nodes of theta_h, theta_d and phi_d.
 
@@ -267,10 +266,6 @@ Stored = tuple[Array, tuple[Array, ...], TableSettings]
 def read_table(path: str | os.PathLike[str]) -> Stored:
     """Read a table, OpenEXR or .npz, whatever its name ends with.
 
-    Parameters
-    ----------
-    path : path-like
-
     Returns
     -------
     values : ndarray, shape (theta_h, theta_d, phi_d, 1 or 3)
@@ -299,7 +294,6 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
     ----------
     path : path-like
         The suffix, .exr or .npz, decides on the format.
-    table : Table
 
     Raises
     ------

@@ -179,7 +179,6 @@ class ExplicitMap(Map):
 
         Parameters
         ----------
-        source : Map
         order_p : int, optional
             The order P of the SHRM that is tabulated. By default it is the order that the source
             has or determines. A sum of terms is tabulated as it is.
@@ -244,7 +243,6 @@ class ExplicitMap(Map):
         ----------
         size : int
             Texels along a face's edge.
-        count : int
 
         Raises
         ------
@@ -264,7 +262,6 @@ class ExplicitMap(Map):
 
         Parameters
         ----------
-        shrm : Shrm
         view_count : int, optional
             Samples along an axis of the view; `default_view_count` of the SHRM's order by default.
 

@@ -85,8 +85,6 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
 
     Parameters
     ----------
-    probe : Probe
-    request : Request
     dtype : type
         As `prefilter_shrm` takes it.
 

@@ -106,7 +106,6 @@ class Proposals:
 
     Parameters
     ----------
-    light : Projection
     request : Request
         What is asked of the whole map.
     """

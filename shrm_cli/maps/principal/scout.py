@@ -26,11 +26,8 @@ def is_out_of_reach(light: Projection, brdf: Brdf, want: Wanted, sampling: Sampl
 
     Parameters
     ----------
-    light : Projection
     brdf : Brdf
         The only term of a BRDF.
-    want : Wanted
-    sampling : {"center", "border"}
     """
     if brdf.isotropic or want.error is None:
         return False

@@ -127,12 +127,8 @@ def planner_of(
 
     Parameters
     ----------
-    light : Projection
-    brdf : Brdf
-    want : Wanted
     divide : bool
         Whether to factorize the BRDF divided by its directional albedo.
-    sampling : {"center", "border"}
     known : Planner, optional
         What this function returned for a larger error.
     is_coarse : bool

@@ -44,10 +44,6 @@ def pack(made: "Map") -> tuple[PackedTexture, ...]:
 
     Cubes of local frames are turned to world axes, in which alone they can be filtered.
 
-    Parameters
-    ----------
-    made : Map
-
     Returns
     -------
     tuple of PackedTexture
@@ -81,12 +77,6 @@ def write_layers(
 
     The part of layer 3 of ``shrm_table`` is called ``shrm_table.003``. The file is no map, and
     is written as 32-bit floats unless `precision` is half, which costs tables some digits.
-
-    Parameters
-    ----------
-    path : path-like
-    made : Map
-    precision : {"auto", "half", "float"}
 
     Returns
     -------
@@ -124,10 +114,6 @@ def write_layers(
 
 def read_layers_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     """What a file of textures says of itself; None if a file is none.
-
-    Parameters
-    ----------
-    path : path-like
 
     Returns
     -------

@@ -258,10 +258,6 @@ def fit_logarithm(problem: Problem) -> Array:
     The first column of the rows must be constant. The logarithm of a target that is black does not
     exist; it gets an exponential that is as good as 0.
 
-    Parameters
-    ----------
-    problem : Problem
-
     Returns
     -------
     ndarray, shape (k,)
@@ -287,10 +283,6 @@ def fit_exponent(problem: Problem) -> Array:
 
     Gauss and Newton's method, damped after Levenberg and Marquardt, starts from the fit in log
     space, or from a part of it.
-
-    Parameters
-    ----------
-    problem : Problem
 
     Returns
     -------

@@ -163,7 +163,6 @@ def order_warnings(made: Prefiltered, request: Request) -> tuple[str, ...]:
 
     Parameters
     ----------
-    made : Prefiltered
     request : Request
         What it was made for.
     """
@@ -192,7 +191,6 @@ def prefilter_shrm(
     ----------
     light : Projection
         The light of the probe.
-    request : Request
     chosen : tuple of Choice and BrdfCoefficients, optional
         What `affordable` returns, where it is known.
     dtype : type

@@ -242,7 +242,6 @@ class Shrm(Map):
 
         Parameters
         ----------
-        source : Map
         order_p : int, optional
             The order P of the SHRM; that of the source by default.
         frame : {"global", "local"}, optional
@@ -413,7 +412,6 @@ def from_expansion(
 
     Parameters
     ----------
-    expansion : Expansion
     probe : Probe
         The probe of the expansion's light.
     request : Request

@@ -248,7 +248,6 @@ def prefilter_terms(plan: Plan, dtype: type = np.float32) -> Prefiltered:
 
     Parameters
     ----------
-    plan : Plan
     dtype : type
         As `prefilter_shrm` takes it.
 

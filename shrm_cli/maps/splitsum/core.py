@@ -34,7 +34,6 @@ class LobeCore(NormalLobe):
 
     Parameters
     ----------
-    lobe : NormalLobe
     angle : float
         Where the core ends, radians.
     """
@@ -77,10 +76,8 @@ def split_lobe(
 
     Parameters
     ----------
-    lobe : NormalLobe
     coefficients : BrdfCoefficients
         Coefficients of the lobe, to order 512.
-    lighting : Lighting
     tolerance : float
         The relative RMS error that the tail may leave. It is kept small beside the mean radiance
         too, as in an expansion of the whole lobe.

@@ -39,7 +39,6 @@ def sum_core(core: LobeCore, light: Array, directions: Array) -> Array:
 
     Parameters
     ----------
-    core : LobeCore
     light : ndarray, shape (2 k, 4 k, 3)
         Radiance times solid angle of the pixels of a lat-long, sampled at their centers, in world
         axes.

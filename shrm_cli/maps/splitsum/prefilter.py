@@ -149,7 +149,6 @@ def make_levels(
 
     Parameters
     ----------
-    probe : Probe
     roughness : sequence of float
         The perceptual roughness of each level: 0, or `MIN_ROUGHNESS` to 1.
     largest : int
@@ -250,10 +249,6 @@ def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
         The height of the probe as a lat-long.
     largest : int
         The most texels along an edge that the level may have.
-
-    Returns
-    -------
-    bool
     """
     texels = 6 * min(choose_size(order), largest) ** 2
     expansion = _SECONDS_A_CUBED_ORDER * order**3 + _SECONDS_A_TEXEL_AND_ORDER * texels * order

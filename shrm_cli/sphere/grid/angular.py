@@ -122,7 +122,6 @@ class AngularSampler:
     Parameters
     ----------
     image : array_like, shape (N, N, channels)
-    sampling : {"center", "border"}
     """
 
     def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
@@ -184,7 +183,6 @@ def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") 
         Pixels, each already multiplied by its solid angle.
     order : int
         Largest degree.
-    sampling : {"center", "border"}
 
     Returns
     -------

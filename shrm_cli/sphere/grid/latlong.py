@@ -124,7 +124,6 @@ class LatLongSampler:
     Parameters
     ----------
     image : array_like, shape (H, W, channels)
-    sampling : {"center", "border"}
     """
 
     def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
@@ -194,7 +193,6 @@ class LatLongAnalysis:
         Size of the whole image; the width is even.
     order : int
         Largest degree.
-    sampling : {"center", "border"}
     dtype : float32 or float64
         Precision of the longitude integral; everything after it is float64.
 
