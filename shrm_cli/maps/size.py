@@ -319,7 +319,7 @@ def shrm_look_up_error(
             lighting, coefficients, order_f, order_p, size, sampling, factors=factors
         )
     from shrm_cli.maps.coupling import coupled, separated
-    from shrm_cli.sphere.between_texels import lost_between_texels
+    from shrm_cli.sphere.bilinear import lost_between_texels
 
     kept = coefficients.truncated(order_f, order_p) * factors[..., None, None]
     light = separated(lighting.coefficients[: (order_f + 1) ** 2], order_f)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.sphere.between_texels import lost_between_texels
+from shrm_cli.sphere.bilinear import lost_between_texels
 from shrm_cli.sphere.quadrature import spiral_directions
 from tests.bilinear import bilinear
 from tests.oracles import real_harmonics

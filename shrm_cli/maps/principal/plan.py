@@ -31,8 +31,7 @@ from shrm_cli.reflected import (
     fine_places,
     kept_energy,
 )
-from shrm_cli.sphere.between_texels import lost_between_texels
-from shrm_cli.sphere.bilinear import bilinear_errors
+from shrm_cli.sphere.bilinear import bilinear_errors, lost_between_texels
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Sampling
 
 _FEW_TEXELS = 48
