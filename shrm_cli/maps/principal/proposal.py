@@ -13,8 +13,7 @@ from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.joint import brightness
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.principal.brushed import BrushedLobe
-from shrm_cli.maps.principal.brushed_functions import BrushedSpectrum
+from shrm_cli.maps.principal.brushed import BrushedLobe, BrushedSpectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.scout import is_out_of_reach

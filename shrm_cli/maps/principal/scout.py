@@ -7,7 +7,7 @@ of wrong pixels is too large then, as its functions have too few waves over the 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.brushed_transfer import FEWEST_STEPS, compute_brushed_transfer
 from shrm_cli.brdf.cache import remembered
-from shrm_cli.maps.principal.brushed_functions import BrushedSpectrum
+from shrm_cli.maps.principal.brushed import BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q
 from shrm_cli.maps.principal.plan import Planner
 from shrm_cli.maps.principal.terms import COARSE, Wanted, first_order

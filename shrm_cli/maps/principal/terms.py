@@ -16,7 +16,7 @@ from shrm_cli.brdf.sums import Sum, split
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.brdf.turned import turned_views
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.principal.brushed_functions import BrushedSpectrum
+from shrm_cli.maps.principal.brushed import BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.request import Request

@@ -11,7 +11,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.maps.expansion import wrong_share
 from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views
-from shrm_cli.maps.principal.brushed_functions import BrushedSpectrum
+from shrm_cli.maps.principal.brushed import BrushedSpectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.reflected import last_visible
 
