@@ -16,8 +16,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from shrm_cli.errors import RemoteError
-from shrm_cli.files.scratch import scratch_folder
-from shrm_cli.files.whole import check_target
+from shrm_cli.files.whole import check_target, scratch_folder
 from shrm_cli.messages import SCHEME, is_remote, shown, shown_reason, without_query
 
 MOST_BYTES = 2**32

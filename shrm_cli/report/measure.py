@@ -12,7 +12,7 @@ from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, MapError, ShrmError
-from shrm_cli.files.scratch import scratch_folder
+from shrm_cli.files.whole import scratch_folder
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map, store
 from shrm_cli.maps.info import common_brdf, record_of, same_brdf, spec_of
