@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shrm_cli import settings
-from shrm_cli.cli.threads import limit_libraries
+from shrm_cli.settings import limit_libraries
 
 if TYPE_CHECKING:
     from research.extent import Extent

@@ -9,9 +9,8 @@ from dataclasses import replace
 from functools import cached_property
 
 from shrm_cli.brdf.sums import split
-from shrm_cli.maps.negative import examined
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.prefiltered import Prefiltered, examined
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.seen import goal_text, judged, kept_or_best

@@ -1,10 +1,17 @@
-"""How messages call the arguments of the library, and how they tell of errors of foreign code.
+"""What messages show of arguments, of errors of foreign code, and of addresses, which may let in.
 
 Errors and warnings have arguments in backticks. On the command line they are flags; in light files,
 manifests and scenes they are keys, which no flag stands for.
+
+An address may let in whoever reads it: by a password before its server, by a signature in its
+query, as S3, Google and Azure make them, or by a token after ``#``. Terminals are recorded, logs
+are kept, and files are sent to others, so that none of these may be in them: all that is printed or
+written goes through `shown`.
 """
 
+import os
 import re
+from typing import Any
 
 ARGUMENT = re.compile(r"`([a-z][a-z0-9_]*)(=False)?`")
 """An argument in a message: its name, and whether it is false."""
@@ -37,3 +44,111 @@ def explained(error: BaseException, path: str | None = None) -> str:
     lines = [frame.lineno for frame in frames if path is not None and frame.filename == path]
     place = f"line {lines[-1]}: " if lines else ""
     return place + " ".join(words.split())
+
+
+SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+)://")
+"""The start of a URL. A single letter before the colon is a drive of Windows."""
+_HIDDEN = "***"
+_START = r"[A-Za-z][A-Za-z0-9+.-]{1,30}:/{1,3}"
+"""The start of a URL. A single letter before the colon is a drive of Windows, and names that were
+paths for a while have one slash."""
+_URL = re.compile(rf"((?<![A-Za-z0-9+.-]){_START})([^\s\"'<>]*)")
+_AFTER = ".,:;)]}"
+"""Signs of the text around a URL, where they end it."""
+_NAMED = re.compile(
+    r"(?i)((?:^|[\s?&;,(\"'{])[\"']?(?:x-(?:amz|goog)-(?:signature|credential|security-token)|sig"
+    r"|signature|awsaccesskeyid|googleaccessid|key-pair-id|policy|token|access_?token|auth_?token"
+    r"|sas_?token|api_?key|passwo?r?d|secret|client_secret)[\"']?\s?[=:]\s?[\"']?)[^\s&;\"'<>,)}]+"
+)
+"""Values that let in, in texts that leave out the address that they belong to."""
+_BARE_LOGIN = re.compile(r"[^/\s:'\"]{1,100}:[^/\s'\"]{0,400}@(?=[\w.-])")
+_BARE_QUERY = re.compile(r"\?(?!\.\.\.)[^\s?=]{0,100}=[^\s'\"]*")
+
+
+def is_remote(name: str | os.PathLike[str]) -> bool:
+    """Whether a name is a URL, such as ``s3://bucket/a.exr``, and not a path."""
+    return SCHEME.match(os.fspath(name)) is not None
+
+
+def is_url(path: str | os.PathLike[str]) -> bool:
+    """Whether a path was a URL before it was taken for a path, which leaves it one slash."""
+    return re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", os.fspath(path)) is not None
+
+
+def shown(text: str) -> str:
+    """Return a text as it may be printed or written: no URL in it lets anybody in.
+
+    What stands before the server is three stars, and the query is three dots: what it signs is
+    nothing that a reader needs. A text without a URL stays as it is.
+    """
+    return _URL.sub(_shown, text) if ":/" in text else text
+
+
+def shown_reason(text: str) -> str:
+    """Return what a library says of a URL, of which it may have left out any part."""
+    text = _BARE_QUERY.sub("?...", _BARE_LOGIN.sub(f"{_HIDDEN}@", shown(text)))
+    return _NAMED.sub(rf"\1{_HIDDEN}", text)
+
+
+def shown_values(value: Any) -> Any:
+    """Return a value as JSON has them, with all its texts as `shown` returns them."""
+    if isinstance(value, str):
+        return shown(value)
+    if isinstance(value, dict):
+        return {shown_values(key): shown_values(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [shown_values(each) for each in value]
+    return value
+
+
+def has_secret(text: str) -> bool:
+    """Whether a text holds a URL that lets in whoever reads it."""
+    return shown(text) != text
+
+
+def without_query(url: str) -> str:
+    """Return a URL as far as it names a file: without login, query and what follows ``#``.
+
+    A path stays as it is.
+    """
+    match = re.match(_START, url)
+    if match is None:
+        return url
+    rest = url[match.end() :]
+    return match[0] + _cut(rest[_login(rest) :], match[0])[0]
+
+
+def _shown(match: re.Match[str]) -> str:
+    start, rest = match.groups()
+    length = _login(rest)
+    name, query = _cut(rest[length:], start)
+    after = query[len(query.rstrip(_AFTER)) :]
+    if query[1 : len(query) - len(after)]:  # one that was hidden already is dots, and stays
+        query = f"{query[0]}...{after}"
+    return f"{start}{_HIDDEN}@{name}{query}" if length else f"{start}{name}{query}"
+
+
+def _login(rest: str) -> int:
+    """Return how many characters of a URL, after its start, stand before the server.
+
+    A user or a password, or both. One may hold a slash by mistake, so that what looks like a port
+    is none.
+    """
+    server = re.split("[/?#]", rest, maxsplit=1)[0]
+    if "@" in server:
+        return server.rindex("@") + 1
+    port = server.partition(":")[2]
+    if ":" not in server or not port.strip(_AFTER) or port.strip(_AFTER).isdigit():
+        return 0
+    return re.split("[?#]", rest, maxsplit=1)[0].rfind("@") + 1
+
+
+def _cut(rest: str, start: str) -> tuple[str, str]:
+    """Return a URL without its start up to its query, and the query with its first sign.
+
+    A question mark is one of a pattern, unless there is a web server or a value behind it.
+    """
+    found = re.search("[?#]", rest)
+    if found is None or not (start.lower().startswith("http") or "=" in rest[found.end() :]):
+        return rest, ""
+    return rest[: found.start()], rest[found.start() :]

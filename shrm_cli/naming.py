@@ -20,7 +20,7 @@ _MOST_CODED = 8
 def probe_stem(probe: str) -> str:
     """Return what the names of a probe's outputs begin with, without the ``%`` of six files."""
     if ":/" in probe:
-        from shrm_cli.addresses import without_query
+        from shrm_cli.messages import without_query
 
         probe = without_query(probe)
     stem = Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"

@@ -79,7 +79,6 @@ def choose_orders(
 
     Parameters
     ----------
-    brdf : Brdf
     eps : float
         The fraction of the energy of all colour channels together that may be missed, in (0, 1).
     order_f, order_p : int, optional
@@ -169,7 +168,6 @@ def least_orders(
 
     Parameters
     ----------
-    coefficients : BrdfCoefficients
     eps : float
         The fraction of the energy that may be missed.
     order_f, order_p : int, optional
@@ -192,7 +190,6 @@ def choose_center(brdf: Brdf, eps: float) -> tuple[Brdf, dict[Center, int]]:
 
     Parameters
     ----------
-    brdf : Brdf
     eps : float
         The fraction of the BRDF's energy that may be missed, in (0, 1).
 
@@ -242,7 +239,6 @@ def extended(
 
     Parameters
     ----------
-    brdf : Brdf
     coefficients : BrdfCoefficients
         Its coefficients to the orders that they have.
     eps : float
@@ -318,7 +314,6 @@ def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] |
 
     Parameters
     ----------
-    coefficients : BrdfCoefficients
     most_p : callable, optional
         As `choose_orders` takes it.
     """

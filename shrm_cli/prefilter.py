@@ -12,8 +12,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.negative import examined
-from shrm_cli.maps.prefiltered import REMEDY, Prefiltered
+from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, examined
 from shrm_cli.maps.request import Request
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.progress import Progress, Rising, using
@@ -151,7 +150,6 @@ def prefilter_with_facts(
 
     Parameters
     ----------
-    probe : Probe
     to : str
         The representation.
     given : mapping of str to value

@@ -20,11 +20,10 @@ from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.core import MOST_CELLS, Core
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.parallel import in_order
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.probe.pyramid import Pyramid
 from shrm_cli.probe.source import Source
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, in_order
 from shrm_cli.sphere.directions import (
     bisector,
     central_directions,
@@ -63,8 +62,6 @@ class Reference:
 
     Parameters
     ----------
-    probe : Probe
-    brdf : Brdf
     source_height : int, optional
         Average the probe down to a lat-long of this height first.
     tolerance : float, optional

@@ -18,7 +18,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import BrdfCoefficients, energy_above
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
-from shrm_cli.sphere.clebsch_gordan import zonal_coupling
+from shrm_cli.sphere.wigner import zonal_coupling
 from shrm_cli.vocabulary import Sampling
 
 if TYPE_CHECKING:
@@ -85,7 +85,6 @@ def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients | TransferF
     ----------
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients or TransferFunctions
     """
     light = weighted_power(lighting, coefficients.order_f)
     known = np.sum(light * coefficients.degree_energy)
@@ -114,7 +113,6 @@ def energies_beyond(
     ----------
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients or TransferFunctions
 
     Returns
     -------
@@ -199,7 +197,6 @@ def visible_beyond(
     ----------
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients
     order_p : int, optional
         The order P of the map; every p by default.
 
@@ -342,7 +339,6 @@ def fine_places(lighting: Lighting, lobe: Array) -> Array | None:
 
     Parameters
     ----------
-    lighting : Lighting
     lobe : ndarray, shape (F+1, 3)
         What the light of each degree is multiplied with: the coefficients rho_hat_l00.
 

@@ -33,7 +33,6 @@ def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
 
     Parameters
     ----------
-    folders : tuple of str
     root : str
         The folder of the package.
 

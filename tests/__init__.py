@@ -3,6 +3,6 @@
 The variables must be set before numpy is imported, so it happens here and not in `conftest.py`.
 """
 
-from shrm_cli.cli.threads import limit_small_products
+from shrm_cli.settings import limit_small_products
 
 limit_small_products()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from shrm_cli.addresses import has_secret, shown, shown_reason, shown_values, without_query
+from shrm_cli.messages import has_secret, shown, shown_reason, shown_values, without_query
 
 SECRET = "hUnTeR2%2Fx+y"
 

@@ -25,18 +25,16 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 STOPS = [
     {"errors", "records"},
     {
-        "addresses",
         "arrays",
         "extras",
         "messages",
         "settings",
         "sources",
         "vocabulary",
-        "progress",
         "memo",
         "bytecode",
     },
-    {"layouts", "parallel", "plugins", "color"},
+    {"progress", "plugins", "color"},
     {"sphere"},
     {"files"},
     {"geometry"},
@@ -94,13 +92,11 @@ EXTRAS = {
 """What belongs to an extra, and is imported where it is used."""
 ASKED_FOR = {"torch"}
 """Stops that import an extra as they are imported, which nothing else of the package does."""
-FOLDERS = {home.partition(".")[0] for home in REPRESENTATIONS.values()}
 LIGHT = {
-    "__init__.py", "errors.py", "extras.py", "files/whole.py", "layouts.py",
+    "__init__.py", "errors.py", "extras.py", "files/whole.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
-    "addresses.py", "bytecode.py", "messages.py", "records.py",
-    *(f"maps/{folder}/options.py" for folder in FOLDERS),
+    "bytecode.py", "messages.py", "records.py",
 }  # fmt: skip
 """Modules that `shrm --help` may load, besides those of cli/."""
 UNTRUSTED_LOADERS = {"pickle", "marshal", "shelve", "dill", "joblib"}
@@ -255,10 +251,8 @@ def test_no_modules_import_each_other_in_a_circle():
 CLOSED_LATE = {
     ("brdf/coefficients.py", "brdf/transfer.py"),
     ("brdf/layered/parts/layered.py", "brdf/spec.py"),
-    ("brdf/measured/table.py", "brdf/measured/reading/table_file.py"),
     ("maps/base.py", "maps/file.py"),
     ("maps/explicit/explicit.py", "maps/explicit/tabulate.py"),
-    ("maps/explicit/prefilter.py", "maps/explicit/angular.py"),
     ("maps/irradiance/irradiance.py", "maps/irradiance/zh3.py"),
     ("maps/shrm/prefilter.py", "maps/shrm/proposal.py"),
     ("maps/shrm/shrm.py", "maps/shrm/compressed.py"),
@@ -336,16 +330,13 @@ def test_every_representation_has_its_modules(representation):
     kind, described = registry.map_class(representation), registry.description(representation)
     assert issubclass(kind, Map)
     assert kind.representation == described.name == representation
-    options, prefilter, file, report = (
-        registry.module(representation, each) for each in ("options", "prefilter", "file", "report")
-    )
-    assert representation in options.DESCRIPTIONS
+    prefilter, file = (registry.module(representation, each) for each in ("prefilter", "file"))
     assert described.title
     assert inspect.signature(file.encode).parameters
     assert list(inspect.signature(file.decode).parameters) == ["file"]
-    assert list(inspect.signature(report.report).parameters) == ["result"]
+    assert list(inspect.signature(prefilter.report).parameters) == ["result"]
     prints = {option.name for option in described.options if option.prints}
-    folder = inspect.getmodule(options).__name__.rpartition(".")[0]
+    folder = prefilter.__name__.rpartition(".")[0]
     assert (find_spec(f"{folder}.shader") is not None) == bool(prints)
     assert list(inspect.signature(prefilter.prefilter).parameters) == ["probe", "request"]
     assert described.defaults.keys() <= described.arguments

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps import negative
+from shrm_cli.maps import prefiltered
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal import wrong_share
 from shrm_cli.maps.shrm import proposal
@@ -151,7 +151,7 @@ def test_dark_places_are_given_more(probe, monkeypatch):
         asked.append(texels(map_))
         return shares[len(asked) - 1]
 
-    monkeypatch.setattr(negative, "negative_share", share)
+    monkeypatch.setattr(prefiltered, "negative_share", share)
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     found = made(probe, brdf=MICROFACET).map
     assert len(asked) == policy.TRIED_DARK
@@ -173,7 +173,7 @@ def counting(monkeypatch, owner, name):
 
 def test_nothing_is_found_out_twice(probe, monkeypatch):
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
-    dark = counting(monkeypatch, negative, "negative_share")
+    dark = counting(monkeypatch, prefiltered, "negative_share")
     wrong = counting(monkeypatch, wrong_share, "predicted_wrong_share")
     expanded = counting(monkeypatch, proposal, "sufficient_coefficients")
     found = made(probe, brdf=SKIN)

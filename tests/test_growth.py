@@ -102,49 +102,43 @@ class Ambient(LightMap):
     def details(self):
         return {"mean": self.mean[0].tolist()}
 ''',
-    "options": '''
-"""What can be told of the mean."""
-from shrm_cli.maps.options import Option, Representation
-DESCRIPTIONS = {
-    "ambient": Representation(
-        "ambient", "ambient color", frozenset(),
-        (Option("gain", "ambient: brighter by so much.", "integer", limits=(1, 9), default=1),),
-        why_no_brdf="an ambient color is of a white Lambertian surface",
-    )
-}
-''',
     "prefilter": '''
 """How the mean is made."""
 import numpy as np
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.maps.ambient.ambient import Ambient
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.info import provenance
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
 def prefilter(probe, request):
     mean = request.own["gain"] * project(probe, 0).coefficients / np.sqrt(4 * np.pi)
     made = Ambient(mean, provenance(probe, Lambertian(), Orders(0, 0, 0.0, 1.0)))
     return Prefiltered(made, {"mean": mean[0].tolist()})
+def report(result):
+    return ["ambient color", "mean           " + " ".join(f"{x:.3f}" for x in result["mean"])]
 ''',
     "file": '''
 """One pixel."""
 from shrm_cli.files.parts import Part
 from shrm_cli.maps.ambient.ambient import Ambient
 from shrm_cli.maps.attributes import common_header, map_info, read_attributes
-from shrm_cli.maps.arrangement import image_channels
+from shrm_cli.maps.file import image_channels
 def encode(ambient):
     return [Part(image_channels(ambient.mean[None]), common_header(ambient, 0))]
 def decode(file):
     attributes = read_attributes(file.first)
     return Ambient(file.first.read("RGB")[0].astype(float), map_info(attributes, file.first))
 ''',
-    "report": '''
-"""What is printed of it."""
-def report(result):
-    return ["ambient color", "mean           " + " ".join(f"{x:.3f}" for x in result["mean"])]
-''',
 }
+
+AMBIENT_DESCRIPTION = """
+DESCRIPTIONS["ambient"] = Representation(
+    "ambient", "ambient color", frozenset(),
+    (Option("gain", "ambient: brighter by so much.", "integer", limits=(1, 9), default=1),),
+    why_no_brdf="an ambient color is of a white Lambertian surface",
+)
+"""
 
 CONTAINER = '''
 """Parts as the arrays of a .npz, written only."""
@@ -227,12 +221,14 @@ def test_an_explicit_map_is_a_file_and_a_row(copy):
 
 @pytest.mark.proof
 @pytest.mark.slow
-def test_a_map_for_engines_is_a_folder_and_a_row(copy):
+def test_a_map_for_engines_is_a_folder_a_row_and_a_description(copy):
     for name, text in AMBIENT.items():
         path = copy / "shrm_cli" / "maps" / "ambient" / f"{name}.py"
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
     add_row(copy, '    "she":', '    "ambient": "ambient.ambient",\n')
+    with open(copy / "shrm_cli" / "maps" / "registry.py", "a") as stream:
+        stream.write(AMBIENT_DESCRIPTION)
     assert "irradiance, splitsum, ambient and she" in " ".join(
         run(copy, "prefilter", "--help").split()
     )

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from shrm_cli.layouts import (
+from shrm_cli.sphere.grid.base import grid_class
+from shrm_cli.vocabulary import (
     CUBES,
     FACES,
     GRIDS,
@@ -16,7 +17,6 @@ from shrm_cli.layouts import (
     default_orientation,
     grid_name,
 )
-from shrm_cli.sphere.grid.base import grid_class
 
 # Where +X, -X, +Y, -Y, +Z and -Z lie: column and row, in faces.
 PLACES = {
@@ -92,7 +92,7 @@ def test_every_layout_has_a_grid():
 
 
 def test_names_are_had_without_numpy():
-    program = "import sys, shrm_cli.layouts; print('numpy' in sys.modules)"
+    program = "import sys, shrm_cli.vocabulary; print('numpy' in sys.modules)"
     root = Path(__file__).resolve().parents[1]
     result = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=root

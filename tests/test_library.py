@@ -98,7 +98,7 @@ def test_the_import_loads_nothing_heavy():
 def test_functions_are_not_the_submodules_of_their_names():
     """Whatever is imported first."""
     ask = "print(callable(shrm_cli.prefilter), callable(shrm_cli.reference))"
-    modules = "import shrm_cli.maps.explicit.angular, shrm_cli.prefilter, shrm_cli.reference"
+    modules = "import shrm_cli.maps.explicit.prefilter, shrm_cli.prefilter, shrm_cli.reference"
     first = "shrm_cli.prefilter; shrm_cli.reference"
     assert python(f"import shrm_cli; {modules}; {ask}") == "True True\n"
     assert python(f"import shrm_cli; {first}; {modules}; {ask}") == "True True\n"

@@ -9,7 +9,7 @@ import pytest
 from shrm_cli import settings
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
-from shrm_cli.parallel import at_once, in_order
+from shrm_cli.progress import at_once, in_order
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5, None])

@@ -3,8 +3,7 @@
 import pytest
 
 from shrm_cli import settings
-from shrm_cli.parallel import in_order
-from shrm_cli.progress import Rising, Stages, foretell, progress_bar, report, using
+from shrm_cli.progress import Rising, Stages, foretell, in_order, progress_bar, report, using
 
 
 def test_stages_are_of_equal_length():

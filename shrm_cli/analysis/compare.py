@@ -10,7 +10,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
-from shrm_cli.maps.provenance import common_brdf, differing_origins, record_of
+from shrm_cli.maps.info import common_brdf, differing_origins, record_of
 from shrm_cli.probe.probe import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record

@@ -92,7 +92,6 @@ def within_limit(
 
     Parameters
     ----------
-    probe : Probe
     heights : sequence of int or None
         Rows that the probe is averaged down to for the truth of each surface; None for its own.
     views : int
@@ -103,10 +102,6 @@ def within_limit(
         How many of them are compared.
     limit : int, optional
         The most bytes that the comparison may take; `default_max_memory` by default.
-
-    Returns
-    -------
-    Memory
 
     Raises
     ------

@@ -85,7 +85,6 @@ def energy_grid(
 
     Parameters
     ----------
-    brdf : Brdf
     tolerances : sequence of float
         At least one fraction of the energy, in (0, 1), that orders may miss.
     order_f, order_p : int, optional
@@ -130,8 +129,6 @@ def material_energies(
 
     Parameters
     ----------
-    brdfs : sequence of Brdf
-    order_f, order_p : int
     progress : callable, optional
         Called with the number of BRDFs done and the number of all BRDFs.
 
@@ -201,7 +198,6 @@ def accuracy_curve(
         Coefficients of the light to at least the order of those of the BRDF.
     coefficients : BrdfCoefficients
         Coefficients of the BRDF to a much higher F than `order_f`.
-    order_f, order_p : int
 
     Raises
     ------
@@ -330,7 +326,6 @@ def order_pictures(
         pictures stop at it.
     center : {"reflection", "normal"}
         The BRDF's central direction.
-    views : sequence of Viewer
     order_f : int
         F of all maps.
     size : int

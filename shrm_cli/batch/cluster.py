@@ -21,9 +21,9 @@ from concurrent.futures import CancelledError, Executor, Future
 from typing import Any, TypeVar
 
 from shrm_cli import __version__
-from shrm_cli.addresses import shown_reason
 from shrm_cli.errors import ClusterError
 from shrm_cli.extras import install
+from shrm_cli.messages import shown_reason
 
 Result = TypeVar("Result")
 

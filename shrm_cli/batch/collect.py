@@ -14,7 +14,7 @@ from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 
-from shrm_cli import __release__, addresses
+from shrm_cli import __release__, messages
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError, OrderError, OutputError
 from shrm_cli.extras import install
@@ -124,7 +124,6 @@ def lighting_of(probe: Probe, order: int, what: What = "radiance", window: str =
 
     Parameters
     ----------
-    probe : Probe
     order : int
         The largest degree.
     what : {"radiance", "irradiance"}
@@ -168,7 +167,7 @@ def check_collection(path: str | os.PathLike[str]) -> None:
     said = _printable(path)
     if Path(path).suffix.lower() not in SUFFIXES:
         raise OutputError(f"{said}: collections are .npz or .parquet; name it so")
-    if addresses.is_remote(path):
+    if messages.is_remote(path):
         remote.exists(os.fspath(path))
     else:
         check_target(path)
@@ -256,7 +255,7 @@ def _shape(order: int) -> tuple[int, int]:
 
 def _printable(name: str | os.PathLike[str]) -> str:
     """Return a name that every reader takes: bytes that are no text as escapes, no passwords."""
-    return addresses.shown(os.fspath(name).encode("utf-8", "backslashreplace").decode())
+    return messages.shown(os.fspath(name).encode("utf-8", "backslashreplace").decode())
 
 
 def _parquet(path: str | os.PathLike[str]) -> tuple[Any, Any]:

@@ -9,7 +9,6 @@ from dataclasses import field
 from pathlib import PurePath
 from typing import Any
 
-from shrm_cli.addresses import is_remote, shown
 from shrm_cli.batch.job import Chunk, Job, Recipe
 from shrm_cli.brdf.spec import named_files
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
@@ -19,6 +18,7 @@ from shrm_cli.files.whole import is_input
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import Representation, listing, owners
 from shrm_cli.maps.request import check_arguments, checked_options, resolved_form
+from shrm_cli.messages import is_remote, shown
 from shrm_cli.naming import brdf_label, probe_stem, unsound
 from shrm_cli.probe.probe import face_paths
 from shrm_cli.records import record
@@ -434,7 +434,6 @@ def check_others(others: Iterable[str], chunks: Sequence[Chunk]) -> None:
     ----------
     others : iterable of str
         Paths or URLs of logs, pages, collections and files of farms.
-    chunks : sequence of Chunk
 
     Raises
     ------

@@ -18,8 +18,8 @@ from shrm_cli.export.engine import engine as engine_of
 from shrm_cli.export.make import Asked, Source, check, export, made_folder, write
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.whole import write_bytes
+from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.options import Option, Representation
-from shrm_cli.maps.provenance import probe_name
 from shrm_cli.naming import probe_stem
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import ENGINES, EXPORT, TEXEL_FORMATS
@@ -65,8 +65,6 @@ def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
 
     Parameters
     ----------
-    job : Job
-    probe : Probe
     sources : str
         The fingerprint of the program.
 

@@ -10,10 +10,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from shrm_cli import __version__
-from shrm_cli.addresses import shown_values
 from shrm_cli.batch.made import NOT_THERE
 from shrm_cli.batch.work import Record, Result
 from shrm_cli.errors import OutputError
+from shrm_cli.messages import shown_values
 
 _BEGINNING = b'{"time": "'
 """How the first line of a log begins."""

@@ -17,7 +17,7 @@ from shrm_cli.files.exr_header import condition, holds_nothing, says_map
 from shrm_cli.files.parts import peek
 from shrm_cli.maps import registry
 from shrm_cli.maps.file import Recorded, check_amount, recorded
-from shrm_cli.maps.provenance import probe_name, record_of, same_brdf
+from shrm_cli.maps.info import probe_name, record_of, same_brdf
 from shrm_cli.maps.request import Request, recorded_defaults
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -65,9 +65,6 @@ def difference(
     ----------
     path : path-like
         A file that exists.
-    probe : Probe
-    request : Request
-    precision : {"auto", "half", "float"}
     sources : str
         The fingerprint of the program that must have written the file; any, where it is empty.
 

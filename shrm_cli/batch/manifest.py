@@ -31,7 +31,7 @@ from typing import Any
 
 from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry, every_engine
 from shrm_cli.errors import ArgumentError, ProbeError
-from shrm_cli.files.toml import read_toml
+from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import listing
 from shrm_cli.messages import as_keys
@@ -62,10 +62,6 @@ def is_manifest(name: str) -> bool:
 
 def read_manifest(name: str) -> list[Entry]:
     """Read the entries of a manifest.
-
-    Parameters
-    ----------
-    name : str
 
     Raises
     ------

@@ -26,7 +26,6 @@ def predictions(chunks: Sequence[Chunk], progress: Progress | None = None) -> li
 
     Parameters
     ----------
-    chunks : sequence of Chunk
     progress : callable, optional
         Called with the number of recipes done, and the number of all.
 

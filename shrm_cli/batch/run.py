@@ -67,9 +67,6 @@ def run(
 
     Parameters
     ----------
-    chunks : list of Chunk
-    workers : Workers
-    terms : Terms
     tell : callable
         Called with each result, as soon as it is known, in no certain order.
     is_remote : bool
@@ -92,8 +89,6 @@ class _Feeder:
 
     Parameters
     ----------
-    workers : Workers
-    terms : Terms
     tell : callable
         Called with each result.
     seconds : float

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from shrm_cli import addresses, settings
+from shrm_cli import messages, settings
 from shrm_cli.arrays import Array
 from shrm_cli.batch.collect import What, lighting_of
 from shrm_cli.batch.job import Chunk, Job, Recipe, Task
@@ -114,7 +114,6 @@ def bake(task: Task, terms: Terms) -> list[Result]:
     Parameters
     ----------
     task : tuple of Chunk
-    terms : Terms
 
     Returns
     -------
@@ -190,7 +189,7 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     if found is None:
         return {"status": "skipped"}
     if not found.is_ours:
-        raise kept(addresses.shown(job.output), found.why)
+        raise kept(messages.shown(job.output), found.why)
     if terms.only_looks:
         return {"status": "waiting", "why": found.why}
     if request is None:
@@ -200,7 +199,7 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
         warnings = [*probe.report.warnings(), *told["warnings"]]
         return {"status": "made", "why": found.why, **told, "warnings": warnings}
     made = make(probe, request)
-    if not addresses.is_remote(job.output):
+    if not messages.is_remote(job.output):
         Path(job.output).parent.mkdir(parents=True, exist_ok=True)
     with remote.written(job.output) as target:
         stored = store(target, made.map, job.recipe.precision)
@@ -224,7 +223,7 @@ def _difference(job: Job, probe: Probe, request: Request | None) -> Difference |
 
         return difference_of_export(job, probe, fingerprint())
     output, recipe = job.output, job.recipe
-    is_there = remote.exists(output) if addresses.is_remote(output) else os.path.lexists(output)
+    is_there = remote.exists(output) if messages.is_remote(output) else os.path.lexists(output)
     if not is_there:
         return MISSING
     with local_file(output) as path:
@@ -235,7 +234,7 @@ def _difference(job: Job, probe: Probe, request: Request | None) -> Difference |
 def local_file(name: str) -> Iterator[Path]:
     """Context manager that yields the path of a file: that of a copy, where it lies elsewhere."""
     here = nullcontext(Path(name))
-    with remote.fetched(name) if addresses.is_remote(name) else here as path:
+    with remote.fetched(name) if messages.is_remote(name) else here as path:
         yield path
 
 
@@ -267,8 +266,8 @@ def failure(job: Job, line: str, seconds: float = 0.0) -> Record:
 def _named(job: Job, seconds: float) -> Record:
     """Return what every record begins with."""
     return {
-        "output": addresses.shown(job.output),
-        "probe": addresses.shown(job.probe),
+        "output": messages.shown(job.output),
+        "probe": messages.shown(job.probe),
         "brdf": job.recipe.brdf,
         "to": job.recipe.to,
         **({"engine": job.recipe.arguments["engine"]} if job.recipe.to == EXPORT else {}),
@@ -278,7 +277,7 @@ def _named(job: Job, seconds: float) -> Record:
 
 def error_line(error: BaseException) -> str:
     """Return an error as one line, in which no URL lets anybody in."""
-    return addresses.shown(_line(error))
+    return messages.shown(_line(error))
 
 
 def _line(error: BaseException) -> str:
@@ -295,7 +294,7 @@ def _told_of(name: str, path: str, result: Result) -> Result:
     """Return a result in which the path of a copy is the name of what was copied."""
     if path == name:
         return result
-    said = addresses.shown(name)
+    said = messages.shown(name)
     records = [
         {
             key: value.replace(path, said) if key in ("error", "why") else value

@@ -98,7 +98,6 @@ def compute_brushed_transfer(
 
     Parameters
     ----------
-    brdf : Brdf
     order_f, max_q : int
         The largest l and q.
     accuracy : float

@@ -66,9 +66,6 @@ def cached_coefficients(
 
     Parameters
     ----------
-    brdf : Brdf
-    order_f, order_p : int
-    accuracy : float
     compute : callable
         `compute_coefficients`, or a function with its parameters and result.
 
@@ -94,7 +91,6 @@ def cached_transfer(
     ----------
     brdf, accuracy
         As of `cached_coefficients`.
-    order_f, max_q : int
     compute : callable
         `compute_transfer`, or a function with its parameters and result.
     """

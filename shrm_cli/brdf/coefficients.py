@@ -177,7 +177,6 @@ def compute_coefficients(
 
     Parameters
     ----------
-    brdf : Brdf
     order_f, order_p : int
         The largest l and p. A zonal BRDF has p = 0 only, whatever `order_p` is.
     accuracy : float

@@ -117,7 +117,6 @@ def directional_albedo(brdf: Brdf, theta: float, accuracy: float = _ACCURACY) ->
 
     Parameters
     ----------
-    brdf : Brdf
     theta : float
         The angle of the view from the z axis, radians.
     accuracy : float

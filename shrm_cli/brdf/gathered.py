@@ -28,10 +28,6 @@ def gathering_center(brdf: Brdf) -> Center:
     few functions hold them. Lobes gather about the direction that has the larger mean cosine with
     the light, weighted by the squared lobe.
 
-    Parameters
-    ----------
-    brdf : Brdf
-
     Returns
     -------
     {"reflection", "normal", "tangent"}

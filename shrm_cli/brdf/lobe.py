@@ -38,7 +38,6 @@ def lobe_angle(brdf: Brdf, tolerance: float) -> float:
 
     Parameters
     ----------
-    brdf : Brdf
     tolerance : float
         The fraction that may lie outside, 0 .. 1.
 
@@ -74,7 +73,6 @@ def azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) -
 
     Parameters
     ----------
-    brdf : Brdf
     theta_i, theta_o : ndarray, shapes (n,) and (k,)
         Angles of light and view from C, radians.
     azimuths : int
@@ -112,7 +110,6 @@ def azimuthal_mean(brdf: Brdf, view_theta: float) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    brdf : Brdf
     view_theta : float
         The angle theta_o' between C and the view, radians.
 

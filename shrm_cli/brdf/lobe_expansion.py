@@ -15,7 +15,7 @@ from shrm_cli.brdf.polar_rule import (
     transfer_samples,
 )
 from shrm_cli.errors import BrdfError
-from shrm_cli.parallel import at_once
+from shrm_cli.progress import at_once
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.harmonics import legendre_table
@@ -75,7 +75,6 @@ def squared_lobes(brdf: Brdf, theta: Array, phi: Array, from_normal: Array) -> t
 
     Parameters
     ----------
-    brdf : Brdf
     theta, phi : ndarray, shapes (i,) and (p,)
         Angles of the light about the mirror direction, radians; azimuth 0 is towards the view.
     from_normal : ndarray, shape (o,)
@@ -121,7 +120,6 @@ class LobeExpander:
 
     Parameters
     ----------
-    brdf : Brdf
     rule : PolarRule or SplitRule
         The rule for the angle of the light from C.
     order_f, max_q : int

@@ -127,7 +127,6 @@ def view_nodes(center: Center, count: int) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    center : {"reflection", "normal", "tangent"}
     count : int
         A multiple of 6.
 
@@ -158,7 +157,6 @@ def squeezed_azimuths(count: int, squeeze: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    count : int
     squeeze : ndarray, shape (n,)
         In (0, 1]; 1 leaves the azimuths even.
 
@@ -206,7 +204,6 @@ def transfer_samples(
 
     Parameters
     ----------
-    brdf : Brdf
     rule : PolarRule or SplitRule
         The rule for the angle theta_i of the light from C.
     count : int

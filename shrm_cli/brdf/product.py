@@ -25,7 +25,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product_rule import LightRule
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError
-from shrm_cli.parallel import in_order
+from shrm_cli.progress import in_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import harmonic_planes
 from shrm_cli.sphere.parabolic import project, unproject

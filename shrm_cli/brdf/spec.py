@@ -20,13 +20,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shrm_cli.addresses import shown
-from shrm_cli.brdf.base import Brdf, Value
+from shrm_cli.brdf.base import COMMA, Brdf, Value, check_number, cut, inside, nested_texts
 from shrm_cli.brdf.library import built_in_names, find_model, is_built_in, model_names
-from shrm_cli.brdf.nested import COMMA, check_number, cut, inside, nested_texts
 from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
 from shrm_cli.color import Primaries, from_rec709
 from shrm_cli.errors import BrdfError
+from shrm_cli.messages import shown
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.python_file import FileTerm
@@ -100,7 +99,6 @@ def parse_recorded(
 
     Parameters
     ----------
-    spec : str
     open_file : callable
         Returns the measured BRDF that a term stands for, or None where it is the name of a model.
     primaries : sequence of 8 float, optional

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Value, added, scaled, value_text
-from shrm_cli.brdf.nested import cut, masked
+from shrm_cli.brdf.base import Brdf, Value, added, cut, masked, scaled, value_text
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles
 from shrm_cli.vocabulary import MAX_TERMS
@@ -240,7 +239,6 @@ def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
 
     Parameters
     ----------
-    spec : str
     parse : callable
         Makes the BRDF of one term from its specification.
 

@@ -25,7 +25,7 @@ from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_r
 from shrm_cli.brdf.lobe_views import Views
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
 from shrm_cli.errors import BrdfError
-from shrm_cli.parallel import in_order
+from shrm_cli.progress import in_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
@@ -157,7 +157,6 @@ def compute_transfer(
 
     Parameters
     ----------
-    brdf : Brdf
     order_f, max_q : int
         The largest l and q.
     accuracy : float

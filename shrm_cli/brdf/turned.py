@@ -18,7 +18,6 @@ class Turned(Brdf):
 
     Parameters
     ----------
-    brdf : Brdf
     azimuth : float
         The azimuth from the tangent that a view of azimuth 0 has in the BRDF's own frame, radians.
     """

@@ -70,13 +70,7 @@ class Forms(Protocol):
 
 
 class PrincipalForms:
-    """Maps of principal functions.
-
-    Parameters
-    ----------
-    light : Projection
-    brdf : Brdf
-    """
+    """Maps of principal functions."""
 
     def __init__(self, light: Projection, brdf: Brdf) -> None:
         self._proposals = Proposals(light, replace(ASKED, brdf=brdf))
@@ -112,8 +106,6 @@ class ShrmForms:
 
     Parameters
     ----------
-    light : Projection
-    brdf : Brdf
     known : (Brdf, Planner), optional
         The BRDF about the center that the map shall have, whose transfer functions are known.
     """

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import lobe_width
-from shrm_cli.maps.negative import visible_pairs
+from shrm_cli.maps.prefiltered import visible_pairs
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.reference import Reference
@@ -29,8 +29,6 @@ class Truth:
 
     Parameters
     ----------
-    probe : Probe
-    brdf : Brdf
     progress : callable, optional
         Called with the number of points done, and of points in all.
     """
@@ -52,7 +50,6 @@ class Truth:
 
         Parameters
         ----------
-        shown : ReflectionMap
         scale : array_like, shape (3,)
             What its light is multiplied with.
 

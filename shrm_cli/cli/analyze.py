@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.brdf import order_text, order_values
 from shrm_cli.cli.options import (
     brdf_option,
@@ -18,9 +17,9 @@ from shrm_cli.cli.options import (
     probe_options,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import DIRECTION, FRACTION, STOPS, Spec
-from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
+from shrm_cli.cli.usage import Applies, check_outputs, exclude, given_options, refuse_inapplicable
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT
@@ -125,7 +124,7 @@ def analyze(
         return
     from shrm_cli.analysis.analyze import analyze as analysis_of
     from shrm_cli.analysis.plots import can_plot
-    from shrm_cli.maps.provenance import record_of
+    from shrm_cli.maps.info import record_of
     from shrm_cli.probe.probe import open_probe
 
     of_probe = [*reading, "views", "size", "source_height", "exposure"]

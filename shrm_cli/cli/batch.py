@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli import settings
-from shrm_cli.cli.bar import progress_bar, ticking
 from shrm_cli.cli.contact import write_contacts
 from shrm_cli.cli.export import texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
@@ -28,12 +27,12 @@ from shrm_cli.cli.options import (
     tell,
     words_of_call,
 )
-from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
-from shrm_cli.cli.terminal import echo, echo_message
-from shrm_cli.cli.threads import limit_libraries
+from shrm_cli.cli.terminal import echo, echo_message, progress_bar, ticking
 from shrm_cli.cli.usage import (
+    PAGES,
     Applies,
+    check_outputs,
     flags,
     given_options,
     is_quiet,
@@ -42,6 +41,7 @@ from shrm_cli.cli.usage import (
     wrong_usage,
 )
 from shrm_cli.maps.options import counted
+from shrm_cli.settings import limit_libraries
 from shrm_cli.vocabulary import AUTO, ENGINES, EXPORT, MAX_COLLECTED_ORDER, REPRESENTATIONS
 
 if TYPE_CHECKING:
@@ -302,7 +302,7 @@ def _run(
     contact_page: str | None,
 ) -> None:
     """Do all jobs, and tell what became of them; exit with 1 if one failed."""
-    from shrm_cli import addresses
+    from shrm_cli import messages
     from shrm_cli.batch.log import Totals, opened_log
     from shrm_cli.batch.run import run
 
@@ -332,7 +332,7 @@ def _run(
     if collect is not None and terms.gathering is not None and not terms.only_looks:
         _write_gathered(collect, terms.gathering, chunks, results)
         if not (is_quiet() or wants_json()):
-            echo(f"{addresses.shown(collect)}: {terms.gathering.what} of {len(results):,} probes")
+            echo(f"{messages.shown(collect)}: {terms.gathering.what} of {len(results):,} probes")
     predictions = _predictions(chunks) if terms.only_looks else []
     if contact_page is not None:
         _show(chunks, totals, contact_page)

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, report_options, tell, warn
-from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import FRACTION, Spec
-from shrm_cli.cli.usage import exclude
+from shrm_cli.cli.usage import check_outputs, exclude
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -125,8 +124,7 @@ def _save(spec: str, target: str) -> None:
 
         write_merl(target, chosen)
     else:
-        from shrm_cli.brdf.measured.reading.table_file import write_table
-        from shrm_cli.brdf.measured.table import sample_table
+        from shrm_cli.brdf.measured.table import sample_table, write_table
 
         write_table(target, sample_table(chosen))
     written = open_measured(target)
@@ -142,7 +140,7 @@ def _walk(spec: str, paths: int) -> None:
     """Print how far a coated BRDF is from a random walk."""
     from shrm_cli.brdf.layered.parts.walk import VIEWS, compared
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.maps.provenance import record_of
+    from shrm_cli.maps.info import record_of
 
     chosen = parse_spec(spec)
     found = compared(chosen, paths)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
@@ -15,10 +14,9 @@ from shrm_cli.cli.options import (
     probe_options,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.terminal import columns
+from shrm_cli.cli.terminal import columns, progress_bar
 from shrm_cli.cli.types import BYTES, FRACTION
-from shrm_cli.cli.usage import flags
+from shrm_cli.cli.usage import check_outputs, flags
 from shrm_cli.extras import install
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import bytes_text

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     READING_NAMES,
     conclude,
@@ -19,7 +18,6 @@ from shrm_cli.cli.options import (
     truth_options,
     views_option,
 )
-from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.shading import (
     brushed_options,
     f0_option,
@@ -27,12 +25,14 @@ from shrm_cli.cli.shading import (
     refuse_window,
     window_option,
 )
-from shrm_cli.cli.terminal import columns
+from shrm_cli.cli.terminal import columns, progress_bar
 from shrm_cli.cli.types import BYTES, FRACTION, Spec, interval, within
 from shrm_cli.cli.usage import (
     Applies,
+    check_outputs,
     exclude,
     is_quiet,
+    picture_attributes,
     refuse_inapplicable,
     wants_json,
     wrong_usage,

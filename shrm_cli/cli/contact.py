@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, report_options
-from shrm_cli.cli.outputs import PAGES, check_outputs
-from shrm_cli.cli.usage import flags
+from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.usage import PAGES, check_outputs, flags
 
 if TYPE_CHECKING:
     from shrm_cli.report.contact import Contacts

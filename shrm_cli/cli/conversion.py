@@ -13,16 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.usage import renamed, wrong_usage
+from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.usage import check_outputs, renamed, wrong_usage
 from shrm_cli.errors import MapError
-from shrm_cli.layouts import CUBES, default_orientation
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
 from shrm_cli.progress import using
 from shrm_cli.records import record
-from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS
+from shrm_cli.vocabulary import CONTAINERS, CUBES, REPRESENTATIONS, default_orientation
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -125,7 +123,6 @@ def convert_map(job: Conversion, given: dict[str, Any]) -> Converted:
 
     Parameters
     ----------
-    job : Conversion
     given : dict
         The arguments of the representation that were given on the command line.
     """
@@ -191,7 +188,6 @@ def convert_to_layers(job: Conversion, shader: str | None) -> Converted:
 
     Parameters
     ----------
-    job : Conversion
     shader : str or None
         The language of the code.
     """

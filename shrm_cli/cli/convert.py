@@ -18,7 +18,6 @@ from shrm_cli.cli.options import (
     report_options,
     representation_options,
 )
-from shrm_cli.cli.outputs import force_option, source_stem
 from shrm_cli.cli.plain import (
     convert_to_mips,
     convert_to_view,
@@ -27,13 +26,21 @@ from shrm_cli.cli.plain import (
     plain_rules,
 )
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, wants_json
+from shrm_cli.cli.usage import (
+    Applies,
+    force_option,
+    given_options,
+    refuse_inapplicable,
+    source_stem,
+    wants_json,
+)
 from shrm_cli.files.whole import keeping
-from shrm_cli.layouts import IMAGE_LAYOUTS, LAYOUTS
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions
 from shrm_cli.vocabulary import (
     FRAMES,
+    IMAGE_LAYOUTS,
+    LAYOUTS,
     MAX_ORDER_P,
     ORIENTATIONS,
     REPRESENTATIONS,

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import optional_brdf_option, precision_option, report_options, tell
-from shrm_cli.cli.outputs import check_outputs, force_option
-from shrm_cli.cli.usage import exclude, given_options
+from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.usage import check_outputs, exclude, force_option, given_options
 from shrm_cli.files.whole import keeping
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import CONTAINERS, Precision

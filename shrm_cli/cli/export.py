@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
@@ -17,8 +16,16 @@ from shrm_cli.cli.options import (
     report_options,
     several,
 )
-from shrm_cli.cli.outputs import check_outputs, force_option, source_stem
-from shrm_cli.cli.usage import flags, refuse_inapplicable, renamed, wrong_usage
+from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.usage import (
+    check_outputs,
+    flags,
+    force_option,
+    refuse_inapplicable,
+    renamed,
+    source_stem,
+    wrong_usage,
+)
 from shrm_cli.errors import ShrmError
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from shrm_cli.addresses import has_secret
 from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo, echo_message
 from shrm_cli.cli.types import Parsed
 from shrm_cli.cli.usage import given_options, wrong_usage
+from shrm_cli.messages import has_secret
 
 if TYPE_CHECKING:
     from shrm_cli.batch.job import Chunk

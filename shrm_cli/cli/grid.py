@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import announce, conclude, report_options
-from shrm_cli.cli.outputs import check_outputs, force_option
 from shrm_cli.cli.room import NamedColors, room_options, textures_left_out
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import BOX, COUNTS
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.cli.usage import Applies, check_outputs, force_option, refuse_inapplicable
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 

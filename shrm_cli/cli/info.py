@@ -34,7 +34,7 @@ def info(file: str, stats: bool, **reading: Any) -> None:
     """
     from shrm_cli.analysis.facts import fact_text, in_words
     from shrm_cli.brdf.environment.file import read_table_facts
-    from shrm_cli.brdf.measured.reading.table_file import is_table
+    from shrm_cli.brdf.measured.table import is_table
     from shrm_cli.brdf.spec import is_measured_file
     from shrm_cli.maps.file import is_map
     from shrm_cli.maps.shader.file import read_layers_facts

@@ -16,9 +16,8 @@ from shrm_cli.cli.options import (
     report_options,
     view_option,
 )
-from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.types import COEFFICIENT, DIMMING, RADIANCE, STOPS, TURN
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.cli.usage import Applies, check_outputs, picture_attributes, refuse_inapplicable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

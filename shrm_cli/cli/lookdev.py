@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.moving import fps_option, frame_targets, max_memory_option
 from shrm_cli.cli.options import (
     conclude,
@@ -20,9 +19,15 @@ from shrm_cli.cli.options import (
     shared_options,
     view_option,
 )
-from shrm_cli.cli.outputs import check_outputs, picture_attributes
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import STOPS
-from shrm_cli.cli.usage import Applies, flags, refuse_inapplicable
+from shrm_cli.cli.usage import (
+    Applies,
+    check_outputs,
+    flags,
+    picture_attributes,
+    refuse_inapplicable,
+)
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions

@@ -16,10 +16,10 @@ import click
 import shrm_cli
 from shrm_cli import settings
 from shrm_cli.cli.terminal import echo_message, tell_nobody
-from shrm_cli.cli.threads import limit_small_products
 from shrm_cli.cli.usage import flags
 from shrm_cli.errors import ArgumentError, PluginError, ShrmError, ShrmWarning
 from shrm_cli.files.whole import protecting
+from shrm_cli.settings import limit_small_products
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint

@@ -11,13 +11,13 @@ import click
 
 from shrm_cli import settings
 from shrm_cli.cli.terminal import echo, echo_json, echo_message, has_terminal
-from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.types import DIRECTION, OF_PRIMARIES, STOPS, Spec, click_option
 from shrm_cli.cli.usage import Applies, flags, is_quiet, remember, wants_json
-from shrm_cli.layouts import IMAGE_LAYOUTS
 from shrm_cli.maps.options import SHARED, Option, all_options
 from shrm_cli.maps.registry import descriptions
+from shrm_cli.settings import limit_libraries
 from shrm_cli.vocabulary import (
+    IMAGE_LAYOUTS,
     MAX_SOURCE_HEIGHT,
     ORIENTATIONS,
     PRECISIONS,
@@ -224,7 +224,6 @@ def make_read_options(values: dict[str, Any], sampling: str | None = None) -> Re
 
     Parameters
     ----------
-    values : dict
     sampling : str, optional
         Where the edge pixels lie, in place of the value of --sampling.
 

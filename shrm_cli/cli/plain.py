@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.conversion import Converted, open_source
 from shrm_cli.cli.options import several
-from shrm_cli.cli.outputs import map_stem, picture_attributes
 from shrm_cli.cli.shading import refuse_surface, surface_options
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import DIRECTION
-from shrm_cli.cli.usage import Applies
+from shrm_cli.cli.usage import Applies, map_stem, picture_attributes
 from shrm_cli.vocabulary import LOOKUPS
 
 if TYPE_CHECKING:
@@ -87,7 +86,6 @@ def convert_to_view(
 
     Parameters
     ----------
-    job : Conversion
     view : tuple of 2 float
         Azimuth and elevation of the viewer, in degrees.
     by, roughness, f0

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     READING_NAMES,
     command_with_headings,
@@ -19,13 +18,15 @@ from shrm_cli.cli.options import (
     read_options,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs, force_option, keep_other_map
-from shrm_cli.cli.terminal import echo, has_terminal
+from shrm_cli.cli.terminal import echo, has_terminal, progress_bar
 from shrm_cli.cli.types import BOX, VECTOR
 from shrm_cli.cli.usage import (
     Applies,
+    check_outputs,
+    force_option,
     given_options,
     is_quiet,
+    keep_other_map,
     refuse_inapplicable,
     renamed,
     wants_json,
@@ -236,7 +237,7 @@ def _default_name(probe: str, brdf: str | None, to: str) -> str:
 
 def _report(made: Prefiltered, result: dict[str, Any]) -> list[str]:
     """Return lines about the map, which its representation words, and how it was made."""
-    what, *lines = registry.module(made.map.representation, "report").report(result)
+    what, *lines = registry.module(made.map.representation, "prefilter").report(result)
     stored = [result["precision"], f"{result['bytes']:,} bytes"]
     if result["storage_error"] >= 5e-4:
         lines.append(f"and            {result['storage_error']:.2%} from half precision")

@@ -8,11 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, precision_option, report_options
-from shrm_cli.cli.outputs import check_outputs, force_option, keep_edited, readable_map
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import Spec
-from shrm_cli.cli.usage import Applies, refuse_inapplicable, wrong_usage
+from shrm_cli.cli.usage import (
+    Applies,
+    check_outputs,
+    force_option,
+    keep_edited,
+    readable_map,
+    refuse_inapplicable,
+    wrong_usage,
+)
 from shrm_cli.naming import brdf_label
 from shrm_cli.vocabulary import (
     CONTAINERS,
@@ -79,7 +86,7 @@ def product(
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.maps.file import store
     from shrm_cli.maps.product.make import product_with_facts
-    from shrm_cli.maps.product.report import report
+    from shrm_cli.maps.product.prefilter import report
     from shrm_cli.maps.product.steps import ENOUGH
 
     brdf = parse_spec(spec)
@@ -149,9 +156,9 @@ def _keep_other_texture(
 ) -> None:
     """Refuse to replace a file that is not the texture of this BRDF, order, size and variation."""
     from shrm_cli.files.whole import kept
+    from shrm_cli.maps.info import record_of, same_brdf
     from shrm_cli.maps.product.product import ProductMap
     from shrm_cli.maps.product.varying import VaryingProduct
-    from shrm_cli.maps.provenance import record_of, same_brdf
 
     if not os.path.lexists(target):
         return

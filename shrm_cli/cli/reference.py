@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     brdf_option,
     conclude,
@@ -19,12 +18,8 @@ from shrm_cli.cli.options import (
     report_options,
     view_option,
 )
-from shrm_cli.cli.outputs import (
-    check_outputs,
-    force_option,
-    keep_other_picture,
-    picture_attributes,
-)
+from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.usage import check_outputs, force_option, keep_other_picture, picture_attributes
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT
 
@@ -78,7 +73,7 @@ def reference(
     """
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.files.picture import file_type, write_picture
-    from shrm_cli.maps.provenance import record_of
+    from shrm_cli.maps.info import record_of
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.reference import Reference
     from shrm_cli.render.camera import Viewer

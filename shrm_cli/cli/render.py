@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.moving import (
     LIGHT_MOVES,
     fps_option,
@@ -31,7 +30,6 @@ from shrm_cli.cli.options import (
     report_options,
     view_option,
 )
-from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
 from shrm_cli.cli.shading import (
     brushed_options,
     refuse_surface,
@@ -48,8 +46,15 @@ from shrm_cli.cli.stage import (
     open_stage,
     refuse_mesh_options,
 )
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import VECTOR, picture_size, within
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.cli.usage import (
+    Applies,
+    check_outputs,
+    map_stem,
+    picture_attributes,
+    refuse_inapplicable,
+)
 from shrm_cli.vocabulary import DEFAULT_FPS
 
 if TYPE_CHECKING:

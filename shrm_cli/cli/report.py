@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     READING_NAMES,
     brdfs_option,
@@ -22,10 +21,10 @@ from shrm_cli.cli.options import (
     views_option,
     words_of_call,
 )
-from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import BYTES, STOPS
-from shrm_cli.cli.usage import flags
+from shrm_cli.cli.usage import PAGES, check_outputs, flags
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPRESENTATIONS
 

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli import settings
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import announce, conclude
-from shrm_cli.cli.outputs import check_outputs, picture_attributes
-from shrm_cli.cli.terminal import columns
-from shrm_cli.cli.usage import flags, wrong_usage
+from shrm_cli.cli.terminal import columns, progress_bar
+from shrm_cli.cli.usage import check_outputs, flags, picture_attributes, wrong_usage
 from shrm_cli.maps.options import bytes_text, counted, listing
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 

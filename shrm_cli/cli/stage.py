@@ -249,8 +249,8 @@ def open_baked(
         If a file cannot be read.
     """
     from shrm_cli.lights.split import split_lamps
+    from shrm_cli.maps.info import probe_name
     from shrm_cli.maps.irradiance.irradiance import Irradiance
-    from shrm_cli.maps.provenance import probe_name
     from shrm_cli.prefilter import prefilter
     from shrm_cli.render.lit import lit_maps
     from shrm_cli.transfer.file import read_transfer

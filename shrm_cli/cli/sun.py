@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
@@ -15,10 +14,9 @@ from shrm_cli.cli.options import (
     report_options,
     warn,
 )
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.terminal import echo
+from shrm_cli.cli.terminal import echo, progress_bar
 from shrm_cli.cli.types import FRACTION, within
-from shrm_cli.cli.usage import wants_json, wrong_usage
+from shrm_cli.cli.usage import check_outputs, wants_json, wrong_usage
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
 
 if TYPE_CHECKING:

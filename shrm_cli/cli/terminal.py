@@ -3,6 +3,8 @@
 Names of channels, attributes, messages of libraries and arguments may hold any characters. Those
 that a terminal obeys or hides are printed as escapes such as ``\\x1b``, and endless words are cut.
 URLs lose their passwords and signatures.
+
+Progress is a bar on a terminal, which moves on while nothing is reported, or lines elsewhere.
 """
 
 from __future__ import annotations
@@ -13,13 +15,26 @@ import math
 import os
 import re
 import sys
+import threading
+import time
 import unicodedata
 from collections.abc import Collection, Sequence
-from typing import Any
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from shrm_cli.addresses import shown
+from shrm_cli.cli.usage import is_quiet
+from shrm_cli.messages import shown
+from shrm_cli.progress import BAR
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from tqdm import tqdm
+
+    from shrm_cli.batch.log import Totals
+    from shrm_cli.progress import Progress
 
 _MOST_WORD = 400
 """The most characters of a word in an error or a warning; paths and arguments are such words."""
@@ -48,7 +63,6 @@ def echo(text: str, err: bool = False) -> None:
 
     Parameters
     ----------
-    text : str
     err : bool
         Whether to print to stderr.
 
@@ -155,3 +169,142 @@ def _write(text: str, err: bool) -> None:
 def tell_nobody() -> None:
     """Drop all that goes to stderr from now on."""
     sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, it stays open
+
+
+_BEGAN = time.monotonic()
+_SILENCE = 1.0
+"""Seconds after the beginning of the process in which no bar is shown."""
+_LEAST_SILENCE = 0.3
+"""Seconds of work for which no bar is shown, however long it took to begin."""
+_BEAT = 0.25
+"""Seconds between two drawings of a bar that nothing is reported to."""
+_LONG = 3.0
+"""Seconds of work that are foretold; what takes less is hardly waited for."""
+_EVERY = 10.0
+"""Seconds between two lines about many jobs."""
+
+
+@contextmanager
+def progress_bar(label: str) -> Iterator[Progress | None]:
+    """Yield a callable (done, all) that shows progress on a terminal, after the first second.
+
+    It is None if there is no terminal, or with --quiet. The bar shows the time that passes
+    while nothing is reported, too, so that nobody takes long steps for a process that hangs.
+    """
+    if is_quiet() or not has_terminal():
+        yield None
+        return
+    from tqdm import tqdm
+
+    delay = max(_LEAST_SILENCE, _SILENCE - (time.monotonic() - _BEGAN))
+    options: dict[str, Any] = {"desc": label, "total": 1, "delay": delay, "bar_format": BAR}
+    # Reports come unevenly: the mean rate tells best how much time is left.
+    options |= {"leave": False, "smoothing": 0, "miniters": 0, "mininterval": 0.1}
+    with _own_stderr() as stream, tqdm(file=stream, **options) as bar:
+        shown = _Bar(bar, stream)
+        over = threading.Event()
+        beating = threading.Thread(target=shown.beat, args=(over,), daemon=True)
+        beating.start()
+        try:
+            yield shown
+        finally:
+            over.set()
+            beating.join()
+
+
+@contextmanager
+def _own_stderr() -> Iterator[TextIO]:
+    """Yield stderr by a descriptor of its own.
+
+    What is printed to that of the process while an image library reads counts as the library's
+    noise, and is kept off the terminal.
+    """
+    try:
+        number = os.dup(sys.stderr.fileno())
+    except (OSError, ValueError):  # a stream in memory, or a closed one
+        yield sys.stderr
+        return
+    with open(number, "w", encoding=sys.stderr.encoding, errors="replace") as stream:
+        yield stream
+
+
+class _Bar:
+    """Progress on a terminal, and one line about how long it will take where that is long."""
+
+    def __init__(self, bar: tqdm[Any], stream: TextIO) -> None:
+        self._bar, self._stream = bar, stream
+        self._lock = threading.Lock()
+
+    def __call__(self, done: int, total: int) -> None:
+        with self._lock:
+            self._bar.total = total
+            self._bar.update(done - self._bar.n)
+
+    def foretell(self, seconds: float) -> None:
+        if seconds >= _LONG:
+            label = self._bar.desc.rstrip(": ")
+            with self._lock:
+                self._bar.write(f"{label} takes about {seconds:.0f} s more", self._stream)
+
+    def beat(self, over: threading.Event) -> None:
+        """Draw the bar again and again, until something is over or the terminal is gone."""
+        while not over.wait(_BEAT):
+            try:
+                with self._lock:
+                    self._bar.update(0)
+            except (OSError, ValueError):
+                return
+
+
+@contextmanager
+def ticking(label: str, total: int) -> Iterator[Callable[[Totals], None]]:
+    """Yield a callable that shows how far a run of many jobs has come, and how fast.
+
+    Parameters
+    ----------
+    total : int
+        Jobs in all.
+    """
+    if is_quiet():
+        yield lambda totals: None
+    elif has_terminal():
+        from tqdm import tqdm
+
+        with tqdm(desc=label, total=total, delay=1.0, file=sys.stderr, unit="job") as bar:
+
+            def show(totals: Totals) -> None:
+                bar.update(totals.done - bar.n)
+                if totals.failed:
+                    bar.set_postfix(failed=totals.failed, refresh=False)
+
+            yield show
+    else:
+        yield _Lines(label)
+
+
+class _Lines:
+    """A line every few seconds, for logs of farms."""
+
+    def __init__(self, label: str) -> None:
+        self._label = label
+        self._begun = self._told = time.monotonic()
+
+    def __call__(self, totals: Totals) -> None:
+        now = time.monotonic()
+        if now - self._told < _EVERY:
+            return
+        self._told = now
+        rate = totals.done / (now - self._begun)
+        left = (totals.jobs - totals.done) / max(rate, 1e-9)
+        failed = f", {totals.failed:,} failed" if totals.failed else ""
+        echo_message(
+            f"{self._label}: {totals.done:,} of {totals.jobs:,}{failed}, {rate:.3g} a second, "
+            f"{_duration(left)} left"
+        )
+
+
+def _duration(seconds: float) -> str:
+    """Return a time in the unit that suits it."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

@@ -7,11 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import announce, conclude, report_options
-from shrm_cli.cli.outputs import check_outputs, force_option
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import ALBEDO, BRUSH
-from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
+from shrm_cli.cli.usage import (
+    Applies,
+    check_outputs,
+    force_option,
+    given_options,
+    refuse_inapplicable,
+)
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
 

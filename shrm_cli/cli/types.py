@@ -413,7 +413,7 @@ class Spec(click.ParamType):  # type: ignore[type-arg]  # click's type is generi
 
 def _last_term(text: str) -> tuple[str, str]:
     """Split a specification into what comes before the name of its last term, and that term."""
-    from shrm_cli.brdf.nested import masked
+    from shrm_cli.brdf.base import masked
 
     start = max(match.end() for match in _START.finditer(masked(text)))
     return text[:start], text[start:]
@@ -421,8 +421,8 @@ def _last_term(text: str) -> tuple[str, str]:
 
 def _endings(term: str) -> list[str]:
     """Return what a term may become: with a name, with a parameter's name, or with its value."""
+    from shrm_cli.brdf.base import COMMA, cut
     from shrm_cli.brdf.library import find_model, model_names
-    from shrm_cli.brdf.nested import COMMA, cut
     from shrm_cli.errors import BrdfError
 
     name, colon, values = term.partition(":")

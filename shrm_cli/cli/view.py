@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
@@ -17,7 +16,6 @@ from shrm_cli.cli.options import (
     truth_options,
     warn,
 )
-from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.shading import (
     brush_option,
     brushed_options,
@@ -25,9 +23,9 @@ from shrm_cli.cli.shading import (
     needs_surface,
     surface_options,
 )
-from shrm_cli.cli.terminal import echo
+from shrm_cli.cli.terminal import echo, progress_bar
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
-from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
+from shrm_cli.cli.usage import PAGES, Applies, check_outputs, exclude, is_quiet, refuse_inapplicable
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:

@@ -18,9 +18,9 @@ from shrm_cli.export.ktx import can_compress, ktx2_cube
 from shrm_cli.export.loss import loss
 from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.extras import install
-from shrm_cli.layouts import FACES
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.sphere.cube import face_axes, turned_face
+from shrm_cli.vocabulary import FACES
 
 DIFFUSE_SIZE = 64
 """Texels along an edge of a cube of E / pi, which is smooth."""
@@ -89,11 +89,8 @@ def ktx2_file(
 
     Parameters
     ----------
-    made : Package
-    name : str
     levels : sequence of ndarray, shape (6 N_k, N_k, 3)
         OpenEXR cubes in world axes.
-    texels : TexelFormat
     lookup : ndarray, shape (3, 3)
         How the engine looks its cubes up; see the top of this module.
     reads_zstd : bool

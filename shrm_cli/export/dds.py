@@ -40,7 +40,6 @@ def dds_cube(levels: Sequence[bytes], size: int, texels: TexelFormat) -> bytes:
         wide as the one before.
     size : int
         Texels along an edge of the first level.
-    texels : TexelFormat
     """
     flags, pitch = _FLAGS, size * texels.size
     if texels.edge > 1:

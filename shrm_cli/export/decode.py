@@ -18,8 +18,6 @@ def decoded(data: bytes, texels: TexelFormat, count: int, size: int) -> Array:
 
     Parameters
     ----------
-    data : bytes
-    texels : TexelFormat
     count, size : int
         The number of images, which are squares, and the texels along their edges.
 

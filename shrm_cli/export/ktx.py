@@ -115,13 +115,8 @@ def ktx2_volume(
         The encoded texels; x runs fastest, then y, then z.
     shape : tuple of 3 int
         Texels along x, y and z.
-    texels : TexelFormat
     compress : bool
         As `ktx2_cube` takes it.
-
-    Returns
-    -------
-    bytes
     """
     return _ktx2([data], shape, texels, compress, 1)
 
@@ -138,15 +133,10 @@ def ktx2_cube(
         of the one before.
     size : int
         Texels along an edge of the first mip.
-    texels : TexelFormat
     compress : bool
         Whether each mip is compressed by Zstandard, which needs the extra ``export``.
     faces : int
         6 of a cube, and 1 of a square picture.
-
-    Returns
-    -------
-    bytes
     """
     return _ktx2(levels, (size, size, 0), texels, compress, faces)
 
@@ -197,13 +187,8 @@ def ktx1_cube(
         of the one before.
     size : int
         Texels along an edge of the first mip.
-    texels : TexelFormat
     metadata : mapping of str to str
         Keys and values. Values end in a NUL in the file.
-
-    Returns
-    -------
-    bytes
     """
     pairs = b"".join(_pair(key, value) for key, value in metadata.items())
     kind, kind_size, layout, internal, base = _GL[texels.name]

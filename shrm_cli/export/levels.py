@@ -14,8 +14,7 @@ from shrm_cli.export.engine import Engine
 from shrm_cli.maps.splitsum.prefilter import make_levels
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.probe import Probe
-from shrm_cli.sphere.cube import cube_directions
-from shrm_cli.sphere.sampling import CubeSampler
+from shrm_cli.sphere.cube import CubeSampler, cube_directions
 
 _SAME = 5e-4
 """Roughnesses that differ by this much are the same: files name them with few digits."""
@@ -28,8 +27,6 @@ def levels_of_probe(
 
     Parameters
     ----------
-    probe : Probe
-    engine : Engine
     size : int
         Texels along an edge of level 0.
 
@@ -57,10 +54,8 @@ def levels_of_map(
 
     Parameters
     ----------
-    split : SplitSum
     path : str
         Its file, for messages.
-    engine : Engine
     size : int, optional
         Texels along an edge of level 0, by default those of the file.
 

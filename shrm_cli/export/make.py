@@ -23,11 +23,11 @@ from shrm_cli.export.tamed import tamed
 from shrm_cli.files.whole import keeping, note, together
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
+from shrm_cli.maps.info import provenance
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
 from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import Window
 from shrm_cli.maps.primaries import in_primaries
-from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.naming import probe_stem
@@ -429,15 +429,10 @@ def write(package: Package, folder: Path, kept: bool = True) -> list[Path]:
 
     Parameters
     ----------
-    package : Package
     folder : path-like
         It is made if it does not exist; the folder that it lies in must.
     kept : bool
         Whether files that exist are replaced by files of the same bytes only.
-
-    Returns
-    -------
-    list of Path
 
     Raises
     ------

@@ -26,12 +26,9 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
 
     Parameters
     ----------
-    engine : Engine
-    light : Light
     name : str, optional
         Of the texels, or ``auto``; by default the engine's own, and its spare ones for light whose
         lamps these change.
-    max_error : float, optional
 
     Raises
     ------

@@ -88,7 +88,6 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
     ----------
     image : ndarray, shape (..., 3)
         Linear radiance. The texels are written in the order of the array.
-    chosen : TexelFormat
     what : str
         What the image is called in messages.
 

@@ -24,7 +24,6 @@ def write_texture(path: str | os.PathLike[str], table: Array, precision: Precisi
 
     Parameters
     ----------
-    path : path-like
     table : ndarray, shape (N, N, 2) or (N, N, 3)
         The third column is 0 where there are two.
     precision : {"auto", "half", "float"}

@@ -67,7 +67,6 @@ def tamed(image: Array, sampler: Sampler) -> tuple[Array, str]:
     Parameters
     ----------
     image : ndarray, shape (N, 2 N, 3)
-    sampler : Sampler
 
     Returns
     -------

@@ -46,10 +46,8 @@ def held_bytes(path: str | os.PathLike[str], pixels: int, frames: int) -> int:
 
     Parameters
     ----------
-    path : path-like
     pixels : int
         Of a frame.
-    frames : int
     """
     return _HELD.get(Path(path).suffix.lower(), 0) * pixels * frames
 

@@ -20,7 +20,7 @@ from shrm_cli.files.exr_header import MOST_CHANNELS, SEAL, UNSEALED, ends_whole,
 from shrm_cli.files.openimageio import oiio, quiet
 from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
 from shrm_cli.files.whole import cut_off, replacing
-from shrm_cli.parallel import in_order
+from shrm_cli.progress import in_order
 
 # OpenImageIO's default limit would refuse SHRMs of high orders. Whoever reads a file must check
 # that it does not hold too many values to load, as `maps.file.open_map` does.
@@ -36,8 +36,6 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
 
     Parameters
     ----------
-    path : path-like
-    parts : sequence of Part
     pixel_type : {"half", "float"}
 
     Raises

@@ -34,7 +34,6 @@ def read_tree(name: str, data: bytes) -> tuple[Json, bytes | None]:
     ----------
     name : str
         The path of the file, for messages.
-    data : bytes
 
     Raises
     ------
@@ -100,7 +99,6 @@ def bytes_at(name: str, uri: str, most: int, what: str = "a buffer") -> bytes:
     ----------
     name : str
         The path of the glTF file.
-    uri : str
     most : int
         How many bytes are read of a file, at most.
     what : str

@@ -22,7 +22,6 @@ def write_image(
 
     Parameters
     ----------
-    path : path-like
     pixels : ndarray, shape (H, W, 3)
         Scene-linear values.
     precision : {"auto", "half", "float"}

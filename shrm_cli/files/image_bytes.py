@@ -4,7 +4,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.files.openimageio import oiio, quiet
-from shrm_cli.files.scratch import scratch_folder
+from shrm_cli.files.whole import scratch_folder
 
 
 @quiet

@@ -17,7 +17,6 @@ def shorten(text: str, fits: Callable[[str], bool]) -> str:
 
     Parameters
     ----------
-    text : str
     fits : callable
         Whether a text is short enough.
 

@@ -30,11 +30,9 @@ def write_mipmap(
 
     Parameters
     ----------
-    path : path-like
     levels : sequence of ndarray, shape (H_k, W_k, 3)
         All levels down to one pixel; each is half as wide and as high as the one before, rounded
         down, and at least 1.
-    precision : {"auto", "half", "float"}
     attributes : mapping, optional
         Texts, numbers and ``chromaticities`` by name. ``envmap`` of ``latlong`` marks a
         border-sampled lat-long, as texture systems want it.

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from shrm_cli.files.whole import replacing
+from shrm_cli.errors import ShrmError
+from shrm_cli.files.whole import note, replacing
 
 MOST_TEXT = 2**20
 """The most bytes of a text in an archive, and of what an array has besides its numbers."""
@@ -62,7 +63,6 @@ class Archive:
 
         Parameters
         ----------
-        name : str
         dimensions : int
             How many axes the array has.
         most : int, optional
@@ -171,6 +171,37 @@ def opened(path: Path) -> Iterator[Archive]:
             yield Archive(archive, os.path.getsize(path))
     except _UNREADABLE as error:
         raise ValueError("damaged or truncated") from error
+
+
+@contextmanager
+def told(path: Path, error: type[ShrmError], missing: str, again: str) -> Iterator[Archive]:
+    """Yield an archive that a command reads; what is wrong with it becomes one line of an error.
+
+    Parameters
+    ----------
+    missing, again : str
+        What to do where there is no such file, and where it is damaged or not what is sought, as a
+        ValueError or a KeyError within the block tells.
+    """
+    note(path)
+    try:
+        if not path.is_file():
+            raise error(f"{path}: no such file; {missing}")
+        with opened(path) as archive:
+            yield archive
+    except (ValueError, KeyError) as found:
+        raise error(f"{path}: {found}; {again}") from found
+    except OSError as found:
+        raise error(f"{path}: cannot be read ({found.strerror or found})") from found
+
+
+def holds(path: str | os.PathLike[str], names: set[str]) -> bool:
+    """Tell whether a file is an archive with arrays of these names, which may be damaged."""
+    try:
+        with opened(Path(path)) as archive:
+            return names <= archive.names
+    except (ValueError, OSError):
+        return False
 
 
 def read_npy(content: bytes) -> NDArray[Any]:

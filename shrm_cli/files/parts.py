@@ -21,7 +21,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.whole import note
-from shrm_cli.parallel import in_order
+from shrm_cli.progress import in_order
 from shrm_cli.records import record
 from shrm_cli.vocabulary import CONTAINERS, PixelType, Precision
 
@@ -178,8 +178,6 @@ def write_parts(
 
     Parameters
     ----------
-    path : path-like
-    parts : sequence of Part
     precision : {"auto", "half", "float"}
         ``auto`` is half unless a value exceeds its range, or light is so dim that it loses digits.
 

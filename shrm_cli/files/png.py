@@ -79,7 +79,6 @@ def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8 | np.uint16
 
     Parameters
     ----------
-    path : path-like
     pixels : ndarray of uint8 or uint16, shape (H, W, 3)
 
     Raises

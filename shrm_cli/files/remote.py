@@ -15,10 +15,9 @@ from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
 
-from shrm_cli.addresses import SCHEME, is_remote, shown, shown_reason, without_query
 from shrm_cli.errors import RemoteError
-from shrm_cli.files.scratch import scratch_folder
-from shrm_cli.files.whole import check_target
+from shrm_cli.files.whole import check_target, scratch_folder
+from shrm_cli.messages import SCHEME, is_remote, shown, shown_reason, without_query
 
 MOST_BYTES = 2**32
 """The most bytes that are fetched of one file unless the caller says otherwise."""
@@ -75,7 +74,6 @@ def fetched(
 
     Parameters
     ----------
-    url : str
     folder : path-like, optional
         Where the copy is made, in a folder of its own; by default where the system has its
         temporary files.

@@ -15,8 +15,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.color import srgb_to_linear
 from shrm_cli.files.exr_header import excess
 from shrm_cli.files.openimageio import oiio, quiet
-from shrm_cli.files.scratch import scratch_folder
-from shrm_cli.files.whole import note
+from shrm_cli.files.whole import note, scratch_folder
 
 _BEGINNINGS = {
     b"\x89PNG\r\n\x1a\n": ".png",

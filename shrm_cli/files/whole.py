@@ -1,8 +1,10 @@
-"""Output files that appear whole or not at all, and the inputs that none of them may replace.
+"""Output files that appear whole or not at all, inputs that none may replace, and a run's folders.
 
 Every function that opens a file for its user notes it here, whether the name came from the command
 line, from the specification of a BRDF or out of a map, and every function that writes one asks. A
 command does its work within `protecting`. Programs that use the library decide for themselves.
+
+Folders for files that a run writes, reads again, and removes.
 """
 
 import atexit
@@ -11,6 +13,7 @@ import filecmp
 import os
 import platform
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextvars import ContextVar
 from pathlib import Path
@@ -109,7 +112,6 @@ def check_target(
 
     Parameters
     ----------
-    target : path-like
     suffixes : tuple of str, optional
         The suffixes that the target's name may have, in lower case; by default any.
 
@@ -305,7 +307,6 @@ def abandoned(folder: Path, prefix: str, suffix: str = "") -> list[Path]:
 
     Parameters
     ----------
-    folder : Path
     prefix : str
         What `own_prefix` returns.
     suffix : str, optional
@@ -336,3 +337,39 @@ def _is_running(process: int) -> bool:
         return True
     state = status.rpartition(b")")[2].split()[0]
     return state not in (b"Z", b"X")
+
+
+_NAME = "shrm"
+
+
+@contextlib.contextmanager
+def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Path]:
+    """Context manager that yields a new folder, which is removed at the end with all in it.
+
+    A process that is killed leaves its folder behind; the next one that makes one there removes it.
+
+    Parameters
+    ----------
+    inside : path-like, optional
+        Where the folder is made; by default where the system has its temporary files.
+
+    Raises
+    ------
+    OutputError
+        If no folder can be made there.
+    """
+    try:
+        where = Path(tempfile.gettempdir() if inside is None else inside)
+        prefix = own_prefix(_NAME)
+        for folder in abandoned(where, prefix):
+            discard(folder)
+        own = Path(tempfile.mkdtemp(prefix=f"{prefix}{os.getpid()}-", dir=where))
+    except OSError as error:
+        raise OutputError(
+            f"no temporary folder can be made ({error.strerror}); set TMPDIR to a folder with room"
+        ) from error
+    claim(own)
+    try:
+        yield own
+    finally:
+        discard(own)

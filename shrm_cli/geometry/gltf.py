@@ -58,7 +58,6 @@ def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial 
     ----------
     name : str
         The path of the file. Buffers in other files are looked for in its folder.
-    data : bytes
 
     Returns
     -------

@@ -146,7 +146,6 @@ def read_obj(name: str, data: bytes) -> dict[str, Any]:
     ----------
     name : str
         For messages.
-    data : bytes
 
     Returns
     -------

@@ -22,10 +22,6 @@ _START = 1e-5
 class Rays:
     """Asks what rays meet of a mesh.
 
-    Parameters
-    ----------
-    mesh : Mesh
-
     Raises
     ------
     MeshError

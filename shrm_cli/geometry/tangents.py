@@ -20,10 +20,6 @@ def tangents_from_uvs(mesh: Mesh) -> Array:
     vertex, weighted by the areas of its triangles, is made perpendicular to the vertex's normal.
     How fast u grows does not count.
 
-    Parameters
-    ----------
-    mesh : Mesh
-
     Returns
     -------
     ndarray, shape (n, 3)
@@ -43,7 +39,6 @@ def brushed_tangents(mesh: Mesh, brush: str | tuple[float, float, float] | None 
 
     Parameters
     ----------
-    mesh : Mesh
     brush : {"uv"} or tuple of 3 float, optional
         Along the texture coordinate u, or a direction; by default around +Y.
 
@@ -69,7 +64,6 @@ class UvTangents:
 
     Parameters
     ----------
-    mesh : Mesh
     uv_set : {0, 1}
         Which coordinates count.
     """

@@ -12,10 +12,9 @@ from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import LampSplit, split_lamps
+from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.map import LampMap
-from shrm_cli.maps.negative import negative_warnings
-from shrm_cli.maps.prefiltered import REMEDY, Prefiltered
-from shrm_cli.maps.provenance import probe_name
+from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, negative_warnings
 from shrm_cli.plan import policy
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.lighting import Lighting, project
@@ -107,7 +106,6 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
     ----------
     made : Prefiltered
         The map of the residual. Where there are no lamps, it is of the probe.
-    beside : Beside
     brdf : Brdf
         What the map was made for.
 

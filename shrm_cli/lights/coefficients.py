@@ -36,7 +36,6 @@ def write_light_file(path: str, tables: Tables, working: Any = None) -> None:
 
     Parameters
     ----------
-    path : str
     tables : dict
         Lists of tables of texts, numbers and lists, by their kinds.
     working : str or list of float, optional

@@ -86,7 +86,6 @@ def disc_of(light: Light, radius: float | None = None) -> Disc:
 
     Parameters
     ----------
-    light : Light
     radius : float, optional
         In radians. By default the disc is as large as the light would be if all of it had its
         typical brightness: what a filter has spread around a lamp hardly counts.

@@ -36,7 +36,6 @@ def light_file_text(split: LampSplit, residual: str) -> str:
 
     Parameters
     ----------
-    split : LampSplit
     residual : str
         The name of the residual's file, relative to the folder of the light file.
     """
@@ -64,7 +63,6 @@ def usd_text(split: LampSplit, residual: str) -> str:
 
     Parameters
     ----------
-    split : LampSplit
     residual : str
         The name of the residual's file, relative to the folder of the layer.
 

@@ -103,7 +103,6 @@ def clusters(points: Array, reach: float) -> Indices:
     ----------
     points : ndarray, shape (n, 3)
         Within the unit ball.
-    reach : float
 
     Returns
     -------

@@ -53,7 +53,6 @@ def prove(before: Array, residual: Array, discs: Sequence[Disc]) -> Proof:
     ----------
     before, residual : ndarray, shape ((order+1)^2, 3)
         Coefficients of the radiance of the probe and of the residual, world axes.
-    discs : sequence of Disc
     """
     difference = residual + disc_coefficients(discs, order_of(len(before))) - before
     irradiance = _irradiance(difference)

@@ -45,7 +45,6 @@ def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices])
     ----------
     image : ndarray, shape (rows, columns, 3)
         It is left as it is.
-    pixels : SpherePixels
     regions : sequence of ndarray of int
         Numbers of the pixels of each lamp; no pixel is in two of them.
 

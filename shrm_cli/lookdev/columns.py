@@ -119,10 +119,6 @@ class Column:
 def metered(probe: Probe) -> float:
     """Return the exposure of a probe in stops, a multiple of a tenth; 0 if it is black.
 
-    Parameters
-    ----------
-    probe : Probe
-
     Raises
     ------
     ProbeError
@@ -148,10 +144,8 @@ def make_column(
 
     Parameters
     ----------
-    path : str
     reading : ReadOptions
         How the probe is read.
-    wanted : Wanted
     progress : callable, optional
         Called with the amount of work done and the amount in all.
 

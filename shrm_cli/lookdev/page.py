@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from shrm_cli.brdf.nested import COMMA, cut
+from shrm_cli.brdf.base import COMMA, cut
 from shrm_cli.brdf.spec import file_label, names_file
 from shrm_cli.brdf.sums import is_sum, term_texts
 from shrm_cli.files.html_page import asset, html_page
@@ -38,7 +38,6 @@ def lookdev_page(
 
     Parameters
     ----------
-    columns : sequence of Column
     heads, sides : sequence of str
         Names of the probes and of the materials.
     tiles : sequence of sequence of (ndarray or str)

@@ -32,7 +32,6 @@ def first_that_keeps(make: Maker, probe: Probe, request: Request) -> Prefiltered
     ----------
     make : callable
         The maker of the form.
-    probe : Probe
     request : Request
         With an error, or a share of wrong pixels, or both.
 

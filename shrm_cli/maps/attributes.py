@@ -14,13 +14,13 @@ from shrm_cli import __release__
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredPart, sound_primaries
-from shrm_cli.layouts import LAYOUTS
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sources import fingerprint
 from shrm_cli.vocabulary import (
     CENTERS,
     DOMAINS,
     FRAMES,
+    LAYOUTS,
     MAX_ORDER_F,
     MAX_ORDER_P,
     ORIENTATIONS,
@@ -62,7 +62,6 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
 
     Parameters
     ----------
-    reflection_map : Map
     order_p : int
         The order P of the map, which may be lower than that of its BRDF.
 
@@ -223,7 +222,6 @@ def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
     ----------
     attributes : dict
         The attributes of the part, as `read_attributes` returns them.
-    part : StoredPart
     """
     return MapInfo(
         attributes["F"],

@@ -3,18 +3,16 @@
 Each representation has a folder beside this module; the three explicit maps share one. A folder
 has these modules:
 
-``options``
-    The options of `shrm prefilter` that the representation obeys; this module loads no numpy.
 ``prefilter``
-    How the map is made: ``prefilter(probe, request) -> Prefiltered``.
+    How the map is made: ``prefilter(probe, request) -> Prefiltered``; and ``report``, what
+    `shrm prefilter` prints about it.
 ``file``
     The layout of the map in a file: ``encode(map) -> list of Part``, ``decode(file) -> map``.
-``report``
-    What `shrm prefilter` prints about the map; this module loads no numpy.
 ``shader``
     Its look-up as code, where it has the option ``shader``: ``source(map, textures) -> Source``.
 
-The registry (`shrm_cli.maps.registry`) finds these modules, and loads each only when it is needed.
+The registry (`shrm_cli.maps.registry`) describes what each takes, finds these modules, and loads
+each only when it is needed.
 """
 
 from __future__ import annotations
@@ -334,9 +332,8 @@ class Map(Displayed, ABC):
 
     def _moved(self, size: int, sampling: Sampling) -> Map:
         """Return the map on other cubes, each filtered from the old cube in its place."""
-        from shrm_cli.maps.look_up import look_up_error
-        from shrm_cli.sphere.cube import cube_directions
-        from shrm_cli.sphere.sampling import CubeSampler
+        from shrm_cli.maps.size import look_up_error
+        from shrm_cli.sphere.cube import CubeSampler, cube_directions
 
         directions = cube_directions(size, sampling)
         before = self.planes()
@@ -490,8 +487,7 @@ def _is_exact(values: Array) -> bool:
 
 def _lost(before: Array, after: Array, old: Sampling, new: Sampling) -> float:
     """Return the relative RMS difference of two cubes of any sizes at the texels of the first."""
-    from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
-    from shrm_cli.sphere.sampling import CubeSampler
+    from shrm_cli.sphere.cube import CubeSampler, cube_directions, cube_solid_angles
 
     size = before.shape[1]
     weights = np.tile(cube_solid_angles(size, old), (6, 1))[..., None]

@@ -33,10 +33,6 @@ def joint_error(strengths: ArrayLike, errors: Sequence[float], whole: float) -> 
 def brightness(terms: Sequence[Map]) -> tuple[Array, float]:
     """Measure how bright the terms of a sum are, each a map of its own, and how bright it is.
 
-    Parameters
-    ----------
-    terms : sequence of Map
-
     Returns
     -------
     strengths : ndarray, shape (terms,)

@@ -149,11 +149,6 @@ def sample_views(center: Center, count: int = _VIEWS) -> tuple[Array, Array]:
     the mirror direction: both are the same views. Views are dense where they graze the surface,
     because errors are large there. About the tangent all views count alike.
 
-    Parameters
-    ----------
-    center : {"reflection", "normal", "tangent"}
-    count : int
-
     Returns
     -------
     theta_o, shares : ndarray, shape (count,)

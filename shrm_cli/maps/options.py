@@ -1,7 +1,6 @@
 """The arguments of prefiltering: how representations describe them, and which values they have.
 
-This module and the module ``options`` in each representation's folder load no numpy, because
-``shrm --help`` reads them.
+This module loads no numpy, because ``shrm --help`` reads it.
 """
 
 import operator

@@ -1,17 +1,25 @@
 """A map that was just made, with facts about its making that its file does not keep.
 
-Where its picture is wrong, the functions here say what, by how much, and one thing that helps.
+Where its picture is wrong, the functions here say what, by how much, and one thing that helps. A
+series that is cut off swings about the light, and where the light is dark beside a lamp it swings
+below zero, which a screen shows as black: how much of a map is so is looked at here, too.
 
 Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import field, replace
+from functools import cache
 from typing import Any
 
+import numpy as np
+
+from shrm_cli.arrays import Array
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.records import record
+from shrm_cli.sphere.quadrature import scrambled, spiral_directions
+from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE
 
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
@@ -93,3 +101,92 @@ def with_wrong_share(
         f"{error:.1%} (RMS); `to` auto, without `eps` or orders, {chosen}"
     )
     return [*(line for line in lines if not line.startswith(_WRONG)), said]
+
+
+def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
+    """Return lines about the orders, the energy and the errors of a map made for a BRDF.
+
+    Parameters
+    ----------
+    result : dict
+        The object that `shrm prefilter --json` prints.
+    added_by : str
+        What causes the added error of the map, in words.
+    """
+    captured, bound = result["brdf_energy_captured"], result["error_bound"]
+    energy = f"{captured:.2%} captured, {1 - result['epsilon']:.2%} asked"
+    if "+" in result["center"]:
+        energy = f"{captured:.2%} captured by the terms, whose error together is that of one map"
+    if result["domain"] == "angular":
+        energy = f"{captured:.2%} in the truncated lobe"
+    at_most = "" if bound is None else f", {bound:.2%} at most"
+    carried = result["order_carried"]
+    further = f"; carried to {carried}" if carried > result["order_f"] else ""
+    lines = [
+        f"orders         F = {result['order_f']}, P = {result['order_p']}{further}",
+        f"BRDF energy    {energy}",
+        f"RMS error      {result['predicted_error']:.2%} of the reflected light predicted{at_most}",
+    ]
+    if result["added_error"] >= 5e-5:
+        lines.append(f"and            {result['added_error']:.2%} from {added_by}")
+    if result["filter_error"]:
+        lines.append(
+            f"and            {result['filter_error']:.2%} from bilinear look-ups, as on a GPU"
+        )
+    share = result["predicted_wrong_share"]
+    if share is not None:
+        lines.append(f"pixels         {share:.1%} predicted to be wrong by more than 5%")
+    return lines
+
+
+_PAIRS = 4096
+"""The number of pairs of a mirror direction and a view that are looked at."""
+
+
+def negative_share(map_: Map) -> float:
+    """Estimate the share of what is visible of a map whose luminance is below 0.
+
+    Mirror directions and views are spread evenly over all pairs. These are the pixels of spheres,
+    seen in parallel projection from all sides.
+
+    Returns
+    -------
+    float
+        In 0 .. 1, to about 0.001 where it is small.
+    """
+    shown = map_.glimpse(*visible_pairs())
+    return float(np.mean(shown @ LUMINANCE < 0))
+
+
+@cache
+def visible_pairs(count: int = _PAIRS) -> tuple[Array, Array]:
+    """Return the mirror directions and the views, which are always the same; read-only."""
+    directions = spiral_directions(count)
+    views = directions[scrambled(count)]
+    for each in (directions, views):
+        each.setflags(write=False)
+    return directions, views
+
+
+def examined(made: Prefiltered) -> Prefiltered:
+    """Record the negative share of a map that was just made, and warn of it where it is seen.
+
+    Where that was done, as the share decides which map is made, it is not done again.
+    """
+    if "negative_share" in made.further:
+        return made
+    share = negative_share(made.map)
+    # It stands behind the facts that are still to be found, so that JSON keeps its order.
+    further = {**made.further, "negative_share": lambda: share}
+    warnings = (*made.warnings, *negative_warnings(made.map, share))
+    return replace(made, further=further, warnings=warnings)
+
+
+def negative_warnings(map_: Map, share: float) -> tuple[str, ...]:
+    """Return a line about the negative share of a map, and what helps, if anybody would see it."""
+    if share <= NEGATIVE_SHARE:
+        return ()
+    return (
+        f"{share:.1%} of what is visible is black, mostly beside lamps, for it is negative there; "
+        f"{map_.against_negatives}",
+    )

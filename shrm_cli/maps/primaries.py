@@ -18,7 +18,6 @@ def in_primaries(found: Map, primaries: tuple[float, ...]) -> Map:
 
     Parameters
     ----------
-    found : Map
     primaries : tuple of 8 float
         CIE x and y of red, green, blue and white. Those of the map are Rec.709's where it tells
         none. White stays white, by Bradford's adaptation.

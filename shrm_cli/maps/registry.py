@@ -1,17 +1,254 @@
-"""Finding the modules that make, write and read each representation.
+"""The forms of maps: what each is called and takes, and the modules that make, write and read it.
 
-No module is loaded before it is needed.
+`shrm --help` reads the descriptions, so that this module loads no numpy. No module of a form is
+loaded before it is needed. All explicit maps share one description, to which each adds options of
+its own.
 """
 
 import importlib
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from shrm_cli.vocabulary import AUTO, REPRESENTATIONS
+from shrm_cli.maps.options import (
+    AUTOMATIC,
+    BRDF_ARGUMENTS,
+    CUBE_ARGUMENTS,
+    SHADER,
+    TEXTURES,
+    WINDOW,
+    Option,
+    Representation,
+)
+from shrm_cli.vocabulary import (
+    AUTO,
+    DEFAULT_FACTOR_ORDERS,
+    DEFAULT_FITTED_ROUGHNESS,
+    DEFAULT_MAX_SIZE,
+    DEFAULT_PRODUCT_ORDER,
+    DEFAULT_PRODUCT_SIZE,
+    DEFAULT_TAPS,
+    LAWS,
+    LEVEL_MAPPINGS,
+    MAX_EXPONENTIAL_ORDER,
+    MAX_PRINCIPAL_MAPS,
+    MAX_PRODUCT_ORDER,
+    MAX_PRODUCT_SIZE,
+    MIN_ROUGHNESS,
+    REPRESENTATIONS,
+    TAP_COUNTS,
+)
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
-    from shrm_cli.maps.options import Representation
+
+_EXPLICIT_TAKES = (BRDF_ARGUMENTS | CUBE_ARGUMENTS) - {"frame"}
+_SLICES = Option(
+    "slices",
+    "Angles theta_o of a kautz-mccool map.  [default: 10 P]",
+    "integer",
+    limits=(1, 1024),
+    metavar="T",
+    converts=True,
+)
+_VIEWS = Option(
+    "views",
+    "A lightfield has T x T views.  [default: 10 P]",
+    "integer",
+    limits=(1, 128),
+    metavar="T",
+    converts=True,
+)
+_TITLES = {"cabral": "Cabral", "kautz-mccool": "Kautz-McCool", "lightfield": "light field"}
+_OWN = {"kautz-mccool": (_SLICES,), "lightfield": (_VIEWS,)}
+_STEPS = tuple({"eps": eps} for eps in (0.3, 0.1, 0.03, 0.01, 0.003))
+_FORM = Option(
+    "form",
+    "irradiance: all coefficients (sh), or linear ones and a zonal one of degree 2, about their "
+    "luminance's axis (zh3), each channel's own, or guessed.  [default: sh]",
+    "choice",
+    choices=("sh", "zh3", "zh3-channel", "zh3-hallucinated"),
+    converts=True,
+    default="sh",
+)
+_P, _Q = DEFAULT_FACTOR_ORDERS
+_LOW, _HIGH = DEFAULT_FITTED_ROUGHNESS
+_ORDERS = (0, MAX_EXPONENTIAL_ORDER)
+
+DESCRIPTIONS = {
+    "shrm": Representation(
+        "shrm",
+        "SHRM",
+        BRDF_ARGUMENTS | CUBE_ARGUMENTS | {"error", "seen"},
+        (
+            Option(
+                "split",
+                "Prefilter diffuse and glossy terms each about its own centre.  "
+                "[default: by count]",
+                "switch",
+            ),
+            Option(
+                "compress",
+                "Keep K principal components of an SHRM, or as many as an error X needs. From a "
+                "probe, --to principal is better.",
+                "components",
+                converts=True,
+            ),
+            SHADER,
+            TEXTURES,
+        ),
+    ),
+    **{
+        name: Representation(
+            name,
+            _TITLES.get(name, name),
+            _EXPLICIT_TAKES,
+            (*_OWN.get(name, ()), SHADER, TEXTURES),
+            steps=_STEPS,
+        )
+        for name, module in REPRESENTATIONS.items()
+        if module.startswith("explicit.")
+    },
+    "irradiance": Representation(
+        "irradiance",
+        "irradiance",
+        CUBE_ARGUMENTS | {"order_f", "error"},
+        (WINDOW, _FORM, SHADER),
+        why_no_brdf="irradiance is that of a white Lambertian surface",
+        own_defaults={"order_f": 2},  # nine coefficients
+        steps=tuple({"order_f": order} for order in (1, 2, 4, 6, 8)),  # cosines lack odd degrees
+    ),
+    "splitsum": Representation(
+        "splitsum",
+        "split sum",
+        CUBE_ARGUMENTS | {"brdf", "error"},
+        (
+            Option("levels", "splitsum: how many, or the roughness of each.", "levels"),
+            Option(
+                "mapping",
+                "splitsum: how roughness rises with the level.  [default: linear]",
+                "choice",
+                choices=LEVEL_MAPPINGS,
+                default="linear",
+            ),
+            SHADER,
+            TEXTURES,
+            Option(
+                "anisotropy",
+                "splitsum, with --shader: print shrm_brushed(n, t, v, roughness, anisotropy, f0) "
+                "too, of brushed GGX.",
+                "switch",
+                prints=True,
+            ),
+            Option(
+                "taps",
+                f"splitsum, with --anisotropy: look-ups it takes.  [default: {DEFAULT_TAPS}]",
+                "choice",
+                choices=tuple(str(each) for each in TAP_COUNTS),
+                prints=True,
+            ),
+            Option(
+                "mips",
+                "splitsum: sizes that halve from level to level, down to one texel.  "
+                "[default: from the orders]",
+                "switch",
+                default=False,
+            ),
+        ),
+        why_no_brdf="a split sum is of GGX, unless a BRDF is given",
+    ),
+    "principal": Representation(
+        "principal",
+        "principal functions",
+        (BRDF_ARGUMENTS - {"order_p", "order_f", "domain", "source_height", "frame"})
+        | CUBE_ARGUMENTS
+        | {"error", "seen"},
+        (
+            Option(
+                "maps",
+                "principal: keep the K cubes that hold the most light.  [default: from --eps]",
+                "integer",
+                limits=(1, MAX_PRINCIPAL_MAPS),
+                metavar="K",
+            ),
+            Option(
+                "divide",
+                "principal: divide by the directional albedo, which the file then holds.",
+                "switch",
+                default=False,
+            ),
+            SHADER,
+            TEXTURES,
+        ),
+        own_defaults={"max_size": DEFAULT_MAX_SIZE},
+    ),
+    "product": Representation(
+        "product",
+        "product texture",
+        frozenset(("brdf", "error")),
+        (
+            Option(
+                "order",
+                "product: largest degree of the light's harmonics.  "
+                f"[default: {DEFAULT_PRODUCT_ORDER}]",
+                "integer",
+                limits=(0, MAX_PRODUCT_ORDER),
+                default=DEFAULT_PRODUCT_ORDER,
+            ),
+            Option(
+                "texels",
+                "product: texels along the edge of the parabolic map of views.  "
+                f"[default: {DEFAULT_PRODUCT_SIZE}]",
+                "integer",
+                limits=(8, MAX_PRODUCT_SIZE),
+                default=DEFAULT_PRODUCT_SIZE,
+            ),
+            WINDOW,
+            SHADER,
+            TEXTURES,
+        ),
+        steps=tuple({"order": order} for order in (2, 4, 6, 8, 10, 14)),
+    ),
+    "she": Representation(
+        "she",
+        "SH exponential",
+        frozenset(("error",)),
+        (
+            Option(
+                "p_order",
+                f"she: order of P, over R.  [default: {_P}]",
+                "integer",
+                limits=_ORDERS,
+                default=_P,
+            ),
+            Option(
+                "q_order",
+                f"she: order of Q, over (R + N) / |R + N|.  [default: {_Q}]",
+                "integer",
+                limits=_ORDERS,
+                default=_Q,
+            ),
+            Option(
+                "roughness",
+                f"she: perceptual roughness to fit it to.  [default: {_LOW:g}..{_HIGH:g}]",
+                "interval",
+                limits=(MIN_ROUGHNESS, 1),
+                default=DEFAULT_FITTED_ROUGHNESS,
+            ),
+            Option(
+                "law",
+                "she: attenuation after GGX's lobe, or as published.  [default: lobe]",
+                "choice",
+                choices=LAWS,
+                default="lobe",
+            ),
+            SHADER,
+            TEXTURES,
+        ),
+        why_no_brdf="an SH exponential is of GGX",
+        steps=tuple({"p_order": p, "q_order": q} for p, q in ((2, 1), (4, 2), (6, 4), (8, 6))),
+    ),
+}
+"""The description of each representation."""
 
 
 def module(representation: str, name: str) -> ModuleType:
@@ -39,19 +276,11 @@ def map_class(representation: str) -> "type[Map]":
     raise LookupError(f"{defining.__name__} has no map of representation {representation!r}")
 
 
-def description(representation: str) -> "Representation":
-    """Return the description of a representation and its options, without loading numpy.
-
-    ``auto`` has one too, though it is none.
-    """
-    if representation == AUTO:
-        from shrm_cli.maps.options import AUTOMATIC
-
-        return AUTOMATIC
-    found: Representation = module(representation, "options").DESCRIPTIONS[representation]
-    return found
+def description(representation: str) -> Representation:
+    """Return the description of a representation; ``auto`` has one too, though it is none."""
+    return AUTOMATIC if representation == AUTO else DESCRIPTIONS[representation]
 
 
-def descriptions() -> "dict[str, Representation]":
+def descriptions() -> dict[str, Representation]:
     """Return the descriptions of all representations, in the order of the vocabulary."""
-    return {name: description(name) for name in REPRESENTATIONS}
+    return {name: DESCRIPTIONS[name] for name in REPRESENTATIONS}

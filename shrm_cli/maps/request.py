@@ -12,8 +12,8 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
+from shrm_cli.maps.info import record_of
 from shrm_cli.maps.options import SHARED, Representation, listing, owners
-from shrm_cli.maps.provenance import record_of
 from shrm_cli.maps.size import stored_bytes
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from shrm_cli.maps.lobes_lit import keeping_light
-from shrm_cli.maps.negative import examined
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import REMEDY, Prefiltered
+from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, examined
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising
 from shrm_cli.vocabulary import NEGATIVE_SHARE
@@ -27,7 +26,6 @@ def kept_or_best(
     ----------
     propose : callable
         As `shrm_cli.plan.search.rising` takes it.
-    goal : Goal
     max_size : int
         The most bytes, for the warning.
     instead : callable

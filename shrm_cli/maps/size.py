@@ -1,14 +1,26 @@
-"""How large maps are, and how large they may be.
+"""How large maps are and may be, which degrees they carry, and what bilinear look-ups in them cost.
+
+A series that ends where light is still visible rings: beside a lamp its ripples are far brighter
+than dark places, and negative. Where a map can carry no more, its last degrees therefore fall
+smoothly to nothing, by half a wave of a cosine, as a tapered cosine (or Tukey) window does. That
+costs a part of what they would have shown, which predicted errors count.
 
 Sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
 import math
+from functools import cached_property
 
 import numpy as np
 
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError, MapError
-from shrm_cli.vocabulary import MAX_CUBE_SIZE, MAX_ORDER_P
+from shrm_cli.probe.lighting import Lighting
+from shrm_cli.records import record
+from shrm_cli.reflected import filtering_error, last_visible
+from shrm_cli.sphere.harmonics import degrees
+from shrm_cli.vocabulary import MAX_CUBE_SIZE, MAX_ORDER_P, Sampling
 
 MAX_VALUES = 2**30
 """The most values in the cubes of a map, which take 4 GB as 32-bit floats."""
@@ -163,3 +175,197 @@ def check_size(order_f: int, order_p: int, size: int | None = None) -> None:
             f"a map of size {size} and order P = {order_p} holds {values:,} coefficients, more "
             f"than {MAX_VALUES:,}; lower `size` or the orders"
         )
+
+
+_RINGS = 0.02
+"""The RMS of what a series loses at its end, relative to the mean reflected light, above which its
+rings are seen. Lobes that their texels resolve lose up to a hundredth, sharper ones a twentieth or
+more."""
+_WHOLE = 0.8
+"""The part of the degrees before the fall. A longer fall was measured to remove hardly more rings,
+and to blur lamps more."""
+
+_FEW_VIEWS = 20
+"""The least P of maps whose last degrees of the view are weakened. With P = 28 and 32 that was
+measured to take from the 95th percentile of what is seen as well as from the median; with P = 13
+the percentile rose as often as it fell."""
+
+
+@record
+class Band:
+    """Degrees from 0 on, of which the last may be weakened.
+
+    Attributes
+    ----------
+    whole : int
+        The largest degree that is kept as it is.
+    last : int
+        The largest degree that is kept at all.
+    """
+
+    whole: int
+    last: int
+
+    @classmethod
+    def exact(cls, order: int) -> "Band":
+        """Return the degrees up to an order, none of which is weakened."""
+        return cls(order, order)
+
+    @classmethod
+    def of(cls, beyond: Array, limit: int, furthest: int, known: int, least: int = 0) -> "Band":
+        """Choose the degrees of a map.
+
+        Parameters
+        ----------
+        beyond : ndarray, shape (> known,)
+            The RMS of the reflected light after each degree, as `visible_beyond` returns it.
+        limit : int
+            The largest degree that a map may end with at once.
+        furthest : int
+            The largest degree of a map that fades out.
+        known : int
+            The largest degree that is known.
+        least : int
+            Where nothing visible is left out, the degrees up to this one are kept in any case.
+
+        Returns
+        -------
+        Band
+            It is exact where no rings are seen.
+        """
+        visible = last_visible(beyond)
+        # What is visible at the last known degree goes on beyond it.
+        if visible <= limit and visible < known:
+            return cls.exact(max(visible, least))
+        end = min(limit, known)
+        if beyond[int(_WHOLE * end)] <= _RINGS:
+            return cls.exact(end)
+        last = min(furthest, known)
+        return cls(int(_WHOLE * last), last)
+
+    @classmethod
+    def of_views(cls, beyond: float, order_p: int) -> "Band":
+        """Choose how the degrees of the view end.
+
+        Parameters
+        ----------
+        beyond : float
+            The RMS of the reflected light after the last degree, as `visible_beyond_p` returns it.
+        order_p : int
+            The last degree.
+
+        Returns
+        -------
+        Band
+            It is exact where no rings are seen, and where degrees are too few to lose one.
+        """
+        if order_p < _FEW_VIEWS or beyond <= _RINGS:
+            return cls.exact(order_p)
+        return cls(int(_WHOLE * order_p), order_p)
+
+    @property
+    def fades(self) -> bool:
+        """Whether the last degrees are weakened."""
+        return self.whole < self.last
+
+    @cached_property
+    def factors(self) -> Array:
+        """What each degree is multiplied with, shape (last + 1,), falling from 1 towards 0."""
+        beyond = np.maximum(np.arange(self.last + 1) - self.whole, 0)
+        return np.asarray(np.cos(np.pi / 2 * beyond / (self.last + 1 - self.whole)) ** 2)
+
+
+_DEGREES_A_TEXEL = 2
+"""Texels show no more degrees than this many for each of them along an edge."""
+_PLACES_ORDER = 16
+"""The largest degree that tells where on the faces the details lie."""
+_FEW_TEXELS = 16
+"""The most texels along an edge of cubes that are looked through instead of predicted."""
+_FEW_TEXELS_ALONE = 48
+"""The same for maps of a single cube."""
+_FEW_HARMONICS = 4
+"""The largest P of SHRMs whose cubes are looked through."""
+
+
+def shrm_look_up_error(
+    lighting: Lighting,
+    coefficients: BrdfCoefficients,
+    factors: Array,
+    order_p: int,
+    size: int,
+    sampling: Sampling = "center",
+) -> float:
+    """Return the relative RMS error of looking an SHRM up by bilinear filtering.
+
+    Small cubes are looked through, because a prediction is up to a fifth off where they show a
+    single lamp.
+
+    Parameters
+    ----------
+    lighting, coefficients, order_p, size, sampling
+        The same as for `shrm_cli.reflected.filtering_error`.
+    factors : ndarray, shape (F+1, P+1)
+        What the map multiplies each degree of the light and each one of the view with.
+
+    Returns
+    -------
+    float
+        The error of the map as it is made, without that of its orders; 0 for black light.
+    """
+    order_f = len(factors) - 1
+    most = _FEW_TEXELS if order_p else _FEW_TEXELS_ALONE
+    if size > most or order_p > _FEW_HARMONICS:
+        return filtering_error(
+            lighting, coefficients, order_f, order_p, size, sampling, factors=factors
+        )
+    from shrm_cli.maps.coupling import coupled, separated
+    from shrm_cli.sphere.bilinear import lost_between_texels
+
+    kept = coefficients.truncated(order_f, order_p) * factors[..., None, None]
+    light = separated(lighting.coefficients[: (order_f + 1) ** 2], order_f)
+    lost = whole = 0.0
+    for p in range(order_p + 1):
+        series = coupled(light, kept[:, p, : p + 1, None])
+        series = series.reshape(len(series), -1)
+        lost += float(lost_between_texels(series, size, sampling).sum())
+        whole += float(np.sum(series**2))
+    return float(np.sqrt(lost / whole)) if whole > 0 else 0.0
+
+
+def look_up_error(cube: Array, sampling: Sampling, order: int) -> float:
+    """Predict the relative RMS error of looking a cube up by bilinear filtering.
+
+    `shrm_cli.reflected.filtering_error` predicts it from light and BRDF before a map is made; this
+    is for maps that have neither any more. Each degree that the texels show loses what
+    `bilinear_errors` says.
+
+    Parameters
+    ----------
+    cube : ndarray, shape (6N, N, channels)
+        Functions over the sphere, that count by their energy.
+    sampling : {"center", "border"}
+        Where the edge texels lie.
+    order : int
+        The largest degree of the functions; what is beyond is the rounding of files.
+
+    Returns
+    -------
+    float
+        The error against what the texels show; 0 for a black cube.
+    """
+    from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
+    from shrm_cli.sphere.grid.cube import Cube
+
+    size = cube.shape[1]
+    order = min(order, _DEGREES_A_TEXEL * size)
+    grid = Cube(size, sampling)
+    analysis = grid.analysis(order)
+    analysis.add(0, cube, grid.weights())
+    coefficients = analysis.coefficients()
+    degree = degrees(order)
+    energy = np.bincount(degree, weights=np.sum(coefficients**2, axis=1))
+    if not energy.any():
+        return 0.0
+    places = detail_places(coefficients[degree <= _PLACES_ORDER])
+    errors = bilinear_errors(order, size, sampling, places)
+    return float(np.sqrt(errors @ energy / energy.sum()))

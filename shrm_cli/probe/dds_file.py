@@ -14,9 +14,9 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
-from shrm_cli.layouts import FACES
 from shrm_cli.probe.encoding import Encoding
 from shrm_cli.records import record
+from shrm_cli.vocabulary import FACES
 
 _MAGIC = b"DDS "
 _HEADER = struct.Struct("<4s I 4x 2I 4x 2I 44x 8x 4s 20x 4x I 12x")

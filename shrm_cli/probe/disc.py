@@ -81,7 +81,6 @@ def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
 
     Parameters
     ----------
-    discs : sequence of Disc
     order : int
         Largest degree.
 
@@ -122,7 +121,6 @@ def disc_rows(disc: Disc, height: int) -> Iterator[tuple[int, Array]]:
 
     Parameters
     ----------
-    disc : Disc
     height : int
         Rows of the lat-long.
 

@@ -1,4 +1,4 @@
-"""What a probe asks of the images that hold its pixels, and images that are arrays."""
+"""The images that hold a probe's pixels: what it asks of them, arrays, and how they lie in them."""
 
 import hashlib
 from collections.abc import Iterator
@@ -11,6 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.records import record
+from shrm_cli.sphere.grid.base import Grid, grid_class
+from shrm_cli.vocabulary import (
+    CUBES,
+    FACES,
+    IMAGE_LAYOUTS,
+    Layout,
+    Orientation,
+    Sampling,
+    grid_name,
+)
 
 
 class ProbeImage(Protocol):
@@ -150,7 +160,6 @@ class ArrayImage:
         Parameters
         ----------
         array : array_like of a floating type, shape (H, W, 3) or (H, W)
-        name : str
 
         Raises
         ------
@@ -200,3 +209,171 @@ def digest(images: tuple[ProbeImage, ...]) -> str:
         for piece in image.contents():
             result.update(piece)
     return result.hexdigest()
+
+
+def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
+    """Layout of an image, from its attribute `envmap`, else from its aspect ratio.
+
+    Parameters
+    ----------
+    name : str
+        What messages call the image.
+    envmap : {"latlong", "cube", ""}
+
+    Raises
+    ------
+    ProbeError
+        If they do not tell.
+    """
+    if envmap:
+        return "openexr" if envmap == "cube" else envmap
+    if width == height:
+        raise ProbeError(
+            f"{name}: a square image may be many things; give `layout` angular for a light-probe "
+            "ball"
+        )
+    for layout in IMAGE_LAYOUTS:
+        columns, rows = proportions(layout)
+        if width * rows == height * columns:
+            return layout
+    cubes = [cube for cube in CUBES.values() if not cube.in_six_files]
+    shapes = [
+        " or ".join(f"{cube.columns}:{cube.rows}" for cube in cubes if cube.is_cross == is_cross)
+        for is_cross in (False, True)
+    ]
+    raise ProbeError(
+        f"{name}: {width} x {height} is no known layout (2:1 lat-long, {shapes[0]} cube, "
+        f"{shapes[1]} cross); give `layout`"
+    )
+
+
+def proportions(layout: Layout, images: int = 1) -> tuple[int, int]:
+    """Width and height of a layout's image, in faces or in another unit.
+
+    Parameters
+    ----------
+    images : int
+        1, or 6 where each face is an image of its own.
+    """
+    if images > 1:
+        return 1, 1
+    if layout in CUBES:
+        return CUBES[layout].columns, CUBES[layout].rows
+    return grid_class(layout).proportions
+
+
+def check_shape(name: str, layout: Layout, width: int, height: int, images: int = 1) -> None:
+    """Check that an image's size suits its layout.
+
+    Parameters
+    ----------
+    name : str
+        What messages call the image.
+    width, height : int
+        Of each image.
+    images : int
+        1, or 6 where each face is an image of its own.
+
+    Raises
+    ------
+    ProbeError
+    """
+    columns, rows = proportions(layout, images)
+    size = width // columns
+    if (width, height) != (columns * size, rows * size):
+        if columns == rows:
+            wanted = "a square image"
+        elif layout in CUBES:
+            wanted = f"{columns} x {rows} square faces"
+        else:
+            wanted = f"width = {columns / rows:g} x height"
+        raise ProbeError(
+            f"{name}: {width} x {height} cannot be {layout}, which is {wanted}; give the `layout` "
+            "that it has, or crop it"
+        )
+    if size < grid_class(grid_name(layout)).smallest:
+        raise ProbeError(
+            f"{name}: {width} x {height} is too small to hold a {layout} probe; use a larger one"
+        )
+
+
+def grid_of(layout: Layout, width: int, sampling: Sampling, images: int = 1) -> Grid:
+    """The grid that the pixels of a layout are brought to.
+
+    Parameters
+    ----------
+    width : int
+        Of each image, which suits the layout.
+    images : int
+        1, or 6 where each face is an image of its own.
+    """
+    columns, _ = proportions(layout, images)
+    return grid_class(grid_name(layout))(width // columns, sampling)
+
+
+def clear_unused(image: Array, layout: Layout) -> None:
+    """Set to 0, in place, the corners of a cross: whatever they hold, it is no radiance."""
+    if layout not in CUBES:
+        return
+    size = image.shape[1] // CUBES[layout].columns
+    for column, row in CUBES[layout].unused():
+        image[row * size : (row + 1) * size, column * size : (column + 1) * size] = 0
+
+
+def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array:
+    """An image of any arrangement of a cube as a stacked cube of OpenEXR's orientation.
+
+    Parameters
+    ----------
+    image : ndarray, shape (rows * N, columns * N, channels)
+        For ``"faces"`` it is the six files stacked.
+    layout : Layout
+        One of a cube.
+    orientation : {"openexr", "gl"}
+        Of the faces in the image.
+
+    Returns
+    -------
+    ndarray, shape (6N, N, channels)
+    """
+    from shrm_cli.sphere.cube import reorient
+
+    if (layout, orientation) in (("openexr", "openexr"), ("faces", "openexr")):
+        return image
+    cube = CUBES[layout]
+    size = image.shape[1] // cube.columns
+    faces = np.empty((len(FACES), size, size, image.shape[2]), dtype=image.dtype)
+    for face, (column, row, turned) in enumerate(cube.places):
+        part = image[row * size : (row + 1) * size, column * size : (column + 1) * size]
+        faces[face] = part[::-1, ::-1] if turned else part
+    return reorient(faces, orientation).reshape(6 * size, size, -1)
+
+
+def arrange_faces(stack: Array, layout: Layout, orientation: Orientation) -> Array:
+    """A stacked cube of OpenEXR's orientation in any arrangement: the inverse of `stack_faces`.
+
+    Parameters
+    ----------
+    stack : ndarray, shape (6N, N, channels)
+    layout : Layout
+        One of a cube; ``"faces"`` gives the six files stacked.
+    orientation : {"openexr", "gl"}
+        Of the faces in the result.
+
+    Returns
+    -------
+    ndarray, shape (rows * N, columns * N, channels)
+        The corners of a cross are 0.
+    """
+    from shrm_cli.sphere.cube import reoriented
+
+    cube = CUBES[layout]
+    size = stack.shape[1]
+    faces = stack.reshape(len(FACES), size, size, -1)
+    image = np.zeros((cube.rows * size, cube.columns * size, faces.shape[-1]), dtype=stack.dtype)
+    for face, (column, row, turned) in enumerate(cube.places):
+        # Between the two orientations faces are only flipped: the way back is the way there.
+        part = reoriented(faces[face], face, orientation)
+        part = part[::-1, ::-1] if turned else part
+        image[row * size : (row + 1) * size, column * size : (column + 1) * size] = part
+    return image

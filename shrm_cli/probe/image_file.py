@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shrm_cli.addresses import is_url
 from shrm_cli.arrays import Array
 from shrm_cli.color import are_unset
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import excess
 from shrm_cli.files.openimageio import caught, last_noise, oiio, quiet
 from shrm_cli.files.whole import fault_of_name, note
-from shrm_cli.probe.encoding import Encoding, RadianceHeader, encoding_of
-from shrm_cli.probe.layers import Layer, choose_layer
+from shrm_cli.messages import is_url
+from shrm_cli.probe.encoding import Encoding, Layer, RadianceHeader, choose_layer, encoding_of
 from shrm_cli.records import record
 from shrm_cli.vocabulary import PROXY_ATTRIBUTE
 
@@ -99,7 +98,6 @@ class ImageFile:
 
         Parameters
         ----------
-        path : path-like
         linearize : bool
             Whether to decode integer pixels as the file says, or else as sRGB; they are refused
             otherwise.
@@ -303,7 +301,6 @@ def stored_image(path: str | os.PathLike[str], most: int) -> Array:
 
     Parameters
     ----------
-    path : path-like
     most : int
         The most pixels that it may have.
 

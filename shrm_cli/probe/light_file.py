@@ -25,7 +25,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
-from shrm_cli.files.toml import read_toml
+from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.messages import as_keys
 from shrm_cli.probe.disc import Disc, facing_factor, radius_of

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe.blocks import Block
 from shrm_cli.probe.disc import Disc, disc_rows
 from shrm_cli.probe.make import latlong_solid_angles
-from shrm_cli.probe.pixels import PixelPolicy, PixelReport
+from shrm_cli.probe.pixels import Block, PixelPolicy, PixelReport
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.progress import using

@@ -176,12 +176,7 @@ class Lighting:
 
 
 class Projection:
-    """The light of a probe, projected when it is first asked for, and again for higher orders.
-
-    Parameters
-    ----------
-    probe : Probe
-    """
+    """The light of a probe, projected when it is first asked for, and again for higher orders."""
 
     def __init__(self, probe: Probe) -> None:
         self.probe = probe

@@ -10,12 +10,19 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.color import are_unset, conversion, fault_of, same_primaries, title_of
 from shrm_cli.errors import ProbeError
-from shrm_cli.layouts import LAYOUTS, Layout
 from shrm_cli.probe.image import ConvertedImage, ProbeImage
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import turn_matrix
-from shrm_cli.vocabulary import ORIENTATIONS, PRIMARIES, SAMPLINGS, Orientation, Sampling
+from shrm_cli.vocabulary import (
+    LAYOUTS,
+    ORIENTATIONS,
+    PRIMARIES,
+    SAMPLINGS,
+    Layout,
+    Orientation,
+    Sampling,
+)
 
 _UP = ("y", "z")
 
@@ -141,11 +148,6 @@ class ReadKeywords(TypedDict, total=False):
 
 def with_keywords(options: ReadOptions, keywords: ReadKeywords) -> ReadOptions:
     """The options with some of them replaced.
-
-    Parameters
-    ----------
-    options : ReadOptions
-    keywords : ReadKeywords
 
     Raises
     ------

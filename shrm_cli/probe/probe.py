@@ -17,16 +17,21 @@ from shrm_cli.arrays import Array
 from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import says_map
-from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
-from shrm_cli.probe.blocks import Block, BlockReader
-from shrm_cli.probe.image import ArrayImage, ConvertedImage, ProbeImage, digest
+from shrm_cli.probe.image import (
+    ArrayImage,
+    ConvertedImage,
+    ProbeImage,
+    check_shape,
+    detect_layout,
+    digest,
+    grid_of,
+)
 from shrm_cli.probe.image_file import ImageFile, check_file
-from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
 from shrm_cli.probe.options import ColorReading, ReadKeywords, ReadOptions, with_keywords
-from shrm_cli.probe.pixels import PixelPolicy, PixelReport
+from shrm_cli.probe.pixels import Block, BlockReader, PixelPolicy, PixelReport
 from shrm_cli.records import Displayed, record
 from shrm_cli.sphere.grid.base import Grid, Sampler
-from shrm_cli.vocabulary import Orientation, Sampling
+from shrm_cli.vocabulary import CUBES, FACES, Layout, Orientation, Sampling, default_orientation
 
 if TYPE_CHECKING:
     from shrm_cli.probe.dds_file import DdsFile

@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import ProbeError
-from shrm_cli.layouts import CUBES, Layout, default_orientation, grid_name
-from shrm_cli.probe.image import ArrayImage
-from shrm_cli.probe.layout import arrange_faces
+from shrm_cli.probe.image import ArrayImage, arrange_faces
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.grid.base import Grid, grid_class
-from shrm_cli.vocabulary import Orientation, Sampling
+from shrm_cli.vocabulary import CUBES, Layout, Orientation, Sampling, default_orientation, grid_name
 
 LEAST_ROWS = 2048
 """A probe of no more rows is kept as it is: it takes 100 MB as float32. None becomes coarser."""
@@ -50,7 +48,6 @@ def coarse_probe(probe: Probe, rows: int) -> Probe:
 
     Parameters
     ----------
-    probe : Probe
     rows : int
         The result has no fewer rows than this, and than `LEAST_ROWS`.
 
@@ -151,7 +148,6 @@ def to_grid(probe: Probe, target: Grid) -> Array:
 
     Parameters
     ----------
-    probe : Probe
     target : Grid
         A cube is stacked, in OpenEXR's order and orientation.
 
@@ -232,7 +228,6 @@ def _take_bright(image: Array, probe: Probe) -> tuple[Indices, Indices, Array]:
     ----------
     image : ndarray, shape (H, W, 3)
         The probe's pixels, which have just been read: its report tells their mean.
-    probe : Probe
 
     Returns
     -------
@@ -266,7 +261,6 @@ def _add_bright(
     ----------
     image : ndarray, shape (H, W, 3)
         On the target.
-    target, source : Grid
     matrix : ndarray, shape (3, 3)
         From the axes of the source to those of the target.
     rows, columns, excess

@@ -91,7 +91,6 @@ def read_series(
 
     Parameters
     ----------
-    name : str
     basis : str, optional
         One of `BASES`; by default what the file says, or "real".
     of : {"radiance", "irradiance"}

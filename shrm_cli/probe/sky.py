@@ -130,7 +130,6 @@ def sky_radiance(directions: Array, sun: Array, turbidity: float) -> Array:
         Unit directions on or above the horizon.
     sun : ndarray, shape (3,)
         Unit direction of the sun, on or above the horizon.
-    turbidity : float
 
     Returns
     -------
@@ -176,7 +175,6 @@ def sun_radiance(elevation: float, turbidity: float) -> Array:
     ----------
     elevation : float
         Elevation of the disc's center, degrees, 0 to 90.
-    turbidity : float
 
     Returns
     -------
@@ -205,7 +203,6 @@ def atmosphere_depth(wavelengths: Array, elevation: float, turbidity: float) -> 
         In nm.
     elevation : float
         Elevation of the sun, degrees, 0 to 90.
-    turbidity : float
 
     Returns
     -------

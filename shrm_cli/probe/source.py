@@ -51,7 +51,6 @@ class Source:
 
         Parameters
         ----------
-        probe : Probe
         height : int, optional
             Average the probe down to a lat-long of this many rows first. By default its own
             pixels are taken, or those of no fewer than `LEAST_ROWS` rows of a large probe.

@@ -62,7 +62,6 @@ def basis_subject(
         What was baked of the mesh.
     size : int
         Width and height of a picture, pixels.
-    viewer : Viewer
 
     Raises
     ------

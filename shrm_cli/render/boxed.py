@@ -32,7 +32,6 @@ def seen_from(made: Map, center: str, vectors: Vectors, points: Array | None) ->
 
     Parameters
     ----------
-    made : Map
     center : {"reflection", "normal", "tangent"}
         The central direction. About the tangent nothing is turned, as light comes from all around.
     vectors : tuple of ndarray, shape (n, 3)

@@ -88,7 +88,6 @@ def sphere_normals(viewer: Viewer, x: Array, y: Array) -> Array:
 
     Parameters
     ----------
-    viewer : Viewer
     x, y : ndarray, shape (...)
         Offsets to the right and upwards from the sphere's centre, in radii. Points off the sphere
         get the normal of the nearest point on the silhouette.
@@ -109,7 +108,6 @@ def background_directions(viewer: Viewer, size: int, start: int, stop: int) -> A
 
     Parameters
     ----------
-    viewer : Viewer
     size : int
         Width and height of the picture, pixels.
     start, stop : int

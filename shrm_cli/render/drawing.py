@@ -133,7 +133,6 @@ def on_sphere(lit: Lit, size: int, values: Mapping[str, Any]) -> Drawing:
 
     Parameters
     ----------
-    lit : Lit
     size : int
         Width and height of its picture, pixels.
     values : mapping of str to value
@@ -172,10 +171,7 @@ def on_stage(
 
     Parameters
     ----------
-    lit : Lit
-    stage : Stage
     size : tuple of 2 int
-    moments : sequence of Moment
     values : mapping of str to value
         ``fov``, ``target`` and ``distance`` of the camera, None for the defaults; and
         ``no_box``, whether the boxes of maps are left out.

@@ -37,7 +37,6 @@ class LampsOnMesh:
 
     Parameters
     ----------
-    mesh : Mesh
     rays : Rays
         They meet the same mesh.
     discs : sequence of Disc
@@ -81,7 +80,6 @@ class LampsOnMesh:
 
         Parameters
         ----------
-        points : Points
         normals, views : ndarray, shape (n, 3)
             Unit vectors in world axes; normals face the viewer.
         tangents : ndarray, shape (n, 3), optional

@@ -7,7 +7,7 @@ from typing import Any
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.negative import negative_share, negative_warnings
+from shrm_cli.maps.prefiltered import negative_share, negative_warnings
 from shrm_cli.maps.product.window import product_window
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -46,7 +46,6 @@ def shaded_maps(
 
     Parameters
     ----------
-    maps : sequence of Map
     names : sequence of str
         Names of the maps' files, for warnings.
     roughness : float, optional
@@ -89,10 +88,8 @@ def lit_maps(
 
     Parameters
     ----------
-    maps : sequence of Map
     names : sequence of str
         Names of the maps' files, for the message.
-    probe : Probe, optional
     window : str, optional
         The window of the light; ``auto`` by default.
 

@@ -69,9 +69,6 @@ class MeshSubject:
 
     Parameters
     ----------
-    stage : Stage
-    lens : Lens
-    aim : Aim
     is_boxed : bool
         Whether light is looked up where rays meet the boxes that maps know of.
 
@@ -115,7 +112,6 @@ class MeshSubject:
         ----------
         reflectors : list of Reflector, VertexColors or None
             One for each of the stage's looks.
-        viewer : Viewer
         background : ndarray, shape (H, W, 3), optional
             Linear picture behind the mesh; black by default.
         progress : callable, optional

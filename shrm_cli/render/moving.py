@@ -210,7 +210,6 @@ def moving_light(
 
     Parameters
     ----------
-    viewer : Viewer
     frames : int, optional
         How many; by default a single picture, of the end of the way.
     turn : tuple of array_like, shape (3,), and float, optional
@@ -233,7 +232,6 @@ def check_blend(first: Map, second: Map, name: str) -> None:
 
     Parameters
     ----------
-    first, second : Map
     name : str
         The second one's file, for the message.
 

@@ -50,7 +50,6 @@ def one_view(
 
     Parameters
     ----------
-    reflecting : ReflectionMap
     view : array_like, shape (3,)
         Unit vector V to the viewer, world axes; the same for all pixels.
     height : int

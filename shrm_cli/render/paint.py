@@ -90,7 +90,6 @@ class Paint:
     ----------
     mesh : Mesh
         One that has the material.
-    material : SurfaceMaterial
     shelf : Shelf
         Where its textures are.
     matrix : ndarray, shape (3, 3), optional
@@ -183,7 +182,6 @@ class Paint:
 
         Parameters
         ----------
-        points : Points
         normals : ndarray, shape (n, 3)
             Unit, on the side of the triangles that is their front.
         tangents : ndarray, shape (n, 4)

@@ -52,7 +52,6 @@ class Lens:
 
         Parameters
         ----------
-        viewer : Viewer
         x, y : ndarray, shape (...)
             Offsets from the picture's centre to the right and upwards, pixels.
 
@@ -102,8 +101,6 @@ def aimed(
     Parameters
     ----------
     vertices : ndarray, shape (n, 3)
-    viewers : sequence of Viewer
-    lens : Lens
     target : array_like, shape (3,), optional
         By default the middle of the mesh's bounds.
     distance : float, optional

@@ -106,7 +106,6 @@ class Scene(Generic[Material]):
 
         Parameters
         ----------
-        viewer : Viewer
         progress : callable, optional
             Called with the amount done and the amount in all.
 

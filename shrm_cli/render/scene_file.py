@@ -29,7 +29,7 @@ from typing import Any
 
 from shrm_cli.color import from_rec709
 from shrm_cli.errors import BrdfError, MeshError
-from shrm_cli.files.toml import read_toml
+from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
@@ -95,7 +95,6 @@ class Shown:
 
         Parameters
         ----------
-        mesh : Mesh
         primaries : tuple of 8 float, optional
             The chromaticities of the light, which colours are converted to.
         shelf : Shelf, optional

@@ -63,7 +63,6 @@ def shown_as(made: Map, surface: Ggx, taps: int | None = None) -> Any:
 
     Parameters
     ----------
-    made : Map
     surface : Ggx
         It may be brushed, if the map is a split sum of GGX.
     taps : {3, 5, 8}, optional
@@ -86,7 +85,6 @@ def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color
 
     Parameters
     ----------
-    value : str
     primaries : tuple of 8 float, optional
         The chromaticities of the light, which the colors of metals are converted to.
 
@@ -107,10 +105,6 @@ def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:
         Maps by the names of their files.
     roughness : float
         Perceptual roughness.
-
-    Returns
-    -------
-    list of str
     """
     lines = []
     for path, each in maps.items():

@@ -123,7 +123,6 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
 
     Parameters
     ----------
-    layout : SheetLayout
     tiles : sequence of ndarray, shape (tile_height, tile, 3)
         Linear and already exposed; the paper and the labels are not exposed.
     labels : sequence of str
@@ -213,7 +212,6 @@ def draw_grid(
 
     Parameters
     ----------
-    grid : Grid
     heads, sides : sequence of str
         Names of the columns and of the rows; they are shortened where they are too wide.
     tiles : iterable of (int, int, ndarray or str)

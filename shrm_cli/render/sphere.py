@@ -59,8 +59,6 @@ def render_sphere(
 
     Parameters
     ----------
-    reflection_map : ReflectionMap
-    viewer : Viewer
     size : int
         Width and height in pixels.
     background : ndarray, shape (size, size, 3), optional
@@ -91,8 +89,6 @@ def render_background(surroundings: Surroundings, viewer: Viewer, size: int) -> 
 
     Parameters
     ----------
-    surroundings : Surroundings
-    viewer : Viewer
     size : int
         Width and height in pixels.
 

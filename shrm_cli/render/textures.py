@@ -63,7 +63,6 @@ class MipMap:
 
     Parameters
     ----------
-    pyramid : Pyramid
     texture : Texture
         How it lies over the mesh.
     """
@@ -186,7 +185,6 @@ class Shelf:
         ----------
         name : str
             The mesh's file, for messages.
-        texture : Texture
 
         Raises
         ------

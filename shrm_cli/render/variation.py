@@ -36,7 +36,6 @@ class Variation:
 
         Parameters
         ----------
-        mesh : Mesh
         faces : ndarray of int64, shape (n,)
             The triangles of the points.
         weights : ndarray, shape (n, 3)
@@ -66,7 +65,6 @@ def open_variation(follows: str, mesh: Mesh) -> Variation:
     follows : str
         ``vertex``, or the path of an image, whose numbers are taken as they are stored, integers as
         shares of their largest.
-    mesh : Mesh
 
     Raises
     ------

@@ -13,10 +13,10 @@ from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.info import common_brdf
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
-from shrm_cli.maps.provenance import common_brdf
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.render.lamps import LampsOnMesh, Points, blended
 from shrm_cli.sphere.directions import normalize
@@ -41,7 +41,6 @@ class VertexColors:
     ----------
     mesh : Mesh
         The one that the transfer was baked for.
-    transfer : Transfer
     lighting : array_like, shape (n, 3)
         Coefficients of the light in world axes.
     product : ProductTexture, optional
@@ -160,8 +159,6 @@ def vertex_colors(
 
     Parameters
     ----------
-    mesh : Mesh
-    transfer : Transfer
     light : Map
         An irradiance map, or a product texture with light. Of one whose parameter varies the
         middle of the range is shown, as without a transfer.

@@ -14,9 +14,8 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, spec_of
 from shrm_cli.maps.options import bytes_text, counted
-from shrm_cli.maps.provenance import spec_of
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, whole_coverage

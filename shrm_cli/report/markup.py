@@ -6,8 +6,8 @@ Nor does any of it let anybody in: a page is sent to others, with the command th
 import html
 from collections.abc import Iterable, Sequence
 
-from shrm_cli.addresses import shown
 from shrm_cli.files.html_page import asset, html_page
+from shrm_cli.messages import shown
 
 _VOID = {"img"}
 
@@ -98,7 +98,6 @@ def whole_page(title: str, *parts: Part, framed: tuple[str, str] = ("", "")) -> 
 
     Parameters
     ----------
-    title : str
     *parts : Part
         What is in it.
     framed : tuple of (str, str)

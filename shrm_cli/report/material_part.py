@@ -41,7 +41,6 @@ def material_part(
 
     Parameters
     ----------
-    material : Material
     count : int
         Its number, from 1, for links.
     exposure : float, optional

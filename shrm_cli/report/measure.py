@@ -12,10 +12,10 @@ from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, MapError, ShrmError
-from shrm_cli.files.scratch import scratch_folder
+from shrm_cli.files.whole import scratch_folder
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map, store
-from shrm_cli.maps.provenance import common_brdf, record_of, same_brdf, spec_of
+from shrm_cli.maps.info import common_brdf, record_of, same_brdf, spec_of
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
@@ -190,8 +190,6 @@ def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> 
 
     Parameters
     ----------
-    probe : Probe
-    plan : Plan
     progress : callable, optional
         Called with the amount of work done and the amount in all.
 

@@ -95,16 +95,10 @@ def report_page(
 
     Parameters
     ----------
-    measured : Measured
     statistics : ProbeStatistics
         Of the same probe.
-    look : Look, optional
     progress : callable, optional
         Called with the views that are done and their number.
-
-    Returns
-    -------
-    Report
 
     Raises
     ------

@@ -58,14 +58,7 @@ def preview(probe: Probe) -> Preview:
 
 
 def probe_part(probe: Probe, found: ProbeStatistics, seen: Preview) -> Html:
-    """Return the part of a page about a probe.
-
-    Parameters
-    ----------
-    probe : Probe
-    found : ProbeStatistics
-    seen : Preview
-    """
+    """Return the part of a page about a probe."""
     return tag(
         "section",
         tag("h2", "The light", id="light"),

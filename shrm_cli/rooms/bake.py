@@ -43,8 +43,6 @@ def bake(
 
     Parameters
     ----------
-    room : Room
-    lattice : Lattice
     order : int
         The largest degree of the harmonics.
     samples : int
@@ -118,7 +116,6 @@ class Gathering:
 
     Parameters
     ----------
-    brightness : Brightness
     order, samples : int
         As `bake` takes them.
     """

@@ -57,7 +57,6 @@ def captured(
 
     Parameters
     ----------
-    room : Room
     at : ndarray, shape (3,)
     height : int
         Of the image, pixels.

@@ -30,7 +30,6 @@ class Emitters:
 
     Parameters
     ----------
-    room : Room
     rays : Rays
         They meet the same mesh.
     samples : int

@@ -34,7 +34,6 @@ def prepared(grid: ProbeGrid, direct: bool, order: int | None = None) -> Array:
 
     Parameters
     ----------
-    grid : ProbeGrid
     direct : bool
         Whether light counts that comes straight from lamps.
     order : int, optional

@@ -16,7 +16,6 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.whole import note
 from shrm_cli.rooms.grid import EDGE, ProbeGrid
 from shrm_cli.rooms.lattice import MOST, Lattice
 from shrm_cli.vocabulary import MAX_GRID_ORDER
@@ -48,11 +47,7 @@ def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
 
 def is_grid(path: str | os.PathLike[str]) -> bool:
     """Tell whether a file holds a grid; whether it is sound, reading it tells."""
-    try:
-        with npz.opened(Path(path)) as archive:
-            return {"reflected", "direct", "box", "settings"} <= archive.names
-    except (ValueError, OSError):
-        return False
+    return npz.holds(path, {"reflected", "direct", "box", "settings"})
 
 
 def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
@@ -63,19 +58,9 @@ def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
     MeshError
         If the file is missing or damaged, or holds something else.
     """
-    path = Path(path)
-    note(path)
-    try:
-        if not path.is_file():
-            raise MeshError(f"{path}: no such file; name a grid that shrm grid wrote")
-        with npz.opened(path) as archive:
-            arrays = archive.those_of(_DIMENSIONS)
-            settings = parse_json(archive.text("settings"))
-        return _grid(arrays, settings)
-    except (ValueError, KeyError) as error:
-        raise MeshError(f"{path}: {error}; make it again with shrm grid") from error
-    except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from error
+    missing, again = "name a grid that shrm grid wrote", "make it again with shrm grid"
+    with npz.told(Path(path), MeshError, missing, again) as archive:
+        return _grid(archive.those_of(_DIMENSIONS), parse_json(archive.text("settings")))
 
 
 def _grid(arrays: dict[str, Array], settings: object) -> ProbeGrid:

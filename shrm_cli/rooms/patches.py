@@ -20,7 +20,6 @@ class Patches:
 
     Parameters
     ----------
-    room : Room
     size : float
         The longest edge that a patch should have; there are `MOST` of them at most.
 

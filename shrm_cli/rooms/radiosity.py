@@ -68,8 +68,6 @@ class Brightness:
 
     Parameters
     ----------
-    room : Room
-    rays : Rays
     size : float
         The longest edge of a patch.
     progress : callable, optional

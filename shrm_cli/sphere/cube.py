@@ -1,4 +1,4 @@
-"""Geometry of cube maps: faces, orientations, directions and solid angles.
+"""Cube maps: faces, orientations, directions and solid angles, and looking images up without seams.
 
 A cube image stacks six N x N faces, shape (6N, N), in the order of `FACES`. Seen from inside,
 in OpenEXR's orientation (ImfEnvmap.h), right and down of each face are::
@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.layouts import FACES
 from shrm_cli.sphere.quadrature import cell_edges, nodes
-from shrm_cli.vocabulary import Orientation, Sampling
+from shrm_cli.vocabulary import FACES, Orientation, Sampling
 
 _ROUNDING = 1e-9
 _ROWS_AT_ONCE = 256
@@ -156,3 +155,151 @@ def turned_face(image: Array, axes: Array, face: int) -> Array:
     if along:
         return image[:: int(down), :: int(along)]
     return image.swapaxes(0, 1)[:: int(turned_down), :: int(turned_along)]
+
+
+_RIM = 2
+"""Texels of the faces beside it that are put around each face: as far as a cubic filter reaches."""
+_VALUES_AT_ONCE = 2**17
+"""Values that are interpolated at a time, so that they stay in a processor's cache."""
+
+
+class CubeSampler:
+    """Cubic filtering of a cube map that takes in the neighboring faces.
+
+    Each face is surrounded by a rim of texels at the places where its own grid would go on.
+    Their values are interpolated on the faces that lie there, so the filter never meets an edge.
+
+    Parameters
+    ----------
+    image : array_like, shape (6 N, N, channels)
+        Faces in OpenEXR's order and orientation.
+    """
+
+    def __init__(self, image: ArrayLike, sampling: Sampling = "center") -> None:
+        image = np.asarray(image)
+        image = image.astype(np.result_type(image, np.float32), copy=False)
+        self.size = size = image.shape[1]
+        self.sampling = sampling if size > 1 else "center"
+        faces = image.reshape(6, size, size, -1)
+        wide = np.arange(-_RIM, size + _RIM)
+        padded = np.empty((6, len(wide), len(wide), faces.shape[-1]), dtype=image.dtype)
+        inner = slice(_RIM, -_RIM)
+        padded[:, inner, inner] = faces
+        rim = np.ones((len(wide), len(wide)), dtype=bool)
+        rim[inner, inner] = False
+        rows, columns = np.nonzero(rim)
+        s, t = self._position(columns - _RIM), self._position(rows - _RIM)
+        for face, (right, down, forward) in enumerate(face_axes()):
+            outside = forward + s[:, None] * right + t[:, None] * down
+            padded[face, rows, columns] = self._on_faces(faces, outside)
+        self._padded = padded
+
+    def __call__(self, directions: ArrayLike) -> Array:
+        """Values at directions of any length, shape (..., 3): (..., channels)."""
+        face, s, t = cube_coordinates(directions)
+        channels = self._padded.shape[-1]
+        result: Array = np.empty((face.size, channels), dtype=self._padded.dtype)
+        step = max(_VALUES_AT_ONCE // channels, 1)
+        for start in range(0, face.size, step):
+            part = slice(start, start + step)
+            result[part] = self._between(
+                face.reshape(-1)[part], s.reshape(-1)[part], t.reshape(-1)[part]
+            )
+        return result.reshape(*face.shape, channels)
+
+    def _between(self, face: NDArray[np.intp], s: Array, t: Array) -> Array:
+        """Values at positions (s, t) on faces, each of shape (n,): (n, channels)."""
+        columns, across = catmull_rom(self._index(s))
+        rows, along = catmull_rom(self._index(t))
+        result: Array = np.zeros((len(face), self._padded.shape[-1]), dtype=self._padded.dtype)
+        for i in range(4):
+            line = np.zeros_like(result)
+            for j in range(4):
+                texel = self._padded[face, rows + i + _RIM, columns + j + _RIM]
+                line += across[j][..., None] * texel
+            result += along[i][..., None] * line
+        return result
+
+    def _position(self, index: NDArray[np.intp]) -> Array:
+        """Positions of texels on the face, [-1, 1]; indices outside the face give others."""
+        scale, shift = texel_scale(self.size, self.sampling)
+        return np.asarray((index + shift) / scale - 1)
+
+    def _index(self, position: Array) -> Array:
+        return texel_index(position, self.size, self.sampling)
+
+    def _on_faces(self, faces: Array, directions: Array) -> Array:
+        """Values at directions, shape (n, 3), each interpolated within the face that it meets."""
+        face, s, t = cube_coordinates(directions)
+        count = min(4, self.size)
+        columns, across = _lagrange(self._index(s), count, self.size)
+        rows, along = _lagrange(self._index(t), count, self.size)
+        result = np.zeros((len(directions), faces.shape[-1]))
+        for i in range(count):
+            for j in range(count):
+                weight = along[i] * across[j]
+                result += weight[:, None] * faces[face, rows + i, columns + j]
+        return result
+
+
+def nearest_texels(
+    directions: ArrayLike, size: int, sampling: Sampling
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Find the texels of a cube that lie nearest to directions.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        They may have any length but 0.
+    size : int
+        Texels along a face's edge.
+
+    Returns
+    -------
+    rows, columns : ndarray of int, shape (...)
+        Indices into an image of 6 size rows and size columns.
+    """
+    face, s, t = cube_coordinates(directions)
+    sampling = sampling if size > 1 else "center"
+    row, column = (
+        np.clip(np.rint(texel_index(position, size, sampling)), 0, size - 1).astype(np.intp)
+        for position in (t, s)
+    )
+    return face * size + row, column
+
+
+def texel_scale(size: int, sampling: Sampling) -> tuple[float, float]:
+    """Texels for each unit of position, and how many texels position -1 lies before texel 0."""
+    return ((size - 1) / 2, 0.0) if sampling == "border" else (size / 2, 0.5)
+
+
+def texel_index(position: Array, size: int, sampling: Sampling) -> Array:
+    """Texel indices, not rounded, of positions in [-1, 1]."""
+    scale, shift = texel_scale(size, sampling)
+    return np.asarray((position + 1) * scale - shift)
+
+
+def catmull_rom(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
+    """The first of four texels and Catmull and Rom's cubic weights of all four, at x, in texels."""
+    first = np.floor(x).astype(np.intp) - 1
+    f = x - (first + 1)
+    return first, [
+        f * (-0.5 + f * (1 - 0.5 * f)),
+        1 + f * f * (-2.5 + 1.5 * f),
+        f * (0.5 + f * (2 - 1.5 * f)),
+        f * f * (-0.5 + 0.5 * f),
+    ]
+
+
+def _lagrange(x: Array, count: int, size: int) -> tuple[NDArray[np.intp], list[Array]]:
+    """The first of `count` texels of a face, and their weights in the polynomial through them."""
+    first = np.clip(np.floor(x).astype(np.intp) - (count - 1) // 2, 0, size - count)
+    f = x - first
+    weights = []
+    for i in range(count):
+        weight = np.ones_like(f)
+        for j in range(count):
+            if j != i:
+                weight = weight * (f - j) / (i - j)
+        weights.append(weight)
+    return first, weights

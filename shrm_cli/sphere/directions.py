@@ -79,7 +79,6 @@ def turn_about(axis: ArrayLike, degrees: float) -> Array:
     ----------
     axis : array_like, shape (3,)
         Of any length but 0.
-    degrees : float
     """
     x, y, z = normalize(np.asarray(axis, dtype=float))
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

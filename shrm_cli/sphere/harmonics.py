@@ -40,7 +40,6 @@ def legendre_degrees(
 
     Parameters
     ----------
-    order : int
     z : array_like
         Cosines of the polar angle, in [-1, 1].
     max_m : int, optional
@@ -101,10 +100,8 @@ def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
 
     Parameters
     ----------
-    order : int
     z : ndarray, shape (n,)
         Cosines of the polar angle, in [-1, 1].
-    first, last : int
 
     Returns
     -------

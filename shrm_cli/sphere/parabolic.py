@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.sphere.sampling import catmull_rom
+from shrm_cli.sphere.cube import catmull_rom
 
 Weigh = Callable[[Array], tuple[NDArray[np.intp], list[Array]]]
 """From places, in texels, to the first texel of a filter and the weights of all its texels."""

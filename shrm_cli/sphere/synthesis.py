@@ -12,7 +12,8 @@ O(L) operations a texel instead of O(L^2), all of them matrix products. The rows
 along z, those of +-Y and +-Z along x, so the series is used as it is and with x as its polar
 axis. Values are exact at each texel: no intermediate image is interpolated, and there is no pole.
 
-Small cubes are left to `shrm_cli.sphere.octants`, which has less to do beside the arithmetic.
+Small cubes are left to the octants of `shrm_cli.sphere.double_fourier`, which have less to do
+beside the arithmetic.
 """
 
 from collections.abc import Mapping
@@ -23,15 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.layouts import FACES
 from shrm_cli.memo import Memo
-from shrm_cli.parallel import at_once, in_order
-from shrm_cli.sphere import octants
+from shrm_cli.progress import at_once, in_order
+from shrm_cli.sphere import double_fourier
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import rotated_again, transform_coefficients
-from shrm_cli.vocabulary import Sampling
+from shrm_cli.vocabulary import FACES, Sampling
 
 X_POLAR = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Rows: the world axes y, z, x, which are x', y' and the polar z' of the turned series."""
@@ -71,7 +71,6 @@ def synthesize_cube(
         One series a column, index l(l+1)+m.
     size : int
         Texels along a face's edge.
-    sampling : {"center", "border"}
     dtype : float32 or float64
         Precision of the products and of the result.
 
@@ -130,10 +129,10 @@ class CubeSeries:
         """
         order = self.order if factors is None else len(factors) - 1
         degree = degrees(order)
-        if octants.is_small(order, size):
+        if double_fourier.is_small_cube(order, size):
             series = self._series[: len(degree)]
             series = series if factors is None else series * factors[degree, None]
-            return octants.synthesize(series, size, sampling, dtype)
+            return double_fourier.synthesize_octants(series, size, sampling, dtype)
         both = self._both[: len(degree)]
         if factors is not None:
             both = both * factors[degree, None, None]
@@ -318,7 +317,6 @@ class CubeIntegral:
     ----------
     order : int
         Largest degree.
-    sampling : {"center", "border"}
     """
 
     def __init__(self, order: int, sampling: Sampling = "center") -> None:

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from torch import Tensor, nn
 
 from shrm_cli.arrays import Array
-from shrm_cli.layouts import FACES
 from shrm_cli.sphere.double_fourier import fourier_matrices, places_by_m
 from shrm_cli.sphere.grid.latlong import AXES, analysis_waves
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes
@@ -24,7 +23,7 @@ from shrm_cli.sphere.synthesis import (
     longitude_waves,
     meridian_waves,
 )
-from shrm_cli.vocabulary import Sampling
+from shrm_cli.vocabulary import FACES, Sampling
 
 
 def table(values: ArrayLike) -> Tensor:

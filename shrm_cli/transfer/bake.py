@@ -18,7 +18,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.geometry.tangents import brushed_tangents, perpendicular
-from shrm_cli.maps.provenance import spec_of
+from shrm_cli.maps.info import spec_of
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
@@ -300,7 +300,6 @@ def bake(
 
     Parameters
     ----------
-    plan : Plan
     rays : Rays, optional
         What traces rays; `geometry.rays.Rays` of the mesh by default.
     keep : path-like, optional

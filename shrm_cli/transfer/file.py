@@ -22,7 +22,6 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import TransferError
 from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.whole import note
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.texels import Texels
 from shrm_cli.transfer.transfer import Facts, Transfer
@@ -45,8 +44,6 @@ def write_transfer(
 
     Parameters
     ----------
-    path : path-like
-    transfer : Transfer
     mesh : Mesh, optional
         The mesh of the transfer, which tells which row is which vertex of its file.
 
@@ -88,23 +85,15 @@ def read_transfer(path: str | os.PathLike[str]) -> Transfer:
     TransferError
         If the file is missing or damaged, or holds something else.
     """
-    path = Path(path)
-    note(path)
-    try:
-        if not path.is_file():
-            raise TransferError(f"{path}: no such file; name a transfer that shrm transfer wrote")
-        with npz.opened(path) as archive:
-            arrays = archive.those_of(_DIMENSIONS)
-            texels = _texels(archive) if "rows" in archive.names else None
-            facts = _facts(parse_json(archive.text("settings")))
+    missing = "name a transfer that shrm transfer wrote"
+    with npz.told(Path(path), TransferError, missing, _AGAIN) as archive:
+        arrays = archive.those_of(_DIMENSIONS)
+        texels = _texels(archive) if "rows" in archive.names else None
+        facts = _facts(parse_json(archive.text("settings")))
         if "vectors" not in arrays or "albedo" not in arrays:
             raise ValueError("not a transfer")
         _check(arrays)
         return Transfer(facts=facts, texels=texels, **arrays)
-    except ValueError as error:
-        raise TransferError(f"{path}: {error}; {_AGAIN}") from error
-    except OSError as error:
-        raise TransferError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
 def _texels(archive: npz.Archive) -> Texels:
@@ -127,11 +116,7 @@ def _texels(archive: npz.Archive) -> Texels:
 
 def is_transfer(path: str | os.PathLike[str]) -> bool:
     """Tell whether a file holds a transfer; whether it is sound, reading it tells."""
-    try:
-        with npz.opened(Path(path)) as archive:
-            return {"vectors", "albedo", "settings"} <= archive.names
-    except (ValueError, OSError):
-        return False
+    return npz.holds(path, {"vectors", "albedo", "settings"})
 
 
 def _check(arrays: dict[str, Array]) -> None:

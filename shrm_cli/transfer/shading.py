@@ -45,7 +45,6 @@ def diffuse_colors(
 
     Parameters
     ----------
-    transfer : Transfer
     lighting : array_like, shape (m, 3)
         Coefficients of the light in world axes, of any order, index l(l+1)+m.
     albedo : array_like, shape (1 or 3,) or (v, 1 or 3), optional

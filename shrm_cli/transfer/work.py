@@ -73,7 +73,6 @@ class FileWork(Work):
 
     Parameters
     ----------
-    path : Path
     key : str
         A digest of everything that the arrays depend on, in hexadecimal digits.
     shapes, step

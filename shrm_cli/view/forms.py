@@ -7,9 +7,9 @@ from shrm_cli.color import to_rec709
 from shrm_cli.errors import MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.info import spec_of
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.product.product import ProductMap
-from shrm_cli.maps.provenance import spec_of
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.render.shading import can_be_brushed, takes_f0
@@ -27,7 +27,6 @@ def described_map(
 
     Parameters
     ----------
-    made : Map
     name : str
         What the page calls the map.
     file : str

@@ -46,7 +46,6 @@ def section(scene: Scene, urls: Sequence[str] | None = None) -> Section:
 
     Parameters
     ----------
-    scene : Scene
     urls : sequence of str, optional
         Where the page finds each block; by default the blocks stand in the page itself.
     """
@@ -79,7 +78,6 @@ def page(scene: Scene, urls: Sequence[str] | None = None) -> str:
 
     Parameters
     ----------
-    scene : Scene
     urls : sequence of str, optional
         As `section` takes them.
 

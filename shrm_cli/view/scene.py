@@ -15,8 +15,8 @@ from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.tangents import projected_tangents
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.info import common_brdf, record_of, spec_of
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.provenance import common_brdf, record_of, spec_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress
@@ -141,15 +141,12 @@ def make_scene(
 
     Parameters
     ----------
-    maps : sequence of Map
     files : sequence of str
         The names of the maps' files.
     probe : Probe, optional
         It is shown behind the shape, and the truth is computed of it.
     mesh : Mesh, optional
         A shape to show the maps on, in world axes.
-    start : Start, optional
-    truth : Truth, optional
     max_size : int, optional
         The most bytes of the blocks, in base64. The probe behind the shape gets fewer rows to keep
         it. By default there is no limit.
@@ -157,10 +154,6 @@ def make_scene(
         Called with the points of the truth that are done and their number.
     is_rounded : bool
         Whether textures of light are rounded, by a percent or so, to make a page small.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------
@@ -275,7 +268,6 @@ def _truth_pictures(
 
     Parameters
     ----------
-    source : Reference
     views : sequence of (float, float)
         Azimuth and elevation of each viewer, degrees.
     size : int

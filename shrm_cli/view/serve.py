@@ -22,10 +22,6 @@ _TOKEN_BYTES = 24
 class PageServer(ThreadingHTTPServer):
     """Serves one page.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Attributes
     ----------
     url : str

@@ -11,7 +11,7 @@ from shrm_cli.errors import BrdfError
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
-from shrm_cli.maps.provenance import common_brdf, spec_of
+from shrm_cli.maps.info import common_brdf, spec_of
 from shrm_cli.probe.probe import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record

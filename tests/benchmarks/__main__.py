@@ -7,7 +7,7 @@ import argparse
 import os
 from importlib import import_module
 
-from shrm_cli.cli.threads import limit_small_products
+from shrm_cli.settings import limit_small_products
 from tests.benchmarks.results import merged, read_results, write
 from tests.benchmarks.table import print_table
 

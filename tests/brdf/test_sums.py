@@ -5,8 +5,7 @@ import pytest
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import compute_coefficients
-from shrm_cli.brdf.measured.reading.table_file import write_table
-from shrm_cli.brdf.measured.table import sample_table
+from shrm_cli.brdf.measured.table import sample_table, write_table
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.brdf.models.microfacet import Microfacet

@@ -14,7 +14,7 @@ from tests.cli.helpers import Terminal, environment, run
 PROBE = str(Path(__file__).parents[2] / "probes" / "sky.exr")
 WORK = """
 import sys, time
-from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.files.openimageio import caught, last_noise
 with progress_bar("working") as progress:
     {work}

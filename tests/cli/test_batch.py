@@ -363,7 +363,7 @@ def test_what_cannot_be_asked_for(folder, arguments, code, said):
 
 @pytest.mark.slow
 def test_lines_tell_the_progress_where_there_is_no_terminal(folder, monkeypatch):
-    monkeypatch.setattr("shrm_cli.cli.bar._EVERY", 0.0)
+    monkeypatch.setattr("shrm_cli.cli.terminal._EVERY", 0.0)
     result = run(*IRRADIANCE, "--jobs", "1")
     assert re.search(r"baking: 3 of 5, [\d.]+ a second, \d+ s left", result.err)
     assert run(*IRRADIANCE, "--jobs", "1", "--quiet").err == ""

@@ -280,7 +280,7 @@ def test_it_runs_as_a_module():
     assert found.stdout == f"shrm, version {__version__}\n"
 
 
-MOST_MODULES = 98
+MOST_MODULES = 70
 """What a plain run loads of the package, without the empty modules that stand for folders.
 
 Each of them costs time at every start, and ten times as much where Python keeps no bytecode.

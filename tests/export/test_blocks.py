@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.export.blocks import astc, bc6h, uastc, uastc_ends, uastc_fields
+from shrm_cli.export.blocks import astc, bc6h, uastc
 from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, pack
 from shrm_cli.export.blocks.formats import ALL, BLOCKS
 from shrm_cli.export.blocks.lamps import nearest, refined
@@ -71,9 +71,9 @@ def test_random_blocks_read_as_their_numbers_say(rng, mode):
 
 def random_uastc(rng):
     """Return random ends of every way to write them, and where texels lie between them."""
-    there = np.unique(uastc_fields.NEAR[8])
+    there = np.unique(uastc.NEAR[8])
     numbers = there[rng.integers(0, len(there), (6, 40000))]
-    numbers = numbers[:, (uastc_ends.read(numbers) <= 3967).all(axis=(0, 1))]
+    numbers = numbers[:, (uastc.read(numbers) <= 3967).all(axis=(0, 1))]
     assert numbers.shape[1] > 10000
     return numbers, rng.integers(0, 16, (16, numbers.shape[1]))
 
@@ -82,9 +82,9 @@ def test_arm_reads_the_blocks_of_uastc(rng):
     """All ways to write ends: what Arm's decoder makes of the bits, to the last bit."""
     pytest.importorskip("astc_encoder", reason="the extra astc is not installed")
     numbers, indices = random_uastc(rng)
-    data = uastc_fields.pack(numbers, indices)
+    data = uastc.pack(numbers, indices)
     found = astc.decode(data.tobytes(), 4 * len(data), 4, 4).reshape(-1, 16, 3)
-    first, last = (16 * uastc_ends.read(numbers)).transpose(0, 2, 1)[:, :, None]
+    first, last = (16 * uastc.read(numbers)).transpose(0, 2, 1)[:, :, None]
     weight = np.array([0, 4, 8, 12, 17, 21, 25, 29, 35, 39, 43, 47, 52, 56, 60, 64])[indices.T]
     numbers = (first * (64 - weight[..., None]) + last * weight[..., None] + 32) >> 6
     low = numbers & 2047
@@ -99,7 +99,7 @@ def test_arm_reads_the_blocks_of_uastc(rng):
 
 def test_the_fields_of_uastc_are_read_again(rng):
     numbers, indices = random_uastc(rng)
-    found = uastc_fields.unpack(uastc_fields.pack(numbers, indices))
+    found = uastc.unpack(uastc.pack(numbers, indices))
     assert (found[0] == numbers).all()
     assert (found[1] == indices).all()
 
@@ -109,7 +109,7 @@ def test_ends_of_uastc_lie_within_their_steps(rng, octaves):
     """The further apart the ends, the coarser: by Binomial's bits, which leave a third more."""
     ends = rng.uniform(9 * 2048, 20 * 2048, (1, 3, 5000)).repeat(2, axis=0)
     ends[0] -= rng.uniform(0, octaves * 2048, ends[0].shape)
-    found = 16 * uastc_ends.read(uastc_ends.written(ends, np.ones((3, 5000))))
+    found = 16 * uastc.read(uastc.written(ends, np.ones((3, 5000))))
     off = np.sqrt(((found - ends) ** 2).mean(axis=(0, 1)))
     assert off.max() < 512
     assert np.median(off) < 512 / 3

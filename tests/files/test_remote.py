@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from shrm_cli import addresses
+from shrm_cli import messages
 from shrm_cli.errors import RemoteError
 from shrm_cli.files import remote
 
@@ -33,10 +33,10 @@ def fetched_bytes(url, folder):
 
 def test_urls_are_told_from_paths():
     for url in ("s3://b/a.exr", "memory://a", "https://h/a.exr", "file:///a", "GS://b/c"):
-        assert addresses.is_remote(url), url
+        assert messages.is_remote(url), url
     for path in ("a.exr", "/a//b.exr", "C:\\a.exr", "C://a.exr", "sky_%.exr", "://a", "a b://c"):
-        assert not addresses.is_remote(path), path
-    assert not addresses.is_remote(Path("probes/a.exr"))
+        assert not messages.is_remote(path), path
+    assert not messages.is_remote(Path("probes/a.exr"))
 
 
 def test_a_pattern_gives_the_files_that_match_in_order(memory):

@@ -7,12 +7,12 @@ import sys
 import pytest
 
 from shrm_cli.errors import OutputError
-from shrm_cli.files.scratch import scratch_folder
+from shrm_cli.files.whole import scratch_folder
 from tests.cli.helpers import MAIN, NO_MODULES, assert_refused, noise, process, start, write_exr
 
 KILLED = """
 import os, signal, sys
-from shrm_cli.files.scratch import scratch_folder
+from shrm_cli.files.whole import scratch_folder
 with scratch_folder(*sys.argv[1:]) as folder:
     (folder / "map.exr").write_text("light")
     print(folder, flush=True)

@@ -3,7 +3,7 @@
 import pytest
 
 from shrm_cli.errors import MeshError, ProbeError
-from shrm_cli.files.toml import read_toml
+from shrm_cli.files.json_text import read_toml
 
 TOO_LARGE = "more than 64 bytes; split it"
 

@@ -98,7 +98,7 @@ def test_left_overs_of_dead_processes_are_removed(tmp_path):
 
 STOPPED_EARLY = """
 import atexit, os, pathlib, sys
-from shrm_cli.files.scratch import scratch_folder
+from shrm_cli.files.whole import scratch_folder
 from shrm_cli.files.whole import replacing, together
 blocks = [replacing("a.exr"), scratch_folder("."), together(), replacing("b.exr")]
 for block in blocks:

@@ -507,8 +507,7 @@ def _uncompressed(source: Path, target: Path) -> None:
 
 def _brdfs(folder: Path) -> list[tuple[str, str]]:
     """Measured BRDFs of every format but MERL's, whose files are 35 MB."""
-    from shrm_cli.brdf.measured.reading.table_file import write_table
-    from shrm_cli.brdf.measured.table import sample_table
+    from shrm_cli.brdf.measured.table import sample_table, write_table
     from shrm_cli.brdf.spec import parse_spec
     from tests.brdf.measured.goniometer_files import write_goniometer
 

@@ -7,9 +7,9 @@ from research import seen
 from research.glossy_truth import light_of, sphere
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps import band as band_module
-from shrm_cli.maps.band import Band
+from shrm_cli.maps import size as band_module
 from shrm_cli.maps.expansion import carried_band
+from shrm_cli.maps.size import Band
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reflected import last_visible, visible_beyond

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.maps.coupling import bundle_coefficients
-from shrm_cli.maps.shrm.coupling import over_rings
+from shrm_cli.maps.coupling import bundle_coefficients, over_rings
 from tests import oracles
 
 

@@ -9,8 +9,7 @@ from research.pairs import bright_pairs
 from research.seen import lit
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.look_up import shrm_look_up_error
-from shrm_cli.maps.size import total_error
+from shrm_cli.maps.size import shrm_look_up_error, total_error
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.probe.probe import Probe

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from shrm_cli.maps.negative import negative_share
+from shrm_cli.maps.prefiltered import negative_share
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
-from shrm_cli.sphere.sampling import nearest_texels
+from shrm_cli.sphere.cube import nearest_texels
 from tests import oracles
 from tests.cli.helpers import polynomial_light
 

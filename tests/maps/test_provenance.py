@@ -9,8 +9,8 @@ from shrm_cli.brdf import measured as measured_brdfs
 from shrm_cli.brdf.library import built_in_names
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
-from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.provenance import (
+from shrm_cli.maps.info import (
+    MapInfo,
     common_brdf,
     differing_origins,
     record_of,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import sph_harm_y
 
+from shrm_cli.maps.expansion import wrong_share
 from shrm_cli.maps.lobes_lit import Lobes, lit, sample_views
-from shrm_cli.maps.wrong_share import wrong_share
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.probe.probe import Probe

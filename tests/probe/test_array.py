@@ -90,11 +90,11 @@ def test_floats_of_any_size(dtype):
 
 
 def test_blocks_of_rows_are_those_of_files(tmp_path, monkeypatch):
-    from shrm_cli.probe import blocks
+    from shrm_cli.probe import pixels
 
     image = scenes.latlong(16)
     path = scenes.write(tmp_path / "a.exr", image)
-    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", 96)
+    monkeypatch.setattr(pixels, "_BLOCK_PIXELS", 96)
     found = Probe.from_array(image)
     assert len(list(found.blocks())) == 6
     same_light(found, open_probe(path))

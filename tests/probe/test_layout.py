@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.layouts import LAYOUTS
-from shrm_cli.probe import layout
+from shrm_cli.probe import image as layout
 from shrm_cli.sphere.grid.angular import Angular
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
+from shrm_cli.vocabulary import LAYOUTS
 from tests.probe import scenes
 
 SIZES = {

@@ -5,7 +5,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe import blocks
+from shrm_cli.probe import pixels
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import open_probe
@@ -311,7 +311,7 @@ def test_large_faces_are_integrated_one_after_the_other(tmp_path, monkeypatch, r
     options = {"orientation": orientation, "fix_nonfinite": True, "yaw": 20}
     found = []
     for size in (1024, 8):
-        monkeypatch.setattr(blocks, "_SMALL_FACE", size)
+        monkeypatch.setattr(pixels, "_SMALL_FACE", size)
         probe = open_probe(tmp_path / "sky_%.exr", **options)
         found.append((project(probe, 6), probe.report, probe.image()))
     (whole, report, image), (parts, again, same) = found
@@ -323,7 +323,7 @@ def test_large_faces_are_integrated_one_after_the_other(tmp_path, monkeypatch, r
 
 
 def test_large_faces_with_holes_are_refused_by_their_file(tmp_path, monkeypatch):
-    monkeypatch.setattr(blocks, "_SMALL_FACE", 4)
+    monkeypatch.setattr(pixels, "_SMALL_FACE", 4)
     for name in scenes.FACES:
         face = np.full((8, 8, 3), np.nan if name == "+Z" else 1, dtype=np.float32)
         scenes.write(tmp_path / f"sky_{name}.exr", face)

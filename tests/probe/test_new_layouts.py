@@ -1,6 +1,6 @@
 """A new grid is one module and one row; a new arrangement of a cube is one row.
 
-The rows are added to the text of `shrm_cli.layouts` before anything else is imported, and the
+The rows are added to the text of `shrm_cli.vocabulary` before anything else is imported, and the
 command line is asked for what it can do with a layout.
 """
 
@@ -25,11 +25,11 @@ PROGRAM = """
 import sys, types
 from pathlib import Path
 before, row, *arguments = sys.argv[1:]
-path = Path("shrm_cli/layouts.py").resolve()
+path = Path("shrm_cli/vocabulary.py").resolve()
 source = path.read_text()
 assert source.count(before) == 1
-layouts = types.ModuleType("shrm_cli.layouts")
-sys.modules["shrm_cli.layouts"] = layouts
+layouts = types.ModuleType("shrm_cli.vocabulary")
+sys.modules["shrm_cli.vocabulary"] = layouts
 exec(compile(source.replace(before, before + row), str(path), "exec"), layouts.__dict__)
 from shrm_cli.cli.main import main
 main(arguments)

@@ -13,7 +13,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe import blocks
+from shrm_cli.probe import pixels as reading
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.pixels import PixelPolicy
@@ -113,7 +113,7 @@ def test_pixels_of_the_grid(tmp_path):
 @pytest.mark.parametrize("sampling", ["center", "border"])
 @pytest.mark.parametrize("layout", ["latlong", "openexr", "angular"])
 def test_solid_angles_of_all_blocks(tmp_path, monkeypatch, layout, sampling):
-    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", 100)
+    monkeypatch.setattr(reading, "_BLOCK_PIXELS", 100)
     size = {"latlong": (64, 32), "openexr": (16, 96), "angular": (32, 32)}[layout]
     path = scenes.write(tmp_path / "a.exr", np.ones((size[1], size[0], 3)))
     probe = open_probe(path, ReadOptions(layout=layout, sampling=sampling))
@@ -137,7 +137,7 @@ def test_streaming_changes_nothing(tmp_path, monkeypatch, rng, rows, sampling, t
     options = ReadOptions(sampling=sampling, pixels=PixelPolicy(clamp=4.0))
     whole = open_probe(path, options)
     expected = project(whole, 20)
-    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", rows * 128)
+    monkeypatch.setattr(reading, "_BLOCK_PIXELS", rows * 128)
     probe = open_probe(path, options)
     starts = [start for start, *_ in probe.blocks()]
     assert len(starts) == -(-64 // (rows if not tile else -(-rows // tile) * tile))
@@ -202,7 +202,7 @@ def test_nonfinite_pixels_are_named_in_file_coordinates(tmp_path, layout):
 
 
 def test_every_nonfinite_pixel_of_a_streamed_file_is_counted(tmp_path, monkeypatch):
-    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", 32 * 3)
+    monkeypatch.setattr(reading, "_BLOCK_PIXELS", 32 * 3)
     image = scenes.latlong(16)
     image[2, 5] = image[9, 0] = image[15, 31] = NAN
     path = scenes.write(tmp_path / "a.exr", image)
@@ -275,7 +275,7 @@ def test_filling_a_streamed_file_is_filling_it_whole(tmp_path, monkeypatch, rng,
     whole = open_probe(path, FIX)
     expected = whole.image()
     assert np.isfinite(expected).all()
-    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", rows * 192)
+    monkeypatch.setattr(reading, "_BLOCK_PIXELS", rows * 192)
     probe = open_probe(path, FIX)
     np.testing.assert_array_equal(probe.image(), expected)
     assert probe.report.nonfinite == whole.report.nonfinite
@@ -289,8 +289,8 @@ def test_holes_deeper_than_what_is_read_around_a_block(tmp_path, monkeypatch, rn
     image[20:40, :4] = 7.0  # nearer by rows than the rim, but farther by columns
     path = scenes.write(tmp_path / "a.exr", image)
     expected = open_probe(path, FIX).image()
-    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", 4 * 128)
-    monkeypatch.setattr(blocks, "_HOLE_ROWS", 2)
+    monkeypatch.setattr(reading, "_BLOCK_PIXELS", 4 * 128)
+    monkeypatch.setattr(reading, "_HOLE_ROWS", 2)
     np.testing.assert_array_equal(open_probe(path, FIX).image(), expected)
 
 
@@ -476,7 +476,7 @@ def test_memory_of_a_large_probe(tmp_path, tile, envmap):
 
 def test_an_image_takes_its_own_memory_once(monkeypatch, rng):
     """Blocks of rows are written into it one after the other, not joined at the end."""
-    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", 2**14)
+    monkeypatch.setattr(reading, "_BLOCK_PIXELS", 2**14)
     pixels = rng.random((512, 1024, 3), dtype=np.float32)
     probe = Probe.from_array(pixels, "latlong")
     tracemalloc.start()

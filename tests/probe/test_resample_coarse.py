@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.probe import blocks, resample
+from shrm_cli.probe import pixels, resample
 from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.resample import coarse_probe, to_layout
 from shrm_cli.render.camera import Viewer, background_directions, background_rows
@@ -25,7 +25,7 @@ def solid_angles(height):
 @pytest.mark.parametrize("pixels_at_once", [1, 5 * 48, 2**20])
 def test_pixels_are_means_by_solid_angle(tmp_path, monkeypatch, rng, count, pixels_at_once):
     """However the image is cut into blocks."""
-    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", pixels_at_once)
+    monkeypatch.setattr(pixels, "_BLOCK_PIXELS", pixels_at_once)
     image = rng.lognormal(0, 3, (24, 48, 3)).astype(np.float32)
     probe = open_probe(scenes.write(tmp_path / "a.exr", image))
     found = coarse_probe(probe, 24 // count).image()

@@ -7,8 +7,7 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
-from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.provenance import record_of, same_brdf
+from shrm_cli.maps.info import MapInfo, record_of, same_brdf
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.render.shading import ggx_surface, outside_range

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import shrm_cli as shrm
-from shrm_cli.maps.band import Band
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.irradiance.window import make_window, window_factors
+from shrm_cli.maps.size import Band
 from shrm_cli.orders import known_coefficients
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.sphere.harmonics import degrees, real_harmonics

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from research.bilinear import bilinear
-from shrm_cli.sphere.between_texels import lost_between_texels
+from shrm_cli.sphere.bilinear import lost_between_texels
 from shrm_cli.sphere.quadrature import spiral_directions
 from tests.oracles import real_harmonics
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import sph_harm_y
 
-from shrm_cli.sphere.clebsch_gordan import clebsch_gordan, zonal_coupling
+from shrm_cli.sphere.wigner import clebsch_gordan, zonal_coupling
 
 
 def integral(degree, m, small, s, total):

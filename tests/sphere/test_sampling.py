@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from shrm_cli.sphere.cube import CubeSampler
 from shrm_cli.sphere.grid.angular import AngularSampler
 from shrm_cli.sphere.grid.latlong import LatLongSampler, sample_latlong_cubic
-from shrm_cli.sphere.sampling import CubeSampler
 from tests import oracles
 
 ORDER = 6

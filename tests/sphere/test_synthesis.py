@@ -2,9 +2,9 @@ import ducc0
 import numpy as np
 import pytest
 
-from shrm_cli.layouts import FACES
-from shrm_cli.sphere import octants, synthesis
+from shrm_cli.sphere import double_fourier, synthesis
 from shrm_cli.sphere.synthesis import CubeIntegral, CubeSeries, synthesize_cube
+from shrm_cli.vocabulary import FACES
 from tests import oracles
 from tests.oracles import tolerance
 
@@ -30,7 +30,7 @@ def truth(coefficients, size, sampling):
 @pytest.fixture(params=["octants", "meridians"])
 def method(request, monkeypatch):
     """Both ways in which series are synthesized, whichever is taken for such a size."""
-    monkeypatch.setattr(octants, "MOST_VALUES", 2**21 if request.param == "octants" else 0)
+    monkeypatch.setattr(double_fourier, "MOST_VALUES", 2**21 if request.param == "octants" else 0)
 
 
 @pytest.mark.usefixtures("method")
@@ -120,7 +120,7 @@ def test_blocks_of_any_size_give_the_same_texels(rng, monkeypatch, size):
     expected = synthesize_cube(coefficients, size)
     integrals = integrate_cube(expected, 4)
     monkeypatch.setattr(synthesis, "_CACHED_BYTES", 1)
-    monkeypatch.setattr(octants, "_CACHED_BYTES", 1)
+    monkeypatch.setattr(double_fourier, "_CACHED_BYTES", 1)
     monkeypatch.setattr(synthesis, "_BLOCK_BYTES", 2 * 8 * 8 * size * 5)
     np.testing.assert_allclose(synthesize_cube(coefficients, size), expected, rtol=0, atol=1e-13)
     np.testing.assert_allclose(integrate_cube(expected, 4), integrals, rtol=0, atol=1e-11)

@@ -12,7 +12,7 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.geometry.tangents import projected_tangents
-from shrm_cli.maps.provenance import record_of
+from shrm_cli.maps.info import record_of
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.options import ReadOptions

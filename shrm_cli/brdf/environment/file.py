@@ -115,7 +115,6 @@ def write_dfg(
 
     Parameters
     ----------
-    path : path-like
     table : ndarray, shape (N, N, channels)
         Indexed [perceptual roughness, N.V, channel]; the channels are those of its `MEANINGS`.
     kind : str
@@ -157,10 +156,6 @@ def write_dfg(
 
 def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     """Return what a file of `write_dfg` says about its table, once its numbers were read.
-
-    Parameters
-    ----------
-    path : path-like
 
     Returns
     -------

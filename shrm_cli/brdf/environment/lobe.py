@@ -85,10 +85,6 @@ class MaterialLobe(NormalLobe):
 
     It is the mean of the lobes of the three channels: one lobe for all of them.
 
-    Parameters
-    ----------
-    material : Brdf
-
     Raises
     ------
     BrdfError

@@ -32,7 +32,6 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike, width: float | None = None) 
 
     Parameters
     ----------
-    brdf : Brdf
     cosines : array_like, shape (n,)
         N.V; values below 1e-5 count as 1e-5.
     width : float, optional
@@ -100,7 +99,6 @@ def albedo_table(brdf: Brdf, size: int) -> Array:
 
     Parameters
     ----------
-    brdf : Brdf
     size : int
         The number of rows, over the perceptual roughness, and of columns, over N.V. Both are
         sampled at texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
@@ -137,10 +135,6 @@ class MaterialAlbedo(ViewTable):
 
     Interpolated values differ from those of `material_albedo` by 1e-4 at most, and by 1e-3 where
     they have kinks, as those of Cook and Torrance's cavities.
-
-    Parameters
-    ----------
-    brdf : Brdf
     """
 
     def __init__(self, brdf: Brdf) -> None:

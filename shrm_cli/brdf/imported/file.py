@@ -23,7 +23,6 @@ def open_material(path: Path, wanted: str, primaries: Primaries | None = None) -
 
     Parameters
     ----------
-    path : Path
     wanted : str
         The material's name or number; empty for the only one.
     primaries : sequence of 8 float, optional

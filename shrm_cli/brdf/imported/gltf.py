@@ -58,7 +58,6 @@ def read_gltf_material(name: str, data: bytes, wanted: str) -> Material:
     ----------
     name : str
         The path of the file. Buffers and textures are looked for in its folder.
-    data : bytes
     wanted : str
         Empty for the only material.
 

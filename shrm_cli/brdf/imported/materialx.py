@@ -39,7 +39,6 @@ def read_materialx(name: str, data: bytes, wanted: str) -> Material:
     ----------
     name : str
         The path of the file. Textures are looked for in its folder.
-    data : bytes
     wanted : str
         The name of a material, or of a surface; empty for the only material.
 

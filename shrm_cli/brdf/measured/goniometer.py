@@ -13,7 +13,7 @@ from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.errors import BrdfError
-from shrm_cli.parallel import at_once
+from shrm_cli.progress import at_once
 from shrm_cli.sphere.directions import from_angles
 
 MAX_SAMPLES = 4096

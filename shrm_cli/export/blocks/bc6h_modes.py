@@ -123,7 +123,6 @@ def pack(mode: Mode, ends: Whole, indices: Whole, partition: Whole) -> NDArray[n
 
     Parameters
     ----------
-    mode : Mode
     ends : ndarray of int, shape (2 * lines, 3, n)
         The first end whole; the others as the mode has them, negative ones too.
     indices : ndarray of int, shape (16, n)

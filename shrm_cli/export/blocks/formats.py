@@ -8,7 +8,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.export.blocks import astc, bc6h, uastc
 from shrm_cli.export.blocks.lamps import Found, with_lamps
 from shrm_cli.export.pixels import FORMATS, TexelFormat, Words
-from shrm_cli.parallel import in_order
+from shrm_cli.progress import in_order
 
 _CHUNK = 4096
 """Blocks of a job."""

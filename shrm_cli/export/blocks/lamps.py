@@ -65,7 +65,6 @@ def nearest(texels: Texels, ends: Floats, count: int) -> Whole:
 
     Parameters
     ----------
-    texels : Texels
     ends : ndarray, shape (2, 3, n)
     count : int
         The steps of the line.

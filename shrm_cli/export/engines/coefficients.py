@@ -59,7 +59,6 @@ def add_coefficients(made: Package, name: str, values: Array, meaning: str, axes
 
     Parameters
     ----------
-    made : Package
     name : str
         The name of the file.
     values : ndarray, shape (9, 3)

@@ -24,7 +24,7 @@ from shrm_cli.export.engine import Engine, Light, Package, halving
 from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.export.quoting import string, uri
 from shrm_cli.export.rgbd import rgba_png
-from shrm_cli.sphere.sampling import CubeSampler
+from shrm_cli.sphere.cube import CubeSampler
 
 _LEVELS = 6
 """Levels of roughness 0 to 1, in steps of 1/5."""

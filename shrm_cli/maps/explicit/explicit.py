@@ -22,11 +22,10 @@ from shrm_cli.maps.base import Map, refuse_arguments
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.records import record
-from shrm_cli.sphere.cube import cube_solid_angles
+from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels
 from shrm_cli.sphere.directions import bisector, central_directions
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
-from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
 _MOST_VALUES = 2**28
@@ -180,7 +179,6 @@ class ExplicitMap(Map):
 
         Parameters
         ----------
-        source : Map
         order_p : int, optional
             The order P of the SHRM that is tabulated. By default it is the order that the source
             has or determines. A sum of terms is tabulated as it is.
@@ -245,7 +243,6 @@ class ExplicitMap(Map):
         ----------
         size : int
             Texels along a face's edge.
-        count : int
 
         Raises
         ------
@@ -265,7 +262,6 @@ class ExplicitMap(Map):
 
         Parameters
         ----------
-        shrm : Shrm
         view_count : int, optional
             Samples along an axis of the view; `default_view_count` of the SHRM's order by default.
 

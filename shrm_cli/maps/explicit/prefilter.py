@@ -1,20 +1,36 @@
 """How explicit maps are made: from an SHRM, or by one integral for each texel and view."""
 
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.explicit.explicit import ExplicitMap
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.explicit.tabulate import tabulate
+from shrm_cli.maps.info import provenance
+from shrm_cli.maps.prefiltered import Prefiltered, error_lines
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import Form
+from shrm_cli.maps.shrm.budget import (
+    Choice,
+    Form,
+    halved,
+    most_order_p,
+    refuse_large,
+)
 from shrm_cli.maps.shrm.prefilter import centered, expand, order_warnings
-from shrm_cli.maps.shrm.shrm import from_expansion
-from shrm_cli.probe.lighting import Projection
+from shrm_cli.maps.shrm.shrm import Shrm, from_expansion
+from shrm_cli.maps.size import choose_size
+from shrm_cli.orders import choose_orders
+from shrm_cli.probe.lighting import Projection, project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import using
+from shrm_cli.reference import Reference
+from shrm_cli.reflected import truncated_lobe_error
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
@@ -32,8 +48,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         raise ArgumentError("source_height", "applies with `domain` angular")
     request, notes = centered(request)
     if is_angular:
-        from shrm_cli.maps.explicit.angular import prefilter_angular
-
         return replace(prefilter_angular(probe, request), notes=notes)
     made = prefilter_explicit(probe, request)
     return replace(made, notes=notes, warnings=(*order_warnings(made, request), *made.warnings))
@@ -71,8 +85,6 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
 
     Parameters
     ----------
-    probe : Probe
-    request : Request
     dtype : type
         As `prefilter_shrm` takes it.
 
@@ -88,9 +100,90 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
 
     def share() -> float | None:
         # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.wrong_share import shown_wrong_share
+        from shrm_cli.maps.expansion import shown_wrong_share
 
         return shown_wrong_share([expansion], made)
 
     facts, further = {"error_bound": expansion.bound}, {"predicted_wrong_share": share}
     return Prefiltered(made, facts, warnings=warnings, further=further)
+
+
+_AZIMUTH = "leaving out the azimuth, and interpolation between slices"
+"""What causes the added error of a local map."""
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return the lines for people about an explicit map, from what ``--json`` prints."""
+    size, maps, kind = result["size"], result["maps"], result["representation"]
+    what = f"{result['frame']} {kind} map, {maps} cubes of 6 x {size} x {size} texels"
+    # A local map has slices, which depend on the view by its angle only.
+    added_by = _AZIMUTH if result["frame"] == "local" else "interpolation between views"
+    return [what, *error_lines(result, added_by)]
+
+
+_TEXELS_TO_MEASURE = 16
+"""The most texels along a face's edge of the SHRM from which the added error is measured."""
+_ORDER_TO_MEASURE = 10
+"""The order P of the coefficients from which the errors are measured."""
+_FINEST_GRID = 0.01
+"""The least tolerance from which size and number of views are chosen. A smaller tolerance makes no
+finer grid, because some BRDFs have no orders that meet it."""
+
+
+def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
+    """Prefilter a probe for a BRDF in the angular domain: one integral for each texel and view.
+
+    The fraction `eps` of the lobe may be left out, far from its centre (eq. 5.30). The orders that
+    meet it determine the size and the number of views, unless they are given.
+
+    Raises
+    ------
+    ArgumentError, OrderError, ProbeError, BrdfError, MapError
+        If no map fits into the bytes, the tolerance cannot be met, the probe or the BRDF cannot be
+        used, or the map would be too large.
+    """
+    brdf, kind = request.brdf, explicit_kind(request.to)
+    size, sampling = request.size, request.sampling
+    allowed, finest = request.allowed, max(request.eps, _FINEST_GRID)
+    most_p = most_order_p(allowed, size, explicit_form(request).largest_p(allowed))
+    with using(None):  # all of this takes a moment beside the images
+        orders, chosen = choose_orders(brdf, finest, most_p=most_p)
+        _, coefficients = choose_orders(brdf, finest, order_p=_ORDER_TO_MEASURE)
+        views = view_count(request)
+        views = kind.default_view_count(orders.order_p) if views is None else views
+        count = kind.image_count(views)
+        if size is None:
+            choice = Choice(orders, choose_size(orders.order_f))
+            choice = halved(choice, chosen, count, allowed) or choice
+            orders, size = choice.orders, choice.size
+        orders = replace(orders, eps=request.eps)
+        refuse_large(size, count, request.max_size)
+        kind.check_images(size, count)
+        integral = Reference(probe, brdf, request.source_height, request.eps, exact=True)
+        lighting = project(probe, coefficients.order_f)
+        tail = _tail_coefficients(brdf, integral.angle, coefficients)
+        captured = 1 - tail.total_energy.sum() / max(coefficients.total_energy.sum(), 1e-300)
+        orders = replace(orders, captured=float(captured))
+        info = replace(
+            provenance(probe, brdf, orders),
+            predicted_error=truncated_lobe_error(lighting, coefficients, tail),
+            domain="angular",
+        )
+        # The error of interpolating between views is measured in the frequency domain, where it
+        # takes little time. A few texels suffice for that.
+        smooth = Shrm.from_coefficients(
+            lighting.coefficients,
+            coefficients.values, brdf.center, info,
+            min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
+        )  # fmt: skip
+        info = replace(info, added_error=kind.from_shrm(smooth, views).info.added_error)
+    built = tabulate(kind, integral, brdf.center, info, size, views, sampling)
+    return Prefiltered(built, {"error_bound": None, "predicted_wrong_share": None})
+
+
+def _tail_coefficients(brdf: Brdf, angle: float, whole: BrdfCoefficients) -> BrdfCoefficients:
+    """Compute the coefficients of what a lobe truncated at `angle` (radians) lacks.
+
+    They are small, so that an accuracy of one percent suffices.
+    """
+    return compute_coefficients(lobe_tail(brdf, angle), whole.order_f, whole.order_p, 1e-2)

@@ -16,7 +16,6 @@ def source(made: ExplicitMap, textures: str) -> Source:
 
     Parameters
     ----------
-    made : ExplicitMap
     textures : {"cube-array", "layers"}
         Cubes are the same in both.
 

@@ -68,7 +68,6 @@ def tabulate(
     Parameters
     ----------
     kind : type of ExplicitMap
-    integral : Integral
     center, info, sampling
         Attributes of the map.
     size : int
@@ -103,7 +102,6 @@ def tabulate_sum(
     Parameters
     ----------
     kind : type of ExplicitMap
-    summed : SummedShrm or PrincipalMap
     view_count : int, optional
         Samples along an axis of the view; `ExplicitMap.default_view_count` of the largest P by
         default.

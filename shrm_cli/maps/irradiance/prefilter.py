@@ -6,18 +6,20 @@ Rendering" (2002), describes the method. Eq. 5.18 is one of its chapter 5.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from shrm_cli.brdf.models.lambertian import Lambertian
+from shrm_cli.maps.info import provenance
 from shrm_cli.maps.irradiance.irradiance import (
     Irradiance,
     irradiance_energies,
     lambert_factors,
 )
 from shrm_cli.maps.irradiance.window import make_window, parse_window
+from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import Orders
@@ -138,3 +140,30 @@ def _captured(order_f: int) -> float:
     """The part of the clamped cosine's energy, 2 pi / 3, that lies up to an order (eq. 5.18)."""
     measure = (2 * np.arange(order_f + 1) + 1) / (4 * np.pi)
     return float(lambert_factors(order_f) ** 2 @ measure / (2 * np.pi / 3))
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return the lines for people about irradiance, from what ``--json`` prints."""
+    size, window, errors = result["size"], result["window"], result.get("form_errors")
+    lines = [
+        f"irradiance, {counted(result['coefficients'], 'coefficient')} and a cube of "
+        f"6 x {size} x {size} texels",
+        f"order          F = {result['order_f']}",
+        f"RMS error      {result['predicted_error']:.2%} of the irradiance predicted",
+    ]
+    if errors is not None:
+        lines.append(
+            f"form           {result['form']}: {errors['form']:.2%} with what it leaves out of "
+            f"degree 2; {errors['four']:.2%} with four coefficients, {errors['nine']:.2%} with nine"
+        )
+    least = f"minimum        {result['minimum_irradiance']:.4g} over all sides and channels"
+    if window["name"] == "none":
+        asked = " is needed" if window["asked"] == "auto" else ""
+        return [*lines, f"window         none{asked}", least]
+    width = "" if window["width"] is None else f" of width {window['width']:.4g}"
+    return [
+        *lines,
+        f"window         {window['name']}{width}: takes "
+        f"{window['energy_lost']:.2%} of the energy, changes {window['change']:.2%} (RMS)",
+        f"{least}, {result['minimum_without_window']:.4g} without the window",
+    ]

@@ -14,10 +14,9 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, common_brdf
 from shrm_cli.maps.lamps.attribute import FORMAT, lamps_text
 from shrm_cli.maps.lamps.discs import LitDiscs, disc_records
-from shrm_cli.maps.provenance import common_brdf
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector

@@ -108,7 +108,6 @@ def integrals(
 
     Parameters
     ----------
-    rule : DiscRule
     brdf : Brdf
         It is not about the tangent.
     normals, views, axes : ndarray, shape (..., 3), broadcastable

@@ -166,8 +166,6 @@ def with_lamps(functions: Sequence[str], lamps: LitDiscs, language: Language) ->
     ----------
     functions : sequence of str
         Those of the map.
-    lamps : LitDiscs
-    language : Language
 
     Returns
     -------

@@ -22,7 +22,6 @@ def orders_in_plane(degree: int, centers: Array, across: Array) -> Array:
 
     Parameters
     ----------
-    degree : int
     centers, across : ndarray, shape (..., 3)
         Orthonormal vectors of the plane.
 
@@ -68,7 +67,6 @@ def orders_about(degree: int, centers: Array, across: Array) -> Array:
 
     Parameters
     ----------
-    degree : int
     centers, across : ndarray, shape (n, 3)
         Orthonormal vectors; azimuths are counted from the second about the first.
 

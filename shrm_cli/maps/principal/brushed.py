@@ -1,21 +1,46 @@
-"""Lobes of anisotropic BRDFs: their functions depend on the azimuth of the view from the tangent.
+"""Lobes of anisotropic BRDFs and their functions of the view, which depend on its azimuth.
 
 The cubes are those of `principal.Lobe`. About the central direction all harmonics of a bundle count
 now, of both signs of q, because the lobes of brushed surfaces are not their own mirror images in
 the plane of the view. The bundle's harmonics at ``2p + 1`` fixed directions on a cone about C tell
 them apart, and each sign is multiplied with a function of its own: the real and the imaginary part.
+
+The functions of the view of an anisotropic BRDF, which depend on the azimuth of the view.
+
+A brushed surface tells where its tangent is by one angle more, the azimuth psi of the view from it.
+About C, with the azimuth counted from the plane of the view, the reflected light is still
+
+    B_q(R, theta_o, psi) = sum over l, m of L_lm rho_hat_lq(theta_o, psi) D^l_mq(R).
+
+The left singular vectors of ``rho_hat_lq(theta_o, psi)``, rows of l, are what the light of each
+degree is multiplied with; they make cubes as those of isotropic BRDFs do. The right ones are
+functions of both angles. They are complex for q > 0, because lobes are not their own mirror images.
+The real parts ``cos(q phi)`` and ``sin(q phi)`` of a lobe come with the same numbers over l: with
+mirror images of tangents they are the best ones, as products of mirrored views are real.
+
+Functions are tabulated over theta_o, for each of some waves over psi: see `Azimuths.waves`.
 """
 
 from dataclasses import field
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.brushed_transfer import Waves, wave_values
+from shrm_cli.brdf.brushed_transfer import (
+    Azimuths,
+    Waves,
+    azimuths_of,
+    wave_energies,
+    wave_values,
+)
 from shrm_cli.maps.principal.about_center import orders_about
+from shrm_cli.maps.principal.functions import TABLE, Spectrum
 from shrm_cli.maps.principal.principal import Lobe, LookUp
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
+from shrm_cli.sphere.interpolation import interpolation_matrix, linear_matrix
 
 _ALONG = 1e-12
 """The sine of the angle of a view from the normal, below which it has no azimuth."""
@@ -85,3 +110,97 @@ class BrushedLobe(Lobe):
         if is_mirror:
             across = np.sum(views * normals, axis=-1, keepdims=True) * across + far * normals
         return theta, across, np.arctan2(y, x)[:, 0]
+
+
+_LEFT_OUT = 1e-6
+"""The part of the energy of the reflected light, and of a function, in waves that are left out."""
+
+
+class BrushedSpectrum(Spectrum):
+    """The singular vectors of an anisotropic BRDF.
+
+    Its tables have ``waves x TABLE`` entries.
+    """
+
+    @cached_property
+    def _azimuths(self) -> Azimuths:
+        return azimuths_of(self.transfer)
+
+    @cached_property
+    def waves(self) -> Waves:
+        """The waves of the tables: the fewest that hold nearly all of the reflected light."""
+        energy = np.einsum("lw,lc->w", wave_energies(self.transfer), self.light)
+        weakest = np.argsort(energy, kind="stable")
+        left_out = weakest[np.cumsum(energy[weakest]) <= _LEFT_OUT * energy.sum()]
+        return np.delete(self._azimuths.waves, left_out, axis=0)
+
+    def table(self, q: int, first: int, last: int) -> Array:
+        """Return functions of an order q, shape (last - first, waves TABLE, 3).
+
+        Waves that a function has next to nothing of are exactly 0, which files pack well.
+        """
+        made = super().table(q, first, last)
+        by_wave = made.reshape(len(made), len(self.waves), -1)
+        squares = np.sum(by_wave**2, axis=-1)
+        by_wave[squares <= _LEFT_OUT * squares.sum(axis=1, keepdims=True) / len(self.waves)] = 0.0
+        return made
+
+    @property
+    def view_count(self) -> int:
+        """The number of nodes of theta_o for each azimuth."""
+        return len(self.weights) // (2 * len(self._azimuths.angles))
+
+    def parts_near(
+        self, nodes: NDArray[np.intp], azimuths: Array
+    ) -> tuple[NDArray[np.intp], Array]:
+        """Return the nodes of the nearest azimuths.
+
+        Parameters
+        ----------
+        nodes : ndarray of int, shape (n,)
+            Those of theta_o.
+        azimuths : ndarray, shape (n,)
+            Radians in 0 .. 2 pi.
+
+        Returns
+        -------
+        nodes : ndarray of int, shape (2n,)
+            All real parts, then all imaginary ones.
+        signs : ndarray, shape (n,)
+            What the imaginary parts are multiplied with: -1 in mirror images.
+        """
+        known = self._azimuths
+        step, turn = np.round(azimuths / (np.pi / 2 / known.steps)), 4 * known.steps
+        place, signs = step.astype(np.intp) % turn, np.ones(len(nodes))
+        if known.is_mirrored:
+            place = place % (turn // 2)
+            is_image = place > known.steps
+            place, signs = np.where(is_image, turn // 2 - place, place), np.where(is_image, -1.0, 1)
+        place = place % len(known.angles)
+        first = place * self.view_count + nodes
+        return np.append(first, first + len(self.weights) // 2), signs
+
+    def _tabulated(self, q: int, functions: Array) -> Array:
+        theta_o = np.unique(self.transfer.theta_o[self.weights > 0])
+        by_wave = self._azimuths.analysis(self.waves)
+        at_nodes = functions.reshape(len(functions), by_wave.shape[1], -1)
+        amplitudes = (by_wave @ at_nodes).reshape(len(functions), len(by_wave), -1, 3)
+        # Over the pole a view of the azimuth psi becomes one of psi + pi.
+        even, odd = (interpolation_matrix(theta_o, self.angles(), odd=odd) for odd in (False, True))
+        is_odd = (q + self.waves[:, 0]) % 2 == 1
+        tables = np.empty((*amplitudes.shape[:2], TABLE, 3))
+        tables[:, is_odd] = odd @ amplitudes[:, is_odd]
+        tables[:, ~is_odd] = even @ amplitudes[:, ~is_odd]
+        return tables.reshape(len(functions), -1, 3)
+
+    def _looked_up(self, tables: Array, nodes: NDArray[np.intp]) -> Array:
+        transfer = self.transfer
+        values = wave_values(self.waves, transfer.azimuths[nodes])
+        parts = np.where(nodes < len(transfer.theta_o) // 2, values.real, values.imag)
+        theta_o, place = np.unique(transfer.theta_o[nodes], return_inverse=True)
+        by_wave = tables.reshape(len(tables), len(self.waves), TABLE, 3)
+        amplitudes = linear_matrix(self.angles(), theta_o) @ by_wave
+        found = np.zeros((len(tables), len(nodes), 3))
+        for part, amplitude in zip(parts, amplitudes.swapaxes(0, 1), strict=True):
+            found += part[:, None] * amplitude[:, place]
+        return found

@@ -111,8 +111,6 @@ class Spectrum:
 
         Parameters
         ----------
-        transfer : TransferFunctions
-        center : {"reflection", "normal", "tangent"}
         light : ndarray, shape (>= F+1, 3)
             As the attribute.
         divide : bool
@@ -228,7 +226,6 @@ class Spectrum:
 
         Parameters
         ----------
-        q : int
         first, last : int
             Which functions, from `first` to before `last`.
 
@@ -244,7 +241,6 @@ class Spectrum:
 
         Parameters
         ----------
-        q : int
         parts : ndarray, shape (k, F+1, 3)
             What the light of each degree is multiplied with, for the first k functions.
         light : ndarray, shape (F+1, 3)
@@ -355,7 +351,6 @@ class Spectrum:
 
         Parameters
         ----------
-        q : int
         counts, factors
             The same as for `missing`.
         nodes : ndarray of int, shape (n,), optional

@@ -6,12 +6,12 @@ from functools import cached_property, partial
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.maps.band import Band
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.principal.functions import Spectrum
 from shrm_cli.maps.principal.selection import Counts, best_counts, bundle_functions, cubes_of
 from shrm_cli.maps.size import (
     TRIED_SIZES,
+    Band,
     furthest_order,
     most_cubes,
     nothing_fits,
@@ -31,8 +31,7 @@ from shrm_cli.reflected import (
     fine_places,
     kept_energy,
 )
-from shrm_cli.sphere.between_texels import lost_between_texels
-from shrm_cli.sphere.bilinear import bilinear_errors
+from shrm_cli.sphere.bilinear import bilinear_errors, lost_between_texels
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Sampling
 
 _FEW_TEXELS = 48

@@ -1,10 +1,11 @@
 """How maps with a BRDF's own functions of the view are made, in the frequency domain."""
 
 from dataclasses import replace
+from typing import Any
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import Prefiltered, unkept_error, wrong_light
+from shrm_cli.maps.prefiltered import Prefiltered, error_lines, unkept_error, wrong_light
 from shrm_cli.maps.principal.proposal import Proposal, Proposals
 from shrm_cli.maps.request import Request
 from shrm_cli.plan import policy
@@ -64,3 +65,10 @@ def _sufficient(proposals: Proposals, error: float) -> str:
         return "dim the lamps with `clamp`"
     step = 10 ** max(len(str(free.bytes)) - 2, 0)  # rounded up to what `bytes_text` shows
     return f"raise `max_size` to {bytes_text(-(-free.bytes // step) * step)}"
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return the lines for people about principal functions, from what ``--json`` prints."""
+    size, maps = result["size"], result["maps"]
+    what = f"principal functions, 6 x {size} x {size} texels of {maps} maps"
+    return [what, *error_lines(result, "resampling")]

@@ -29,7 +29,13 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import AZIMUTHS
 from shrm_cli.maps.size import check_size
 from shrm_cli.records import record
-from shrm_cli.sphere.cube import cube_directions, cube_solid_angles, texel_directions
+from shrm_cli.sphere.cube import (
+    CubeSampler,
+    cube_directions,
+    cube_solid_angles,
+    nearest_texels,
+    texel_directions,
+)
 from shrm_cli.sphere.directions import (
     bisector,
     central_directions,
@@ -40,7 +46,6 @@ from shrm_cli.sphere.directions import (
 from shrm_cli.sphere.harmonics import legendre_table
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames
-from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
 LookUp = Callable[[Array], Array]

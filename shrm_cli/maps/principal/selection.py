@@ -12,7 +12,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from shrm_cli.arrays import Array
+
 Counts = tuple[int, ...]
 """The number of functions of each azimuthal order, which does not rise."""
 

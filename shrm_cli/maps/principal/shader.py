@@ -28,7 +28,6 @@ def source(made: PrincipalMap, textures: str) -> Source:
 
     Parameters
     ----------
-    made : PrincipalMap
     textures : {"cube-array", "layers"}
         Cubes are the same in both.
     """

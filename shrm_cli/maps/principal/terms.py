@@ -16,7 +16,7 @@ from shrm_cli.brdf.sums import Sum, split
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.brdf.turned import turned_views
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.principal.brushed_functions import BrushedSpectrum
+from shrm_cli.maps.principal.brushed import BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.request import Request
@@ -127,12 +127,8 @@ def planner_of(
 
     Parameters
     ----------
-    light : Projection
-    brdf : Brdf
-    want : Wanted
     divide : bool
         Whether to factorize the BRDF divided by its directional albedo.
-    sampling : {"center", "border"}
     known : Planner, optional
         What this function returned for a larger error.
     is_coarse : bool

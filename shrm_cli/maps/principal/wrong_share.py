@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.maps.expansion import wrong_share
 from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views
-from shrm_cli.maps.principal.brushed_functions import BrushedSpectrum
+from shrm_cli.maps.principal.brushed import BrushedSpectrum
 from shrm_cli.maps.principal.plan import Form, Planner
-from shrm_cli.maps.wrong_share import wrong_share
 from shrm_cli.reflected import last_visible
 
 
@@ -27,7 +27,7 @@ def predicted_wrong_share(terms: Sequence[tuple[Planner, Form]]) -> float:
     Returns
     -------
     float
-        As `shrm_cli.maps.wrong_share.predicted_wrong_share` returns it.
+        As `shrm_cli.maps.expansion.predicted_wrong_share` returns it.
     """
     lighting = max((planner.lighting for planner, _ in terms), key=lambda each: each.order)
     return wrong_share(lighting, [_lobes(*term) for term in terms])

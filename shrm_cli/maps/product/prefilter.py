@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import ProductFunctions
 from shrm_cli.errors import BrdfError, MapError
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, provenance, record_of
 from shrm_cli.maps.irradiance.window import parse_window
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.product.product import ProductTexture
@@ -17,7 +18,6 @@ from shrm_cli.maps.product.steps import ENOUGH, MOST_STEPS, chosen_values
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.product.window import product_window
-from shrm_cli.maps.provenance import provenance, record_of
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
@@ -299,3 +299,36 @@ def _reflected(lighting: Lighting, power: Array, energy: Array) -> tuple[Array, 
     density = lighting.power()[: len(power)] / width
     rest = np.maximum(energy - power.sum(axis=0), 0.0) * density[-_LAST:].mean(axis=0)
     return (density * power).sum(axis=1), float(rest.sum())
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return the lines for people about a product texture, from what ``--json`` prints."""
+    size, order = result["size"], result["order"]
+    color = "RGB" if result["channels"] == 3 else "grey"
+    varied = ""
+    if "parameter" in result:
+        low, *_, high = result["values"]
+        count = len(result["values"])
+        varied = f", for {count} values of {result['parameter']} from {low:g} to {high:g}"
+    lines = [
+        f"product texture, {size} x {size} views of {result['coefficients']} coefficients, {color}"
+        f"{varied}",
+        f"order          {order}, which captures {result['brdf_energy_captured']:.2%} of the "
+        "BRDF's energy",
+        f"quadrature     {result['residual']:.2g} relative change when the nodes are doubled, "
+        f"{result['nodes']:,} directions at most",
+        f"look-ups       {result['filter_error']:.2%} RMS error by bilinear filtering",
+    ]
+    if "parameter" in result:
+        lines.append(
+            f"between        {result['step_error']:.2%} RMS error between two values at most"
+        )
+    of = "of this light reflected" if result["lit"] else "of white noise reflected"
+    lines.append(f"RMS error      {result['predicted_error']:.2%} {of}, beyond the order")
+    window = result.get("window")
+    if window is not None and window["name"] != "none":
+        lines.append(
+            f"window         {window['name']}, changes it by {result['added_error']:.2%} RMS, and "
+            f"what is seen by {window['p95_change']:.1%} (p95)"
+        )
+    return lines

@@ -11,12 +11,12 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import ProductFunctions, own_frame
+from shrm_cli.sphere.cube import catmull_rom
 from shrm_cli.sphere.directions import to_angles
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.sphere.parabolic import parabolic_directions, project, unproject
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import turn_about_z
-from shrm_cli.sphere.sampling import catmull_rom
 
 _PROBES = 512
 """Pairs of directions at which it is seen whether a BRDF is symmetric."""

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
-from shrm_cli.maps.negative import visible_pairs
+from shrm_cli.maps.prefiltered import visible_pairs
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.records import record

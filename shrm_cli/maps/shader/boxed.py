@@ -40,10 +40,8 @@ def boxed_functions(made: "Map", functions: Sequence[str], language: Language) -
 
     Parameters
     ----------
-    made : Map
     functions : sequence of str
         Those of the map, with ``shrm_radiance``.
-    language : Language
 
     Returns
     -------

@@ -106,7 +106,6 @@ def look_up_code(
 
     Parameters
     ----------
-    made : Map
     language : {"glsl", "hlsl", "wgsl", "c"}
     textures : {"cube-array", "layers"}, optional
         Where cubes are read: from arrays of cube maps, whose faces are turned as the graphics API

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, peek, write_parts
-from shrm_cli.maps.arrangement import image_channels
+from shrm_cli.maps.file import image_channels
 from shrm_cli.maps.shader.code import source_of
 from shrm_cli.maps.shader.language import harmless
 from shrm_cli.maps.shader.pages import arrange, drawn
@@ -44,10 +44,6 @@ def pack(made: "Map") -> tuple[PackedTexture, ...]:
 
     Cubes of local frames are turned to world axes, in which alone they can be filtered.
 
-    Parameters
-    ----------
-    made : Map
-
     Returns
     -------
     tuple of PackedTexture
@@ -81,12 +77,6 @@ def write_layers(
 
     The part of layer 3 of ``shrm_table`` is called ``shrm_table.003``. The file is no map, and
     is written as 32-bit floats unless `precision` is half, which costs tables some digits.
-
-    Parameters
-    ----------
-    path : path-like
-    made : Map
-    precision : {"auto", "half", "float"}
 
     Returns
     -------
@@ -124,10 +114,6 @@ def write_layers(
 
 def read_layers_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     """What a file of textures says of itself; None if a file is none.
-
-    Parameters
-    ----------
-    path : path-like
 
     Returns
     -------

@@ -11,16 +11,11 @@ def harmonic_loop(order: int, direction: str, body: Callable[[str, str], list[st
 
     Parameters
     ----------
-    order : int
     direction : str
         The name of a unit vector.
     body : callable
         Given the text of an index ``l(l+1)+m`` and that of the harmonic's value, returns statements
         that use them. They may use the variable ``l``, the degree, too.
-
-    Returns
-    -------
-    list of str
     """
     d = direction
     cosine = [f"                {line}" for line in body("l * (l + 1) + m", "(p * a)")]

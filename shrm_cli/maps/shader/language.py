@@ -143,7 +143,6 @@ class Language:
 
         Parameters
         ----------
-        name : str
         rows : ndarray, shape (n, 3)
 
         Raises

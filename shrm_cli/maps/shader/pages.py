@@ -183,7 +183,6 @@ def drawn(pages: Pages, stacks: Sequence[Array], sampling: Sampling) -> Array:
     pages : Pages
         Made by `arrange` for these stacks.
     stacks : sequence of ndarray, shape (6N, N, K, 3)
-    sampling : {"center", "border"}
 
     Returns
     -------

@@ -223,10 +223,6 @@ def exponent_series(
         The moments of GGX's lobe at these N.V, as `lobe_moments` returns them.
     f0 : float
         Reflectance at normal incidence.
-
-    Returns
-    -------
-    ExponentSeries
     """
     if factors.law == "paper":
         direction = reflect(views, normals)

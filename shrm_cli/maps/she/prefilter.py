@@ -15,8 +15,8 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.environment.environment_brdf import lobe_moments, whole_lobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
+from shrm_cli.maps.info import provenance
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.she.reflectance import ReflectanceSamples, sample_reflectance
@@ -258,10 +258,6 @@ def fit_logarithm(problem: Problem) -> Array:
     The first column of the rows must be constant. The logarithm of a target that is black does not
     exist; it gets an exponential that is as good as 0.
 
-    Parameters
-    ----------
-    problem : Problem
-
     Returns
     -------
     ndarray, shape (k,)
@@ -287,10 +283,6 @@ def fit_exponent(problem: Problem) -> Array:
 
     Gauss and Newton's method, damped after Levenberg and Marquardt, starts from the fit in log
     space, or from a part of it.
-
-    Parameters
-    ----------
-    problem : Problem
 
     Returns
     -------
@@ -351,3 +343,15 @@ def _evaluate(problem: Problem, x: Array) -> tuple[Array, float]:
     exponent = problem.rows @ x - problem.variances @ x**2
     value = np.exp(np.clip(exponent, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
     return value, float(problem.weights @ (value - problem.target) ** 2)
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return the lines for people about an SH exponential, from what ``--json`` prints."""
+    p, q = result["p_order"], result["q_order"]
+    (first, last), (low, high) = result["roughness"], result["ggx_alpha"]
+    return [
+        f"SH exponential, {(p + 1) ** 2} + {(q + 1) ** 2 - 1} coefficients a channel",
+        f"orders         P = {p}, Q = {q}, attenuated by the law {result['law']!r}",
+        f"roughness      {first:.4g} .. {last:.4g} (GGX's alpha {low:.4g} .. {high:.4g})",
+        f"RMS error      {result['fit_residual']:.2%} of the reflected light left by the fit",
+    ]

@@ -63,7 +63,6 @@ def sample_reflectance(
 
     Parameters
     ----------
-    lighting : Lighting
     roughness : sequence of A float
         Perceptual roughnesses.
     rings : int
@@ -74,10 +73,6 @@ def sample_reflectance(
         and V.
     azimuths : int
         The number of views on each ring.
-
-    Returns
-    -------
-    ReflectanceSamples
     """
     directions, theta, phi, weights = _mirror_directions(rings)
     cosines, view_weights = gauss_legendre(view_rings)
@@ -188,7 +183,6 @@ def lobe_harmonics(
 
     Parameters
     ----------
-    brdf : Brdf
     view_theta : ndarray, shape (n,)
         The angles between C and the view, radians; the view lies in the plane of azimuth 0.
     order, max_m : int

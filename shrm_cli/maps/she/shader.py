@@ -27,7 +27,6 @@ def source(made: SphericalHarmonicExponential, textures: str) -> Source:
 
     Parameters
     ----------
-    made : SphericalHarmonicExponential
     textures : {"cube-array", "layers"}
         The table is the same in both.
     """

@@ -16,7 +16,6 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.expansion import carried_band, view_band
-from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import wrong_light
 from shrm_cli.maps.request import Request
@@ -25,6 +24,7 @@ from shrm_cli.maps.size import (
     choose_size,
     largest_p,
     nothing_fits,
+    shrm_look_up_error,
     sizes_of,
     stored_bytes,
     supported_order,
@@ -126,8 +126,6 @@ def affordable(
 
     Parameters
     ----------
-    light : Projection
-    request : Request
     most : int
         The largest P in any case.
 
@@ -162,10 +160,8 @@ def fitting(
 
     Parameters
     ----------
-    coefficients : BrdfCoefficients
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    request : Request
     most : int
         The largest P in any case.
 
@@ -228,15 +224,12 @@ def within_error(
 
     Parameters
     ----------
-    light : Projection
-    brdf : Brdf
     error : float
         The relative RMS error that orders, bilinear look-ups and half precision may make together.
     max_size : int
         The most bytes of the map.
     size : int, optional
         Texels along a face's edge, where they are given.
-    sampling : {"center", "border"}
 
     Returns
     -------
@@ -317,7 +310,6 @@ def shrm_rows(
     ----------
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients
     eps : float
         The fraction of the BRDF's energy that F, which is only stated, may miss.
     max_size, size, sampling
@@ -355,7 +347,6 @@ def halved(
     ----------
     choice : Choice
         The orders and the size of the SHRM behind the map.
-    coefficients : BrdfCoefficients
     images : int
         The number of RGB cubes of the map.
     max_size : int
@@ -417,7 +408,6 @@ def shortfall(
 
     Parameters
     ----------
-    brdf : Brdf
     coefficients : BrdfCoefficients
         The coefficients from which the orders were chosen.
     kept : Orders

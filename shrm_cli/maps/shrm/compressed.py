@@ -118,7 +118,6 @@ class CompressedShrm(Map):
 
         Parameters
         ----------
-        shrm : Shrm
         count : int, optional
             The number of components to keep.
         tolerance : float
@@ -183,7 +182,6 @@ def compressed(shrm: Shrm, compress: int | float | None) -> Shrm | CompressedShr
 
     Parameters
     ----------
-    shrm : Shrm
     compress : int or float, optional
         The number of principal components to keep (an int), or the relative RMS error that may be
         added (a float below 1). None returns the SHRM as it is.

@@ -17,7 +17,7 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import MAX_VALUES
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.arrangement import StoredImage
+    from shrm_cli.maps.file import StoredImage
     from shrm_cli.maps.shrm.compressed import CompressedShrm
     from shrm_cli.maps.shrm.summed import SummedShrm
 
@@ -110,7 +110,7 @@ def decode(file: StoredFile) -> Shrm | CompressedShrm | SummedShrm:
         If parts, channels or attributes are missing or contradict each other, or if there are too
         many coefficients to load.
     """
-    from shrm_cli.maps.arrangement import StoredImage
+    from shrm_cli.maps.file import StoredImage
     from shrm_cli.maps.shrm.summed import SummedShrm
 
     if len(file.parts) == 1:

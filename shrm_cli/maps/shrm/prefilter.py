@@ -6,7 +6,7 @@ The method is that of section 5.6.2 of Ramamoorthi's thesis.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import Expansion, carry
-from shrm_cli.maps.prefiltered import Prefiltered, unkept_error, wrong_light
+from shrm_cli.maps.prefiltered import Prefiltered, error_lines, unkept_error, wrong_light
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import (
     SHRM_FORM,
@@ -163,7 +163,6 @@ def order_warnings(made: Prefiltered, request: Request) -> tuple[str, ...]:
 
     Parameters
     ----------
-    made : Prefiltered
     request : Request
         What it was made for.
     """
@@ -192,7 +191,6 @@ def prefilter_shrm(
     ----------
     light : Projection
         The light of the probe.
-    request : Request
     chosen : tuple of Choice and BrdfCoefficients, optional
         What `affordable` returns, where it is known.
     dtype : type
@@ -222,7 +220,7 @@ def prefilter_shrm(
 
     def share() -> float | None:
         # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.wrong_share import predicted_wrong_share, shown_wrong_share
+        from shrm_cli.maps.expansion import predicted_wrong_share, shown_wrong_share
 
         if kept.info.added_error:  # compression adds errors of its own
             return shown_wrong_share([expansion], kept)
@@ -284,3 +282,11 @@ def expand(
     if is_free:
         lines.append(shortfall(brdf, coefficients, orders, allowed, expansion.error, form))
     return expansion, tuple(line for line in lines if line is not None)
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return the lines for people about an SHRM, from what ``--json`` prints."""
+    size, maps = result["size"], result["maps"]
+    unit = "components" if "components" in result else "coefficients"
+    what = f"{result['frame']} SHRM, 6 x {size} x {size} texels of {maps} {unit}"
+    return [what, *error_lines(result, "leaving out principal components")]

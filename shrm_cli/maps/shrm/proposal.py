@@ -11,13 +11,12 @@ import numpy as np
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.transfer import TransferFunctions
-from shrm_cli.maps.expansion import carry
+from shrm_cli.maps.expansion import carry, predicted_wrong_share
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import Tried, shrm_rows, sufficient_coefficients
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, stored_bytes
-from shrm_cli.maps.wrong_share import predicted_wrong_share
 from shrm_cli.plan.search import Candidate, Row, fewest_bytes
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.records import record

@@ -35,7 +35,6 @@ def source(made: Shrm | CompressedShrm | SummedShrm, textures: str) -> Source:
 
     Parameters
     ----------
-    made : Shrm, CompressedShrm or SummedShrm
     textures : {"cube-array", "layers"}
 
     Raises

@@ -17,16 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
+from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo, check_names
-from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
 from shrm_cli.progress import foretell
 from shrm_cli.records import record
-from shrm_cli.sphere.cube import cube_solid_angles, texel_directions
+from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels, texel_directions
 from shrm_cli.sphere.directions import bisector, central_directions, local_frame, to_angles
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, order_of, real_harmonics
-from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
@@ -243,7 +242,6 @@ class Shrm(Map):
 
         Parameters
         ----------
-        source : Map
         order_p : int, optional
             The order P of the SHRM; that of the source by default.
         frame : {"global", "local"}, optional
@@ -414,7 +412,6 @@ def from_expansion(
 
     Parameters
     ----------
-    expansion : Expansion
     probe : Probe
         The probe of the expansion's light.
     request : Request
@@ -422,7 +419,7 @@ def from_expansion(
     dtype : type
         As `Shrm.from_coefficients` takes it.
     """
-    from shrm_cli.maps.provenance import provenance  # whoever reads maps needs none
+    from shrm_cli.maps.info import provenance  # whoever reads maps needs none
 
     orders, brdf = expansion.orders, expansion.brdf
     foretell(making_seconds(expansion.carried, orders.order_p, expansion.size))

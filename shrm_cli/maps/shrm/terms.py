@@ -10,9 +10,9 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.sums import split
 from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.maps.expansion import Expansion, carry
+from shrm_cli.maps.info import provenance
 from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import (
     Choice,
@@ -248,7 +248,6 @@ def prefilter_terms(plan: Plan, dtype: type = np.float32) -> Prefiltered:
 
     Parameters
     ----------
-    plan : Plan
     dtype : type
         As `prefilter_shrm` takes it.
 
@@ -285,7 +284,7 @@ def prefilter_terms(plan: Plan, dtype: type = np.float32) -> Prefiltered:
 
     def share() -> float | None:
         # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.wrong_share import predicted_wrong_share, shown_wrong_share
+        from shrm_cli.maps.expansion import predicted_wrong_share, shown_wrong_share
 
         if info.added_error:  # compression adds errors of its own
             return shown_wrong_share(expansions, made)

@@ -9,9 +9,8 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.environment.equal_roughness import equal_roughness
 from shrm_cli.brdf.environment.taps import taps
 from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, record_of
 from shrm_cli.maps.light_map import Shaded
-from shrm_cli.maps.provenance import record_of
 from shrm_cli.maps.shader.source import TABLE_SIZE, ggx_moments
 from shrm_cli.maps.splitsum.roughness import level_numbers
 from shrm_cli.maps.splitsum.split_sum import SplitSum

@@ -76,7 +76,6 @@ def brushed_functions(count: int, language: Language) -> list[str]:
     ----------
     count : int
         How many look-ups it takes, one of `vocabulary.TAP_COUNTS`.
-    language : Language
     """
     albedo = language.add(language.scale("scale", "f0"), "vec3(bias, bias, bias)")
     total, bias = (

@@ -3,15 +3,31 @@
 The core fades out smoothly with the angle from the lobe's axis, so that the tail is smooth and a
 few hundred degrees hold it. Behind a core that ended abruptly the tail would begin with a step,
 whose expansion rings about lamps, far into dark places.
+
+The sum of a lobe's core over the pixels of a lat-long, by the symmetries of both.
+
+A core is narrow, so that a group of neighboring directions needs a small window of pixels: some
+rows, and as many columns as the core is wide at that latitude, which are all of them near a pole.
+Directions of nearly one latitude are a band, and share their rows; groups are parts of bands.
+
+What takes time are the values of the core at these pixels. But a lat-long of an even number of rows
+stays the same if it is turned about its axis by quarters, or mirrored from left to right or from
+top to bottom: these are 16 symmetries together, and cubes have them too. So the directions are
+folded into a 16th of the sphere, and the values of one window are multiplied with 16 images of the
+light, which side by side are one matrix.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli import progress
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.environment.lobe import NormalLobe
 from shrm_cli.maps.splitsum.expansion import DARK_ERROR, multipliers, unknown_light
 from shrm_cli.probe.lighting import Lighting
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles
 from shrm_cli.sphere.harmonics import legendre_degrees
 from shrm_cli.sphere.quadrature import gauss_legendre
@@ -34,7 +50,6 @@ class LobeCore(NormalLobe):
 
     Parameters
     ----------
-    lobe : NormalLobe
     angle : float
         Where the core ends, radians.
     """
@@ -77,10 +92,8 @@ def split_lobe(
 
     Parameters
     ----------
-    lobe : NormalLobe
     coefficients : BrdfCoefficients
         Coefficients of the lobe, to order 512.
-    lighting : Lighting
     tolerance : float
         The relative RMS error that the tail may leave. It is kept small beside the mean radiance
         too, as in an expansion of the whole lobe.
@@ -105,3 +118,181 @@ def split_lobe(
         if lost <= allowed or angle >= np.pi / 2:
             return core, tail, float(np.sqrt(lost / light)) if light > 0 else 0.0
         angle *= _GROWTH
+
+
+_IMAGES = 16
+_PAIRS_AT_ONCE = 2**15
+"""Pairs of a direction and a pixel that are evaluated at a time, so that they stay in the cache."""
+_GROUP_ANGLE = 0.5
+"""How wide a group of directions is, as a part of the core's angle, if they fill the sphere."""
+_GROUP_SIZES = 16, 256
+"""Fewest and most directions of a group. Fewer take longer to prepare than to sum."""
+_STEPS = 1000
+"""Steps of a core's table for each width of its lobe, between which it is linear. It is exact to a
+millionth of the peak."""
+_SAME = 2.0**-29
+"""Directions whose angles agree to this many radians are one."""
+
+
+def sum_core(core: LobeCore, light: Array, directions: Array) -> Array:
+    """Sum a core about each direction over all pixels of a lat-long.
+
+    Parameters
+    ----------
+    light : ndarray, shape (2 k, 4 k, 3)
+        Radiance times solid angle of the pixels of a lat-long, sampled at their centers, in world
+        axes.
+    directions : ndarray, shape (..., 3)
+        Unit, world axes. Those of a cube take the least time.
+
+    Returns
+    -------
+    ndarray of float64, shape (..., 3)
+        The sums are in single precision.
+    """
+    folded = _fold(directions.reshape(-1, 3))
+    count = len(folded.polar)
+    solid_angle = 4 * np.pi / _IMAGES / count
+    size = int(np.clip((_GROUP_ANGLE * core.angle) ** 2 / solid_angle, *_GROUP_SIZES))
+    bands = (folded.polar / np.sqrt(size * solid_angle)).astype(np.intp)
+    light = light.astype(np.float32)
+    table = _Table.of(core)
+    sums = np.empty((count, _IMAGES, 3))
+    for members in np.split(np.arange(count), np.nonzero(np.diff(bands))[0] + 1):
+        ordered = members[np.argsort(folded.turn[members])]
+        groups = np.split(ordered, range(size, len(ordered), size))
+        for group, values in zip(groups, _sum_band(table, light, folded, groups), strict=True):
+            sums[group] = values
+        progress.report(int(members[-1]) + 1, count)
+    return sums[folded.source, folded.image].reshape(directions.shape)
+
+
+@record(eq=False)
+class _Folded:
+    """Directions in a 16th of the sphere, and which of them, in which image, each direction is.
+
+    Attributes
+    ----------
+    polar, turn : ndarray, shape (n,)
+        Angles from the pole, rising, in 0 .. pi / 2, and about it, in 0 .. pi / 4, from +Z to +X.
+    source, image : ndarray of int, shape (directions,)
+    """
+
+    polar: Array
+    turn: Array
+    source: Indices
+    image: Indices
+
+
+def _fold(directions: Array) -> _Folded:
+    """Fold unit directions, shape (directions, 3)."""
+    x, y, z = directions.T
+    across, along = np.minimum(np.abs(x), np.abs(z)), np.maximum(np.abs(x), np.abs(z))
+    polar, turn = np.arctan2(np.hypot(across, along), np.abs(y)), np.arctan2(across, along)
+    # The keys are sorted, and so are the angles from the pole.
+    steps = [np.rint(angle / _SAME).astype(np.int64) for angle in (polar, turn)]
+    _, first, source = np.unique(
+        (steps[0] << 32) + steps[1], return_index=True, return_inverse=True
+    )
+    around = np.arctan2(x, z)
+    quarter = np.rint(around / (np.pi / 2))
+    image = 4 * (quarter.astype(np.intp) % 4) + 2 * (around < quarter * (np.pi / 2)) + (y < 0)
+    return _Folded(polar[first], turn[first], source, image)
+
+
+@record(eq=False)
+class _Table:
+    """The values of a core, tabulated, which takes a third of the time.
+
+    Attributes
+    ----------
+    angle : float
+        Where the core ends, radians.
+    scale : float
+        Steps for each unit of the sine of half the angle.
+    starts, slopes : ndarray of float32, shape (steps + 1,)
+        The value at the start of each step, and by how much it grows to the next. The last ones
+        are 0.
+    """
+
+    angle: float
+    scale: float
+    starts: Array
+    slopes: Array
+
+    @classmethod
+    def of(cls, core: LobeCore) -> "_Table":
+        end = np.sin(core.angle / 2)
+        steps = int(np.ceil(_STEPS * end / core.width))
+        values = core.radial(np.linspace(0, end, steps + 1) ** 2)
+        slopes = np.append(np.diff(values), 0)
+        return cls(core.angle, steps / end, values.astype(np.float32), slopes.astype(np.float32))
+
+    def values(self, square: Array) -> Array:
+        """Return the core, from the squared sines of half the angles to its axis, in float32."""
+        place = np.sqrt(square)
+        place *= np.float32(self.scale)
+        np.minimum(place, np.float32(len(self.starts) - 1), out=place)
+        step = place.astype(np.intp)
+        place -= step
+        place *= self.slopes.take(step)
+        place += self.starts.take(step)
+        return place
+
+
+def _sum_band(
+    core: "_Table", light: Array, folded: _Folded, groups: list[Indices]
+) -> Iterator[Array]:
+    """Sum the core about the members of each group: shape (members, 16, 3)."""
+    step = np.pi / len(light)
+    polar = folded.polar[np.concatenate(groups)]
+    top = max(int((polar.min() - core.angle) / step), 0)
+    rows = np.arange(top, min(int((polar.max() + core.angle) / step) + 1, len(light)))
+    windows = [
+        _columns(core.angle, step, folded.polar[group], folded.turn[group]) for group in groups
+    ]
+    first, last = min(left for left, _ in windows), max(right for _, right in windows)
+    images = _images(light, rows, np.arange(first, last))
+    row_polar = (rows + 0.5) * step
+    for group, (left, right) in zip(groups, windows, strict=True):
+        polar, turn = folded.polar[group, None], folded.turn[group, None]
+        column_turn = np.pi - (np.arange(left, right) + 0.5) * step
+        # The square of the sine of half an angle, by haversines, which do not cancel.
+        apart = (np.sin((polar - row_polar) / 2) ** 2).astype(np.float32)
+        joint = (np.sin(polar) * np.sin(row_polar)).astype(np.float32)
+        around = (np.sin((turn - column_turn) / 2) ** 2).astype(np.float32)
+        seen = images[left - first : right - first].reshape(-1, _IMAGES * 3)
+        result = np.empty((len(group), _IMAGES * 3))
+        count = max(_PAIRS_AT_ONCE // len(seen), 1)
+        for start in range(0, len(group), count):
+            part = slice(start, start + count)
+            square = apart[part, None] + joint[part, None] * around[part, :, None]
+            result[part] = core.values(square).reshape(-1, len(seen)) @ seen
+        yield result.reshape(-1, _IMAGES, 3)
+
+
+def _columns(angle: float, step: float, polar: Array, turn: Array) -> tuple[int, int]:
+    """Return the first and the last column, plus one, within an angle of some directions."""
+    # A cap that does not hold the pole spans this much to either side.
+    sines = np.sin(angle) / np.sin(np.maximum(polar, angle))
+    half = np.where(polar > angle, np.arcsin(np.minimum(sines, 1)), np.pi)
+    # Longitudes fall from pi as columns rise.
+    left = int(np.floor((np.pi - (turn + half).max()) / step))
+    right = int(np.ceil((np.pi - (turn - half).min()) / step))
+    return left, min(right, left + round(2 * np.pi / step))
+
+
+def _images(light: Array, rows: Indices, columns: Indices) -> Array:
+    """Return pixels of all images of the light: shape (len(columns), len(rows), 16, 3).
+
+    An image is what the folded directions see in the place of the light itself. Columns may be
+    beyond the seam.
+    """
+    height, width = light.shape[:2]
+    result = np.empty((len(columns), len(rows), _IMAGES, 3), dtype=light.dtype)
+    for image in range(_IMAGES):
+        quarter, mirrored, flipped = image // 4, image // 2 % 2, image % 2
+        down = height - 1 - rows if flipped else rows
+        right = (width - 1 - columns if mirrored else columns) - quarter * (width // 4)
+        result[:, :, image] = light[down, (right % width)[:, None]]
+    return result

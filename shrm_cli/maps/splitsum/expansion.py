@@ -10,7 +10,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.maps.band import Band
+from shrm_cli.maps.size import Band
 from shrm_cli.orders import first_enough
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
@@ -49,15 +49,10 @@ def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float)
 
     Parameters
     ----------
-    lighting : Lighting
     coefficients : BrdfCoefficients
         Coefficients of a zonal lobe, to at least the light's order.
     tolerance : float
         The relative RMS error that the order may leave.
-
-    Returns
-    -------
-    Expansion
     """
     passed = multipliers(coefficients)
     light, missing = energies(lighting, passed)
@@ -85,7 +80,6 @@ def unknown_light(lighting: Lighting, passed: Array) -> float:
 
     Parameters
     ----------
-    lighting : Lighting
     passed : ndarray, shape (degrees,)
         The squared multipliers of the lobe.
     """

@@ -14,13 +14,12 @@ from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.environment.lobe import MaterialLobe, NormalLobe, check_varies
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ArgumentError, BrdfError
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, provenance, record_of
+from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance, record_of
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import choose_size
-from shrm_cli.maps.splitsum.core import split_lobe
-from shrm_cli.maps.splitsum.core_sum import sum_core
+from shrm_cli.maps.splitsum.core import split_lobe, sum_core
 from shrm_cli.maps.splitsum.expansion import expand, faded_order, synthesized
 from shrm_cli.maps.splitsum.mips import default_mips, mip_sizes, power_of_two
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
@@ -149,7 +148,6 @@ def make_levels(
 
     Parameters
     ----------
-    probe : Probe
     roughness : sequence of float
         The perceptual roughness of each level: 0, or `MIN_ROUGHNESS` to 1.
     largest : int
@@ -260,10 +258,6 @@ def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
         The height of the probe as a lat-long.
     largest : int
         The most texels along an edge that the level may have.
-
-    Returns
-    -------
-    bool
     """
     texels = 6 * min(choose_size(order), largest) ** 2
     expansion = _SECONDS_A_CUBED_ORDER * order**3 + _SECONDS_A_TEXEL_AND_ORDER * texels * order
@@ -423,3 +417,26 @@ def _source_rows(rows: int, alpha: float) -> int:
     else:
         height = min(rows, max(2 * least, _MOST_ROWS))
     return height * (1 + height % 2)
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return the lines for people about a split sum, from what ``--json`` prints."""
+    levels = result["levels"]
+    heading = f"{'roughness':<10} {'texels':>15} {'F':>4}  {'made by':<12} RMS error predicted"
+    of = result["brdf"]["name"]
+    of = "" if of == "ggx-lobe" else f" of {of}"
+    what = f"split sum{of}, {counted(len(levels), 'level')} by the mapping {result['mapping']}"
+    lines = [what, heading]
+    for level in levels:
+        texels = f"6 x {level['size']} x {level['size']}"
+        order, error = str(level["order_f"]), f"{level['predicted_error']:.2%}"
+        if level["domain"] != "frequency":  # the order of such a level only chose its size
+            order = "-"
+        if level["domain"] == "probe":
+            error = "-"
+        made_by = {"frequency": "coefficients", "angular": "integration"}
+        lines.append(
+            f"{level['roughness']:<10.4g} {texels:>15} {order:>4}  "
+            f"{made_by.get(level['domain'], 'resampling'):<12} {error}"
+        )
+    return lines

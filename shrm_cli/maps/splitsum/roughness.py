@@ -43,10 +43,6 @@ def level_roughnesses(count: int, mapping: LevelMapping) -> tuple[float, ...]:
         The number K of levels. A single level has roughness 1.
     mapping : {"linear", "filament", "unreal"}
 
-    Returns
-    -------
-    tuple of float
-
     Raises
     ------
     MapError

@@ -36,7 +36,6 @@ def source(made: SplitSum, textures: str) -> Source:
 
     Parameters
     ----------
-    made : SplitSum
     textures : {"cube-array", "layers"}
         Cubes are the same in both.
     """

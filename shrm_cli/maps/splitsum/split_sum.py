@@ -20,13 +20,12 @@ from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.environment.material_albedo import MaterialAlbedo
 from shrm_cli.brdf.spec import parse_recorded
 from shrm_cli.errors import BrdfError, MapError
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, record_of, spec_of
 from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
-from shrm_cli.maps.provenance import record_of, spec_of
 from shrm_cli.maps.splitsum.roughness import blend
 from shrm_cli.records import record
+from shrm_cli.sphere.cube import CubeSampler
 from shrm_cli.sphere.directions import central_directions
-from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, Center, LevelMapping, Sampling
 
 

@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Indices
-from shrm_cli.layouts import FACES
-from shrm_cli.sphere.cube import face_axes, right_angles, turned_face
+from shrm_cli.sphere.cube import face_axes, right_angles, texel_index, texel_scale, turned_face
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, WholeImageAnalysis
 from shrm_cli.sphere.harmonics import index, legendre_degrees
 from shrm_cli.sphere.quadrature import nodes
-from shrm_cli.sphere.sampling import texel_index, texel_scale
-from shrm_cli.vocabulary import Sampling
+from shrm_cli.vocabulary import FACES, Sampling
 
 _FRONT = FACES.index("+Z")
 """An angular map has the axes of this face: right is -X and down is -Y."""
@@ -124,7 +122,6 @@ class AngularSampler:
     Parameters
     ----------
     image : array_like, shape (N, N, channels)
-    sampling : {"center", "border"}
     """
 
     def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
@@ -186,7 +183,6 @@ def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") 
         Pixels, each already multiplied by its solid angle.
     order : int
         Largest degree.
-    sampling : {"center", "border"}
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """What every grid answers: the pixels of an image as cells of the sphere.
 
 Whoever has an image asks its grid, and never which grid it is. A new grid is a new subclass of
-`Grid`, and a row of `shrm_cli.layouts.GRIDS`.
+`Grid`, and a row of `shrm_cli.vocabulary.GRIDS`.
 """
 
 from abc import ABC, abstractmethod
@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Indices
-from shrm_cli.layouts import GRIDS
 from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import cell_edges, nodes
-from shrm_cli.vocabulary import Sampling
+from shrm_cli.vocabulary import GRIDS, Sampling
 
 Sampler = Callable[[ArrayLike], Array]
 """From directions of any length, shape (..., 3), to filtered values, shape (..., channels)."""
@@ -66,7 +65,7 @@ class Grid(ABC):
     sampling: Sampling = "center"
 
     name: ClassVar[str]
-    """The grid's name in `shrm_cli.layouts.GRIDS`."""
+    """The grid's name in `shrm_cli.vocabulary.GRIDS`."""
     proportions: ClassVar[tuple[int, int]]
     """Width and height of an image of size 1."""
     half_turn: ClassVar[float]
@@ -268,7 +267,7 @@ class Grid(ABC):
 
 
 def grid_class(name: str) -> type[Grid]:
-    """The class of a grid, by a name out of `shrm_cli.layouts.GRIDS`."""
+    """The class of a grid, by a name out of `shrm_cli.vocabulary.GRIDS`."""
     module, _, member = GRIDS[name].partition(":")
     found: type[Grid] = getattr(import_module(module), member)
     return found

@@ -3,8 +3,8 @@
 import numpy as np
 
 from shrm_cli.arrays import Array, Indices
-from shrm_cli.layouts import FACES
 from shrm_cli.sphere.cube import (
+    CubeSampler,
     cube_coordinates,
     cube_directions,
     cube_solid_angles,
@@ -13,8 +13,8 @@ from shrm_cli.sphere.cube import (
     turned_face,
 )
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, channels_at_once
-from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.sphere.synthesis import CubeIntegral
+from shrm_cli.vocabulary import FACES
 
 
 class Cube(Grid):

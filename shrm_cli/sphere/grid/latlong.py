@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.memo import Memo
+from shrm_cli.sphere.cube import catmull_rom, texel_index
 from shrm_cli.sphere.double_fourier import harmonics_from_moments
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler
 from shrm_cli.sphere.quadrature import cell_edges, colatitude_weights, longitude_weights, nodes
 from shrm_cli.sphere.rotation import transform_coefficients
-from shrm_cli.sphere.sampling import catmull_rom, texel_index
 from shrm_cli.vocabulary import Sampling
 
 AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -124,7 +124,6 @@ class LatLongSampler:
     Parameters
     ----------
     image : array_like, shape (H, W, channels)
-    sampling : {"center", "border"}
     """
 
     def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
@@ -194,7 +193,6 @@ class LatLongAnalysis:
         Size of the whole image; the width is even.
     order : int
         Largest degree.
-    sampling : {"center", "border"}
     dtype : float32 or float64
         Precision of the longitude integral; everything after it is float64.
 

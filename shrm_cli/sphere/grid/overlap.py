@@ -65,7 +65,6 @@ def overlapped(
     ----------
     image : ndarray, shape (rows, columns, channels)
         The source.
-    sampling, target_sampling : {"center", "border"}
     shape : tuple of int
         Rows and columns of the target.
     offset, backwards

@@ -12,7 +12,7 @@ import pytest
 import shrm_cli
 from shrm_cli.brdf.spec import file_label, named_files, parse_spec
 from shrm_cli.errors import BrdfError, ShrmWarning
-from shrm_cli.maps.provenance import common_brdf
+from shrm_cli.maps.info import common_brdf
 from tests.brdf.models.test_analytic import upper
 from tests.cli.helpers import run
 from tests.geometry.shapes import glb

@@ -4,18 +4,16 @@ import json
 
 import pytest
 
+from shrm_cli.brdf.base import MOST_NESTED, masked
 from shrm_cli.brdf.cache import _key
-from shrm_cli.brdf.measured.reading.table_file import write_table
-from shrm_cli.brdf.measured.table import sample_table
+from shrm_cli.brdf.measured.table import sample_table, write_table
 from shrm_cli.brdf.models.lambertian import Lambertian
-from shrm_cli.brdf.nested import MOST, masked
 from shrm_cli.brdf.spec import named_files, parse_spec
 from shrm_cli.brdf.sums import is_sum, split
 from shrm_cli.cli.types import Spec
 from shrm_cli.errors import BrdfError
 from shrm_cli.lookdev.page import material_names
-from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.provenance import common_brdf, record_of, spec_of
+from shrm_cli.maps.info import MapInfo, common_brdf, record_of, spec_of
 
 PAINT = "coated:roughness=0.05,base=(0.7*lambertian:albedo=0.6/0.05/0.03+0.3*ggx:f0=0.9)"
 
@@ -70,7 +68,10 @@ def test_colors_of_metals_are_in_the_primaries_of_the_probe():
         ("coated:base=(ggx),base=(ggx)", "base is given twice"),
         ("coated:ior=0.5", "outside 1 .. 3"),
         ("coated:bass=(ggx)", "unknown parameter 'bass'"),
-        ("coated:base=(" * (MOST + 1) + "ggx" + ")" * (MOST + 1), "more than 8 BRDFs within one"),
+        (
+            "coated:base=(" * (MOST_NESTED + 1) + "ggx" + ")" * (MOST_NESTED + 1),
+            "more than 8 BRDFs within one",
+        ),
         ("coated:base=(" * 5000 + "ggx" + ")" * 5000, "more than 8 BRDFs within one"),
     ],
 )

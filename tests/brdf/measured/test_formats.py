@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.measured.merl import write_merl
-from shrm_cli.brdf.measured.reading.table_file import write_table
-from shrm_cli.brdf.measured.table import sample_table
+from shrm_cli.brdf.measured.table import sample_table, write_table
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm

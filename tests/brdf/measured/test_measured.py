@@ -10,8 +10,7 @@ from shrm_cli.brdf import measured
 from shrm_cli.brdf.measured import formats, open_measured
 from shrm_cli.brdf.measured.merl import CELLS
 from shrm_cli.brdf.measured.reading.file import check_file, file_values
-from shrm_cli.brdf.measured.reading.table_file import write_table
-from shrm_cli.brdf.measured.table import sample_table
+from shrm_cli.brdf.measured.table import sample_table, write_table
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from tests.brdf.measured.goniometer_files import write_goniometer

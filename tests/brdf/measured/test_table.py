@@ -15,9 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.half_angles import from_half_angles, half_angles
-from shrm_cli.brdf.measured.reading import table_file
-from shrm_cli.brdf.measured.reading.table_file import write_table
-from shrm_cli.brdf.measured.table import SHAPE, Table, TableSettings, sample_table
+from shrm_cli.brdf.measured import table
+from shrm_cli.brdf.measured.table import SHAPE, Table, TableSettings, sample_table, write_table
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, OutputError
 from tests.brute_force import unit
@@ -390,7 +389,7 @@ def test_a_name_that_is_no_text(tmp_path, coloured):
 
 
 def test_an_archive_that_unpacks_to_too_much(tmp_path, monkeypatch):
-    monkeypatch.setattr(table_file, "MOST_CELLS", 1000)
+    monkeypatch.setattr(table, "MOST_CELLS", 1000)
     zeros = npy((100, 100, 100, 3), bytes(24_000_000))
     members = {f"{name}.npy": npy((1,), bytes(8)) for name in ("theta_h", "theta_d", "phi_d")}
     path = archive_of(tmp_path / "t.npz", {**members, "values.npy": zeros})

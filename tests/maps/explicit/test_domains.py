@@ -5,8 +5,7 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
-from shrm_cli.maps.explicit.angular import prefilter_angular
-from shrm_cli.maps.explicit.prefilter import prefilter_explicit
+from shrm_cli.maps.explicit.prefilter import prefilter_angular, prefilter_explicit
 from shrm_cli.maps.request import Request
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.sphere.cube import cube_solid_angles

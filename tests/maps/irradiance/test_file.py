@@ -7,7 +7,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.files.parts import Part, open_file, write_parts
-from shrm_cli.maps.arrangement import Arrangement
+from shrm_cli.maps.file import Arrangement
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.file import decode, encode
 from shrm_cli.maps.irradiance.irradiance import Irradiance

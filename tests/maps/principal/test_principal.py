@@ -11,13 +11,13 @@ from research.looked_up import looked_up
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import ArgumentError, MapError
-from shrm_cli.maps.band import Band
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.principal import functions
 from shrm_cli.maps.principal import terms as principal_terms
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.terms import _transfer as transfer_functions
+from shrm_cli.maps.size import Band
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe

@@ -9,8 +9,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal import terms
-from shrm_cli.maps.principal.proposal import Proposals
-from shrm_cli.maps.principal.scout import is_out_of_reach
+from shrm_cli.maps.principal.proposal import Proposals, is_out_of_reach
 from shrm_cli.maps.principal.terms import Wanted, planner_of
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.seen import kept_or_best

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.maps.shrm import coupling
+from shrm_cli.maps import coupling
 from tests.maps.shrm.test_shrm import random_coefficients
 
 

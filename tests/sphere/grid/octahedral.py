@@ -1,6 +1,6 @@
 """A grid that the package does not have: the sphere projected onto an octahedron, unfolded.
 
-It is all that a new layout takes, beside a row of `shrm_cli.layouts.GRIDS`. The center of the
+It is all that a new layout takes, beside a row of `shrm_cli.vocabulary.GRIDS`. The center of the
 square looks along +Z, the middles of its edges along -X, +X, +Y and -Y, and its corners along -Z.
 """
 

@@ -55,7 +55,6 @@ def swerve(inner: Array, ior: float) -> Array:
     ----------
     inner : ndarray
         The cosine of the light in the medium.
-    ior : float
     """
     outer = np.sqrt(np.maximum(1 - ior**2 * (1 - inner**2), 0.0))
     return np.asarray(inner - outer / ior)

@@ -64,7 +64,6 @@ class Interior:
         What the coat's border reflects outside.
     color : tuple of 3 floats
         What passes through the coat along its normal, there and back.
-    glossy : sequence of GlossyPart
     diffuse : sequence of (float, Brdf)
     """
 

@@ -5,8 +5,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Self
 
-from shrm_cli.brdf.base import Brdf, Parameter, Value, value_text
-from shrm_cli.brdf.nested import inside
+from shrm_cli.brdf.base import Brdf, Parameter, Value, inside, value_text
 from shrm_cli.brdf.sums import FILES, Sum
 
 BASE = Parameter("base", "(lambertian:albedo=0.5)", meaning="what lies under it, such as a sum")

@@ -50,7 +50,6 @@ def transport(brdf: Brdf, views: Array, lights: Array) -> Array:
 
     Parameters
     ----------
-    brdf : Brdf
     views : ndarray, shape (n,)
         Cosines of the views to the normal.
     lights : ndarray, shape (m,)

@@ -57,10 +57,8 @@ def compared(brdf: Brdf, paths: int, seed: int = 1) -> Walk:
 
     Parameters
     ----------
-    brdf : Brdf
     paths : int
         For each of 512 lights, which are spread by the cosine, at each of `VIEWS`.
-    seed : int
 
     Raises
     ------
@@ -105,7 +103,6 @@ def coated(
 
     Parameters
     ----------
-    base : Brdf
     light, view : ndarray, shape (n, 3)
         Above the surface.
     alpha, ior : float
@@ -116,7 +113,6 @@ def coated(
         Paths for each pair.
     base_alpha : float
         The width of the lobe that the base's reflections are chosen by.
-    seed : int
 
     Returns
     -------
@@ -164,7 +160,6 @@ def border(
     ----------
     directions : ndarray, shape (n, 3)
         Whence light comes, away from the border: z is above 0.
-    alpha : float
     ratio : float
         The index of refraction on the light's side of the border as a part of that beyond.
     rng : numpy.random.Generator

@@ -107,7 +107,6 @@ def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]
 
     Parameters
     ----------
-    path : path-like
     what : str
         What the file should be, for the messages, such as ``a goniometer file``.
 
