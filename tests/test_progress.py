@@ -1,5 +1,7 @@
 """How far work in stages has come, told as one number that grows."""
 
+import time
+
 import pytest
 
 from shrm_cli import settings
@@ -105,7 +107,9 @@ def test_jobs_in_threads_tell_nobody():
 
 def test_a_bar_shows_what_it_is_told_and_what_is_reported(capsys):
     with progress_bar("lacquer") as progress:
+        time.sleep(0.12)  # it is not drawn more than ten times a second
         progress(1, 4)
+        time.sleep(0.12)
         report(3, 4)
     printed = capsys.readouterr().err
     assert "lacquer:  25%" in printed
