@@ -73,6 +73,7 @@ def described_map(
         "file": file,
         "code": code,
         "call": _call(made),
+        "boxed_call": _call(made, ", p") if "_at(" in code else None,
         "surface": made.needs_surface,
         "brushed": brushed,
         "roughness": list(made.roughness_range),
@@ -89,16 +90,21 @@ def _lighting(made: Map) -> list[float] | None:
     return [float(x) for x in made.lighting.ravel()]
 
 
-def _call(made: Map) -> str:
-    """Return the expression of the radiance at a normal n and a view v, in linear Rec.709."""
+def _call(made: Map, point: str = "") -> str:
+    """Return the expression of the radiance at a normal n and a view v, in linear Rec.709.
+
+    With a point it is looked up in the box of the map's probe, unless the surface is brushed by
+    many look-ups, whose code knows of none.
+    """
+    at = "_at" if point else ""
     surface = ", view_roughness" if made.needs_surface else ""
     surface += ", view_f0" if takes_f0(made) else ""
-    call = f"shrm_radiance(n, v{surface})"
+    call = f"shrm_radiance{at}(n, v{point}{surface})"
     if can_be_brushed(made):
         brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
         call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"
     if isinstance(made, Irradiance):
-        call = "shrm_irradiance(n) * 0.3183098861837907"
+        call = f"shrm_irradiance{at}(n{point}) * 0.3183098861837907"
     matrix = to_rec709(made.info.chromaticities)
     if matrix is None:
         return call

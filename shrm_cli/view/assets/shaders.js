@@ -1,5 +1,5 @@
 // The shaders of the page around the code of a map, which is what `--shader` prints.
-// `shrm_shown(n, v)` is the radiance of the map that is drawn; every map defines it by its own call.
+// `shrm_shown(n, v, p)` is the radiance of the map that is drawn; every map defines it by its own call.
 
 var HEAD = [
   "#version 300 es",
@@ -26,6 +26,7 @@ var COMMON = [
   "uniform float view_roughness;",
   "uniform vec3 view_f0;",
   "uniform float view_anisotropy;",
+  "uniform bool view_boxed;", // whether maps are looked up in the boxes of their rooms
   "uniform bool view_has_sky;",
   "uniform sampler2D view_sky;",
   "",
@@ -109,7 +110,7 @@ var SPHERE = [
 var SEEN_MAP = [
   "vec3 view_seen(vec2 q) {",
   "  vec3 local = vec3(q, sqrt(max(1.0 - dot(q, q), 0.0)));",
-  "  return shrm_shown(normalize(view_axes * local), view_axes[2]);",
+  "  return shrm_shown(normalize(view_axes * local), view_axes[2], vec3(0.0));",
   "}",
   "",
 ].join("\n");
@@ -157,6 +158,8 @@ var MESH_VERTEX = HEAD + [
 // Both sides of a surface look alike; smooth normals that face away are bent towards the viewer.
 var MESH = [
   "uniform float view_distance;",
+  "uniform vec3 view_middle;", // of the mesh in world axes, and the length that is 1 here
+  "uniform float view_scale;",
   "in vec3 mesh_position;",
   "in vec3 mesh_normal;",
   "out vec4 view_result;",
@@ -167,7 +170,7 @@ var MESH = [
   "  if (dot(flat_normal, v) * dot(flat_normal, n) < 0.0) n = -n;",
   "  float cosine = dot(n, v);",
   "  if (cosine < 0.01) n = 0.01 * v + sqrt(1.0 - 0.0001) * normalize(n - cosine * v);",
-  "  view_result = vec4(shrm_shown(n, v), 1.0);",
+  "  view_result = vec4(shrm_shown(n, v, view_middle + view_scale * mesh_position), 1.0);",
   "}",
 ].join("\n");
 
