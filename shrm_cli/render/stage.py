@@ -147,6 +147,8 @@ class Reflector:
         """Return what the map of one BRDF reflects, or a surface that is the same all over."""
         if points is None or self.map.info.proxy is None:
             return _reflected(self.shaded or self.map, vectors, shares)
+        if vectors[2] is None:  # around +Y where the surface is, not where its probe saw that
+            vectors = (*vectors[:2], horizontal_tangents(vectors[0]))
         found = [
             _reflected(part, seen_from(self.map, center, vectors, points), shares)
             for part, center in parts_of(self.map, self.shaded)

@@ -65,7 +65,8 @@ def described_map(
         }
         for each in textures
     ]
-    call = _call(made, "shrm_brushed_radiance(" in code)
+    is_brushed = "shrm_brushed_radiance(" in code
+    call = _call(made, is_brushed)
     facts = _facts(made)
     facts += [("rounded by", f"{each['error']:.2%}") for each in packed if "error" in each]
     return {
@@ -73,6 +74,7 @@ def described_map(
         "file": file,
         "code": code,
         "call": call,
+        "boxed_call": _call(made, is_brushed, ", p") if "_at(" in code else None,
         "surface": made.needs_surface,
         "brushed": brushed,
         "tangents": "view_tangent(" in call,
@@ -90,21 +92,23 @@ def _lighting(made: Map) -> list[float] | None:
     return [float(x) for x in made.lighting.ravel()]
 
 
-def _call(made: Map, is_brushed: bool) -> str:
+def _call(made: Map, is_brushed: bool, point: str = "") -> str:
     """Return the expression of the radiance at a normal n and a view v, in linear Rec.709.
 
-    Of brushed maps the code takes the tangent besides.
+    Of brushed maps the code takes the tangent besides. With a point it is looked up in the box of
+    the map's probe, unless the surface is brushed by many look-ups, whose code knows of none.
     """
+    at = "_at" if point else ""
     surface = ", view_roughness" if made.needs_surface else ""
     surface += ", view_f0" if takes_f0(made) else ""
-    call = f"shrm_radiance(n, v{surface})"
+    call = f"shrm_radiance{at}(n, v{point}{surface})"
     if is_brushed:
-        call = "shrm_brushed_radiance(n, view_tangent(n), v)"
+        call = f"shrm_brushed_radiance{at}(n, view_tangent(n), v{point})"
     if can_be_brushed(made):
         brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
         call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"
     if isinstance(made, Irradiance):
-        call = "shrm_irradiance(n) * 0.3183098861837907"
+        call = f"shrm_irradiance{at}(n{point}) * 0.3183098861837907"
     matrix = to_rec709(made.info.chromaticities)
     if matrix is None:
         return call

@@ -69,6 +69,7 @@ def _described(mesh: Mesh, name: str, file: str, blocks: Blocks) -> dict[str, An
     return {
         "name": name,
         "file": file,
+        "middle": middle.tolist(),
         "triangles": len(mesh.faces),
         "wide": wide,
         "distance": distance_of(points),

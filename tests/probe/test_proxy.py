@@ -123,7 +123,8 @@ def test_light_files_have_the_box_of_their_probes(tmp_path):
     slanted = open_probe(path, yaw=30)
     assert slanted.proxy is None
     assert "right angles" in slanted.report.notes[0]
-    assert open_probe(path, box=[0, 0, 0, 1, 1, 1]).proxy.at == (0.5, 0.5, 0.5)
+    wider = open_probe(path, box=[-9, -9, -9, 9, 9, 9]).proxy
+    assert (wider.at, wider.low) == (BOX.at, (-9, -9, -9))  # the place is still the probe's own
     path.write_text(one + one.replace("[-1,", "[-2,"))
     assert open_probe(path).proxy is None
     assert "differ" in open_probe(path).report.notes[0]

@@ -15,13 +15,16 @@ from shrm_cli.geometry.normals import face_normals
 from shrm_cli.probe.probe import Probe
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.figure import figure, surface_nets
+from shrm_cli.view.forms import described_map
 from shrm_cli.view.page import SCRIPTS, embedded, page, section
 from shrm_cli.view.scene import Start, make_scene
-from shrm_cli.view.shapes import distance_of
+from shrm_cli.view.shapes import described_shapes, distance_of
 from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import ROOT
+from tests.maps.khronos import compile_fragment
 from tests.maps.scenes import make_info
 from tests.maps.shader import cases
+from tests.maps.shader.test_code import boxed
 
 ASSETS = ROOT / "shrm_cli" / "view" / "assets"
 NASTY = (
@@ -241,3 +244,37 @@ def test_the_camera_sees_all_of_a_shape():
             most = max(most, np.abs(points @ axis / depth).max())
     edge = np.tan(np.radians(35 / 2))
     assert 0.8 * edge < most < 0.93 * edge
+
+
+def strings_of(script, name):
+    """The lines of a shader, as a script of the page holds them."""
+    text = (ASSETS / script).read_text()
+    body = text.partition(f"var {name} = ")[2].partition('].join("\\n")')[0]
+    lines = re.findall(r'^  "((?:[^"\\]|\\.)*)",', body, flags=re.MULTILINE)
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("name", ["shrm sum", "splitsum linear", "lamps", "product"])
+def test_meshes_in_rooms_are_looked_up_in_the_box_of_each_map(tmp_path, name):
+    """The shader of a mesh as `renderer.js` puts it together, by Khronos's compiler."""
+    plain = cases.FORMS[name]()
+    made = boxed(plain)
+    assert described_map(plain, "a", "a.exr", Blocks())["boxed_call"] is None
+    found = described_map(made, "a", "a.exr", Blocks())
+    assert "shrm_radiance_at(n, v, p" in found["boxed_call"]
+    assert found["call"] == described_map(plain, "a", "a.exr", Blocks())["call"]
+    call = f"view_boxed ? {found['boxed_call']} : {found['call']}"
+    shown = "vec3 shrm_shown(vec3 n, vec3 v, vec3 p) { return " + call + "; }\n"
+    parts = [strings_of("shaders.js", "HEAD"), strings_of("shaders.js", "COMMON"), found["code"]]
+    parts += [shown, strings_of("shaders.js", "MESH")]
+    done = compile_fragment(tmp_path, "glsl", "\n".join(parts))
+    assert done.returncode == 0, done.stdout
+    wrong = "\n".join(parts).replace("view_middle +", "view_nowhere +")
+    assert compile_fragment(tmp_path, "glsl", wrong).returncode != 0
+
+
+def test_a_mesh_tells_the_page_where_it_stands():
+    mesh = make_mesh("a.obj", [[2, 1, 5], [4, 1, 5], [2, 3, 5]], [[0, 1, 2]])
+    shape = described_shapes(mesh, Blocks())[-1]
+    np.testing.assert_allclose(shape["middle"], [3, 2, 5])
+    assert shape["radius"] == pytest.approx(np.sqrt(2))

@@ -20,8 +20,9 @@ from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, horizontal_tangents, surface_frames
+from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.sphere.quadrature import spiral_directions
-from shrm_cli.sphere.rotation import rotate_into_frames
+from shrm_cli.sphere.rotation import rotate_into_frames, transform_coefficients
 from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE, SEEN_FLOOR
 
 _FRAMES = 1024
@@ -37,6 +38,8 @@ _ROUNDS = 12
 """How often the factors are sought, at most."""
 _ADDED = 400
 """The most samples that join after a round, the lowest ones."""
+_SMALL = 1e-3
+"""What counts as nothing beside the whole: rounding to half, and directions of even light."""
 _HALVINGS = 10
 """How often the interval is halved in which the strength of the factors lies."""
 
@@ -89,10 +92,13 @@ def product_window(spec: str, map_: Map, series: ArrayLike) -> LightWindow:
     found = Window() if name == "auto" else make_window(spec, series)
     if name == "none" or not series.any():
         return LightWindow(**asdict(found))
-    by_degree = np.concatenate([_by_degree(each, series) for each in _textures(map_)])
+    own = transform_coefficients(series, _own_axes(series @ LUMINANCE))
+    by_degree = np.concatenate([_by_degree(each, own) for each in _textures(map_)])
     seen = by_degree @ LUMINANCE
     if name == "auto":
-        pictured = [_pictured(each, series) for each in _textures(map_)]
+        pictured = [
+            _pictured(each, own if _is_isotropic(each) else series) for each in _textures(map_)
+        ]
         factors = _weakened(seen, np.concatenate(pictured))
         if factors is None:
             return LightWindow()
@@ -109,6 +115,40 @@ def product_window(spec: str, map_: Map, series: ArrayLike) -> LightWindow:
         "p95_change": float(np.quantile(relative, 0.95)),
     }
     return LightWindow(**{**asdict(found), **costs})
+
+
+def _own_axes(light: Array) -> Array:
+    """Return the rotation to axes that turn with a light, so that its samples do too, (3, 3).
+
+    The first is that of degree 1, v, and the second lies in the plane of v and Q v, where Q is the
+    tensor of degree 2. Light without such directions stays as it is.
+
+    Parameters
+    ----------
+    light : ndarray, shape (n,)
+        Coefficients in world axes, index l(l+1)+m.
+    """
+    if len(light) < len(degrees(2)):
+        return np.eye(3)
+    xy, yz, zz, xz, square = light[4:9] * [1, 1, 1 / np.sqrt(3), 1, 1]
+    tensor = np.array([[square - zz, xy, xz], [xy, -square - zz, yz], [xz, yz, 2 * zz]])
+    first = light[[3, 1, 2]]
+    third = np.cross(first, tensor @ first)
+    least = _SMALL * float(np.linalg.norm(light))
+    if np.linalg.norm(first) < least or np.linalg.norm(third) < least**3:
+        return np.eye(3)
+    axes = np.array([first, np.cross(third, first), third])
+    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))
+
+
+def _is_isotropic(texture: ProductTexture) -> bool:
+    """Whether a quarter turn of the view about the normal only turns what is held."""
+    views = spiral_directions(2 * _VIEWS)[_VIEWS:]
+    here, turned = (
+        np.add.reduceat(texture.values(each) ** 2, np.arange(texture.order + 1) ** 2, axis=1)
+        for each in (views, views[:, [1, 0, 2]] * [-1, 1, 1])
+    )
+    return bool(np.allclose(here, turned, rtol=0, atol=_SMALL * here.max()))
 
 
 def _textures(map_: Map) -> list[ProductTexture]:

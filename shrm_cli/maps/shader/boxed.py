@@ -38,6 +38,9 @@ vec3 shrm_box(vec3 p, vec3 d)
 def boxed_functions(made: "Map", functions: Sequence[str], language: Language) -> list[str]:
     """Write the function ``shrm_radiance_at``, which takes a point as well.
 
+    Where the surface is brushed, it is ``shrm_brushed_radiance_at(n, t, v, p)``, and that with the
+    tangent of ``shrm_tangent``.
+
     Parameters
     ----------
     functions : sequence of str
@@ -47,12 +50,13 @@ def boxed_functions(made: "Map", functions: Sequence[str], language: Language) -
     -------
     list of str
         Lines of GLSL as `Language.translated` takes it; none where the map knows of no box, and
-        none for tangents, which would have to be turned with the normals.
+        none where all parts are about the tangent, which are looked up without.
     """
     box, centers = made.info.proxy, {center for _, center in made.parts}
     text = "\n".join(functions)
-    if box is None or "shrm_brushed_radiance(" in text or centers == {"tangent"}:
+    if box is None or centers == {"tangent"}:
         return []
+    is_brushed = "vec3 shrm_brushed_radiance(" in text
     found = re.search(r"vec3 shrm_radiance\(vec3 n, vec3 v(.*?)\)", text)
     assert found is not None
     more = re.sub(r"(?:float|vec3) ", "", found[1])
@@ -70,21 +74,28 @@ def boxed_functions(made: "Map", functions: Sequence[str], language: Language) -
         f"    axis = {language.scale('(1.0 / max(length(axis), 1e-6))', 'axis')};",
         "    return shrm_half_turn(shrm_half_turn(v, a), axis);",
         "}",
-        f"vec3 shrm_radiance_at(vec3 n, vec3 v, vec3 p{found[1]})",
+        "vec3 shrm_brushed_radiance_at(vec3 n, vec3 t, vec3 v, vec3 p)"
+        if is_brushed
+        else f"vec3 shrm_radiance_at(vec3 n, vec3 v, vec3 p{found[1]})",
         "{",
         "    vec3 total = vec3(0.0, 0.0, 0.0), c, d;",
     ]
-    for name, center in _parts(made):
+    for name, center in _parts(made, text):
+        along = "shrm_carried(t, c, d), " if f"vec3 {name}(vec3 n, vec3 t, " in text else ""
         if center == "tangent":
             lines.append(f"    {language.grow('total', f'{name}(n, v{more})')}")
             continue
-        turned = f"{name}(shrm_carried(n, c, d), shrm_carried(v, c, d){more})"
+        turned = f"{name}(shrm_carried(n, c, d), {along}shrm_carried(v, c, d){more})"
         lines += [
             f"    c = {central_direction(center, language)};",
             "    d = shrm_box(p, c);",
             f"    {language.grow('total', turned)}",
         ]
-    return [*lines, "    return total;", "}"]
+    lines += ["    return total;", "}"]
+    if is_brushed:
+        lines += ["vec3 shrm_radiance_at(vec3 n, vec3 v, vec3 p)", "{"]
+        lines += ["    return shrm_brushed_radiance_at(n, shrm_tangent(n), v, p);", "}"]
+    return lines
 
 
 def box_function(box: ProxyBox, language: Language) -> list[str]:
@@ -96,11 +107,13 @@ def box_function(box: ProxyBox, language: Language) -> list[str]:
     return text.split("\n")
 
 
-def _parts(made: "Map") -> list[tuple[str, str]]:
+def _parts(made: "Map", text: str) -> list[tuple[str, str]]:
     """Return the function and the central direction of each part of a map."""
     within = made.stored
     centers = [center for _, center in within.parts]
-    names = ["shrm_radiance" if within is made else "shrm_map"]
+    kind = "radiance" if within is made else "map"
+    is_brushed = f"vec3 shrm_brushed_{kind}(" in text
+    names = [f"shrm_{'brushed_' if is_brushed else ''}{kind}"]
     if len(centers) > 1:
         names = [f"{_TERMS[within.representation]}{k}" for k in range(len(centers))]
     lamps = [] if within is made else [("shrm_lamps", made.parts[-1][1])]

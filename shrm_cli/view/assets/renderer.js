@@ -71,16 +71,18 @@ Renderer.prototype.meshOf = function (number) {
   return made;
 };
 
+// The map's own code, and its call. The user's mesh stands in the room of the map's probe.
 function shownCode(map) {
-  return map.code + "\nvec3 shrm_shown(vec3 n, vec3 v) {\n" +
-    "  n = view_turn * n;\n  v = view_turn * v;\n  return " + map.call + ";\n}\n";
+  var call = map.boxed_call ? "view_boxed ? " + map.boxed_call + " : " + map.call : map.call;
+  return map.code + "\nvec3 shrm_shown(vec3 n, vec3 v, vec3 p) {\n" +
+    "  n = view_turn * n;\n  v = view_turn * v;\n  return " + call + ";\n}\n";
 }
 
 // ---- drawing ------------------------------------------------------------------------------------
 
 // The uniforms of every picture of a state, at some size.
 Renderer.prototype.common = function (state, width, height) {
-  var isSphere = state.shape === SPHERE_SHAPE;
+  var isSphere = state.shape === SPHERE_SHAPE, shape = this.scene.shapes[state.shape];
   var fov = isSphere ? SPHERE_FOV : MESH_FOV;
   return {
     view_size: [width, height],
@@ -88,7 +90,10 @@ Renderer.prototype.common = function (state, width, height) {
     view_turn: lightTurn(state.light),
     view_focal: focalLength(width, height, fov, state.view.zoom),
     view_radius: sphereRadius(width, height, state.view.zoom),
-    view_distance: this.scene.shapes[state.shape].distance || 1,
+    view_distance: shape.distance || 1,
+    view_middle: shape.middle || [0, 0, 0],
+    view_scale: shape.radius || 1,
+    view_boxed: !!shape.file && state.light % 360 === 0,
     view_roughness: state.roughness,
     view_f0: state.f0,
     view_anisotropy: state.anisotropy,

@@ -1,5 +1,5 @@
 // The shaders of the page around the code of a map, which is what `--shader` prints.
-// `shrm_shown(n, v)` is the radiance of the map that is drawn; every map defines it by its own call.
+// `shrm_shown(n, v, p)` is the radiance of the map that is drawn; every map defines it by its own call.
 
 var HEAD = [
   "#version 300 es",
@@ -26,6 +26,7 @@ var COMMON = [
   "uniform float view_roughness;",
   "uniform vec3 view_f0;",
   "uniform float view_anisotropy;",
+  "uniform bool view_boxed;", // whether maps are looked up in the boxes of their rooms
   "uniform bool view_has_sky;",
   "uniform sampler2D view_sky;",
   "",
@@ -115,7 +116,7 @@ var SPHERE = [
 var SEEN_MAP = [
   "vec3 view_seen(vec2 q) {",
   "  vec3 local = vec3(q, sqrt(max(1.0 - dot(q, q), 0.0)));",
-  "  return shrm_shown(normalize(view_axes * local), view_axes[2]);",
+  "  return shrm_shown(normalize(view_axes * local), view_axes[2], vec3(0.0));",
   "}",
   "",
 ].join("\n");
@@ -167,6 +168,8 @@ var MESH_VERTEX = HEAD + [
 var MESH = [
   "uniform float view_distance;",
   "uniform bool view_follows_u;",
+  "uniform vec3 view_middle;", // of the mesh in world axes, and the length that is 1 here
+  "uniform float view_scale;",
   "in vec3 mesh_position;",
   "in vec3 mesh_normal;",
   "in vec3 mesh_tangent;",
@@ -179,7 +182,7 @@ var MESH = [
   "  float cosine = dot(n, v);",
   "  if (cosine < 0.01) n = 0.01 * v + sqrt(1.0 - 0.0001) * normalize(n - cosine * v);",
   "  if (view_follows_u) view_along = mesh_tangent;",
-  "  view_result = vec4(shrm_shown(n, v), 1.0);",
+  "  view_result = vec4(shrm_shown(n, v, view_middle + view_scale * mesh_position), 1.0);",
   "}",
 ].join("\n");
 

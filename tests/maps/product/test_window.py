@@ -6,9 +6,11 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.irradiance.window import make_window
 from shrm_cli.maps.product.prefilter import product_texture, varying_texture
-from shrm_cli.maps.product.window import product_window
+from shrm_cli.maps.product.window import _is_isotropic, product_window
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.sphere.directions import turn_matrix
+from shrm_cli.sphere.rotation import transform_coefficients
 from tests import brute_force
 from tests.makers import prefilter_product as prefilter
 from tests.maps.product.test_product import ward
@@ -170,3 +172,26 @@ def test_prefilter_states_the_change_as_an_error_that_is_added():
 
 def test_black_light_has_no_window(texture):
     assert product_window("auto", texture, np.zeros(((ORDER + 1) ** 2, 3))).factors == ()
+
+
+@pytest.mark.parametrize(
+    ("spec", "order"), [("ggx:roughness=0.4,f0=1", 4), ("phong:exponent=9", 2)]
+)
+def test_turned_light_has_the_same_window(rng, spec, order):
+    """Of isotropic surfaces: nothing tells up from down but the light."""
+    texture = product_texture(parse_spec(spec), order, 32).map
+    light = project(Probe.from_array(sky(2000)), order)
+    found = []
+    for angles in ((0, 0, 0), (30, -70, 100)):
+        turned = transform_coefficients(light.coefficients, turn_matrix(*angles))
+        found.append(product_window("auto", texture, turned))
+    assert found[0].factors
+    assert min(found[0].factors) < 0.97
+    np.testing.assert_allclose(found[0].factors, found[1].factors, atol=1e-6)
+    assert found[0].change == pytest.approx(found[1].change, abs=1e-6)
+
+
+def test_brushed_surfaces_tell_up_from_down():
+    """A texture of hair around the vertical knows it, whatever its light."""
+    assert not _is_isotropic(product_texture(parse_spec("ward:ax=0.5,ay=0.2"), 4, 32).map)
+    assert _is_isotropic(product_texture(parse_spec("ggx:roughness=0.6"), 4, 32).map)

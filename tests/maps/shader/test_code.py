@@ -14,6 +14,7 @@ from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.render.boxed import parts_of, seen_from
 from shrm_cli.render.shading import takes_f0
+from shrm_cli.sphere.directions import horizontal_tangents
 from tests.maps.khronos import compile_fragment
 from tests.maps.scenes import make_info
 from tests.maps.shader import cases
@@ -118,7 +119,7 @@ def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name):
 
 
 def boxed(made):
-    """A map whose probe knows of a box; None of what is brushed, whose code has no parallax."""
+    """A map whose probe knows of a box; None of what is about the tangent, without parallax."""
     within = made.stored
     info = replace(within.info, options={"reading": {"proxy": BOX}})
     placed = replace(within, info=info) if made is within else replace(
@@ -131,19 +132,17 @@ def placed(made, normals, views, roughness, f0, place):
     """The radiance at a place, of each part of a map looked up on its own."""
     total = 0
     for part, center in parts_of(made, None):
-        vectors = seen_from(made, center, (normals, views, None), np.array(place))[:2]
-        if hasattr(part, "representation"):
-            total = total + cases.expected(part, *vectors, roughness, f0)
+        given = normals, views, horizontal_tangents(normals)
+        turned, seen, tangents = seen_from(made, center, given, np.array(place))
+        if getattr(part, "representation", None) in ("splitsum", "she"):
+            total = total + cases.expected(part, turned, seen, roughness, f0)
         else:
-            total = total + part.radiance(*vectors)
+            total = total + part.brushed_radiance(turned, tangents, seen)
     return total
 
 
-WITHOUT = {"lamps of brushed",
-    "principal brushed", "principal brushed sum", "shrm tangent",
-    "product", "product colored", "product constant",
-}  # fmt: skip
-"""Forms whose code has no parallax, because of tangents."""
+WITHOUT = {"shrm tangent"}
+"""Forms whose code has no parallax."""
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -160,7 +159,18 @@ def test_c_has_the_parallax_of_pictures(tmp_path, monkeypatch, name):
         np.testing.assert_allclose(found, truth, rtol=0, atol=3e-7 * np.abs(truth).max())
 
 
-@pytest.mark.parametrize("name", ["shrm sum", "splitsum linear", "lamps", "principal sum"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "shrm sum",
+        "splitsum linear",
+        "lamps",
+        "principal sum",
+        "product",
+        "principal brushed sum",
+        "lamps of brushed",
+    ],
+)
 @pytest.mark.parametrize(("language", "textures"), HEADS)
 def test_code_with_parallax_compiles(tmp_path, language, textures, name):
     made = boxed(cases.FORMS[name]())
