@@ -15,7 +15,7 @@ from shrm_cli.report import pictures
 from shrm_cli.report.markup import Html, Part, joined, tag
 from shrm_cli.sphere.grid.latlong import LatLong
 
-_BALL, _ROWS = 96, 80
+_BALL, _ROWS = 64, 80
 """Pixels of a map's ball from side to side, and rows of a probe's lat-long."""
 _MOST_PIXELS = 2**20
 """The most pixels of a probe of which statistics are made while somebody waits for a cell."""

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Self
 
 import numpy as np
 
@@ -70,11 +71,20 @@ class Sum(Brdf):
     def is_measured(self) -> bool:
         return any(term.is_measured for _, term in self.terms)
 
+    def with_value(self, key: str, value: Value) -> Self:
+        if not self.parameters:
+            raise BrdfError(f"{self!r}: a sum has no parameter {key!r}; change it of a term")
+        return super().with_value(key, value)
+
     def evaluate(self, light: Array, view: Array) -> Array:
+        # Most runs evaluate no sum, and are spared the loading of the module.
+        from shrm_cli.brdf.vectors import sharing
+
         values = []
-        for weight, term in self.terms:
-            value = (term.transfer if self.includes_cosine else term.evaluate)(light, view)
-            values.append(scaled(value, value.dtype.type(weight)))
+        with sharing():
+            for weight, term in self.terms:
+                value = (term.transfer if self.includes_cosine else term.evaluate)(light, view)
+                values.append(scaled(value, value.dtype.type(weight)))
         return added(values)
 
     def __repr__(self) -> str:

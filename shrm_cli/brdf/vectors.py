@@ -3,12 +3,16 @@
 Light L and view V are unit vectors in the frame of the normal N, whose z axis is N.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable, Hashable
+from contextvars import ContextVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color, Parameter, grey
+
+Shared = TypeVar("Shared")
 
 GRAZING = 1e-5
 """The least value of cosines in denominators.
@@ -63,11 +67,56 @@ class Half(NamedTuple):
         return self.x**2 + self.y**2
 
 
+_found: ContextVar[dict[Hashable, tuple[Any, Any]] | None] = ContextVar(
+    "shrm_cli.brdf.vectors", default=None
+)
+
+
+class sharing:
+    """Context manager within which `shared` finds again what it has found.
+
+    It is for the terms of a sum, which are evaluated for the same arrays of light and view. No
+    array may be written to within it.
+    """
+
+    def __enter__(self) -> None:
+        self._token = _found.set({}) if _found.get() is None else None
+
+    def __exit__(self, *_: object) -> None:
+        if self._token is not None:
+            _found.reset(self._token)
+
+
+def shared(what: Hashable, given: tuple[Any, ...], make: Callable[[], Shared]) -> Shared:
+    """Return what follows from some objects, which `sharing` keeps with them.
+
+    Parameters
+    ----------
+    what : hashable
+        What is made, and the numbers that it depends on.
+    given : tuple
+        The objects themselves, such as arrays of directions: equal ones are not the same.
+    make : callable
+    """
+    found = _found.get()
+    if found is None:
+        return make()
+    key = (what, *map(id, given))
+    if key not in found:
+        found[key] = given, make()
+    made: Shared = found[key][1]
+    return made
+
+
 def half_vector(light: Array, view: Array) -> Half:
     """Compute the half vector of light and view, shape (..., 3) each.
 
     Where they are opposite it has no direction, and the normal takes its place.
     """
+    return shared("half", (light, view), lambda: _half_vector(light, view))
+
+
+def _half_vector(light: Array, view: Array) -> Half:
     x, y, z = (light[..., k] + view[..., k] for k in range(3))
     length = np.sqrt(x * x + y * y + z * z)
     opposite = length < GRAZING

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf import vectors
+from shrm_cli.brdf.base import Brdf, added, scaled
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.measured.table import sample_table, write_table
 from shrm_cli.brdf.models.ggx import Ggx
@@ -204,3 +205,32 @@ def test_terms_and_factors_are_bounded():
     for count in (MAX_TERMS + 1, 100_000):
         with pytest.raises(BrdfError, match="too many factors"):
             parse_spec("1*" * count + "lambertian")
+
+
+def test_a_sum_has_no_parameters_to_change():
+    """OpenPBR's surface, which is a sum, too, has."""
+    with pytest.raises(BrdfError, match="has no parameter 'exponent'"):
+        parse_spec("lambertian+phong").with_value("exponent", 3)
+    found = parse_spec("openpbr").with_value("coat_weight", 1.0)
+    assert repr(found) == "openpbr:coat_weight=1"
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "0.5*ggx:roughness=0.3+0.5*blinn-phong",
+        "fuzzy:base=(coated:base=(0.7*lambertian+0.2*ggx:f0=gold+0.3*phong))",
+        "openpbr:base_metalness=0.3,coat_weight=0.5,fuzz_weight=0.5",
+    ],
+)
+def test_what_terms_share_is_what_each_finds_alone(spec, pairs, monkeypatch):
+    """To the last bit; half vectors of the same directions are found once for all terms."""
+    whole, (light, view), made = parse_spec(spec), pairs, []
+    alone = added([scaled(each.evaluate(light, view), weight) for weight, each in whole.terms])
+    original = vectors._half_vector
+    monkeypatch.setattr(vectors, "_half_vector", lambda *pair: made.append(1) or original(*pair))
+    np.testing.assert_array_equal(whole.evaluate(light, view), alone)
+    in_air_and_coat = 2 if "coat" in spec else 1
+    assert len(made) == in_air_and_coat
+    whole.evaluate(light, view)
+    assert len(made) == 2 * in_air_and_coat  # nothing is kept from one evaluation to the next

@@ -11,6 +11,7 @@ from shrm_cli.brdf.layered.parts.layered import BASE, Layered
 from shrm_cli.brdf.layered.parts.table import COSINES, Table, albedos
 from shrm_cli.brdf.models.charlie import Charlie
 from shrm_cli.brdf.sums import flat_terms
+from shrm_cli.brdf.vectors import shared
 
 
 class Fuzzy(Layered):
@@ -57,7 +58,10 @@ class UnderFuzz(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         passing = remembered(self.sheen, ("passing",), lambda: _passing(self.sheen))
-        least = np.minimum(*(passing(each[..., 2])[..., 0] for each in (light, view)))
+        least = shared(
+            "least", (passing, light, view),
+            lambda: np.minimum(passing(light[..., 2]), passing(view[..., 2]))[..., 0],
+        )  # fmt: skip
         return scaled(self.term.evaluate(light, view), least)
 
 

@@ -1,12 +1,14 @@
 """Borders between air and a clear medium, smooth or rough: Fresnel, Snell, and lobes of GGX."""
 
+from functools import partial
+
 import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, grey, scaled
 from shrm_cli.brdf.film import film_reflectance
 from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector
+from shrm_cli.brdf.vectors import Half, above_horizon, cosines, half_vector, shared
 
 
 def fresnel(cosine: Array, ior: float) -> Array:
@@ -44,6 +46,10 @@ def refracted(directions: Array, ior: float) -> Array:
 
     Directions below the horizon become those that graze in air.
     """
+    return shared(("refracted", ior), (directions,), lambda: _refracted(directions, ior))
+
+
+def _refracted(directions: Array, ior: float) -> Array:
     z = refracted_cosine(np.clip(directions[..., 2], 0.0, 1.0), ior)
     return np.stack([directions[..., 0] / ior, directions[..., 1] / ior, z], axis=-1)
 
@@ -107,8 +113,22 @@ class ThroughCoat(Brdf):
         return repr(self.whole)
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        half, factor = half_vector(light, view), 4 if self.is_later else 1
-        turned = sum(swerve(np.clip(each[..., 2], 0, 1), self.ior) ** 2 for each in (light, view))
+        half = half_vector(light, view)
+        seen = shared(
+            ("facets", self.whole.alphas, self.coat, self.ior, self.is_later), (light, view),
+            lambda: self._facets(half, light, view),
+        )  # fmt: skip
+        whole = self.whole
+        found = shared("reflectance", (whole, half), lambda: whole.reflectance(half.cosine))
+        return scaled(found, seen)
+
+    def _facets(self, half: Half, light: Array, view: Array) -> Array:
+        """What the facets reflect if they are mirrors, shape (...)."""
+        factor = 4 if self.is_later else 1
+        turned = sum(
+            shared(("swerve", self.ior), (each,), partial(_square_swerve, each, self.ior))
+            for each in (light, view)
+        )
         added = self.coat * (turned + factor - 1)
         squares = [np.minimum(factor * alpha**2 + added, 1) for alpha in self.whole.alphas]
         stretched = half.x**2 / squares[0] + half.y**2 / squares[1] + half.z**2
@@ -116,8 +136,11 @@ class ThroughCoat(Brdf):
         shadowed = seen * _projected(light, lit, squares)
         masked = lit * _projected(view, seen, squares)
         area = np.pi * np.sqrt(squares[0] * squares[1])
-        value = above_horizon(1 / (2 * area * stretched**2 * (shadowed + masked)), light, view)
-        return scaled(self.whole.reflectance(half.cosine), value)
+        return above_horizon(1 / (2 * area * stretched**2 * (shadowed + masked)), light, view)
+
+
+def _square_swerve(directions: Array, ior: float) -> Array:
+    return swerve(np.clip(directions[..., 2], 0, 1), ior) ** 2
 
 
 def _projected(direction: Array, cosine: Array, squares: list[Array]) -> Array:

@@ -22,7 +22,14 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color, added, multiplied, scaled
 from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, refracted, refracted_cosine
 from shrm_cli.brdf.layered.parts.layered import Layered
-from shrm_cli.brdf.layered.parts.table import COSINES, Table, albedos, strength, transport
+from shrm_cli.brdf.layered.parts.table import (
+    COSINES,
+    Table,
+    albedos,
+    strength,
+    transport,
+    transports,
+)
 from shrm_cli.records import record
 
 Terms = Sequence[tuple[float, Brdf]]
@@ -84,8 +91,7 @@ class Interior:
         once = np.einsum("pijc,jc->pic", self._matrices, self._leaving)
         whole = np.maximum(once.sum(axis=0), 1e-300)
         later = np.maximum(np.minimum(self._visits(whole), self._way) - whole, 0)
-        seen = self._cosines[self._beyond :]
-        matrix = part.weight * transport(part.wider, seen, self._cosines)
+        matrix = part.weight * self._moved[1][number, self._beyond :]
         wanted = (later * once[number] / whole)[self._beyond :]
         gain = strength(matrix[:, self._beyond :], self._passing, wanted)
         return [
@@ -149,14 +155,17 @@ class Interior:
         """How each glossy part moves light between the cosines, (parts, n, n, 3)."""
         strong = self._kept[:, :, None] * self._kept[:, None]
         weights = np.array([part.weight for part in self._glossy])[:, None, None, None]
-        return np.asarray(weights * self._moved * strong)
+        return np.asarray(weights * self._moved[0] * strong)
 
     @cached_property
     def _moved(self) -> Array:
-        """As `_matrices`, of the lobes as they are."""
-        cosines = self._cosines
-        found = [transport(part.lobe, cosines, cosines) for part in self._glossy]
-        return np.reshape(found, (len(found), len(cosines), len(cosines), 3))
+        """As `_matrices`, of the lobes as they are, and of the wider ones: (2, parts, n, n, 3)."""
+        lobes = [(part.lobe, part.wider) for part in self._glossy]
+        each = list(dict.fromkeys(lobe for pair in zip(*lobes, strict=True) for lobe in pair))
+        found = transports(each, self._cosines, self._cosines)
+        count = len(self._cosines)
+        moved = [found[each.index(lobe)] for pair in zip(*lobes, strict=True) for lobe in pair]
+        return np.reshape(moved, (2, len(lobes), count, count, 3))
 
     @cached_property
     def _kept(self) -> Array:
@@ -166,7 +175,7 @@ class Interior:
         the part does without the coat.
         """
         whole = np.ones((len(self._glossy), len(self._cosines), 3))
-        for kept, matrix, part in zip(whole, self._moved, self._glossy, strict=True):
+        for kept, matrix, part in zip(whole, self._moved[0], self._glossy, strict=True):
             if part.lobe is not part.bare:
                 kept[:] = strength(matrix, kept, albedos(part.bare, self._cosines))
         return whole
@@ -231,6 +240,6 @@ class UnderCoat(Brdf):
         values = []
         for lobe, gain in self._lobes:
             value = lobe.evaluate(inner_light, inner_view)
-            values.append(multiplied(value, gain(light[..., 2]), gain(view[..., 2])))
+            values.append(multiplied(value, gain.at(light), gain.at(view)))
         found = scaled(added(values), (light[..., 2] > 0) & (view[..., 2] > 0))
         return scaled(found, 1 / inner_light[..., 2]) if self.part.includes_cosine else found

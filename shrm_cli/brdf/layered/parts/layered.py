@@ -40,7 +40,7 @@ class Layered(Sum):
 
     def with_value(self, key: str, value: Value) -> Self:
         numbers = {name: self.values[name] for name in self.values if name not in ("base", FILES)}
-        return type(self)(self.base, **{**numbers, key: value})
+        return type(self)(**{"base": self.base, **numbers, key: value})  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
         inside = (f"{key}={value_text(x)}" for key, x in self.values.items() if key != FILES)

@@ -85,7 +85,7 @@ class UnderBorder(Brdf):
     def evaluate(self, light: Array, view: Array) -> Array:
         gain = remembered(self, ("passing",), self._passing)
         value = self.diffuse.evaluate(light, view)
-        return multiplied(value, gain(light[..., 2]), gain(view[..., 2]))
+        return multiplied(value, gain.at(light), gain.at(view))
 
     def _passing(self) -> Table:
         matrix = transport(self.diffuse, COSINES, COSINES)

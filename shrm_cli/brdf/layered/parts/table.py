@@ -1,5 +1,6 @@
 """Functions of the angle from the normal that take long to integrate, and are tabulated."""
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, grey
 from shrm_cli.brdf.examine import hemisphere_rule, sampled_albedo, settled
+from shrm_cli.brdf.vectors import shared, sharing
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles
 
@@ -44,6 +46,10 @@ class Table:
         others = [np.interp(cosine, COSINES, each).astype(cosine.dtype) for each in (green, blue)]
         return np.stack([one, *others], axis=-1)
 
+    def at(self, directions: Array) -> Array:
+        """The values at the cosines of directions (..., 3)."""
+        return shared("table", (self, directions), lambda: self(directions[..., 2]))
+
 
 def transport(brdf: Brdf, views: Array, lights: Array) -> Array:
     """Where light comes from that a BRDF reflects to views, as a matrix.
@@ -61,17 +67,33 @@ def transport(brdf: Brdf, views: Array, lights: Array) -> Array:
         Multiplied by the values of a function of the light's cosine at `lights`, it is the integral
         of that function, linear between them, times the BRDF and the cosine.
     """
-    thetas = np.arccos(np.maximum(views, _LEAST))
-    rows = [partial(_row, brdf, float(theta), lights) for theta in thetas]
-    return np.stack([settled(each, _ACCURACY, _ROW_COUNTS) for each in rows])
+    return transports([brdf], views, lights)[0]
+
+
+def transports(brdfs: Sequence[Brdf], views: Array, lights: Array) -> Array:
+    """`transport` of several BRDFs, shape (k, n, m, 3), which share their directions."""
+    found = np.empty((len(brdfs), len(views), len(lights), 3))
+    for number, theta in enumerate(np.arccos(np.maximum(views, _LEAST)).tolist()):
+        with sharing():
+            for brdf, rows in zip(brdfs, found, strict=True):
+                rows[number] = settled(partial(_row, brdf, theta, lights), _ACCURACY, _ROW_COUNTS)
+    return found
+
+
+def _nodes(theta: float, lights: Array, count: int) -> tuple[Array, ...]:
+    """Directions and weights about a view, the view, and where they lie among the lights."""
+    light, weights = hemisphere_rule(theta, count)
+    place = np.interp(light[..., 2].ravel(), lights, np.arange(len(lights)))
+    return light, weights, from_angles(theta, 0.0), place
 
 
 def _row(brdf: Brdf, theta: float, lights: Array, count: int) -> Array:
     """A row of `transport`, shape (m, 3), with a number of nodes of each angle."""
-    light, weights = hemisphere_rule(theta, count)
-    values = brdf.transfer(light, from_angles(theta, 0.0))
+    light, weights, view, place = shared(
+        ("nodes", theta, count), (lights,), partial(_nodes, theta, lights, count)
+    )
+    values = brdf.transfer(light, view)
     grey = values.strides[-1] == 0
-    place = np.interp(light[..., 2].ravel(), lights, np.arange(len(lights)))
     below = np.minimum(place.astype(int), len(lights) - 2)
     row = np.zeros((len(lights), 3))
     for channel in range(1 if grey else 3):
