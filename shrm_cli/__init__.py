@@ -125,7 +125,7 @@ if TYPE_CHECKING:
     from shrm_cli.export.make import Asked as Asked
     from shrm_cli.lights.edit import Dimming as Dimming
     from shrm_cli.lights.edit import Edit as Edit
-    from shrm_cli.lights.edited import edit_light as edit_light
+    from shrm_cli.lights.edit import edit_light as edit_light
     from shrm_cli.lights.split import split_lamps as split_lamps
     from shrm_cli.lookdev.sheet import lookdev as lookdev
     from shrm_cli.maps.base import Map as Map
