@@ -35,7 +35,7 @@ _HOMES = {
     "contact_page": "report.contact",
     "draw_contacts": "report.contact",
     "dfg": "brdf.environment.dfg",
-    "edit_light": "lights.edited",
+    "edit_light": "lights.edit",
     "examine": "brdf.examine",
     "export": "export.export",
     "capture": "rooms.make",
