@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps import size as band_module
 from shrm_cli.maps.expansion import carried_band
 from shrm_cli.maps.size import Band

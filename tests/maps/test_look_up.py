@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps.size import shrm_look_up_error, total_error
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Lighting
