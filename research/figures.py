@@ -15,8 +15,9 @@ from research.extent import Extent
 from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.analysis.plots import plot_accuracy
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.files.picture import write_picture
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.explicit.cabral import Cabral

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.info import MapInfo

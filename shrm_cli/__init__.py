@@ -35,7 +35,7 @@ _HOMES = {
     "contact_page": "report.contact",
     "draw_contacts": "report.contact",
     "dfg": "brdf.environment.dfg",
-    "edit_light": "lights.edited",
+    "edit_light": "lights.edit",
     "examine": "brdf.examine",
     "export": "export.export",
     "capture": "rooms.make",
@@ -126,7 +126,7 @@ if TYPE_CHECKING:
     from shrm_cli.export.make import Asked as Asked
     from shrm_cli.lights.edit import Dimming as Dimming
     from shrm_cli.lights.edit import Edit as Edit
-    from shrm_cli.lights.edited import edit_light as edit_light
+    from shrm_cli.lights.edit import edit_light as edit_light
     from shrm_cli.lights.split import split_lamps as split_lamps
     from shrm_cli.lookdev.sheet import lookdev as lookdev
     from shrm_cli.maps.base import Map as Map

@@ -18,7 +18,6 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients, remembered
 from shrm_cli.brdf.coefficients import (
     BrdfCoefficients,
-    compute_coefficients,
     energy_above,
     next_octave,
     power_of_two_times,
@@ -259,7 +258,14 @@ def extended(
 def _coefficients(brdf: Brdf, eps: float, order_f: int, order_p: int) -> BrdfCoefficients:
     """Compute coefficients, or take them from the cache, as exactly as a tolerance needs them."""
     accuracy = max(eps / (30 if brdf.is_measured else 300), 1e-5)
-    return cached_coefficients(brdf, order_f, order_p, accuracy, compute_coefficients)
+    return cached_coefficients(brdf, order_f, order_p, accuracy, _computed)
+
+
+def _computed(brdf: Brdf, order_f: int, order_p: int, accuracy: float) -> BrdfCoefficients:
+    """Compute coefficients, by modules that whoever finds them in the cache goes without."""
+    from shrm_cli.brdf.transfer import compute_coefficients
+
+    return compute_coefficients(brdf, order_f, order_p, accuracy)
 
 
 def _sufficient_coefficients(

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.brdf.transfer import compute_transfer
+from shrm_cli.brdf.transfer import compute_coefficients, compute_transfer
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Lighting

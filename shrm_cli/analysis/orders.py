@@ -11,7 +11,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.files.picture import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm

@@ -21,12 +21,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf
 from shrm_cli.records import record
-from shrm_cli.vocabulary import MAX_ORDER_P
 
 if TYPE_CHECKING:
-    from shrm_cli.brdf.sums import Sum
     from shrm_cli.brdf.transfer import TransferFunctions
 
 _FALLING = 0.8
@@ -163,78 +160,6 @@ class BrdfCoefficients(Sampled):
     def truncated(self, order_f: int, order_p: int) -> Array:
         """The coefficients up to smaller orders, shape (order_f+1, order_p+1, order_p+1, 3)."""
         return self.values[: order_f + 1, : order_p + 1, : order_p + 1]
-
-
-def compute_coefficients(
-    brdf: Brdf,
-    order_f: int,
-    order_p: int,
-    accuracy: float = 1e-5,
-) -> BrdfCoefficients:
-    """Compute coefficients of a BRDF by quadrature (eq. 5.22), sampled until they have converged.
-
-    They are those of `compute_transfer`, expanded over theta_o.
-
-    Parameters
-    ----------
-    order_f, order_p : int
-        The largest l and p. A zonal BRDF has p = 0 only, whatever `order_p` is.
-    accuracy : float
-        The fraction of the energy that the sampling may miss.
-
-    Returns
-    -------
-    BrdfCoefficients
-        Where the samples were not enough for the accuracy, it tells what they reached.
-
-    Raises
-    ------
-    BrdfError
-        If the BRDF is anisotropic or not finite, or cannot be sampled; see `compute_transfer`.
-    """
-    from shrm_cli.brdf.sums import Sum
-    from shrm_cli.brdf.transfer import compute_transfer
-
-    order_p = 0 if brdf.zonal else order_p
-    if isinstance(brdf, Sum):
-        return _summed(brdf, order_f, order_p, accuracy)
-    transfer = compute_transfer(brdf, order_f, order_p, accuracy)
-    return BrdfCoefficients.of(transfer, order_p, brdf.zonal)
-
-
-def _summed(brdf: Sum, order_f: int, order_p: int, accuracy: float) -> BrdfCoefficients:
-    """Add the coefficients of the terms of a sum about its own center.
-
-    Each term is sampled as its own lobe wants it. The whole would want the nodes that are densest
-    among them everywhere: a sharp lobe on a diffuse base takes four times as long.
-
-    The energy of a sum is that of its terms and twice what each pair of them has in common, which
-    is a sum of products of coefficients. It is counted up to the largest p that maps have, and for
-    the q that are known; terms that both have much beyond are alike, and sharp.
-    """
-    from shrm_cli.brdf.transfer import compute_transfer
-
-    total, by_degree = np.zeros(3), np.zeros((order_f + 1, 3))
-    added = np.zeros((order_f + 1, MAX_ORDER_P + 1, MAX_ORDER_P + 1, 3))
-    signs, missed, samples = both_signs(MAX_ORDER_P)[:, None], 0.0, []
-    for weight, term in brdf.terms:
-        term = term.recentered(brdf.center)
-        each = compute_transfer(term, order_f, order_p, accuracy)
-        projected = np.zeros_like(added)
-        known = 1 if term.zonal else MAX_ORDER_P + 1  # few views tell all of a zonal lobe
-        projected[:, :known, :known] = weight * each.projected(known - 1)
-        shared = 2 * np.sum(added * projected * signs, axis=(1, 2))
-        added += projected
-        by_degree += weight**2 * each.degree_energy + shared
-        total += weight**2 * each.total_energy + shared.sum(axis=0)
-        missed += weight * np.sqrt(each.accuracy * each.total_energy.sum())
-        samples.append(each.samples)
-    values = added[:, : order_p + 1, : order_p + 1]
-    lights, views, azimuths = (max(counts) for counts in zip(*samples, strict=True))
-    reached = float(missed**2 / total.sum()) if total.sum() > 0 else 0.0
-    return BrdfCoefficients(
-        values.copy(), total, by_degree, (lights, views, azimuths), reached, accuracy
-    )
 
 
 def accuracy_remark(accuracy: float, asked: float) -> str | None:

@@ -20,15 +20,17 @@ from numpy.typing import NDArray
 from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import Sampled, both_signs, power_of_two_times
+from shrm_cli.brdf.coefficients import BrdfCoefficients, Sampled, both_signs, power_of_two_times
 from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
 from shrm_cli.brdf.lobe_views import Views
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
+from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import in_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
+from shrm_cli.vocabulary import MAX_ORDER_P
 
 _MOST_SAMPLES = 2**25, 2**23
 """The most samples of a BRDF in all, of models and of measured ones, which take longer."""
@@ -394,3 +396,70 @@ def _zonal_integrals(brdf: Brdf, order_f: int, count: int) -> tuple[Array, Array
     for degree, legendre in legendre_degrees(order_f, z, max_m=0):
         values[degree] = 4 * np.pi**2 * (legendre[0] * weights) @ lobe
     return values, 8 * np.pi**2 * weights @ lobe**2
+
+
+def compute_coefficients(
+    brdf: Brdf,
+    order_f: int,
+    order_p: int,
+    accuracy: float = 1e-5,
+) -> BrdfCoefficients:
+    """Compute coefficients of a BRDF by quadrature (eq. 5.22), sampled until they have converged.
+
+    They are those of `compute_transfer`, expanded over theta_o.
+
+    Parameters
+    ----------
+    order_f, order_p : int
+        The largest l and p. A zonal BRDF has p = 0 only, whatever `order_p` is.
+    accuracy : float
+        The fraction of the energy that the sampling may miss.
+
+    Returns
+    -------
+    BrdfCoefficients
+        Where the samples were not enough for the accuracy, it tells what they reached.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF is anisotropic or not finite, or cannot be sampled; see `compute_transfer`.
+    """
+    order_p = 0 if brdf.zonal else order_p
+    if isinstance(brdf, Sum):
+        return _summed(brdf, order_f, order_p, accuracy)
+    transfer = compute_transfer(brdf, order_f, order_p, accuracy)
+    return BrdfCoefficients.of(transfer, order_p, brdf.zonal)
+
+
+def _summed(brdf: Sum, order_f: int, order_p: int, accuracy: float) -> BrdfCoefficients:
+    """Add the coefficients of the terms of a sum about its own center.
+
+    Each term is sampled as its own lobe wants it. The whole would want the nodes that are densest
+    among them everywhere: a sharp lobe on a diffuse base takes four times as long.
+
+    The energy of a sum is that of its terms and twice what each pair of them has in common, which
+    is a sum of products of coefficients. It is counted up to the largest p that maps have, and for
+    the q that are known; terms that both have much beyond are alike, and sharp.
+    """
+    total, by_degree = np.zeros(3), np.zeros((order_f + 1, 3))
+    added = np.zeros((order_f + 1, MAX_ORDER_P + 1, MAX_ORDER_P + 1, 3))
+    signs, missed, samples = both_signs(MAX_ORDER_P)[:, None], 0.0, []
+    for weight, term in brdf.terms:
+        term = term.recentered(brdf.center)
+        each = compute_transfer(term, order_f, order_p, accuracy)
+        projected = np.zeros_like(added)
+        known = 1 if term.zonal else MAX_ORDER_P + 1  # few views tell all of a zonal lobe
+        projected[:, :known, :known] = weight * each.projected(known - 1)
+        shared = 2 * np.sum(added * projected * signs, axis=(1, 2))
+        added += projected
+        by_degree += weight**2 * each.degree_energy + shared
+        total += weight**2 * each.total_energy + shared.sum(axis=0)
+        missed += weight * np.sqrt(each.accuracy * each.total_energy.sum())
+        samples.append(each.samples)
+    values = added[:, : order_p + 1, : order_p + 1]
+    lights, views, azimuths = (max(counts) for counts in zip(*samples, strict=True))
+    reached = float(missed**2 / total.sum()) if total.sum() > 0 else 0.0
+    return BrdfCoefficients(
+        values.copy(), total, by_degree, (lights, views, azimuths), reached, accuracy
+    )

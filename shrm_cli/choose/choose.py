@@ -6,8 +6,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose.forms import Forms, Known, PrincipalForms, ShrmForms
 from shrm_cli.choose.offer import Choice, Offer, decided
-from shrm_cli.choose.others import made_offers, others_of
-from shrm_cli.choose.truth import Truth
+from shrm_cli.choose.others import Truth, made_offers, others_of
 from shrm_cli.errors import ArgumentError, ShrmError
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import parse_bytes

@@ -196,7 +196,7 @@ def told(path: Path, error: type[ShrmError], missing: str, again: str) -> Iterat
 
 
 def holds(path: str | os.PathLike[str], names: set[str]) -> bool:
-    """Tell whether a file is an archive with arrays of these names, which may be damaged."""
+    """Tell whether a file is an archive with such arrays; whether it is sound, reading it tells."""
     try:
         with opened(Path(path)) as archive:
             return names <= archive.names

@@ -19,8 +19,7 @@ from shrm_cli.records import record
 from shrm_cli.render.boxed import Vectors, parts_of, seen_from
 from shrm_cli.render.paint import Paint, Painted
 from shrm_cli.render.shading import can_be_brushed, ggx_surface, outside_range, shown_as
-from shrm_cli.render.variation import Variation
-from shrm_cli.render.varied import VariedSurface
+from shrm_cli.render.variation import Variation, VariedSurface
 from shrm_cli.sphere.directions import horizontal_tangents
 
 _FOR_OTHERS = "textures of roughness and metallic, which split sums and SH exponentials show"

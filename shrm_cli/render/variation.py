@@ -1,16 +1,28 @@
-"""What a parameter of a BRDF that varies over a surface follows: vertex colours, or an image.
+"""BRDFs whose parameters differ from point to point: what these follow, and GGX under maps.
 
 Kautz, Sloan and Snyder 2002, section 4 and figure 4, vary one parameter of their model so.
+
+GGX surfaces whose roughness and reflectance differ from point to point, under maps of light.
+
+A map is shown as surfaces of a few roughnesses, between which points are interpolated. Light that a
+surface reflects is a linear function of its reflectance f0, by Schlick's term, so that a black one
+and a white one tell all others.
 """
+
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.maps.base import Map
 from shrm_cli.probe.image_file import stored_image
-from shrm_cli.vocabulary import LUMINANCE
+from shrm_cli.render.shading import ggx_surface, shown_as
+from shrm_cli.vocabulary import LUMINANCE, MIN_ROUGHNESS
 
 _MOST_PIXELS = 2**26
 """The most pixels of an image that is read, 8192 x 8192."""
@@ -91,3 +103,87 @@ def _known(mesh: Mesh, values: Array | None, what: str) -> Array:
     if values is None:
         raise MeshError(f"{mesh.name}: it has no {what} that a parameter could follow; add them")
     return values
+
+
+_STEPS = 32
+"""Roughnesses that a map is shown with, from 0 to 1."""
+_KEPT = 128
+"""Surfaces whose tables are kept."""
+_BLACK, _WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+
+
+class VariedSurface:
+    """A GGX surface under the light of a map.
+
+    Parameters
+    ----------
+    made : Map
+        One that needs a surface.
+    anisotropy : float, optional
+        That of glTF.
+    taps : {3, 5, 8}, optional
+        How many directions the light of a brushed surface is looked up in.
+    """
+
+    def __init__(self, made: Map, anisotropy: float | None = None, taps: int | None = None) -> None:
+        self._map, self._anisotropy, self._taps = made, anisotropy, taps
+        self._surface = lru_cache(_KEPT)(self._of)
+
+    def radiance(
+        self, normals: Array, views: Array, tangents: Array | None, roughness: Array, f0: Array
+    ) -> Array:
+        """Return reflected radiance, shape (n, 3).
+
+        Parameters
+        ----------
+        normals, views, tangents : ndarray, shape (n, 3)
+            Unit vectors in world axes; tangents run around +Y by default.
+        roughness : ndarray, shape (n,)
+            Perceptual.
+        f0 : ndarray, shape (n, 3)
+            Reflectance at normal incidence, linear RGB, 0 .. 1.
+        """
+        if len(normals) == 0:
+            return np.empty((0, 3))
+        vectors = normals, views, tangents
+        if np.ptp(roughness) == 0:
+            return self._of_one(float(roughness[0]), slice(None), vectors, f0)
+        place = roughness * _STEPS
+        below = np.minimum(np.floor(place), _STEPS - 1)
+        result = np.zeros((len(normals), 3))
+        for step in np.unique([below, below + 1]):
+            share = np.maximum(1 - np.abs(place - step), 0)
+            own = np.flatnonzero(share)
+            if len(own):
+                node = max(step / _STEPS, MIN_ROUGHNESS)
+                result[own] += share[own, None] * self._of_one(node, own, vectors, f0[own])
+        return result
+
+    def _of_one(
+        self,
+        roughness: float,
+        own: NDArray[np.int64] | slice,
+        vectors: tuple[Array, Array, Array | None],
+        f0: Array,
+    ) -> Array:
+        normals, views, tangents = vectors
+        where = normals[own], views[own], None if tangents is None else tangents[own]
+        if (f0 == f0[0]).all():
+            red, green, blue = f0[0].tolist()
+            return self._shown(roughness, (red, green, blue), *where)
+        black, white = (self._shown(roughness, each, *where) for each in (_BLACK, _WHITE))
+        return black + f0 * (white - black)
+
+    def _shown(
+        self, roughness: float, f0: Color, normals: Array, views: Array, tangents: Array | None
+    ) -> Array:
+        shown = self._surface(roughness, f0)
+        if tangents is None:
+            found: Array = shown.radiance(normals, views)
+            return found
+        brushed: Array = shown.brushed_radiance(normals, tangents, views)
+        return brushed
+
+    def _of(self, roughness: float, f0: Color) -> Any:
+        surface = ggx_surface(roughness, f0, self._anisotropy)
+        return shown_as(self._map, surface, self._taps)

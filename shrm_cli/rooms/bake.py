@@ -10,8 +10,7 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.rooms.emitters import Emitters
-from shrm_cli.rooms.grid import ProbeGrid, octahedral_directions
-from shrm_cli.rooms.lattice import Lattice
+from shrm_cli.rooms.grid import Lattice, ProbeGrid, octahedral_directions
 from shrm_cli.rooms.radiosity import Brightness
 from shrm_cli.rooms.room import Room
 from shrm_cli.sphere.harmonics import real_harmonics

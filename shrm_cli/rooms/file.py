@@ -16,8 +16,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.rooms.grid import EDGE, ProbeGrid
-from shrm_cli.rooms.lattice import MOST, Lattice
+from shrm_cli.rooms.grid import EDGE, MOST, Lattice, ProbeGrid
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 
 _VERSION = 1

@@ -16,8 +16,7 @@ from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
 from shrm_cli.rooms.capture import captured
 from shrm_cli.rooms.file import is_grid, read_grid
-from shrm_cli.rooms.grid import ProbeGrid
-from shrm_cli.rooms.lattice import MOST, Lattice
+from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid
 from shrm_cli.rooms.positions import read_positions
 from shrm_cli.rooms.room import Room
 

@@ -12,8 +12,7 @@ from shrm_cli.files.whole import note
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.progress import Progress
-from shrm_cli.rooms.grid import ProbeGrid
-from shrm_cli.rooms.lattice import Lattice
+from shrm_cli.rooms.grid import Lattice, ProbeGrid
 
 _MOST_ROWS = 2**16
 _MOST_BYTES = 2**24

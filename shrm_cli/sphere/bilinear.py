@@ -25,8 +25,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.memo import Memo, kept_order
 from shrm_cli.sphere.cube import cube_solid_angles, face_axes, nearest_texels
 from shrm_cli.sphere.harmonics import degrees, order_of
-from shrm_cli.sphere.interpolation import linear_matrix
-from shrm_cli.sphere.quadrature import nodes
+from shrm_cli.sphere.quadrature import linear_matrix, nodes
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 

@@ -6,8 +6,8 @@ from scipy.integrate import quad
 from scipy.special import eval_legendre
 
 from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import MapError, OrderError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm

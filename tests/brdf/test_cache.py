@@ -14,9 +14,10 @@ from shrm_cli import settings
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
-from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import OutputError
 from shrm_cli.memo import Memo
 from tests.cli.helpers import assert_refused, environment, run

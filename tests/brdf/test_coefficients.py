@@ -6,8 +6,8 @@ from scipy import integrate
 from scipy.special import eval_legendre, sph_harm_y
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import BrdfError
 from tests import brute_force
 

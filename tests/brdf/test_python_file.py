@@ -11,10 +11,10 @@ from numpy.polynomial.legendre import leggauss
 
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.cache import cached_coefficients
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.examine import examine
 from shrm_cli.brdf.python_file import file_term
 from shrm_cli.brdf.spec import file_label, named_files, names_file, parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import BrdfError
 from tests.cli.helpers import assert_refused, done, run
 

@@ -5,7 +5,6 @@ import pytest
 
 from shrm_cli.brdf import vectors
 from shrm_cli.brdf.base import Brdf, added, scaled
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.measured.table import sample_table, write_table
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.models.lambertian import Lambertian
@@ -14,6 +13,7 @@ from shrm_cli.brdf.models.oren_nayar import OrenNayar
 from shrm_cli.brdf.models.phong import Phong
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum, diffuse_albedo, is_sum, parse_sum, split
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import BrdfError
 from shrm_cli.vocabulary import MAX_TERMS
 from tests.brute_force import unit

@@ -8,7 +8,7 @@ import pytest
 import shrm_cli as shrm
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose import others
-from shrm_cli.choose.truth import Truth
+from shrm_cli.choose.others import Truth
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.wrong_share import predicted_wrong_share

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from shrm_cli import orders
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.library import built_in_names, find_model
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from tests.cli.helpers import assert_refused, done, process, run, snapshot
 
 FORMATS = ["goniometer", "merl", "rgl", "table", "zernike"]

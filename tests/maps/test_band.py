@@ -5,8 +5,8 @@ import pytest
 
 from research import seen
 from research.glossy_truth import light_of, sphere
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps import size as band_module
 from shrm_cli.maps.expansion import carried_band
 from shrm_cli.maps.size import Band

@@ -7,8 +7,8 @@ from research.glossy_truth import light_of
 from research.looked_up import looked_up
 from research.pairs import bright_pairs
 from research.seen import lit
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps.size import shrm_look_up_error, total_error
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Lighting

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from tests.oracles import real_harmonics

@@ -18,7 +18,7 @@ from shrm_cli.render.paint import Points
 from shrm_cli.render.perspective import Lens, aimed
 from shrm_cli.render.scene_file import Shown
 from shrm_cli.render.stage import Stage, transformation
-from shrm_cli.render.varied import VariedSurface
+from shrm_cli.render.variation import VariedSurface
 from shrm_cli.vocabulary import PRIMARIES
 from tests.render.assets import globe, obj_text, packed_glb, png, textures
 from tests.render.materials import INFO

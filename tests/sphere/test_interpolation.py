@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.sphere.interpolation import interpolation_matrix, linear_matrix
+from shrm_cli.sphere.quadrature import interpolation_matrix, linear_matrix
 
 
 @pytest.mark.parametrize("odd", [False, True])

@@ -7,8 +7,7 @@ import numpy as np
 
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.rooms.export import as_json
-from shrm_cli.rooms.grid import ProbeGrid
-from shrm_cli.rooms.lattice import Lattice
+from shrm_cli.rooms.grid import Lattice, ProbeGrid
 from tests.cli.helpers import ROOT
 from tests.oracles import real_harmonics
 from tests.web import ball, proofs

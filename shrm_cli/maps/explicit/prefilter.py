@@ -6,8 +6,9 @@ from typing import Any, cast
 import numpy as np
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.lobe import lobe_tail
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.explicit.explicit import ExplicitMap

@@ -40,7 +40,7 @@ from shrm_cli.maps.principal.functions import TABLE, Spectrum
 from shrm_cli.maps.principal.principal import Lobe, LookUp
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
-from shrm_cli.sphere.interpolation import interpolation_matrix, linear_matrix
+from shrm_cli.sphere.quadrature import interpolation_matrix, linear_matrix
 
 _ALONG = 1e-12
 """The sine of the angle of a view from the normal, below which it has no azimuth."""

@@ -26,7 +26,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import both_signs
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.records import record
-from shrm_cli.sphere.interpolation import interpolation_matrix, linear_matrix
+from shrm_cli.sphere.quadrature import interpolation_matrix, linear_matrix
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Center
 
 TABLE = 91

@@ -8,8 +8,8 @@ from scipy.integrate import quad
 from scipy.special import eval_legendre
 
 from research.irradiance import PROVEN, integrate, irradiance_row, small_lights
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.models.lambertian import Lambertian
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import ArgumentError, MapError, ProbeError
 from shrm_cli.files.image import write_image
 from shrm_cli.maps.info import MapInfo

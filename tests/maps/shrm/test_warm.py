@@ -65,7 +65,7 @@ def test_threads_share_what_is_kept(rng):
 def test_a_second_map_for_the_same_brdf_samples_it_no_more(rng, monkeypatch):
     (one,) = probes(rng, 1)
     values(one, *FORMS[0])
-    monkeypatch.setattr("shrm_cli.orders.compute_coefficients", None)
+    monkeypatch.setattr("shrm_cli.brdf.transfer.compute_coefficients", None)
     monkeypatch.setattr("shrm_cli.brdf.lobe_expansion.lobe_width", None)
     values(one, *FORMS[0])
     before = sum(memory.bytes for memory in memories())

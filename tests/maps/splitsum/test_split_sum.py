@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.environment.environment_brdf import environment_brdf
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.splitsum.expansion import energies, multipliers
