@@ -279,8 +279,8 @@ def open_probe(
     ----------
     path : path-like
         An image file, six of them with ``%`` in place of ``+X``, ``-X``, ..., a light file
-        (``.toml``), which names probes and circular lights, or a file of harmonic coefficients,
-        see `shrm_cli.probe.series`.
+        (``.toml``), which names probes and circular lights, a stage of USD (``.usda``, ``.usdz``,
+        ...), or a file of harmonic coefficients, see `shrm_cli.probe.series`.
     options : ReadOptions, optional
         How the file is to be understood.
     **keywords
@@ -300,7 +300,7 @@ def open_probe(
     """
     options = with_keywords(options or ReadOptions(), keywords)
     name = str(path)
-    if is_light_file(name):
+    if is_light_file(name) or is_stage(name):
         from shrm_cli.probe.light_file import open_light_file
 
         return open_light_file(name, options)
@@ -327,6 +327,11 @@ def open_probe(
 def is_light_file(name: str) -> bool:
     """Whether a name is that of a light file, by its suffix."""
     return name.lower().endswith(".toml")
+
+
+def is_stage(name: str) -> bool:
+    """Whether a name is that of a stage of USD, by its suffix."""
+    return name.lower().endswith((".usda", ".usd", ".usdc", ".usdz"))
 
 
 def _may_hold_series(name: str) -> bool:
