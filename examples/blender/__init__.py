@@ -105,7 +105,10 @@ class SHRM_OT_prefilter(_Job, bpy.types.Operator):
             context, "prefilter", probe, "--brdf", settings.brdf, "--eps", f"{settings.eps:.6g}",
             "-o", target,
         )  # fmt: skip
-        self.run(context, "render", target, "--size", 256, "-o", picture)
+        self.run(
+            context, "render", target, "--size", 256, "--exposure",
+            context.scene.view_settings.exposure, "-o", picture,
+        )  # fmt: skip
         settings.map = str(target)
         old = bpy.data.images.get(PREVIEW)
         if old is not None:

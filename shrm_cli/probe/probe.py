@@ -20,7 +20,7 @@ from shrm_cli.files.exr_header import says_map
 from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
 from shrm_cli.probe.blocks import Block, BlockReader
 from shrm_cli.probe.image import ArrayImage, ConvertedImage, ProbeImage, digest
-from shrm_cli.probe.image_file import ImageFile, check_file
+from shrm_cli.probe.image_file import ImageFile, check_file, is_image_name
 from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
 from shrm_cli.probe.options import ColorReading, ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy, PixelReport
@@ -316,6 +316,8 @@ def open_probe(
         layout: Layout = "faces"
     elif options.layout == "faces":
         raise ProbeError(f"{name}: write % in place of +X, -X, ... to name the files of six faces")
+    elif not is_image_name(name) and (probe := _open_by_package(name, options)) is not None:
+        return probe
     else:
         files = (_open_file(name, options),)
         layout = options.layout or _layout_of(files[0])
@@ -390,6 +392,21 @@ def _open_file(name: str, options: ReadOptions) -> ImageFile | DdsFile:
     if options.part is not None or options.layer is not None:
         raise ProbeError(f"{name}: a DDS file has no parts or layers; leave `part` and `layer` out")
     return dds
+
+
+def _open_by_package(name: str, options: ReadOptions) -> Probe | None:
+    """Open a file that an installed package reads; None where none does."""
+    from shrm_cli.probe.reader import read_by_package
+
+    read = read_by_package(name)
+    if read is None:
+        return None
+    image, said = read
+    layout = options.layout or said.get("layout")
+    layout = layout or detect_layout(name, image.width, image.height, "")
+    options = replace(options, orientation=options.orientation or said.get("orientation"))
+    sampling: Sampling = said.get("sampling", "center")
+    return _make_probe(name, (image,), layout, sampling, options, said.get("chromaticities"))
 
 
 def _open_dds(path: Path) -> DdsFile | None:
