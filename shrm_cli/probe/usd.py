@@ -148,7 +148,7 @@ def _check_layers(root: Path) -> bytes:
         for each in (spec.inheritPathList, spec.specializesList):
             found += sum(prims(layer, arc) for arc in each.GetAddedOrExplicitItems())
         variants = [v.primSpec for s in spec.variantSets.values() for v in s.variants.values()]
-        found += sum(prims(layer, each.path) for each in (*spec.nameChildren, *variants))
+        found += sum(prims(layer, each.path) for each in (*spec.nameChildren, *variants) if each)
         counts[key] = found
         return found
 
@@ -156,7 +156,7 @@ def _check_layers(root: Path) -> bytes:
     total = done = 0
     while done < len(layers):  # which may become more by what is found
         layer = [*layers.values()][done]
-        total += sum(prims(layer, each.path) for each in layer.rootPrims)
+        total += sum(prims(layer, each.path) for each in layer.rootPrims if each)
         done += 1
     if total > _MOST_PRIMS:
         raise ValueError(f"{total:,} prims; write its lights into a layer of their own")
@@ -216,7 +216,7 @@ class _Lights:
         return LightSum.of(image, options.matrix(), colors)
 
     def _dome(self, prim: Any, options: ReadOptions) -> Term:
-        from pxr import UsdLux
+        from pxr import Sdf, UsdLux
 
         matrix, scale = self._matrix(prim), self._color(prim)
         pole = prim.GetAttribute("poleAxis").Get() if prim.IsA(UsdLux.DomeLight_1) else "Y"
@@ -225,7 +225,7 @@ class _Lights:
         if prim.GetRelationship("portals").GetTargets():
             self.notes.append(f"{prim.GetName()}: its portals are ignored; all of it is seen")
         file, kind = (self._value(prim, f"inputs:texture:{each}") for each in ("file", "format"))
-        if file is None or not file.path:
+        if not isinstance(file, Sdf.AssetPath) or not file.path:
             white = Probe.from_array(np.ones((16, 32, 3)), name=prim.GetName())
             return Term(white, scale)
         if kind not in (*_LAYOUTS, "automatic"):
@@ -269,8 +269,12 @@ class _Lights:
         """What the texture of a light is multiplied by, or its own radiance, shape (3,)."""
         from pxr import UsdLux
 
-        scale = self._value(prim, "inputs:intensity") * 2.0 ** self._value(prim, "inputs:exposure")
-        color = scale * np.array(self._value(prim, "inputs:color"), dtype=float)
+        names = ("color", "intensity", "exposure")
+        color, intensity, exposure = (
+            np.array(self._value(prim, f"inputs:{each}"), dtype=float) for each in names
+        )
+        with np.errstate(over="ignore", invalid="ignore"):  # it is refused below
+            color = color * intensity * np.exp2(exposure)
         if self._value(prim, "inputs:enableColorTemperature"):
             kelvin = self._value(prim, "inputs:colorTemperature")
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin))
@@ -288,4 +292,8 @@ class _Lights:
         found = prim.GetAttribute(attribute)
         if found.ValueMightBeTimeVarying():
             self.notes.append(f"{prim.GetName()} {_ANIMATED}")
-        return found.Get(Usd.TimeCode.EarliestTime())
+        value = found.Get(Usd.TimeCode.EarliestTime())
+        usual = prim.GetPrimDefinition().GetAttributeFallbackValue(attribute)
+        if usual is not None and type(value) is not type(usual):
+            raise ValueError(f"{prim.GetName()}: {attribute} has no value of its type")
+        return value

@@ -208,6 +208,8 @@ BAD = {
     "a layer missing": ('def "X" (payload = @./no.usda@) {}', "the layer 'no.usda' is missing"),
     "too many prims": (DEEP, "prims; write its lights into a layer of their own"),
     "a ball": (dome('token inputs:texture:format = "mirroredBall"'), "mirroredBall is no layout"),
+    "another type": (dome("string inputs:color = 'red'"), "inputs:color has no value of its type"),
+    "too bright": (dome("float inputs:exposure = 1e30"), "give no light"),
     "not finite": (dome("float inputs:intensity = inf"), "give no light"),
     "flat": (dome("float3 xformOp:scale = (1, 0, 1)\n"
                   'uniform token[] xformOpOrder = ["xformOp:scale"]'), "is no rotation"),
