@@ -21,6 +21,8 @@ FUZZ_FLAGS ?=
 BENCH ?=
 # make torch TORCH='torch --index-url URL': a build for processors alone is a tenth as large
 TORCH ?= torch
+# make blender BLENDER_PYTHON=python3.11: the version that the wheels of bpy are for
+BLENDER_PYTHON ?= python3.13
 # make engines PROBE=probe.exr
 PROBE ?=
 # make tables TABLES_FLAGS="--short", or "--probes FOLDER" with real probes in another folder
@@ -41,7 +43,7 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test prove web torch site figures gallery .web-setup engines browser fuzz mutants bench tables survey scale taps probes batch clean distclean
+.PHONY: help install demo test prove web torch blender site figures gallery .web-setup engines browser fuzz mutants bench tables survey scale taps probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
@@ -50,6 +52,7 @@ help:
 	@echo 'make web       test pages and exports in Chromium and in engines, all of which it sets up'
 	@echo 'make browser   a page that prefilters a panorama without a server, in build/browser'
 	@echo 'make torch     test gradients, with PyTorch, which it installs'
+	@echo 'make blender   test the extension and exports in Blender, which it installs as a module'
 	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
 	@echo 'make mutants   change the planner in a hundred ways, and tell which ones no test notices'
@@ -103,7 +106,7 @@ demo: $(VENV)/.installed
 	@echo "The picture is $$(pwd)/build/demo/lacquer.png: truth, map, difference"
 
 # The tests start hundreds of processes. Each would compile all of shrm again if no bytecode were kept.
-test prove web torch: export PYTHONDONTWRITEBYTECODE :=
+test prove web torch blender: export PYTHONDONTWRITEBYTECODE :=
 
 test: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -132,6 +135,15 @@ $(VENV)/.torch: $(VENV)/.dev
 
 torch: $(VENV)/.torch
 	$(BIN)/python -m pytest tests/torch
+
+# Blender as a module, in an environment of its own: it takes one version of Python.
+$(VENV)-blender/.made:
+	$(BLENDER_PYTHON) -m venv $(VENV)-blender
+	$(VENV)-blender/bin/python -m pip install --quiet --disable-pip-version-check bpy
+	@touch $@
+
+blender: $(VENV)/.dev $(VENV)-blender/.made
+	SHRM_BLENDER=$(abspath $(VENV))-blender/bin/python $(BIN)/python -m pytest tests/export/test_blender.py
 
 engines: .web-setup $(VENV)/.web
 	$(BIN)/python -m tests.web.table $(if $(PROBE),'$(PROBE)') -o build/engines
@@ -209,4 +221,4 @@ clean:
 	find shrm_cli tests -name node_modules -prune -o -name __pycache__ -type d -exec rm -rf {} +
 
 distclean: clean
-	rm -rf $(VENV) shrm_cli.egg-info shrm_cli/_version.py tests/web/node_modules tests/site/node_modules
+	rm -rf $(VENV) $(VENV)-blender shrm_cli.egg-info shrm_cli/_version.py tests/web/node_modules tests/site/node_modules

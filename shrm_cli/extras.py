@@ -19,6 +19,7 @@ EXTRAS = {
     "astc": ("astc-encoder-py",),
     "torch": ("torch",),
     "materialx": ("MaterialX",),
+    "usd": ("usd-core",),
 }
 """The packages of each extra that users may want."""
 STORES = {

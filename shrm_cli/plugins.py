@@ -22,6 +22,9 @@ COMMANDS = "shrm_cli.commands"
 ENGINES = "shrm_cli.engines"
 """The group of engines, each a subclass of `shrm_cli.export.engine.Engine`."""
 
+READERS = "shrm_cli.readers"
+"""The group of functions that read probes, by the suffixes of their files; see `probe.reader`."""
+
 
 def installed(group: str) -> dict[str, EntryPoint]:
     """Entry points of a group by name; of several with the same name the first that is found.

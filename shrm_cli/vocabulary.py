@@ -101,6 +101,7 @@ ENGINES: dict[str, str] = {
     "godot": "godot",
     "realitykit": "realitykit",
     "blender": "blender",
+    "usd": "usd",
     "gltf": "gltf",
     "directx": "directx",
     "json": "coefficients",

@@ -75,6 +75,7 @@ EXTRAS = {
     "export/ktx.py": {"zstandard"},
     "files/animation.py": {"PIL"},
     "files/remote.py": {"fsspec"},
+    "probe/usd.py": {"pxr"},
     "render/flip.py": {"flip_evaluator"},
     "geometry/load.py": {"trimesh"},
     "geometry/rays.py": {"embreex"},

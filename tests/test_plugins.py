@@ -18,6 +18,7 @@ from shrm_cli import plugins
 from shrm_cli.cli.main import cli
 from shrm_cli.errors import ArgumentError, PluginError
 from shrm_cli.export.engine import engine
+from shrm_cli.probe.probe import open_probe
 from tests.cli.helpers import (
     MAIN,
     ROOT,
@@ -53,6 +54,7 @@ def shell(site, tmp_path):
     y = np.cos(np.pi * (np.arange(64) + 0.5) / 64)
     light = np.broadcast_to((1 + 0.5 * y)[:, None, None] * COLOR, (64, 128, 3))
     write_exr(tmp_path / "dawn.exr", light.astype(np.float32))
+    np.savetxt(tmp_path / "dawn.scan", light[..., 1])
 
     def call(*arguments, code=MAIN, **more):
         found = subprocess.run(
@@ -94,6 +96,17 @@ def test_the_command_of_the_example(shell):
 
 
 @pytest.mark.slow
+def test_the_reader_of_the_example(shell):
+    """The green of the light, as text; it is turned as every probe is."""
+    assert [float(each) for each in shell("mean", "dawn.scan").split()] == pytest.approx(
+        [COLOR[1]] * 3, rel=1e-3
+    )
+    found = json.loads(shell("info", "dawn.scan", "--up", "z", "--json"))
+    assert (found["format"], found["layout"], found["height"]) == ("scan", "latlong", 64)
+    assert found["light_from"]["azimuth_elevation"] == pytest.approx([180, 0], abs=0.1)
+
+
+@pytest.mark.slow
 def test_the_engine_of_the_example(shell, tmp_path):
     """A white diffuse surface reflects 1 + n.y / 3 of that light: its degree 1 times 2 / 3."""
     result = json.loads(shell("export", "dawn.exr", "--for", "ambient-cube", "--json"))
@@ -125,7 +138,8 @@ def test_the_brdf_of_the_example(shell):
 
 REPORTING = """
 import atexit, sys
-looked = {"importlib.metadata", "shrm_moon.brdf", "shrm_moon.command", "shrm_moon.engine"}
+looked = {"importlib.metadata", "shrm_moon.brdf", "shrm_moon.command", "shrm_moon.engine",
+          "shrm_moon.reader"}
 atexit.register(lambda: print("loaded", *sorted(looked & sys.modules.keys())))
 """
 
@@ -138,6 +152,7 @@ atexit.register(lambda: print("loaded", *sorted(looked & sys.modules.keys())))
         ("export dawn.exr --for ambient-cube", "importlib.metadata shrm_moon.engine"),
         ("brdf lommel-seeliger", "importlib.metadata shrm_moon.brdf"),
         ("export dawn.exr --for json", ""),
+        ("info dawn.scan", "importlib.metadata shrm_moon.reader"),
         ("brdf phong", ""),
     ],
 )
@@ -321,6 +336,50 @@ def test_an_engine_that_fails_is_one_line(install, tmp_path, monkeypatch, name, 
     assert (found.code, found.err) == (1, f"Error: {line}\n")
 
 
+READERS = """
+import numpy as np
+import shrm_cli as shrm
+
+def cube(path):
+    return np.ones((24, 4, 3)), {"layout": "openexr", "orientation": "gl"}
+
+def theirs(path): 1 / 0
+def ours(path): raise shrm.ProbeError(f"{path.name}: is no scan")
+def bare(path): return np.ones((8, 16))
+def odd(path): return np.ones((8, 16)), {"shape": "round"}
+def flat(path): return np.ones(8), {}
+number = 3
+"""
+BROKEN_READERS = {
+    "theirs": "failed: ZeroDivisionError",
+    "ours": "x.scan: is no scan",
+    "bare": "failed: ValueError",
+    "odd": "describes 'shape'; it may tell chromaticities, layout, orientation, sampling",
+    "flat": "x.scan: an array of shape (8,) is no image",
+    "number": "is no function; make it one",
+}
+
+
+@pytest.mark.parametrize("value", BROKEN_READERS)
+def test_a_broken_reader_is_one_line(install, tmp_path, monkeypatch, value):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "x.scan").write_text("1")
+    install("shrm_cli.readers", {"scan": f"oddments:{value}"}, READERS)
+    assert_refused(run("info", "x.scan"), 1, BROKEN_READERS[value])
+
+
+def test_what_a_reader_says_is_obeyed_after_options(install, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "x.SCAN").write_text("1")
+    install("shrm_cli.readers", {"scan": "oddments:cube", "exr": "nowhere_at_all:x"}, READERS)
+    probe = open_probe("x.SCAN")
+    assert (probe.layout, probe.orientation, probe.width) == ("openexr", "gl", 4)
+    assert [path.name for path in probe.paths] == ["x.SCAN"]
+    assert open_probe("x.SCAN", orientation="openexr").orientation == "openexr"
+    write_exr(tmp_path / "y.exr", np.ones((8, 16, 3), np.float32))
+    assert open_probe("y.exr").layout == "latlong"
+
+
 def test_engines_of_shrm_win(install):
     install("shrm_cli.engines", {"bevy": "oddments:Bevy", "mute": "oddments:Mute"})
     assert type(engine("bevy")).__module__ == "shrm_cli.export.engines.bevy"
@@ -339,4 +398,4 @@ def test_the_page_tells_what_the_example_is():
     for group, named in points.items():
         for name, value in named.items():
             assert f'    [project.entry-points."{group}"]\n    {name} = "{value}"\n' in page
-    assert set(points) == {plugins.BRDFS, plugins.COMMANDS, plugins.ENGINES}
+    assert set(points) == {plugins.BRDFS, plugins.COMMANDS, plugins.ENGINES, plugins.READERS}

@@ -15,7 +15,7 @@ from shrm_cli.export.make import Asked, Source, export, write
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import ENGINES
 
-NEED_OPENEXR = ("blender", "godot", "realitykit", "unity", "unreal")
+NEED_OPENEXR = ("blender", "godot", "realitykit", "unity", "unreal", "usd")
 """Engines that get a panorama in OpenEXR, which OpenEXR's own library writes."""
 
 

@@ -10,7 +10,11 @@ _MOST_ROWS, _MOST_NUMBERS = 9, 16
 """The most rows of a table and numbers of a list that are printed as text; JSON has them all."""
 
 _RADIANCES = "minimum", "maximum", "mean", "mean_luminance"
-_KINDS = {"light file": "light file", "coefficients": "coefficients of light"}
+_KINDS = {
+    "light file": "light file",
+    "USD stage": "stage of USD",
+    "coefficients": "coefficients of light",
+}
 """What probes that are no images are called."""
 
 

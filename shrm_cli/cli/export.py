@@ -115,7 +115,7 @@ texel_options = (
 @click.option(
     "--sun", type=click.Choice(["split"]),
     help="split: take the lamps out, and make lights of the engine of them (three, filament, "
-    "bevy, godot).",
+    "bevy, godot, usd).",
 )  # fmt: skip
 @probe_options
 @report_options

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option(
     "--usd", type=click.Path(), metavar="USDA",
-    help="Write a DomeLight and DistantLights; needs -o.",
+    help="Write a DomeLight_1 and DistantLights; needs -o.",
 )  # fmt: skip
 @click.option(
     "--for", "engine", type=click.Choice(LIGHT_ENGINES),

@@ -33,7 +33,7 @@ _MOST_BYTES = 2**28
 _NO_NUMBERS = "a texture has pixels that are no numbers; export it again"
 
 
-def beside(name: str, path: str) -> Path:
+def beside(name: str, path: str, what: str = "texture") -> Path:
     """Return the file that another file names, which lies in that one's folder or below it.
 
     Parameters
@@ -42,6 +42,8 @@ def beside(name: str, path: str) -> Path:
         The file that names it.
     path : str
         What it is called there, with slashes.
+    what : str
+        What it is, for messages.
 
     Raises
     ------
@@ -51,17 +53,17 @@ def beside(name: str, path: str) -> Path:
     shown = repr(path[:80])
     parts = path.split("/")
     if ".." in parts or path.startswith("/") or any(each in path for each in ":\\\0%") or not path:
-        raise ValueError(f"the texture {shown} is not in its folder; copy it there")
+        raise ValueError(f"the {what} {shown} is not in its folder; copy it there")
     folder = Path(name).parent
     found = folder / path
     try:
         real = os.path.realpath(found)
         if os.path.commonpath([real, os.path.realpath(folder)]) != os.path.realpath(folder):
-            raise ValueError(f"the texture {shown} is not in its folder; copy it there")
+            raise ValueError(f"the {what} {shown} is not in its folder; copy it there")
         if not os.path.isfile(real):
-            raise ValueError(f"the texture {shown} is missing; copy it")
+            raise ValueError(f"the {what} {shown} is missing; copy it")
     except OSError as error:  # such as a name too long
-        raise ValueError(f"the texture {shown} cannot be read ({error.strerror})") from error
+        raise ValueError(f"the {what} {shown} cannot be read ({error.strerror})") from error
     return found
 
 

@@ -1,5 +1,6 @@
 """Lamps and residual as a light file of ours, and as USD."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -83,8 +84,27 @@ def usd_text(split: LampSplit, residual: str) -> str:
             f"{split.probe.name}: domes of USD take lat-longs sampled at pixel centres; make one "
             "by shrm convert --to latlong first"
         )
-    parts = [_USD_HEAD.format(file=_usd_asset(residual))]
-    for number, disc in enumerate(split.discs, 1):
+    return usd_layer("Residual", residual, split.discs)
+
+
+def usd_layer(name: str, panorama: str, discs: Sequence[Disc]) -> str:
+    """A USD layer of a dome and distant lights, in our axes whatever stage it becomes part of.
+
+    Parameters
+    ----------
+    name : str
+        What the dome is called.
+    panorama : str
+        The name of its file, relative to the folder of the layer.
+    discs : sequence of Disc
+
+    Raises
+    ------
+    OutputError
+        If USD cannot name such a file.
+    """
+    parts = [_USD_HEAD.format(name=name, file=_usd_asset(panorama))]
+    for number, disc in enumerate(discs, 1):
         intensity, color = intensity_and_color(disc)
         rows = [", ".join(f"{each:.9g}" for each in row) for row in light_axes(disc.direction)]
         parts.append(
@@ -156,8 +176,9 @@ _USD_HEAD = """#usda 1.0
 
 def Xform "Lights"
 {{
-    def DomeLight "Residual"
+    def DomeLight_1 "{name}"
     {{
+        uniform token poleAxis = "Y"
         asset inputs:texture:file = {file}
         token inputs:texture:format = "latlong"
         float inputs:intensity = 1

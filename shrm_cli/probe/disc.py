@@ -17,6 +17,8 @@ _ROWS_AT_ONCE = 32
 _LEAST_PARTS, _MOST_PARTS = 16, 32
 """Lines of which a row of pixels is made, for discs that are large or small beside it."""
 _PARTS_IN_A_RADIUS = 64
+LEAST_RADIUS = 1e-6
+"""The least radius of a disc in radians: smaller ones are points, which have no radiance."""
 
 
 @record(eq=False)

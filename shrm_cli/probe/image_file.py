@@ -296,6 +296,13 @@ class ImageFile:
         return np.asarray(pixels[start - low : stop - low])
 
 
+def is_image_name(name: str) -> bool:
+    """Whether a name ends as those of images do that OpenImageIO reads, or has no suffix."""
+    suffix = Path(name).suffix.lower().removeprefix(".")
+    formats = oiio.get_string_attribute("extension_list").split(";")
+    return not suffix or any(suffix in each.rpartition(":")[2].split(",") for each in formats)
+
+
 def stored_image(path: str | os.PathLike[str], most: int) -> Array:
     """Read an image that is no light, such as a texture: its numbers as they are stored.
 

@@ -16,23 +16,23 @@ A small one, with all that a disc needs; `docs/conventions.md` has every key::
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.color import conversion, same_primaries, title_of
+from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.messages import as_keys
-from shrm_cli.probe.disc import Disc, facing_factor, radius_of
+from shrm_cli.probe.disc import LEAST_RADIUS, Disc, facing_factor, radius_of
 from shrm_cli.probe.image_file import check_file
-from shrm_cli.probe.light_sum import LightSum, SumImage, Term
+from shrm_cli.probe.light_sum import LightSum, SumImage, Term, in_one_color
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
-from shrm_cli.probe.probe import is_light_file, open_probe
+from shrm_cli.probe.probe import is_light_file, is_stage, open_probe
 from shrm_cli.probe.series import Series, as_radiance, holds_series, read_series, sum_of
 from shrm_cli.sphere.directions import from_azimuth_elevation
 from shrm_cli.sphere.rotation import transform_coefficients
@@ -44,8 +44,6 @@ _MOST_BYTES = 2**20
 _MOST_LIGHTS = 1000
 _BRIGHTEST = 1e30
 """The largest radiance, irradiance or scale, at which sums of squares are still finite."""
-_LEAST_RADIUS = 1e-6
-"""The least radius of a disc in radians: smaller ones are points, which have no radiance."""
 _OF_THE_WHOLE = {"yaw", "pitch", "roll", "mirror", "up", "working", "box", "at"}
 """The options that apply to a light file: they turn it, and tell its primaries and its box."""
 _PROBE_KEYS = {each.name for each in fields(ReadOptions)} - {"pixels"} | {"clamp", "fix_nonfinite"}
@@ -61,7 +59,7 @@ _DISC_KEYS = {
 
 
 def open_light_file(name: str, options: ReadOptions) -> LightSum:
-    """Open a light file and the probes that it names.
+    """Open a light file, or a stage of USD, and the probes that it names.
 
     Parameters
     ----------
@@ -75,6 +73,10 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
     ProbeError
         If it is no sound light file, or an option does not apply.
     """
+    if is_stage(name):
+        from shrm_cli.probe.usd import open_stage  # which needs OpenUSD
+
+        return open_stage(name, options)
     _check_options(name, options)
     path = check_file(name)
     tables, in_file, text = _parsed(name)
@@ -88,7 +90,7 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
     asked = in_file if options.working is None else options.working
     own = _primaries(name, "working", asked)
     colors = own or next((t.probe.chromaticities for t in terms if t.probe.chromaticities), None)
-    found_terms, notes = _together(terms, colors, own is not None)
+    found_terms, notes = in_one_color(terms, colors, own is not None)
     discs = [_disc(f"{name}: disc {k}", each, colors) for k, each in enumerate(tables["disc"], 1)]
     series = [
         _series(f"{name}: sh {k}", path, each, colors) for k, each in enumerate(tables["sh"], 1)
@@ -137,24 +139,6 @@ def _parsed(name: str) -> tuple[dict[str, list[dict[str, Any]]], Any, bytes]:
     _check_keys(name, found, {*_KINDS, "working"})
     tables = {kind: _tables(name, kind, found.get(kind, [])) for kind in _KINDS}
     return tables, found.get("working"), text
-
-
-def _together(
-    terms: list[Term], colors: tuple[float, ...] | None, is_asked: bool
-) -> tuple[tuple[Term, ...], tuple[str, ...]]:
-    """The probes in the same primaries, and a line about each that nobody asked to convert."""
-    found, notes = [], []
-    for term in terms:
-        own = term.probe.chromaticities
-        found.append(replace(term, probe=term.probe.in_primaries(colors)))
-        if not (is_asked or same_primaries(own, colors)):
-            tells = "nothing of its primaries, was taken for Rec.709"
-            tells = tells if own is None else f"that its primaries are {title_of(own)}"
-            notes.append(
-                f"{term.probe.name}: it says {tells}, and was converted to {title_of(colors)}; "
-                "`working` chooses others"
-            )
-    return tuple(found), tuple(notes)
 
 
 def _primaries(what: str, key: str, value: Any) -> tuple[float, ...] | None:
@@ -280,9 +264,9 @@ def _disc(what: str, table: dict[str, Any], colors: tuple[float, ...] | None) ->
         radius = math.radians(_number(what, "radius", table["radius"], 0, 180))
     else:
         radius = radius_of(_number(what, "solid_angle", table["solid_angle"], 0, 4 * math.pi))
-    if radius < _LEAST_RADIUS:
+    if radius < LEAST_RADIUS:
         raise ProbeError(
-            f"{what}: too small; give a radius of {math.degrees(_LEAST_RADIUS):.2g} degrees or more"
+            f"{what}: too small; give a radius of {math.degrees(LEAST_RADIUS):.2g} degrees or more"
         )
     radiance = _color(what, key := _only(what, table, "radiance", "irradiance"), table[key])
     if key == "irradiance":

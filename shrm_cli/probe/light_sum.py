@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.color import conversion
+from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.disc import Disc, disc_rows
 from shrm_cli.probe.make import latlong_solid_angles
@@ -51,6 +51,24 @@ class Term:
     scale: Array
 
 
+def in_one_color(
+    terms: list[Term], colors: tuple[float, ...] | None, is_asked: bool
+) -> tuple[tuple[Term, ...], tuple[str, ...]]:
+    """The probes in the same primaries, and a line about each that nobody asked to convert."""
+    found, notes = [], []
+    for term in terms:
+        own = term.probe.chromaticities
+        found.append(replace(term, probe=term.probe.in_primaries(colors)))
+        if not (is_asked or same_primaries(own, colors)):
+            tells = "nothing of its primaries, was taken for Rec.709"
+            tells = tells if own is None else f"that its primaries are {title_of(own)}"
+            notes.append(
+                f"{term.probe.name}: it says {tells}, and was converted to {title_of(colors)}; "
+                "`working` chooses others"
+            )
+    return tuple(found), tuple(notes)
+
+
 @record(eq=False)
 class SumImage:
     """The lat-long of a sum, which is made when it is first read; a `ProbeImage`.
@@ -70,7 +88,7 @@ class SumImage:
         What a user should know, a line each.
     series : ndarray, shape ((order+1)^2, 3), optional
         Coefficients of light that is given by them.
-    file_format : {"light file", "coefficients"}
+    file_format : {"light file", "USD stage", "coefficients"}
         What the sum was read from.
     """
 
@@ -101,7 +119,7 @@ class SumImage:
             for term in self.terms
         ]
         found: dict[str, Any] = {} if self.series is None else _facts_of_series(self.series)
-        if self.file_format == "light file":
+        if self.file_format != "coefficients":
             found |= {"probes": probes, "discs": [_facts_of(disc) for disc in self.discs]}
         return found
 

@@ -26,7 +26,7 @@ from shrm_cli.probe.image import (
     digest,
     grid_of,
 )
-from shrm_cli.probe.image_file import ImageFile, check_file
+from shrm_cli.probe.image_file import ImageFile, check_file, is_image_name
 from shrm_cli.probe.options import ColorReading, ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.pixels import Block, BlockReader, PixelPolicy, PixelReport
 from shrm_cli.records import Displayed, record
@@ -284,8 +284,8 @@ def open_probe(
     ----------
     path : path-like
         An image file, six of them with ``%`` in place of ``+X``, ``-X``, ..., a light file
-        (``.toml``), which names probes and circular lights, or a file of harmonic coefficients,
-        see `shrm_cli.probe.series`.
+        (``.toml``), which names probes and circular lights, a stage of USD (``.usda``, ``.usdz``,
+        ...), or a file of harmonic coefficients, see `shrm_cli.probe.series`.
     options : ReadOptions, optional
         How the file is to be understood.
     **keywords
@@ -309,7 +309,7 @@ def open_probe(
 
 def _opened(name: str, options: ReadOptions) -> Probe:
     """Open a probe, whose box is the one that its file tells."""
-    if is_light_file(name):
+    if is_light_file(name) or is_stage(name):
         from shrm_cli.probe.light_file import open_light_file
 
         return open_light_file(name, options)
@@ -325,6 +325,8 @@ def _opened(name: str, options: ReadOptions) -> Probe:
         layout: Layout = "faces"
     elif options.layout == "faces":
         raise ProbeError(f"{name}: write % in place of +X, -X, ... to name the files of six faces")
+    elif not is_image_name(name) and (probe := _open_by_package(name, options)) is not None:
+        return probe
     else:
         files = (_open_file(name, options),)
         layout = options.layout or _layout_of(files[0])
@@ -336,6 +338,11 @@ def _opened(name: str, options: ReadOptions) -> Probe:
 def is_light_file(name: str) -> bool:
     """Whether a name is that of a light file, by its suffix."""
     return name.lower().endswith(".toml")
+
+
+def is_stage(name: str) -> bool:
+    """Whether a name is that of a stage of USD, by its suffix."""
+    return name.lower().endswith((".usda", ".usd", ".usdc", ".usdz"))
 
 
 def _may_hold_series(name: str) -> bool:
@@ -394,6 +401,21 @@ def _open_file(name: str, options: ReadOptions) -> ImageFile | DdsFile:
     if options.part is not None or options.layer is not None:
         raise ProbeError(f"{name}: a DDS file has no parts or layers; leave `part` and `layer` out")
     return dds
+
+
+def _open_by_package(name: str, options: ReadOptions) -> Probe | None:
+    """Open a file that an installed package reads; None where none does."""
+    from shrm_cli.probe.reader import read_by_package
+
+    read = read_by_package(name)
+    if read is None:
+        return None
+    image, said = read
+    layout = options.layout or said.get("layout")
+    layout = layout or detect_layout(name, image.width, image.height, "")
+    options = replace(options, orientation=options.orientation or said.get("orientation"))
+    sampling: Sampling = said.get("sampling", "center")
+    return _make_probe(name, (image,), layout, sampling, options, said.get("chromaticities"))
 
 
 def _open_dds(path: Path) -> DdsFile | None:

@@ -1,6 +1,6 @@
-"""The script of `shrm export --for blender`: the names of Blender's API, and Blender itself.
+"""The script of `shrm export --for blender` and the extension: Blender's API, and Blender itself.
 
-SHRM_BLENDER names a Python that has the package `bpy` (`pip install bpy`), for the latter.
+SHRM_BLENDER names a Python that has the package `bpy`, for the latter: `make blender` installs it.
 """
 
 import json
@@ -17,6 +17,7 @@ import pytest
 
 from shrm_cli.export.engine import engine
 from shrm_cli.export.make import Asked, Source, export, write
+from tests.cli.helpers import ROOT, done
 from tests.web import letters
 
 NAME = "li\"ght's 灯"
@@ -111,3 +112,35 @@ def test_letters_can_be_read_in_blender(tmp_path):
         for wrong in (text[:, ::-1], text[::-1], text.T):
             assert letters.likeness(picture, wrong) < right - 0.1
         assert np.abs(picture[..., 1] - text)[4:-4, 4:-4].mean() < 0.02  # and is as bright
+
+
+@pytest.mark.proof
+@pytest.mark.skipif("SHRM_BLENDER" not in os.environ, reason="SHRM_BLENDER names a Python with bpy")
+def test_the_extension_in_blender(tmp_path):
+    """A ball in the world that the panel makes looks as the truth of `shrm reference` does."""
+    user = tmp_path / "user"
+    for kind in ("config", "scripts", "extensions"):
+        (user / kind).mkdir(parents=True)
+    probe, view = ROOT / "probes" / "studio.exr", (40, 20)
+    command = f"{sys.executable} -m shrm_cli"
+    subprocess.run(
+        [os.environ["SHRM_BLENDER"], Path(__file__).parent / "blender_extension.py",
+         ROOT / "examples" / "blender", command, probe, tmp_path, *map(str, view)],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "BLENDER_USER_RESOURCES": str(user)},
+        check=True,
+    )  # fmt: skip
+    rows, columns = (np.mgrid[:32, :32] - 15.5) / (0.45 * 32)
+    inside = np.hypot(rows, columns) < 0.9
+    for kind, brdf in (("Diffuse", "lambertian"), ("Glossy", "ggx:roughness=0.5,f0=1")):
+        truth = tmp_path / f"{kind}.truth.exr"
+        place = f"{view[0]},{view[1]}"
+        done("reference", probe, "--brdf", brdf, "--view", place, "--size", 32, "-o", truth)
+        found, wanted = (
+            np.asarray(oiio.ImageBuf(str(path)).get_pixels())[..., :3]
+            for path in (tmp_path / f"{kind}.exr", truth)
+        )
+        off = np.abs(found - wanted)[inside].mean() / wanted[inside].mean()
+        mirrored = np.abs(found[:, ::-1] - wanted)[inside].mean() / wanted[inside].mean()
+        assert off < 0.02, kind
+        assert mirrored > 3 * off
+        assert found[inside].mean() == pytest.approx(wanted[inside].mean(), rel=0.01)

@@ -28,7 +28,7 @@ HEIGHT = 64
 LAMP = np.array([0.48, 0.6, -0.64])
 MINE = [
     "filament", "bevy", "gltf-sample-viewer", "unity", "unreal", "godot", "cesium", "playcanvas",
-    "model-viewer", "blender", "realitykit",
+    "model-viewer", "blender", "realitykit", "usd",
 ]  # fmt: skip
 
 
@@ -233,6 +233,20 @@ def test_blender(probe, tmp_path, rng):
         return u, 1 - (np.arctan2(z, np.hypot(x, y)) / np.pi + 0.5)
 
     assert_latlong(latlong(tmp_path, "sky_world.exr"), place, rng)
+
+
+def test_usd(probe, tmp_path, rng):
+    exported(probe, "usd", tmp_path)
+
+    def place(x, y, z):
+        """By the words of USD's schema, from longitude pi at the left to -pi at the right."""
+        return 0.5 - np.arctan2(x, z) / (2 * np.pi), 0.5 - np.arcsin(y) / np.pi
+
+    assert_latlong(latlong(tmp_path, "sky_dome.exr"), place, rng)
+    text = (tmp_path / "sky.usda").read_text()
+    assert "@./sky_dome.exr@" in text
+    assert 'DomeLight_1 "Dome"' in text
+    assert 'poleAxis = "Y"' in text
 
 
 def test_realitykit(probe, tmp_path, rng):

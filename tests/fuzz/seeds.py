@@ -13,6 +13,7 @@ import shutil
 import struct
 import zlib
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -241,6 +242,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         Seed("product texture", "product.exr", _PRODUCT),
         *(Seed("coefficients of light", name, _LIGHTS) for name in _series(folder)),
         *(Seed("light file", name, _EDITED) for name in _lights(folder)),
+        *(Seed("stage of USD", name, _LIGHTS) for name in _stages(folder)),
         Seed("arguments", SOUND, _ARGUMENTS),
         *(Seed(kind, name, _ASSET if "gl" in name else _MESH) for kind, name in _meshes(folder)),
         Seed("materials of OBJ", "m.mtl", _OF_OBJ),
@@ -409,6 +411,25 @@ def _lights(folder: Path) -> list[str]:
         '[-0.1, 0, 0]]\nprimaries = "p3"\n'
     )
     return ["a.toml", "b.toml", "c.toml"]
+
+
+def _stages(folder: Path) -> list[str]:
+    """A stage of USD, where OpenUSD is installed; the name of the file.
+
+    It is text: damaged binary layers crash OpenUSD itself, as docs/usd.md says.
+    """
+    if find_spec("pxr") is None:
+        return []
+    (folder / "stage.usda").write_text(
+        '#usda 1.0\n(\n upAxis = "Z"\n)\ndef Xform "Rig" {\n float xformOp:rotateZ = 30\n'
+        ' uniform token[] xformOpOrder = ["xformOp:rotateZ"]\n def DomeLight_1 "Dome" {\n'
+        f"  asset inputs:texture:file = @./{SOUND}@\n  color3f inputs:color = (1, 0.5, 2)\n"
+        '  uniform token poleAxis = "scene"\n  float inputs:exposure = 1\n }\n'
+        ' def DistantLight "Sun" {\n  float inputs:angle = 0.5\n'
+        "  bool inputs:normalize = 1\n }\n}\n"
+        'def "Copy" (references = </Rig>) {}\n'
+    )
+    return ["stage.usda"]
 
 
 def _series(folder: Path) -> list[str]:

@@ -75,7 +75,8 @@ def test_usd_in_its_own_library(latlong, tmp_path):
     (tmp_path / "sun.usda").write_text(usd_text(latlong, "rest.exr"))
     stage = usd.Stage.Open(str(tmp_path / "sun.usda"))
     assert UsdGeom.GetStageUpAxis(stage) == "Y"
-    dome = UsdLux.DomeLight(stage.GetPrimAtPath("/Lights/Residual"))
+    dome = UsdLux.DomeLight_1(stage.GetPrimAtPath("/Lights/Residual"))
+    assert dome.GetPoleAxisAttr().Get() == "Y"
     assert dome.GetTextureFileAttr().Get().path == "./rest.exr"
     lamp = UsdLux.DistantLight(stage.GetPrimAtPath("/Lights/Lamp1"))
     check_usd(

@@ -1,0 +1,298 @@
+"""Stages of USD in place of a probe: the sum of their dome lights and distant lights.
+
+OpenUSD reads them (the package `usd-core`, used by this module alone). Files may come from
+anywhere: every layer and every texture has to lie in the folder of the file that is named or below
+it, and what a stage grows to by its references is counted before it is composed.
+
+References
+----------
+OpenUSD, pxr/usd/usdLux/schema.usda: a lat-long of a dome lies as OpenEXR defines it, which is ours.
+Where the pole of a `DomeLight_1` is +Z, the centre of the lat-long looks along -Y. Distant lights
+shine along their own -Z.
+"""
+
+import hashlib
+import os
+import stat
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.errors import ProbeError
+from shrm_cli.extras import install
+from shrm_cli.files.openimageio import caught
+from shrm_cli.files.texture import beside
+from shrm_cli.files.whole import note, scratch_folder
+from shrm_cli.probe.disc import LEAST_RADIUS, Disc, facing_factor
+from shrm_cli.probe.image import ArrayImage
+from shrm_cli.probe.image_file import check_file
+from shrm_cli.probe.light_sum import LightSum, SumImage, Term, in_one_color
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.sphere.directions import normalize
+
+_MOST_BYTES = 2**28
+"""The most bytes of a layer."""
+_MOST_LAYERS, _MOST_PRIMS, _MOST_LIGHTS = 256, 10**6, 1000
+_Z_UP = ReadOptions(up="z").matrix()
+"""From the axes of a stage whose +Z is up to ours; its inverse turns a dome from +Y to +Z."""
+_ANIMATED = "is animated, and is as in its first frame"
+_LAYOUTS = {"latlong": "latlong", "angular": "angular", "cubeMapVerticalCross": "vcross"}
+
+
+def open_stage(name: str, options: ReadOptions) -> LightSum:
+    """Open the lights of a stage that are infinitely far away, as one probe.
+
+    Parameters
+    ----------
+    name : str
+        A file that ends with .usda, .usdc, .usd or .usdz.
+    options : ReadOptions
+        What turns a probe turns the stage, after its up axis was turned to +Y; all else is said of
+        the textures.
+
+    Raises
+    ------
+    ProbeError
+        If OpenUSD is not installed, the stage is damaged or has no such light, or one of its
+        layers or textures lies elsewhere or cannot be read.
+    """
+    try:
+        import pxr.Tf
+    except ImportError as error:
+        said = f"{name}: stages of USD need the package usd-core; {install('usd')}"
+        raise ProbeError(said) from error
+    path = check_file(name)
+    try:
+        with _unpacked(path) as root, caught():
+            content = _check_layers(root)
+            return _Lights(name, path, root).sum(options, content)
+    except pxr.Tf.ErrorException as error:
+        raise ProbeError(f"{name}: its lights cannot be read (damaged, or no USD)") from error
+    except (ValueError, OSError, RecursionError, zipfile.BadZipFile) as error:
+        why = " ".join(str(error).split())[:200]
+        raise ProbeError(f"{name}: its lights cannot be read ({why})") from error
+
+
+@contextmanager
+def _unpacked(path: Path) -> Iterator[Path]:
+    """Yield the layer that a stage begins with; a package's files are in a folder meanwhile."""
+    if not zipfile.is_zipfile(path):
+        yield path
+        return
+    with zipfile.ZipFile(path) as package, scratch_folder() as folder:
+        files = [each for each in package.infolist() if not each.is_dir()]
+        if not 1 <= len(files) <= _MOST_LAYERS * 16:
+            raise ValueError(f"a package of {len(files):,} files")
+        for each in files:
+            if each.compress_type != zipfile.ZIP_STORED or stat.S_ISLNK(each.external_attr >> 16):
+                raise ValueError("packages of USD hold files as they are; make it by usdzip")
+            package.extract(each, folder)
+        yield folder / files[0].filename
+
+
+def _check_layers(root: Path) -> bytes:
+    """Return the digest of all layers of a stage, none of which leads out of its folder.
+
+    How many prims the stage may have is counted without composing it: each reference adds all
+    that it refers to, and few of them within each other would fill the memory.
+    """
+    from pxr import Sdf
+
+    digest = hashlib.sha256()
+    layers: dict[str, Any] = {}
+    counts: dict[tuple[str, str], int] = {}
+
+    def opened(path: Path) -> Any:
+        real = os.path.realpath(path)
+        if real not in layers:
+            if path.stat().st_size > _MOST_BYTES or len(layers) == _MOST_LAYERS:
+                raise ValueError("its layers are too large, or too many; flatten its lights")
+            note(path)
+            digest.update(path.read_bytes())
+            layers[real] = Sdf.Layer.FindOrOpen(os.fspath(path))
+            layers[real].Reload(True)  # it may be in memory as it was
+            for each in layers[real].subLayerPaths:
+                named(layers[real], each)
+        return layers[real]
+
+    def named(layer: Any, asset: str) -> Any:
+        """The layer that another one names; without a name it is that one."""
+        if not asset:
+            return layer
+        target = Path(layer.realPath).parent / asset
+        return opened(beside(os.fspath(root), os.path.relpath(target, root.parent), "layer"))
+
+    def prims(layer: Any, path: Any) -> int:
+        """At most how many prims a prim adds to a stage, with what it refers to."""
+        key = layer.realPath, str(path)
+        spec = layer.GetPrimAtPath(path)
+        if spec is None or key in counts:
+            return counts.get(key, 0)
+        counts[key] = 0  # what refers to itself is no prim
+        if spec.HasInfo("clips"):
+            raise ValueError("value clips are not read; flatten its lights")
+        found = 1
+        for each in (spec.referenceList, spec.payloadList):
+            for arc in each.GetAddedOrExplicitItems():
+                target = named(layer, arc.assetPath)
+                home = arc.primPath or f"/{target.defaultPrim.lstrip('/')}"
+                found += prims(target, home) if home != "/" else 0
+        for each in (spec.inheritPathList, spec.specializesList):
+            found += sum(prims(layer, arc) for arc in each.GetAddedOrExplicitItems())
+        variants = [v.primSpec for s in spec.variantSets.values() for v in s.variants.values()]
+        found += sum(prims(layer, each.path) for each in (*spec.nameChildren, *variants) if each)
+        counts[key] = found
+        return found
+
+    opened(root)
+    total = done = 0
+    while done < len(layers):  # which may become more by what is found
+        layer = [*layers.values()][done]
+        total += sum(prims(layer, each.path) for each in layer.rootPrims if each)
+        done += 1
+    if total > _MOST_PRIMS:
+        raise ValueError(f"{total:,} prims; write its lights into a layer of their own")
+    return digest.digest()
+
+
+class _Lights:
+    """The lights of a stage, and what is said about them.
+
+    Attributes
+    ----------
+    name : str
+        What messages call the stage.
+    path, root : Path
+        The file that was named, and the layer that the stage begins with.
+    """
+
+    def __init__(self, name: str, path: Path, root: Path) -> None:
+        from pxr import Usd, UsdGeom
+
+        self.name, self.path, self.root = name, path, root
+        self.stage = Usd.Stage.Open(os.fspath(root))
+        is_z_up = UsdGeom.GetStageUpAxis(self.stage) == UsdGeom.Tokens.z
+        self.axes = _Z_UP if is_z_up else np.eye(3)
+        self.notes: list[str] = []
+
+    def sum(self, options: ReadOptions, content: bytes) -> LightSum:
+        """The sum of the lights that are far and are seen."""
+        from pxr import UsdGeom, UsdLux
+
+        terms, distant, near = [], [], 0
+        for prim in self.stage.Traverse():
+            if not prim.HasAPI(UsdLux.LightAPI):
+                continue
+            is_dome = prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1)
+            if UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
+                self.notes.append(f"{prim.GetName()} is invisible, and is left out")
+            elif is_dome:
+                terms.append(self._dome(prim, options))
+            elif prim.IsA(UsdLux.DistantLight):
+                distant.append(prim)
+            elif not prim.IsA(UsdLux.PortalLight):
+                near += 1
+            if len(terms) + len(distant) > _MOST_LIGHTS:
+                raise ValueError(f"more than {_MOST_LIGHTS:,} lights")
+        if not terms and not distant:
+            raise ValueError("it has no DomeLight, DomeLight_1 or DistantLight that is visible")
+        if near:
+            self.notes.append(f"{near} of its lights are near, and are left out")
+        colors = next((t.probe.chromaticities for t in terms if t.probe.chromaticities), None)
+        converted, told = in_one_color(terms, colors, options.working is not None)
+        discs = tuple(self._disc(each) for each in distant)
+        notes = (*dict.fromkeys(self.notes), *told)
+        image = SumImage(
+            self.name, self.path, content, converted, discs, notes, file_format="USD stage"
+        )
+        return LightSum.of(image, options.matrix(), colors)
+
+    def _dome(self, prim: Any, options: ReadOptions) -> Term:
+        from pxr import Sdf, UsdLux
+
+        matrix, scale = self._matrix(prim), self._color(prim)
+        pole = prim.GetAttribute("poleAxis").Get() if prim.IsA(UsdLux.DomeLight_1) else "Y"
+        if pole == "Z" or (pole == "scene" and self.axes is _Z_UP):
+            matrix = matrix @ _Z_UP.T
+        if prim.GetRelationship("portals").GetTargets():
+            self.notes.append(f"{prim.GetName()}: its portals are ignored; all of it is seen")
+        file, kind = (self._value(prim, f"inputs:texture:{each}") for each in ("file", "format"))
+        if not isinstance(file, Sdf.AssetPath) or not file.path:
+            white = Probe.from_array(np.ones((16, 32, 3)), name=prim.GetName())
+            return Term(white, scale)
+        if kind not in (*_LAYOUTS, "automatic"):
+            raise ValueError(f"{prim.GetName()}: a {kind} is no layout that is read; convert it")
+        layout = options.layout or _LAYOUTS.get(kind)
+        reading = replace(options, yaw=0, pitch=0, roll=0, mirror=False, up="y", layout=layout)
+        folder = self.root.parent
+        found = os.path.relpath(file.resolvedPath or folder / file.path, folder)
+        probe = open_probe(beside(os.fspath(self.root), found), reading)
+        if self.root != self.path:  # the files of a package are gone when pixels are read
+            images = [(each.read(0, each.height), found) for each in probe.images]
+            arrays = tuple(ArrayImage.copy_of(*each) for each in images)
+            probe = replace(probe, name=found, images=arrays)
+        return Term(replace(probe, matrix=matrix), scale)
+
+    def _disc(self, prim: Any) -> Disc:
+        """A distant light; one without a size is as small as discs can be."""
+        angle = self._value(prim, "inputs:angle")
+        radius = max(np.radians(angle) / 2, LEAST_RADIUS)
+        color = self._color(prim)
+        if self._value(prim, "inputs:normalize") or angle <= 0:
+            color = color / facing_factor(radius)
+        return Disc(normalize(self._matrix(prim)[:, 2]), radius, color)
+
+    def _matrix(self, prim: Any) -> Array:
+        """What turns the axes of a light to ours, shape (3, 3): where it is matters to none."""
+        from pxr import Usd, UsdGeom
+
+        if UsdGeom.Xformable(prim).TransformMightBeTimeVarying():
+            self.notes.append(f"{prim.GetName()} {_ANIMATED}")
+        world = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.EarliestTime())
+        rows = np.array(world)[:3, :3]  # OpenUSD multiplies row vectors
+        if not np.isfinite(rows).all() or np.linalg.matrix_rank(rows) < 3:
+            raise ValueError(f"{prim.GetName()}: its transform is no rotation")
+        left, sizes, right = np.linalg.svd(rows.T)
+        if np.ptp(sizes) > 1e-4 * sizes[0]:
+            self.notes.append(f"{prim.GetName()}: its transform scales unevenly, and only turns it")
+        return np.asarray(self.axes @ left @ right)
+
+    def _color(self, prim: Any) -> Array:
+        """What the texture of a light is multiplied by, or its own radiance, shape (3,)."""
+        from pxr import UsdLux
+
+        names = ("color", "intensity", "exposure")
+        color, intensity, exposure = (
+            np.array(self._value(prim, f"inputs:{each}"), dtype=float) for each in names
+        )
+        with np.errstate(over="ignore", invalid="ignore"):  # it is refused below
+            color = color * intensity * np.exp2(exposure)
+        if self._value(prim, "inputs:enableColorTemperature"):
+            kelvin = self._value(prim, "inputs:colorTemperature")
+            color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin))
+        if any(self._value(prim, f"inputs:{each}") != 1 for each in ("diffuse", "specular")):
+            self.notes.append(f"{prim.GetName()}: its diffuse and specular factors are ignored")
+        if prim.GetRelationship("light:filters").GetTargets():
+            self.notes.append(f"{prim.GetName()}: its filters are ignored")
+        if not (np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1e30):
+            raise ValueError(f"{prim.GetName()}: its color, intensity and exposure give no light")
+        return np.asarray(color)
+
+    def _value(self, prim: Any, attribute: str) -> Any:
+        from pxr import Usd
+
+        found = prim.GetAttribute(attribute)
+        if found.ValueMightBeTimeVarying():
+            self.notes.append(f"{prim.GetName()} {_ANIMATED}")
+        value = found.Get(Usd.TimeCode.EarliestTime())
+        usual = prim.GetPrimDefinition().GetAttributeFallbackValue(attribute)
+        if usual is not None and type(value) is not type(usual):
+            raise ValueError(f"{prim.GetName()}: {attribute} has no value of its type")
+        return value
