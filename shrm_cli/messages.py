@@ -6,6 +6,8 @@ manifests and scenes they are keys, which no flag stands for.
 
 import re
 
+from shrm_cli.errors import ArgumentError
+
 ARGUMENT = re.compile(r"`([a-z][a-z0-9_]*)(=False)?`")
 """An argument in a message: its name, and whether it is false."""
 
@@ -37,3 +39,23 @@ def explained(error: BaseException, path: str | None = None) -> str:
     lines = [frame.lineno for frame in frames if path is not None and frame.filename == path]
     place = f"line {lines[-1]}: " if lines else ""
     return place + " ".join(words.split())
+
+
+def refuse_arguments(what: str, **values: object) -> None:
+    """Refuse arguments that would change nothing, if any of them is given.
+
+    Parameters
+    ----------
+    what : str
+        What the arguments do not apply to, such as ``"a map of representation she"``.
+    **values
+        The arguments by their names. An argument that is None counts as not given.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is given.
+    """
+    for name, value in values.items():
+        if value is not None:
+            raise ArgumentError(name, f"does not apply to {what}")

@@ -183,7 +183,7 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
     if isinstance(work, Rising):
         work.end()
     info = replace(found.map.info, options=request.record(probe))
-    found = replace(found, map=replace(found.map, info=info))  # type: ignore[type-var]
+    found = replace(found, map=found.map.with_info(info))
     if not needs_brdf:  # maps of light alone have words of their own for what is negative
         return found
     return examined(_finished(found, probe, lamps, request.brdf))

@@ -18,10 +18,10 @@ from shrm_cli.choose.cost import (
 )
 from shrm_cli.choose.offer import Offer
 from shrm_cli.choose.truth import Truth
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectedLight
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.size import stored_bytes, total_error
-from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -94,18 +94,18 @@ def made_offer(
         return prefilter_with_facts(probe, form, given, progress).map
 
     made = make(progress)
-    shown: Map | BrushedSplitSum = made
+    shown: ReflectedLight = made.shaded()
     scale = np.ones(3)
     if wanted.taps is not None:
         shown = _brushed(made, brdf, wanted.taps)
-    elif made.needs_surface:
+    elif isinstance(made, LightMap):
         shown = made.shaded(brdf.number("roughness"), brdf.color("f0"))
     elif form == "irradiance":
         scale = np.array(brdf.color("albedo"))
     error, share = truth.errors(shown, scale)
     what, stored, cost = _described(made, brdf, wanted.taps)
     measured: tuple[str, ...] = ("error", "wrong_share")
-    if not made.needs_surface:
+    if not isinstance(made, LightMap):
         info = made.info
         missing = float(np.hypot(info.predicted_error, info.added_error))
         error, measured = total_error(missing, info.filter_error), ("wrong_share",)
@@ -115,10 +115,10 @@ def made_offer(
     )  # fmt: skip
 
 
-def _brushed(made: Any, brdf: Any, taps: int) -> BrushedSplitSum:
+def _brushed(made: Map, brdf: Any, taps: int) -> ReflectedLight:
     """Return a split sum as brushed GGX shows it."""
     roughness, anisotropy, f0 = brdf.brushed_surface
-    return BrushedSplitSum(made, roughness, f0, anisotropy, taps)
+    return made.shaded(roughness, f0, anisotropy, taps)
 
 
 def _described(made: Any, brdf: Brdf, taps: int | None) -> tuple[str, int, Cost]:

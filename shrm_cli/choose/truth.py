@@ -13,7 +13,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.reference import Reference
 from shrm_cli.render.seen import seen_errors
-from shrm_cli.render.sphere import ReflectionMap
+from shrm_cli.render.sphere import Reflecting
 from shrm_cli.sphere.directions import bisector
 
 _POINTS = 400
@@ -47,12 +47,12 @@ class Truth:
         truth = Reference(self._probe, self._brdf, height, progress=self._progress)
         return truth.radiance(self._normals, self._views)
 
-    def errors(self, shown: ReflectionMap, scale: ArrayLike = 1.0) -> tuple[float, float]:
+    def errors(self, shown: Reflecting, scale: ArrayLike = 1.0) -> tuple[float, float]:
         """Measure a map.
 
         Parameters
         ----------
-        shown : ReflectionMap
+        shown : Reflecting
         scale : array_like, shape (3,)
             What its light is multiplied with.
 

@@ -18,7 +18,7 @@ from shrm_cli.cli.options import (
     warn,
 )
 from shrm_cli.cli.outputs import PAGES, check_outputs
-from shrm_cli.cli.shading import brushed_options, brushed_rules, needs_surface, surface_options
+from shrm_cli.cli.shading import brushed_options, surface_options, surface_rules
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
@@ -118,7 +118,7 @@ def view(
         files = [*maps, *([mesh] if mesh else [])]
         check_outputs([output], files=files, specs=[brdf], suffixes=PAGES)
     opened = [open_map(path) for path in maps]
-    refuse_inapplicable({**needs_surface(opened), **brushed_rules(opened)})
+    refuse_inapplicable(surface_rules(opened))
     with progress_bar("integrating") as progress:
         shown = view_of(
             opened, light, brdf, names=maps, mesh=mesh, **shown_as,

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.probe.proxy import carried
 from shrm_cli.records import record
@@ -22,9 +22,9 @@ Parts = tuple[tuple[Any, str], ...]
 Vectors = tuple[Array, Array, Array | None]
 
 
-def parts_of(made: Map, shown: Any) -> Parts:
+def parts_of(made: Map, shown: ReflectedLight) -> Parts:
     """Return what a map consists of; with a surface it has one part, about the map's center."""
-    return made.parts if shown is None or shown is made else ((shown, made.center),)
+    return shown.parts if isinstance(shown, ReflectionMap) else ((shown, made.center),)
 
 
 def seen_from(made: Map, center: str, vectors: Vectors, points: Array | None) -> Vectors:
@@ -51,13 +51,13 @@ def seen_from(made: Map, center: str, vectors: Vectors, points: Array | None) ->
 
 
 @record(eq=False)
-class Placed:
+class Placed(ReflectedLight):
     """A map as a sphere shows it that stands in the room of its probe.
 
     Attributes
     ----------
     made : Map
-    shown : object with `info` and `radiance`
+    shown : ReflectedLight
         The map with its surface.
     place : ndarray, shape (3,)
         The sphere's middle, world axes.
@@ -65,13 +65,13 @@ class Placed:
     """
 
     made: Map
-    shown: Any
+    shown: ReflectedLight
     place: Array
     radius: float
 
     @classmethod
     def of(
-        cls, made: Map, shown: Any, name: str, place: ArrayLike, radius: float | None
+        cls, made: Map, shown: ReflectedLight, name: str, place: ArrayLike, radius: float | None
     ) -> "Placed":
         """Place a map; the radius is a tenth of the box's shortest edge by default.
 
@@ -92,8 +92,7 @@ class Placed:
     @property
     def info(self) -> MapInfo:
         """How the map was made."""
-        found: MapInfo = self.shown.info
-        return found
+        return self.shown.info
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Return the radiance of the sphere where it has some normals; see `Map.radiance`."""

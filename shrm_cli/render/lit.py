@@ -6,18 +6,16 @@ from typing import Any
 
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectedLight
+from shrm_cli.maps.kinds import LightMap, MaterialMap
 from shrm_cli.maps.negative import negative_share, negative_warnings
-from shrm_cli.maps.product.window import product_window
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.shading import (
-    KnownMap,
     ggx_surface,
     outside_range,
     reflectance,
     shown_as,
-    takes_f0,
 )
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS
 
@@ -41,7 +39,7 @@ def shaded_maps(
     f0: str | None,
     anisotropy: float | None = None,
     taps: int | None = None,
-) -> tuple[list[KnownMap], dict[str, Any], list[str]]:
+) -> tuple[list[ReflectedLight], dict[str, Any], list[str]]:
     """Give a surface to the maps of light alone, such as split sums and SH exponentials.
 
     Parameters
@@ -59,7 +57,7 @@ def shaded_maps(
 
     Returns
     -------
-    maps : list of KnownMap
+    maps : list of ReflectedLight
         All maps, those of light alone with the surface.
     surface : dict
         Roughness and reflectance of the first map's surface, for a result; without a reflectance
@@ -67,18 +65,18 @@ def shaded_maps(
     warnings : list of str
         One for each map that was not made for this roughness.
     """
-    if not any(each.needs_surface for each in maps):
-        return list(maps), {}, []
+    lights = [each for each in maps if isinstance(each, LightMap)]
+    if not lights:
+        return [each.shaded() for each in maps], {}, []
     surfaces = [surface_of(roughness, f0, each.info.chromaticities, anisotropy) for each in maps]
     rough = surfaces[0].number("roughness")
     surface: dict[str, Any] = {"roughness": rough, "f0": list(surfaces[0].color("f0"))}
     if anisotropy is not None:
         surface["anisotropy"] = anisotropy
     warnings = outside_range(dict(zip(names, maps, strict=True)), rough)
-    if not takes_f0(next(each for each in maps if each.needs_surface)):
+    if "f0" not in lights[0].surface_arguments:
         del surface["f0"]
-    pairs = zip(maps, surfaces, strict=True)
-    shown = [shown_as(each, own, taps) if each.needs_surface else each for each, own in pairs]
+    shown = [shown_as(each, own, taps) for each, own in zip(maps, surfaces, strict=True)]
     return shown, surface, warnings
 
 
@@ -112,14 +110,14 @@ def lit_maps(
     light = None if probe is None else Projection(probe)
     found, warnings = [], []
     for each, name in zip(maps, names, strict=True):
-        if not each.needs_light:
+        if not isinstance(each, MaterialMap):
             found.append(each)
             continue
         if light is None:
             raise MapError(f"{name}: a product texture that holds no light; give `probe`")
         order = each.info.order_f
         series = light.to_order(order).coefficients[: (order + 1) ** 2]
-        shape = product_window(window or "auto", each, series)
+        shape = each.window(window or "auto", series)
         lit = each.lit(shape.apply(series))
         if shape.factors:
             warnings.append(
@@ -127,7 +125,7 @@ def lit_maps(
                 f"{shape.change:.1%} RMS, p95 {shape.p95_change:.0%}; `window` none leaves it"
             )
         # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
-        lit = replace(lit, info=replace(lit.info, chromaticities=light.probe.chromaticities))  # type: ignore[type-var]
+        lit = lit.with_info(replace(lit.info, chromaticities=light.probe.chromaticities))
         warnings += [f"{name}: {line}" for line in negative_warnings(lit, negative_share(lit))]
         found.append(lit)
     return found, warnings

@@ -1,33 +1,15 @@
 """The surface that maps of light alone are shown as, and a check of its roughness."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol
 
-from numpy.typing import ArrayLike
-
-from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.base import Map
-from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
-from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.vocabulary import DEFAULT_TAPS
 
 _ROUNDING = 1e-6
 """How far a roughness may lie outside a map's range, which files hold as 32-bit floats."""
-
-
-class KnownMap(Protocol):
-    """A map that reflects light and knows how it was made."""
-
-    @property
-    def info(self) -> MapInfo:
-        """How the map was made: its light, its BRDF and its errors."""
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return reflected radiance (..., 3) for unit vectors (..., 3) in world axes."""
 
 
 def ggx_surface(
@@ -53,32 +35,11 @@ def ggx_surface(
     return Ggx(**{key: value for key, value in given.items() if value is not None})
 
 
-def takes_f0(made: Map) -> bool:
-    """Tell whether a map is shown with a reflectance at normal incidence, as those of GGX are."""
-    return made.needs_surface and not (isinstance(made, SplitSum) and not made.is_ggx)
-
-
-def shown_as(made: Map, surface: Ggx, taps: int | None = None) -> Any:
-    """Return the light of a map as a GGX surface reflects it; see `Map.shaded`.
-
-    Parameters
-    ----------
-    made : Map
-    surface : Ggx
-        It may be brushed, if the map is a split sum of GGX.
-    taps : {3, 5, 8}, optional
-        How many directions the light of a brushed surface is looked up in; 5 by default.
-    """
-    roughness, f0 = surface.number("roughness"), surface.color("f0")
-    if surface.isotropic:
-        return made.shaded(roughness, f0)
-    assert isinstance(made, SplitSum)
-    return BrushedSplitSum(made, roughness, f0, surface.number("anisotropy"), taps or DEFAULT_TAPS)
-
-
-def can_be_brushed(made: Map) -> bool:
-    """Tell whether a map is shown with an anisotropy, as split sums of GGX are."""
-    return isinstance(made, SplitSum) and made.is_ggx
+def shown_as(made: Map, surface: Ggx, taps: int | None = None) -> ReflectedLight:
+    """Return the light of a map as a GGX surface reflects it; see `Map.shaded`."""
+    anisotropy = 0.0 if surface.isotropic else surface.number("anisotropy")
+    numbers = surface.number("roughness"), surface.color("f0"), anisotropy
+    return made.shaded(*numbers, taps or DEFAULT_TAPS)
 
 
 def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color:

@@ -6,14 +6,14 @@ and a white one tell all others.
 """
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import ReflectedLight
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.render.shading import ggx_surface, shown_as
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
@@ -29,15 +29,16 @@ class VariedSurface:
 
     Parameters
     ----------
-    made : Map
-        One that needs a surface.
+    made : LightMap
     anisotropy : float, optional
         That of glTF.
     taps : {3, 5, 8}, optional
         How many directions the light of a brushed surface is looked up in.
     """
 
-    def __init__(self, made: Map, anisotropy: float | None = None, taps: int | None = None) -> None:
+    def __init__(
+        self, made: LightMap, anisotropy: float | None = None, taps: int | None = None
+    ) -> None:
         self._map, self._anisotropy, self._taps = made, anisotropy, taps
         self._surface = lru_cache(_KEPT)(self._of)
 
@@ -91,11 +92,9 @@ class VariedSurface:
     ) -> Array:
         shown = self._surface(roughness, f0)
         if tangents is None:
-            found: Array = shown.radiance(normals, views)
-            return found
-        brushed: Array = shown.brushed_radiance(normals, tangents, views)
-        return brushed
+            return shown.radiance(normals, views)
+        return shown.brushed_radiance(normals, tangents, views)
 
-    def _of(self, roughness: float, f0: Color) -> Any:
+    def _of(self, roughness: float, f0: Color) -> ReflectedLight:
         surface = ggx_surface(roughness, f0, self._anisotropy)
         return shown_as(self._map, surface, self._taps)

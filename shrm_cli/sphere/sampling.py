@@ -4,7 +4,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.sphere.cube import cube_coordinates, face_axes
+from shrm_cli.sphere.cube import (
+    cube_coordinates,
+    cube_directions,
+    cube_solid_angles,
+    face_axes,
+)
 from shrm_cli.vocabulary import Sampling
 
 _RIM = 2
@@ -91,6 +96,15 @@ class CubeSampler:
                 weight = along[i] * across[j]
                 result += weight[:, None] * faces[face, rows + i, columns + j]
         return result
+
+
+def relative_change(before: Array, after: Array, old: Sampling, new: Sampling) -> float:
+    """Return the relative RMS difference of two cubes of any sizes at the texels of the first."""
+    size = before.shape[1]
+    weights = np.tile(cube_solid_angles(size, old), (6, 1))[..., None]
+    again = CubeSampler(after, new)(cube_directions(size, old))
+    whole = np.sum(weights * before.astype(float) ** 2)
+    return float(np.sqrt(np.sum(weights * (again - before) ** 2) / whole)) if whole > 0 else 0.0
 
 
 def nearest_texels(

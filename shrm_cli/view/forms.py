@@ -8,11 +8,11 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-from shrm_cli.maps.product.product import ProductMap
+from shrm_cli.maps.kinds import LightMap, MaterialMap
+from shrm_cli.maps.product.product import LitProduct
 from shrm_cli.maps.provenance import spec_of
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
-from shrm_cli.render.shading import can_be_brushed, takes_f0
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.vocabulary import DEFAULT_TAPS
 
@@ -47,9 +47,9 @@ def described_map(
     MapError
         If shaders have no words for the map.
     """
-    if made.needs_light:
+    if isinstance(made, MaterialMap):
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")
-    brushed = taps if can_be_brushed(made) else None
+    brushed = taps if "anisotropy" in made.surface_arguments else None
     try:
         code = look_up_code(made, "glsl", "layers", brushed)
         textures = pack(made)
@@ -57,12 +57,12 @@ def described_map(
         raise MapError(
             f"{file}: pages cannot show it ({error}); `shrm convert` makes another form of it"
         ) from error
-    # At a texel of these there are coefficients of harmonics, a cube or more a layer.
-    shared = made.representation in ("shrm", "principal", "product")
     packed = [
         {
             "name": each.name,
-            **blocks.texture(each.values, f"{file}: {each.name}", each.name in _LIGHT, shared),
+            **blocks.texture(
+                each.values, f"{file}: {each.name}", each.name in _LIGHT, made.texels_are_series
+            ),
         }
         for each in textures
     ]
@@ -73,28 +73,20 @@ def described_map(
         "file": file,
         "code": code,
         "call": _call(made),
-        "surface": made.needs_surface,
+        "surface": isinstance(made, LightMap),
         "brushed": brushed,
         "roughness": list(made.roughness_range),
         "textures": packed,
-        "lighting": _lighting(made),
+        "lighting": made.lighting.ravel().tolist() if isinstance(made, LitProduct) else None,
         "facts": facts,
     }
 
 
-def _lighting(made: Map) -> list[float] | None:
-    """Return the light of a product texture, which its code reads from an array."""
-    if not isinstance(made, ProductMap) or made.lighting is None:
-        return None
-    return [float(x) for x in made.lighting.ravel()]
-
-
 def _call(made: Map) -> str:
     """Return the expression of the radiance at a normal n and a view v, in linear Rec.709."""
-    surface = ", view_roughness" if made.needs_surface else ""
-    surface += ", view_f0" if takes_f0(made) else ""
-    call = f"shrm_radiance(n, v{surface})"
-    if can_be_brushed(made):
+    own = [f", view_{name}" for name in ("roughness", "f0") if name in made.surface_arguments]
+    call = f"shrm_radiance(n, v{''.join(own)})"
+    if "anisotropy" in made.surface_arguments:
         brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
         call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"
     if isinstance(made, Irradiance):
@@ -110,14 +102,14 @@ def _facts(made: Map) -> list[tuple[str, str]]:
     """Return what the page says of a map, as pairs of a word and a value."""
     info, summary = made.info, made.summary()
     facts = [("form", registry.description(made.representation).title)]
-    if not takes_f0(made) and not isinstance(made, Irradiance):
+    if "f0" not in made.surface_arguments and not isinstance(made, Irradiance):
         facts.append(("BRDF", _spaced(spec_of(info.brdf))))
     facts.append(("probe", info.probe or "unknown"))
     if made.cube_count:
         facts.append(("cubes", f"{made.cube_count} of 6 \u00d7 {made.size}\u00b2"))
     orders = f"F = {info.order_carried}"
     facts.append(("orders", orders if not info.order_p else f"{orders}, P = {info.order_p}"))
-    if made.needs_surface:
+    if isinstance(made, LightMap):
         low, high = made.roughness_range
         facts.append(("roughness", f"{low:.3g} \u2026 {high:.3g}"))
     for word, key in (

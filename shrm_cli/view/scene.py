@@ -13,7 +13,7 @@ from shrm_cli.brdf.vectors import METALS
 from shrm_cli.color import REC709, mix_channels, title_of, to_rec709
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.provenance import common_brdf, record_of, spec_of
 from shrm_cli.probe.probe import Probe
@@ -22,7 +22,7 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer, sphere_normals
-from shrm_cli.render.shading import ggx_surface, reflectance, shown_as
+from shrm_cli.render.shading import reflectance
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.forms import described_map
@@ -71,13 +71,9 @@ class Start:
     anisotropy: float = 0.0
     taps: int = DEFAULT_TAPS
 
-    def shown(self, made: Map) -> Map:
+    def shown(self, made: Map) -> ReflectedLight:
         """Return a map as the page shows it first."""
-        if not made.needs_surface:
-            return made
-        surface = ggx_surface(self.roughness, self.f0, self.anisotropy)
-        found: Map = shown_as(made, surface, self.taps)
-        return found
+        return made.shaded(self.roughness, self.f0, self.anisotropy, self.taps)
 
 
 @record

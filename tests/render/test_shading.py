@@ -43,10 +43,8 @@ def test_the_surface_is_ggx_with_its_defaults():
 
 def test_only_maps_that_need_a_surface_get_one():
     white, asked = furnace((1, 1, 1)), (0.3, (1.0, 0.5, 0.25))
-    assert not white.needs_surface
     assert white.shaded(*asked) is white
     for light in (split_sum((0.5,)), exponential(0.25, 1.0)):
-        assert light.needs_surface
         shown = light.shaded(*asked)
         assert shown.light is light
         assert (shown.roughness, shown.f0) == asked

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectionMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import Window
-from shrm_cli.maps.light_map import LightMap
+from shrm_cli.maps.kinds import FixedMap
 from shrm_cli.maps.size import choose_size
 from shrm_cli.records import record
 from shrm_cli.sphere.extremes import lowest, series_values
@@ -89,7 +89,7 @@ def matrix_constants() -> tuple[float, float, float, float, float]:
 
 
 @record(eq=False)
-class Irradiance(LightMap):
+class Irradiance(FixedMap, ReflectionMap):
     """The irradiance of a surface as a function of its normal.
 
     Attributes

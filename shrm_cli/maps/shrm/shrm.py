@@ -16,11 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, refuse_arguments
+from shrm_cli.maps.base import Map, ReflectionMap
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
+from shrm_cli.messages import refuse_arguments
 from shrm_cli.progress import foretell
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles, texel_directions
@@ -50,7 +51,7 @@ _STORED_VALUE = 1.5e-7
 
 
 @record(eq=False)
-class Shrm(Map):
+class Shrm(ReflectionMap):
     """A spherical harmonic reflection map.
 
     Attributes
@@ -76,6 +77,7 @@ class Shrm(Map):
     sampling: Sampling = "center"
 
     representation = "shrm"
+    texels_are_series = True
 
     def __post_init__(self) -> None:
         check_names(self)
@@ -288,8 +290,8 @@ class Shrm(Map):
         values = values.reshape(*shape[:-1], -1, 3)
         return np.einsum("...k,...kc->...c", real_harmonics(self.order_p, views), values)
 
-    def glimpse(self, reflections: Array, views: Array) -> Array:
-        """Evaluate the radiance at the nearest texels; see `Map.glimpse`."""
+    def rough_radiance(self, reflections: Array, views: Array) -> Array:
+        """Evaluate the radiance at the nearest texels."""
         form = self.center, self.frame, self.size, self.sampling, self.order_p
         digests = (hashlib.sha256(each.tobytes()).digest() for each in (reflections, views))
         make = partial(_glances, reflections, views, *form)
@@ -336,8 +338,8 @@ class Shrm(Map):
 
 
 _known_glances = Memo(2**23)
-"""Texels and harmonics for `Shrm.glimpse`, which is asked for the same pairs of every map. Those of
-4096 pairs take 0.3 MB at P = 2."""
+"""Texels and harmonics for `Shrm.rough_radiance`, which is asked for the same pairs of every map.
+Those of 4096 pairs take 0.3 MB at P = 2."""
 
 
 def _glances(

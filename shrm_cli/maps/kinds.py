@@ -1,18 +1,26 @@
-"""What the maps of light alone have in common: no BRDF is named when they are made."""
+"""The kinds of maps that reflect nothing by themselves: light alone, and materials alone.
 
+The third kind, `ReflectionMap`, stands beside `Map` in `shrm_cli.maps.base`.
+"""
+
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self
 
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, no_way, refuse_arguments
+from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap, no_way
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, Center, Frame, Sampling
+from shrm_cli.vocabulary import Frame, Sampling
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.product.window import LightWindow
 
 
 class FixedMap(Map):
@@ -20,6 +28,9 @@ class FixedMap(Map):
 
     It has no cubes, unless its class says otherwise.
     """
+
+    format_version = 3
+    frame: ClassVar[Frame] = "global"
 
     @property
     def cube_count(self) -> int:
@@ -32,7 +43,7 @@ class FixedMap(Map):
 
     def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> Self:
         """Return the same map with other cubes, if it has any, and another `info`."""
-        return replace(self, info=info)  # type: ignore[type-var]
+        return self.with_info(info)
 
     def converted(self, to: str, *given: Any, **options: Any) -> Map:
         """Return the map itself, `resampled` where that is asked; it has no other representation.
@@ -57,16 +68,8 @@ class FixedMap(Map):
         refuse_arguments(self.what, size=size, sampling=sampling)
         return self
 
-
-class LightMap(FixedMap):
-    """Light that is prefiltered without naming a BRDF, as game engines use it."""
-
-    format_version = 3
-    frame: ClassVar[Frame] = "global"
-    center: Center
-
     def summary(self) -> dict[str, Any]:
-        """Return what users and scripts are told about every map of light alone."""
+        """Return what users and scripts are told about every such map."""
         return {
             "representation": self.representation,
             "frame": self.frame,
@@ -74,24 +77,69 @@ class LightMap(FixedMap):
         }
 
 
-class SurfaceLightMap(LightMap):
-    """A map of light alone that reflects as a GGX surface of any roughness and reflectance."""
+class LightMap(FixedMap):
+    """Light that is prefiltered without a BRDF, for GGX surfaces of any roughness and reflectance.
 
-    needs_surface = True
+    Game engines use light so.
+    """
+
     is_rearrangeable = False
+    surface_arguments: tuple[str, ...] = ("roughness", "f0")
 
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the radiance that GGX of roughness 0.5 and normal reflectance 1 reflects.
+    def check_brush(self, anisotropy: float) -> None:
+        """Refuse to show the light on a brushed surface, where that cannot be done.
 
-        Parameters and result are those of `Map.radiance`.
+        Raises
+        ------
+        MapError
         """
-        shown: Array = self.shaded(DEFAULT_ROUGHNESS, (1.0, 1.0, 1.0)).radiance(normals, views)
-        return shown
+        if anisotropy and "anisotropy" not in self.surface_arguments:
+            raise MapError(f"anisotropy is of split sums of GGX, not of {self.what}")
+
+
+class MaterialMap(FixedMap):
+    """A BRDF that is made ready for light, which is chosen when the map is used."""
+
+    @abstractmethod
+    def lit(self, lighting: ArrayLike) -> ReflectionMap:
+        """Return the material under light of some coefficients.
+
+        Parameters
+        ----------
+        lighting : array_like, shape ((order+1)^2, 3)
+            The light over the real harmonics of world axes, index l(l+1)+m.
+
+        Raises
+        ------
+        MapError
+            If the material needs more coefficients.
+        """
+
+    @abstractmethod
+    def window(self, spec: str, lighting: ArrayLike) -> "LightWindow":
+        """Choose how the light is blurred before the material gets it.
+
+        Parameters
+        ----------
+        spec : str
+            As `shrm prefilter --window` takes it; ``auto`` leaves no black spots.
+        lighting : array_like, shape ((order+1)^2, 3)
+            As `lit` takes it.
+        """
+
+    def shaded(self, *surface: object, **named: object) -> NoReturn:
+        """Refuse: nothing is reflected without light.
+
+        Raises
+        ------
+        MapError
+        """
+        raise MapError(f"{self.what} holds no light; give `probe`")
 
 
 @record
-class Shaded:
-    """A GGX surface under the light of a map. Subclasses have the method `radiance` of a map.
+class Shaded(ReflectedLight):
+    """A GGX surface under the light of a map.
 
     Attributes
     ----------
@@ -116,10 +164,6 @@ class Shaded:
             raise MapError(f"roughness {self.roughness:g} is outside 0 .. 1")
         if not all(0 <= channel <= 1 for channel in self.f0):
             raise MapError(f"f0 {'/'.join(f'{x:g}' for x in self.f0)} is outside 0 .. 1")
-
-    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Return what `radiance` does, since the surface is not brushed."""
-        return self.radiance(normals, views)  # type: ignore[attr-defined]
 
     @property
     def info(self) -> MapInfo:
