@@ -29,7 +29,7 @@ _FORMAT = "{l_bar}{bar}| {elapsed}<{remaining}"
 _BEAT = 0.25
 """Seconds between two drawings of a bar that nothing is reported to."""
 _LONG = 3.0
-"""Seconds of work that are foretold; what takes less is hardly waited for."""
+"""The least seconds of work left that a bar begins with; what takes less is hardly waited for."""
 _EVERY = 10.0
 """Seconds between two lines about many jobs."""
 
@@ -90,7 +90,7 @@ class _Bar:
             self._bar.total = total
             self._bar.update(done - self._bar.n)
 
-    def foretell(self, seconds: float) -> None:
+    def tell_time_left(self, seconds: float) -> None:
         if seconds >= _LONG:
             label = self._bar.desc.rstrip(": ")
             with self._lock:

@@ -22,7 +22,7 @@ from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
 from shrm_cli.messages import refuse_arguments
-from shrm_cli.progress import foretell
+from shrm_cli.progress import tell_time_left
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles, texel_directions
 from shrm_cli.sphere.directions import bisector, central_directions, local_frame, to_angles
@@ -294,8 +294,8 @@ class Shrm(ReflectionMap):
         """Evaluate the radiance at the nearest texels."""
         form = self.center, self.frame, self.size, self.sampling, self.order_p
         digests = (hashlib.sha256(each.tobytes()).digest() for each in (reflections, views))
-        make = partial(_glances, reflections, views, *form)
-        texels, weights = _known_glances.get((*form, *digests), make)
+        make = partial(_rough_terms, reflections, views, *form)
+        texels, weights = _known_terms.get((*form, *digests), make)
         planes = np.moveaxis(self.coefficients, (2, 3), (0, 1)).reshape(len(weights), 3, -1)
         shown = planes.take(texels, axis=-1)
         shown *= weights.astype(shown.dtype)[:, None]
@@ -337,12 +337,12 @@ class Shrm(ReflectionMap):
         return CubeSampler(coefficients.reshape(*coefficients.shape[:2], -1), self.sampling)
 
 
-_known_glances = Memo(2**23)
+_known_terms = Memo(2**23)
 """Texels and harmonics for `Shrm.rough_radiance`, which is asked for the same pairs of every map.
 Those of 4096 pairs take 0.3 MB at P = 2."""
 
 
-def _glances(
+def _rough_terms(
     reflections: Array,
     views: Array,
     center: Center,
@@ -427,7 +427,7 @@ def from_expansion(
     from shrm_cli.maps.provenance import provenance  # whoever reads maps needs none
 
     orders, brdf = expansion.orders, expansion.brdf
-    foretell(making_seconds(expansion.carried, orders.order_p, expansion.size))
+    tell_time_left(making_seconds(expansion.carried, orders.order_p, expansion.size))
     info = replace(
         provenance(probe, brdf, orders),
         predicted_error=expansion.error,
