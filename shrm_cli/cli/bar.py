@@ -29,7 +29,7 @@ _FORMAT = "{l_bar}{bar}| {elapsed}<{remaining}"
 _BEAT = 0.25
 """Seconds between two drawings of a bar that nothing is reported to."""
 _LONG = 3.0
-"""The least seconds of work left that a bar begins with; what takes less is hardly waited for."""
+"""The least seconds of work left that a line tells of; what takes less is hardly waited for."""
 _EVERY = 10.0
 """Seconds between two lines about many jobs."""
 

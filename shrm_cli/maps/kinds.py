@@ -17,7 +17,7 @@ from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap, no_way
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
-from shrm_cli.vocabulary import Frame, Sampling
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, Frame, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.maps.product.window import LightWindow
@@ -85,6 +85,21 @@ class LightMap(FixedMap):
 
     is_rearrangeable = False
     surface_arguments: tuple[str, ...] = ("roughness", "f0")
+
+    def shaded(
+        self,
+        roughness: float = DEFAULT_ROUGHNESS,
+        f0: Color = (1.0, 1.0, 1.0),
+        anisotropy: float = 0.0,
+        taps: int = DEFAULT_TAPS,
+    ) -> "Shaded":
+        """Return a GGX surface under the light; see `Map.shaded`."""
+        self.check_brush(anisotropy)
+        return self.surface(roughness, f0, anisotropy, taps)
+
+    @abstractmethod
+    def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int) -> "Shaded":
+        """Return a GGX surface under the light, on which it can be shown; see `shaded`."""
 
     def check_brush(self, anisotropy: float) -> None:
         """Refuse to show the light on a brushed surface, where that cannot be done.

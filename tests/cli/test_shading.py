@@ -28,7 +28,7 @@ class Recorder(LightMap):
     roughness_range = (0.2, 0.5)
     info = MapInfo(0, 0, 0.03, 1.0, 0.0)
 
-    def shaded(self, roughness, f0, anisotropy, taps):
+    def surface(self, roughness, f0, anisotropy, taps):
         assert anisotropy == 0
         self.told.append((roughness, f0))
         return furnace((1, 2, 3))

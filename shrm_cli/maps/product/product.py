@@ -58,11 +58,22 @@ class ProductMap(_Parabolic, MaterialMap):
     if TYPE_CHECKING:
 
         @property
-        def order(self) -> int: ...
-        @property
-        def channels(self) -> int: ...
-        @property
         def textures(self) -> "Sequence[ProductTexture]": ...
+
+    @property
+    def order(self) -> int:
+        """The largest degree of the harmonics."""
+        return order_of(self.textures[0].table.shape[2])
+
+    @property
+    def channels(self) -> int:
+        """The number of color channels of the BRDF, 1 or 3."""
+        return self.textures[0].table.shape[3]
+
+    @property
+    def size(self) -> int:
+        """Texels along an edge of the parabolic maps."""
+        return len(self.textures[0].table)
 
     @abstractmethod
     def at(self, share: float) -> "ProductTexture":
@@ -252,21 +263,6 @@ class ProductTexture(ProductMap):
         shape, count = self.table.shape, (self.order + 1) ** 2
         if len(shape) != 4 or shape[0] != shape[1] or shape[2] != count or shape[3] not in (1, 3):
             raise ValueError(f"a product texture of shape {shape}")
-
-    @property
-    def order(self) -> int:
-        """The largest degree of the harmonics."""
-        return order_of(self.table.shape[2])
-
-    @property
-    def channels(self) -> int:
-        """The number of color channels of the BRDF, 1 or 3."""
-        return self.table.shape[3]
-
-    @property
-    def size(self) -> int:
-        """Texels along an edge of the parabolic map."""
-        return len(self.table)
 
     @property
     def textures(self) -> "tuple[ProductTexture]":

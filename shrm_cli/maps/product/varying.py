@@ -84,21 +84,6 @@ class VaryingProduct(ProductMap):
         )
         return cls(tuple(same), parameter, tuple(map(float, values)), info, step_error)
 
-    @property
-    def order(self) -> int:
-        """The largest degree of the harmonics."""
-        return self.textures[0].order
-
-    @property
-    def size(self) -> int:
-        """Texels along an edge of the parabolic maps."""
-        return self.textures[0].size
-
-    @property
-    def channels(self) -> int:
-        """The number of color channels of the BRDF, 1 or 3."""
-        return self.textures[0].channels
-
     def variation(self) -> dict[str, Any]:
         """Return the parameter, its values, and what lies between them, as files record them."""
         return {

@@ -48,7 +48,7 @@ from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, reflect
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, LAWS, Law, Sampling
+from shrm_cli.vocabulary import LAWS, Law, Sampling
 
 LARGEST_EXPONENT = 80.0
 """Larger exponents count as this one, whose exponential is still finite in single precision."""
@@ -154,15 +154,8 @@ class SphericalHarmonicExponential(LightMap):
         """The coefficients of P, then those of Q, shape ((P+1)^2 + (Q+1)^2 - 1, 3)."""
         return np.concatenate([self.p_coefficients, self.q_coefficients])
 
-    def shaded(
-        self,
-        roughness: float = DEFAULT_ROUGHNESS,
-        f0: Color = (1.0, 1.0, 1.0),
-        anisotropy: float = 0.0,
-        taps: int = DEFAULT_TAPS,
-    ) -> "ShadedExponential":
+    def surface(self, roughness: float, f0: Color, *brush: float) -> "ShadedExponential":
         """Return a GGX surface of a roughness and reflectance under the light; see `Map.shaded`."""
-        self.check_brush(anisotropy)
         return ShadedExponential(self, roughness, f0)
 
 

@@ -27,14 +27,7 @@ from shrm_cli.maps.splitsum.roughness import blend
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import central_directions
 from shrm_cli.sphere.sampling import CubeSampler
-from shrm_cli.vocabulary import (
-    DEFAULT_ROUGHNESS,
-    DEFAULT_TAPS,
-    LEVEL_MAPPINGS,
-    Center,
-    LevelMapping,
-    Sampling,
-)
+from shrm_cli.vocabulary import LEVEL_MAPPINGS, Center, LevelMapping, Sampling
 
 
 @record(eq=False)
@@ -244,15 +237,8 @@ class SplitSum(LightMap):
         """What of the surface is chosen; a map of another BRDF than GGX has colors of its own."""
         return ("roughness", "f0", "anisotropy") if self.is_ggx else ("roughness",)
 
-    def shaded(
-        self,
-        roughness: float = DEFAULT_ROUGHNESS,
-        f0: Color = (1.0, 1.0, 1.0),
-        anisotropy: float = 0.0,
-        taps: int = DEFAULT_TAPS,
-    ) -> Shaded:
+    def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int) -> Shaded:
         """Return a surface under the light; see `Map.shaded`."""
-        self.check_brush(anisotropy)
         if self.material is not None:
             return ShadedMaterial(self, float(roughness), (1.0, 1.0, 1.0))
         red, green, blue = (float(channel) for channel in f0)
