@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def _reflectance(text: str) -> str:
     """Return a text that `reflectance` understands, as it is."""
     from shrm_cli.errors import BrdfError
-    from shrm_cli.render.shading import reflectance
+    from shrm_cli.render.lit import reflectance
 
     if not text.strip() or set(text) & set(",:+*="):
         raise ValueError(f"{text!r} is not a colour such as 0.04, 1/0.78/0.34 or gold")

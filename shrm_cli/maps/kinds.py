@@ -102,12 +102,7 @@ class LightMap(FixedMap):
         """Return a GGX surface under the light, on which it can be shown; see `shaded`."""
 
     def check_brush(self, anisotropy: float) -> None:
-        """Refuse to show the light on a brushed surface, where that cannot be done.
-
-        Raises
-        ------
-        MapError
-        """
+        """Raise a `MapError`, if the light cannot be shown on a brushed surface."""
         if anisotropy and "anisotropy" not in self.surface_arguments:
             raise MapError(f"anisotropy is of split sums of GGX, not of {self.what}")
 
@@ -143,12 +138,7 @@ class MaterialMap(FixedMap):
         """
 
     def shaded(self, *surface: object, **named: object) -> NoReturn:
-        """Refuse: nothing is reflected without light.
-
-        Raises
-        ------
-        MapError
-        """
+        """Raise a `MapError`, since nothing is reflected without light."""
         raise MapError(f"{self.what} holds no light; give `probe`")
 
 

@@ -50,6 +50,37 @@ def seen_from(made: Map, center: str, vectors: Vectors, points: Array | None) ->
     return normals, views, None if tangents is None else carried(tangents, before, after)
 
 
+def reflected(
+    made: Map,
+    shown: ReflectedLight,
+    vectors: Vectors,
+    points: Array | None,
+    shares: Array | None = None,
+) -> Array:
+    """Return the radiance of a map, each part of which is looked up as `seen_from` some points.
+
+    The shares, where a parameter of the BRDF varies, are those of `ReflectedLight.varied_radiance`.
+    """
+    if points is None or made.info.proxy is None:
+        return looked_up(shown, vectors, shares)
+    found = [
+        looked_up(part, seen_from(made, center, vectors, points), shares)
+        for part, center in parts_of(made, shown)
+    ]
+    total: Array = sum(found[1:], found[0])
+    return total
+
+
+def looked_up(shown: ReflectedLight, vectors: Vectors, shares: Array | None = None) -> Array:
+    """Return the radiance with the tangents and the values that are given."""
+    normals, views, tangents = vectors
+    if tangents is None:
+        return shown.radiance(normals, views)
+    if shares is None:
+        return shown.brushed_radiance(normals, tangents, views)
+    return shown.varied_radiance(normals, tangents, views, shares)
+
+
 @record(eq=False)
 class Placed(ReflectedLight):
     """A map as a sphere shows it that stands in the room of its probe.
@@ -99,8 +130,4 @@ class Placed(ReflectedLight):
         normals, views = np.broadcast_arrays(np.asarray(normals, float), np.asarray(views, float))
         points = self.place + self.radius * normals
         tangents = horizontal_tangents(normals)
-        total = np.zeros(normals.shape)
-        for part, center in parts_of(self.made, self.shown):
-            turned = seen_from(self.made, center, (normals, views, tangents), points)
-            total += part.brushed_radiance(turned[0], turned[2], turned[1])
-        return total
+        return reflected(self.made, self.shown, (normals, views, tangents), points)

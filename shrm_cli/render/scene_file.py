@@ -38,8 +38,8 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
+from shrm_cli.render.lit import reflectance
 from shrm_cli.render.paint import Paint
-from shrm_cli.render.shading import reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
 from shrm_cli.render.textures import Shelf
 from shrm_cli.render.variation import open_variation

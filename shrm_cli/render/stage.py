@@ -16,9 +16,9 @@ from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.records import record
-from shrm_cli.render.boxed import Vectors, parts_of, seen_from
+from shrm_cli.render.boxed import Vectors, reflected, seen_from
+from shrm_cli.render.lit import ggx_surface, outside_range, shown_as
 from shrm_cli.render.paint import Paint, Painted
-from shrm_cli.render.shading import ggx_surface, outside_range, shown_as
 from shrm_cli.render.variation import Variation
 from shrm_cli.render.varied import VariedSurface
 from shrm_cli.sphere.directions import horizontal_tangents
@@ -78,7 +78,8 @@ class Look:
         chosen.check_brush(self.anisotropy or 0.0)
         if self.paint is not None:
             varied = VariedSurface(chosen, self.anisotropy, self.taps)
-            return Reflector(chosen, None, self.irradiance, None, self.paint, varied, self.f0)
+            more = self.irradiance, None, self.paint, varied, self.f0
+            return Reflector(chosen, chosen.shaded(), *more)
         shown = shown_as(chosen, ggx_surface(self.roughness, self.f0, self.anisotropy), self.taps)
         return Reflector(chosen, shown)
 
@@ -99,7 +100,7 @@ class Reflector:
     """A map as one surface shows it."""
 
     map: Map
-    shown: ReflectedLight | None = None
+    shown: ReflectedLight
     irradiance: Irradiance | None = None
     variation: Variation | None = None
     paint: Paint | None = None
@@ -134,25 +135,14 @@ class Reflector:
         vectors = normals, views, tangents
         where = points if self.is_boxed else None
         if painted is None:
-            return self._even(vectors, shares, where)
+            return reflected(self.map, self.shown, vectors, where, shares)
         found: Array
         if self.varied is None:
-            found = self._even(vectors, shares, where) * painted.base_color
+            found = reflected(self.map, self.shown, vectors, where, shares)
+            found = found * painted.base_color
         else:
             found = self._metallic(vectors, painted, where)
         return found * painted.occlusion[:, None] + painted.emission
-
-    def _even(self, vectors: Vectors, shares: Array | None, points: Array | None) -> Array:
-        """Return what the map of one BRDF reflects, or a surface that is the same all over."""
-        assert self.shown is not None
-        if points is None or self.map.info.proxy is None:
-            return _reflected(self.shown, vectors, shares)
-        found = [
-            _reflected(part, seen_from(self.map, center, vectors, points), shares)
-            for part, center in parts_of(self.map, self.shown)
-        ]
-        total: Array = sum(found[1:], found[0])
-        return total
 
     def _metallic(self, vectors: Vectors, painted: Painted, points: Array | None) -> Array:
         """Return what glTF's metallic-roughness model reflects.
@@ -172,16 +162,6 @@ class Reflector:
             return found
         normals, views, _ = seen_from(self.irradiance, "normal", vectors, points)
         return found + self.irradiance.radiance(normals, views) * albedo
-
-
-def _reflected(shown: ReflectedLight, vectors: Vectors, shares: Array | None) -> Array:
-    """Return the radiance of a map, with the tangents and the values that are given."""
-    normals, views, tangents = vectors
-    if tangents is None:
-        return shown.radiance(normals, views)
-    if shares is None:
-        return shown.brushed_radiance(normals, tangents, views)
-    return shown.varied_radiance(normals, tangents, views, shares)
 
 
 @record

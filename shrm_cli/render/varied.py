@@ -14,7 +14,8 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.maps.base import ReflectedLight
 from shrm_cli.maps.kinds import LightMap
-from shrm_cli.render.shading import ggx_surface, shown_as
+from shrm_cli.render.boxed import looked_up
+from shrm_cli.render.lit import ggx_surface, shown_as
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _STEPS = 32
@@ -83,17 +84,10 @@ class VariedSurface:
         where = normals[own], views[own], None if tangents is None else tangents[own]
         if (f0 == f0[0]).all():
             red, green, blue = f0[0].tolist()
-            return self._shown(roughness, (red, green, blue), *where)
-        black, white = (self._shown(roughness, each, *where) for each in (_BLACK, _WHITE))
+            return looked_up(self._surface(roughness, (red, green, blue)), where)
+        surfaces = (self._surface(roughness, each) for each in (_BLACK, _WHITE))
+        black, white = (looked_up(each, where) for each in surfaces)
         return black + f0 * (white - black)
-
-    def _shown(
-        self, roughness: float, f0: Color, normals: Array, views: Array, tangents: Array | None
-    ) -> Array:
-        shown = self._surface(roughness, f0)
-        if tangents is None:
-            return shown.radiance(normals, views)
-        return shown.brushed_radiance(normals, tangents, views)
 
     def _of(self, roughness: float, f0: Color) -> ReflectedLight:
         surface = ggx_surface(roughness, f0, self._anisotropy)

@@ -22,7 +22,7 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, whole_coverage
 from shrm_cli.render.image import suitable_exposure
-from shrm_cli.render.shading import ggx_surface, shown_as
+from shrm_cli.render.lit import ggx_surface, shown_as
 from shrm_cli.render.sphere import render_sphere
 from shrm_cli.report import pictures, words
 from shrm_cli.report.markup import Html, Part, joined, tag, whole_page

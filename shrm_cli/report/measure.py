@@ -26,7 +26,7 @@ from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
 from shrm_cli.render.flip import FlipError, can_flip
-from shrm_cli.render.shading import ggx_surface, outside_range
+from shrm_cli.render.lit import ggx_surface, outside_range
 
 
 @record

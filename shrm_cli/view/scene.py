@@ -22,7 +22,7 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer, sphere_normals
-from shrm_cli.render.shading import reflectance
+from shrm_cli.render.lit import reflectance
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.forms import described_map

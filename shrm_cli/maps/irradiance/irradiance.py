@@ -129,11 +129,6 @@ class Irradiance(FixedMap, ReflectionMap):
         return order_of(len(self.coefficients))
 
     @property
-    def order_p(self) -> int:
-        """The order P is 0, because a diffuse surface looks the same from everywhere."""
-        return 0
-
-    @property
     def takes_windows(self) -> bool:
         """Whether a window can damp the degrees."""
         return True
@@ -159,10 +154,6 @@ class Irradiance(FixedMap, ReflectionMap):
         normals = np.asarray(normals, dtype=float)
         shape = np.broadcast_shapes(normals.shape, np.shape(views))
         return np.broadcast_to(self.irradiance(normals) / np.pi, shape)
-
-    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Return `radiance`; the central directions of this map are the normals."""
-        return self.radiance(centers, views)
 
     def cube(self) -> Array:
         """Return E(N) at the texels of an OpenEXR cube, shape (6N, N, 3)."""

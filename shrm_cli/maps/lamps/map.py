@@ -141,15 +141,8 @@ class LampMap(ReflectionMap):
 
     def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> LampMap:
         """Return the same map with other cubes."""
-        return replace(self, map=self.map.with_planes(planes, sampling, self._of_map(info)))
-
-    def with_info(self, info: MapInfo) -> LampMap:
-        """Return the same map with another record; its errors stay those that are known."""
-        return replace(self, map=self.map.with_info(self._of_map(info)))
-
-    def _of_map(self, info: MapInfo) -> MapInfo:
-        """Return the record of the map within, of another one of the whole."""
-        return replace(self.map.info, chromaticities=info.chromaticities, options=info.options)
+        own = replace(self.map.info, chromaticities=info.chromaticities, options=info.options)
+        return replace(self, map=self.map.with_planes(planes, sampling, own))
 
     def summary(self) -> dict[str, Any]:
         """Return what the map within says, errors relative to all light, and the lamps."""

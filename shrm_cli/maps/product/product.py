@@ -94,17 +94,9 @@ class ProductMap(_Parabolic, MaterialMap):
         """
 
     def lit(self, lighting: ArrayLike) -> "LitProduct":
-        """Return the same textures under light of some coefficients.
+        """Return the textures under light, whose degrees beyond `order` do not count.
 
-        Parameters
-        ----------
-        lighting : array_like, shape (at least (order+1)^2, 3)
-            Over the harmonics of world axes, index l(l+1)+m. Degrees beyond `order` do not count.
-
-        Raises
-        ------
-        MapError
-            If the coefficients are of a lower order than the textures.
+        Parameters and errors are those of `MaterialMap.lit`.
         """
         coefficients = np.asarray(lighting, dtype=float)
         count = (self.order + 1) ** 2
@@ -121,12 +113,7 @@ class ProductMap(_Parabolic, MaterialMap):
         return product_window(spec, self, lighting)
 
     def mixed(self, matrix: Array, info: MapInfo) -> Map:
-        """Refuse other primaries.
-
-        Raises
-        ------
-        MapError
-        """
+        """Raise a `MapError`, since only light has primaries."""
         raise MapError(f"{self.what} that holds no light has no primaries")
 
     def summary(self) -> dict[str, Any]:

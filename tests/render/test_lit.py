@@ -11,7 +11,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.provenance import record_of, same_brdf
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.render.shading import ggx_surface, outside_range
+from shrm_cli.render.lit import ggx_surface, outside_range
 from tests.render.materials import furnace
 
 INFO = MapInfo(0, 0, 0.0, 1.0, 0.0)
