@@ -42,19 +42,9 @@ def explained(error: BaseException, path: str | None = None) -> str:
 
 
 def refuse_arguments(what: str, **values: object) -> None:
-    """Refuse arguments that would change nothing, if any of them is given.
+    """Raise an `ArgumentError`, if an argument is given, not None, that would change nothing.
 
-    Parameters
-    ----------
-    what : str
-        What the arguments do not apply to, such as ``"a map of representation she"``.
-    **values
-        The arguments by their names. An argument that is None counts as not given.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is given.
+    The message says that it does not apply to `what`, such as ``"a map of representation she"``.
     """
     for name, value in values.items():
         if value is not None:

@@ -54,12 +54,9 @@ if TYPE_CHECKING:
 
 
 class ReflectedLight(ABC):
-    """Light that surfaces of some BRDF reflect, for all of their orientations and all views.
+    """Light that surfaces of one BRDF reflect, for all of their orientations and all views.
 
-    Attributes
-    ----------
-    info : MapInfo
-        How its map was made, and of which BRDF.
+    Its `info` is how its map was made, and of which BRDF.
     """
 
     if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from shrm_cli.brdf.vectors import METALS
 from shrm_cli.color import REC709, mix_channels, title_of, to_rec709
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.maps.base import Map, ReflectedLight
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.provenance import common_brdf, record_of, spec_of
 from shrm_cli.probe.probe import Probe
@@ -70,10 +70,6 @@ class Start:
     f0: Color = (1.0, 1.0, 1.0)
     anisotropy: float = 0.0
     taps: int = DEFAULT_TAPS
-
-    def shown(self, made: Map) -> ReflectedLight:
-        """Return a map as the page shows it first."""
-        return made.shaded(self.roughness, self.f0, self.anisotropy, self.taps)
 
 
 @record
@@ -215,7 +211,8 @@ def _add_truth(
     progress: Progress | None,
 ) -> None:
     """Add pictures of the truth, if the maps are of one BRDF."""
-    shown = [start.shown(each) for each in maps]
+    surface = start.roughness, start.f0, start.anisotropy, start.taps
+    shown = [each.shaded(*surface) for each in maps]
     brdf = truth.brdf
     if brdf is None:
         infos = {file: each.info for file, each in zip(files, shown, strict=True)}

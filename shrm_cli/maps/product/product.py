@@ -77,13 +77,7 @@ class ProductMap(_Parabolic, MaterialMap):
 
     @abstractmethod
     def at(self, share: float) -> "ProductTexture":
-        """Return the texture for one value of the parameter that varies, if one does.
-
-        Parameters
-        ----------
-        share : float
-            The value as a share of the way from its least to its largest one, 0 .. 1.
-        """
+        """Return the texture where a parameter that varies is a share, 0 .. 1, of its way."""
 
     @abstractmethod
     def reflected(self, lighting: Array, points: Points, shares: ArrayLike) -> Array:
@@ -192,13 +186,7 @@ class LitProduct(_Parabolic, ReflectionMap):
         return {**self.product.details(), "lighting_coefficients": self.lighting.tolist()}
 
     def mixed(self, matrix: Array, info: MapInfo) -> "LitProduct":
-        """Return the map with other channels; see `maps.primaries`.
-
-        Raises
-        ------
-        MapError
-            If its BRDF has colors, which multiply channel by channel.
-        """
+        """Return the map with other channels, if its BRDF has no colors; see `Map.mixed`."""
         if self.product.channels > 1:
             raise MapError(
                 f"{self.what} of a colored BRDF is a table of each channel's own, which cannot be "
@@ -217,10 +205,7 @@ class LitProduct(_Parabolic, ReflectionMap):
         )
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate what is reflected where a parameter that varies is in the middle of its range.
-
-        Parameters and result are those of `ReflectedLight.brushed_radiance`.
-        """
+        """Evaluate what is reflected where a parameter that varies is in the middle of its way."""
         return self.varied_radiance(normals, tangents, views, 0.5)
 
     def varied_radiance(
