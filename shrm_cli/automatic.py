@@ -43,7 +43,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     return asked.made_of_single_cubes() or asked.of_functions()
 
 
-def foretold(probe: Probe, request: Request) -> str:
+def automatic_choice(probe: Probe, request: Request) -> str:
     """Say what would be made, without making it.
 
     It leaves out whether the map would be negative anywhere, for which one of more bytes is made.

@@ -13,6 +13,8 @@ import os
 import re
 from typing import Any
 
+from shrm_cli.errors import ArgumentError
+
 ARGUMENT = re.compile(r"`([a-z][a-z0-9_]*)(=False)?`")
 """An argument in a message: its name, and whether it is false."""
 
@@ -152,3 +154,13 @@ def _cut(rest: str, start: str) -> tuple[str, str]:
     if found is None or not (start.lower().startswith("http") or "=" in rest[found.end() :]):
         return rest, ""
     return rest[: found.start()], rest[found.start() :]
+
+
+def refuse_arguments(what: str, **values: object) -> None:
+    """Raise an `ArgumentError`, if an argument is given, not None, that would change nothing.
+
+    The message says that it does not apply to `what`, such as ``"a map of representation she"``.
+    """
+    for name, value in values.items():
+        if value is not None:
+            raise ArgumentError(name, f"does not apply to {what}")

@@ -179,7 +179,7 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
         light, lamps = _split(probe, request)
         found = _made(light, request)
         info = replace(found.map.info, options=request.record(probe))
-        found = replace(found, map=replace(found.map, info=info))  # type: ignore[type-var]
+        found = replace(found, map=found.map.with_info(info))
         if needs_brdf:  # maps of light alone have words of their own for what is negative
             found = examined(_finished(found, probe, lamps, request.brdf))
     if isinstance(work, Rising):

@@ -26,12 +26,12 @@ Progress = Callable[[int, int], object]
 
 
 @runtime_checkable
-class Foretold(Protocol):
+class Timed(Protocol):
     """A progress callable that can also be told how long the work will take from now on."""
 
     def __call__(self, done: int, total: int) -> object: ...
 
-    def foretell(self, seconds: float) -> None:
+    def tell_time_left(self, seconds: float) -> None:
         """Tell about how many seconds the rest of the work will take."""
 
 
@@ -64,14 +64,14 @@ def report(done: int, total: int) -> None:
         progress(done, total)
 
 
-def foretell(seconds: float) -> None:
-    """Tell about how long the work will take from now on, if the progress is `Foretold`."""
-    _foretell(current(), seconds)
+def tell_time_left(seconds: float) -> None:
+    """Tell about how long the work will take from now on, if the progress is `Timed`."""
+    _tell_time_left(current(), seconds)
 
 
-def _foretell(progress: Progress | None, seconds: float) -> None:
-    if isinstance(progress, Foretold):
-        progress.foretell(seconds)
+def _tell_time_left(progress: Progress | None, seconds: float) -> None:
+    if isinstance(progress, Timed):
+        progress.tell_time_left(seconds)
 
 
 @contextmanager
@@ -146,9 +146,9 @@ class Stages:
         """Report that `done` of `total` units of the present stage are finished."""
         self._show(_STEPS * done // total if self._finished < self._total else 0)
 
-    def foretell(self, seconds: float) -> None:
+    def tell_time_left(self, seconds: float) -> None:
         """Hand on about how long the rest of the work will take."""
-        _foretell(self._progress, seconds)
+        _tell_time_left(self._progress, seconds)
 
     def _show(self, steps: int) -> None:
         if self._progress is not None:
@@ -184,9 +184,9 @@ class Rising:
         self._within = within
         self._tell(max(self._told, self._before + _SHARE * (1 - self._before) * within))
 
-    def foretell(self, seconds: float) -> None:
+    def tell_time_left(self, seconds: float) -> None:
         """Hand on about how long the rest of the work will take."""
-        _foretell(self._progress, seconds)
+        _tell_time_left(self._progress, seconds)
 
     def end(self) -> None:
         """Report that all work is done."""

@@ -79,10 +79,11 @@ AMBIENT = {
 """One color: the mean radiance of the probe."""
 from dataclasses import dataclass
 import numpy as np
+from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.light_map import LightMap
+from shrm_cli.maps.kinds import FixedMap
 @dataclass(frozen=True)
-class Ambient(LightMap):
+class Ambient(FixedMap, ReflectionMap):
     """The mean radiance, shape (1, 3)."""
     mean: np.ndarray
     info: MapInfo

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from shrm_cli import settings
-from shrm_cli.progress import Rising, Stages, foretell, in_order, progress_bar, report, using
+from shrm_cli.progress import Rising, Stages, in_order, progress_bar, report, tell_time_left, using
 
 
 def test_stages_are_of_equal_length():
@@ -62,25 +62,25 @@ def test_what_has_an_unknown_number_of_stages_never_falls_back():
 
 class Listener:
     def __init__(self):
-        self.told, self.foretold = [], []
+        self.told, self.left = [], []
 
     def __call__(self, done, total):
         self.told.append((done, total))
 
-    def foretell(self, seconds):
-        self.foretold.append(seconds)
+    def tell_time_left(self, seconds):
+        self.left.append(seconds)
 
 
-def test_what_is_left_is_foretold_to_those_who_show_it():
+def test_the_time_left_is_told_to_those_who_show_it():
     listener = Listener()
     with using(Rising(listener)):
-        foretell(12.5)
-    assert (listener.foretold, listener.told) == ([12.5], [])
+        tell_time_left(12.5)
+    assert (listener.left, listener.told) == ([12.5], [])
     for deaf in (lambda done, total: None, Rising(lambda done, total: None), None):
         with using(deaf):
-            foretell(12.5)
-    foretell(12.5)
-    assert listener.foretold == [12.5]
+            tell_time_left(12.5)
+    tell_time_left(12.5)
+    assert listener.left == [12.5]
 
 
 def test_who_is_told_is_a_matter_of_the_context():

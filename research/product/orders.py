@@ -13,7 +13,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.files.picture import Picture
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.product.product import ProductTexture
+from shrm_cli.maps.product.product import LitProduct
 from shrm_cli.maps.request import Request
 from shrm_cli.prefilter import make
 from shrm_cli.probe.probe import Probe
@@ -126,22 +126,20 @@ def figure_6(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Trun
     return write_sheet(folder / "figure-6.png", [tops, *rows], stops), found
 
 
-def _lit_textures(
-    probe: Probe, brdf: Brdf, own: Sequence[Column], texels: int
-) -> list[ProductTexture]:
+def _lit_textures(probe: Probe, brdf: Brdf, own: Sequence[Column], texels: int) -> list[LitProduct]:
     """Make the product textures of columns, of which the last one differs by its window alone."""
     made = []
     for column in own:
         size = texels if column.window == "none" else _FEW_TEXELS
         given = {"brdf": brdf, "order": column.order, "texels": size, "window": column.window}
         found = make(probe, Request.of("product", given, probe)).map
-        assert isinstance(found, ProductTexture)
+        assert isinstance(found, LitProduct)
         made.append(found)
     # The window changes the light, and what is known of errors; the texture was filled before.
-    return [*made[:-1], replace(made[-2], lighting=made[-1].lighting, info=made[-1].info)]
+    return [*made[:-1], replace(made[-2], lighting=made[-1].lighting).with_info(made[-1].info)]
 
 
-def _light_picture(made: ProductTexture, size: int) -> Picture:
+def _light_picture(made: LitProduct, size: int) -> Picture:
     """Draw the light that a product texture holds, as a lat-long."""
     directions = LatLong(size // 2).directions()
     return _framed(real_harmonics(made.order, directions) @ made.lighting)

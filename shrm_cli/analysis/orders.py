@@ -26,7 +26,7 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import measure
 from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import PAPER, SheetLayout, arrange, draw_sheet
-from shrm_cli.render.sphere import ReflectionMap, render_sphere
+from shrm_cli.render.sphere import Reflecting, render_sphere
 from shrm_cli.vocabulary import MAX_ORDER_F, Center
 
 DEFAULT_ORDER_F = 32
@@ -314,7 +314,7 @@ def order_pictures(
     views: Sequence[Viewer],
     order_f: int,
     size: int,
-    truth: ReflectionMap | None = None,
+    truth: Reflecting | None = None,
 ) -> OrderPictures:
     """Draw spheres for P = 0 .. 5 and for the truth (figure 5.6).
 
@@ -331,7 +331,7 @@ def order_pictures(
         F of all maps.
     size : int
         Width and height of a picture, pixels.
-    truth : ReflectionMap, optional
+    truth : Reflecting, optional
         The exact reflected light, such as `shrm_cli.reference.Reference`.
 
     Raises
@@ -358,7 +358,7 @@ def order_pictures(
         for p in orders
     ]
 
-    def draw(one: ReflectionMap) -> Picture:
+    def draw(one: Reflecting) -> Picture:
         return np.stack([render_sphere(one, view, size) for view in views])
 
     exact = None if truth is None else draw(truth)

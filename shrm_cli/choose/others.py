@@ -24,18 +24,18 @@ from shrm_cli.choose.cost import (
     split_sum_cost,
 )
 from shrm_cli.choose.offer import Offer
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectedLight
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import visible_pairs
 from shrm_cli.maps.size import stored_bytes, total_error
-from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.seen import seen_errors
-from shrm_cli.render.sphere import ReflectionMap
+from shrm_cli.render.sphere import Reflecting
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import TAP_COUNTS
 
@@ -68,7 +68,7 @@ class Truth:
         truth = Reference(self._probe, self._brdf, height, progress=self._progress)
         return truth.radiance(self._normals, self._views)
 
-    def errors(self, shown: ReflectionMap, scale: ArrayLike = 1.0) -> tuple[float, float]:
+    def errors(self, shown: Reflecting, scale: ArrayLike = 1.0) -> tuple[float, float]:
         """Measure a map.
 
         Parameters
@@ -164,18 +164,18 @@ def _measured(
 ) -> Offer:
     """Measure a map, with so many taps if it is a split sum of brushed GGX."""
     form = wanted.arguments["to"]
-    shown: Map | BrushedSplitSum = made
+    shown: ReflectedLight = made.shaded()
     scale = np.ones(3)
     if taps is not None:
         shown = _brushed(made, brdf, taps)
-    elif made.needs_surface:
+    elif isinstance(made, LightMap):
         shown = made.shaded(brdf.number("roughness"), brdf.color("f0"))
     elif form == "irradiance":
         scale = np.array(brdf.color("albedo"))
     error, share = truth.errors(shown, scale)
     what, stored, cost = _described(made, brdf, taps)
     measured: tuple[str, ...] = ("error", "wrong_share")
-    if not made.needs_surface:
+    if not isinstance(made, LightMap):
         info = made.info
         missing = float(np.hypot(info.predicted_error, info.added_error))
         error, measured = total_error(missing, info.filter_error), ("wrong_share",)
@@ -185,10 +185,10 @@ def _measured(
     )  # fmt: skip
 
 
-def _brushed(made: Any, brdf: Any, taps: int) -> BrushedSplitSum:
+def _brushed(made: Map, brdf: Any, taps: int) -> ReflectedLight:
     """Return a split sum as brushed GGX shows it."""
     roughness, anisotropy, f0 = brdf.brushed_surface
-    return BrushedSplitSum(made, roughness, f0, anisotropy, taps)
+    return made.shaded(roughness, f0, anisotropy, taps)
 
 
 def _described(made: Any, brdf: Brdf, taps: int | None) -> tuple[str, int, Cost]:

@@ -154,7 +154,7 @@ def main(arguments: list[str] | None = None) -> None:
     for number in _STOPPING:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
             signal.signal(number, _stop)
-    sys.unraisablehook = _hear_again
+    sys.unraisablehook = _raise_signal_again
     limit_small_products()
     if "--debug" not in arguments:
         # Numpy's warnings are hidden, because values are checked to be finite when written.
@@ -267,7 +267,7 @@ class _Stopped(SystemExit):
         self.number = number
 
 
-def _hear_again(dropped: Any) -> None:
+def _raise_signal_again(dropped: Any) -> None:
     """Raise a signal again whose exception was dropped, because it came in a callback of Python's.
 
     There are such callbacks wherever objects are freed, above all while modules are loaded. A while

@@ -100,12 +100,13 @@ def convert_to_view(
     """
     from shrm_cli.errors import MapError
     from shrm_cli.files.image import without_negative, write_image
+    from shrm_cli.maps.kinds import MaterialMap
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.lit import shaded_maps
     from shrm_cli.render.oneview import ignores_views, lookup_of, one_view
 
     found, notes = open_source(job)
-    if found.needs_light:
+    if isinstance(found, MaterialMap):
         raise MapError(
             f"{job.source}: a product texture that holds no light; make one with light by shrm "
             "prefilter PROBE --brdf SPEC --to product"

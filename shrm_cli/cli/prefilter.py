@@ -198,13 +198,13 @@ def _made_by_default(given: Mapping[str, Any], source: Probe) -> str:
 
     Only who waits at a terminal is told, as logs of farms would pay for what nobody reads.
     """
-    from shrm_cli.automatic import foretold
+    from shrm_cli.automatic import automatic_choice
     from shrm_cli.maps.request import Request
 
     known = registry.description(AUTO).arguments | {"brdf"}
     asked = {name: value for name, value in given.items() if name in known}
     with progress_bar("looking at other forms") as progress, using(progress):
-        return foretold(source, Request.of(AUTO, asked, source))
+        return automatic_choice(source, Request.of(AUTO, asked, source))
 
 
 def _why_float(stored: Storage) -> str:

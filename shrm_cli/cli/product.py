@@ -164,7 +164,7 @@ def _keep_other_texture(
         return
     keep_edited(target)
     found = readable_map(target)
-    if not isinstance(found, ProductMap) or found.lighting is not None:
+    if not isinstance(found, ProductMap):
         raise kept(target, "it is no product texture without light that can be read")
     if (found.order, found.size) != (order, size):
         raise kept(target, f"it has order {found.order} and {found.size} texels")

@@ -61,7 +61,7 @@ def print_representations(
     from shrm_cli.maps.file import is_map
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.shading import ggx_surface, reflectance
+    from shrm_cli.render.lit import ggx_surface, reflectance
 
     if is_map(path):
         raise wrong_usage(f"{path} is a map; --representations takes a light probe")

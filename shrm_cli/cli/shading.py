@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def _reflectance(text: str) -> str:
     """Return a text that `reflectance` understands, as it is."""
     from shrm_cli.errors import BrdfError
-    from shrm_cli.render.shading import reflectance
+    from shrm_cli.render.lit import reflectance
 
     if not text.strip() or set(text) & set(",:+*="):
         raise ValueError(f"{text!r} is not a colour such as 0.04, 1/0.78/0.34 or gold")
@@ -65,19 +65,17 @@ brush_option = click.option(
 )  # fmt: skip
 
 
-def needs_surface(maps: Sequence[Map]) -> dict[str, Applies]:
+def surface_rules(maps: Sequence[Map]) -> dict[str, Applies]:
     """Return when the options of a surface apply: to maps of light alone."""
-    holds = any(each.needs_surface for each in maps)
+    holds = any(each.surface_arguments for each in maps)
     applies = Applies(holds, "to split sums and SH exponentials, and no MAP is one")
-    return {"roughness": applies, "f0": applies}
+    return {"roughness": applies, "f0": applies, **brushed_rules(maps)}
 
 
 def brushed_rules(maps: Sequence[Map]) -> dict[str, Applies]:
     """Return when the options of brushed surfaces apply."""
-    from shrm_cli.render.shading import can_be_brushed
-
-    lit = [each for each in maps if each.needs_surface]
-    holds = bool(lit) and all(map(can_be_brushed, lit))
+    asked = [each.surface_arguments for each in maps if each.surface_arguments]
+    holds = bool(asked) and all("anisotropy" in each for each in asked)
     is_brushed = "anisotropy" in given_options()
     return {
         "anisotropy": Applies(
@@ -94,12 +92,9 @@ def refuse_surface(maps: Sequence[Map]) -> None:
     ------
     click.UsageError
     """
-    from shrm_cli.render.shading import takes_f0
-
-    refuse_inapplicable(needs_surface(maps))
-    refuse_inapplicable(brushed_rules(maps))
-    if any(each.needs_surface for each in maps):
-        is_ggx = any(map(takes_f0, maps))
+    refuse_inapplicable(surface_rules(maps))
+    if asked := [each.surface_arguments for each in maps if each.surface_arguments]:
+        is_ggx = any("f0" in each for each in asked)
         refuse_inapplicable({"f0": Applies(is_ggx, "to maps of GGX, and no MAP is one")})
 
 
@@ -122,5 +117,7 @@ def refuse_window(maps: Sequence[Map]) -> None:
 
 def to_unlit(maps: Sequence[Map]) -> Applies:
     """Whether options about the light of product textures apply."""
-    needs_light = any(each.needs_light for each in maps)
-    return Applies(needs_light, "to product textures that hold no light, and no MAP is one")
+    from shrm_cli.maps.kinds import MaterialMap
+
+    holds = any(isinstance(each, MaterialMap) for each in maps)
+    return Applies(holds, "to product textures that hold no light, and no MAP is one")

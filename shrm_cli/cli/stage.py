@@ -123,7 +123,7 @@ def open_stage(
         refuse_inapplicable(dict.fromkeys(OF_SURFACES, in_scene))
         stage = Stage.of(read_scene(mesh, list(maps)))
     else:
-        lit = any(each.needs_surface for each in maps)
+        lit = any(each.surface_arguments for each in maps)
         alone = Applies(lit, "to maps of light alone, such as split sums")
         refuse_inapplicable({"roughness": alone, "f0": alone, "irradiance": alone})
         refuse_inapplicable(brushed_rules(maps))

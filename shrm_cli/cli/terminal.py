@@ -179,7 +179,7 @@ _LEAST_SILENCE = 0.3
 _BEAT = 0.25
 """Seconds between two drawings of a bar that nothing is reported to."""
 _LONG = 3.0
-"""Seconds of work that are foretold; what takes less is hardly waited for."""
+"""The least seconds of work left that a line tells of; what takes less is hardly waited for."""
 _EVERY = 10.0
 """Seconds between two lines about many jobs."""
 
@@ -240,7 +240,7 @@ class _Bar:
             self._bar.total = total
             self._bar.update(done - self._bar.n)
 
-    def foretell(self, seconds: float) -> None:
+    def tell_time_left(self, seconds: float) -> None:
         if seconds >= _LONG:
             label = self._bar.desc.rstrip(": ")
             with self._lock:

@@ -16,13 +16,7 @@ from shrm_cli.cli.options import (
     truth_options,
     warn,
 )
-from shrm_cli.cli.shading import (
-    brush_option,
-    brushed_options,
-    brushed_rules,
-    needs_surface,
-    surface_options,
-)
+from shrm_cli.cli.shading import brush_option, brushed_options, surface_options, surface_rules
 from shrm_cli.cli.terminal import echo, progress_bar
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import PAGES, Applies, check_outputs, exclude, is_quiet, refuse_inapplicable
@@ -125,7 +119,7 @@ def view(
         files = [*maps, *([mesh] if mesh else [])]
         check_outputs([output], files=files, specs=[brdf], suffixes=PAGES)
     opened = [open_map(path) for path in maps]
-    refuse_inapplicable({**needs_surface(opened), **brushed_rules(opened)})
+    refuse_inapplicable(surface_rules(opened))
     with progress_bar("integrating") as progress:
         shown = view_of(
             opened, light, brdf, names=maps, mesh=mesh, **shown_as,

@@ -116,7 +116,7 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
     """
     split, left = beside.split, beside.left
     info = replace(made.map.info, probe=probe_name(split.probe), probe_sha256=split.probe.digest())
-    inner = replace(made.map, info=info)  # type: ignore[type-var]
+    inner = made.map.with_info(info)
     if not split.discs:
         line = "`sun` split changes nothing: the probe has no compact lamps"
         return replace(made, map=inner, warnings=(line, *made.warnings))

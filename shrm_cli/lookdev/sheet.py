@@ -79,7 +79,7 @@ class Lookdev:
             yield draw_grid(self.grid, heads, self.sides, self._tiles(viewer, stages.within))
             stages.done(done, len(viewers))
             if done == 1:
-                stages.foretell((perf_counter() - begun) * (len(viewers) - 1))
+                stages.tell_time_left((perf_counter() - begun) * (len(viewers) - 1))
 
     def page(self, viewer: Viewer, progress: Progress | None = None) -> str:
         """Return the sheet as a page of HTML with a slider for each column, to be UTF-8."""

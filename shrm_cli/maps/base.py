@@ -30,9 +30,18 @@ from shrm_cli.color import mix_channels
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import Displayed
 from shrm_cli.sphere.directions import bisector
-from shrm_cli.vocabulary import MAX_CUBE_SIZE, Frame, Orientation, Precision, Sampling
+from shrm_cli.vocabulary import (
+    DEFAULT_ROUGHNESS,
+    DEFAULT_TAPS,
+    MAX_CUBE_SIZE,
+    Frame,
+    Orientation,
+    Precision,
+    Sampling,
+)
 
 if TYPE_CHECKING:
     import os
@@ -42,8 +51,83 @@ if TYPE_CHECKING:
     from shrm_cli.maps.shrm.shrm import Shrm
 
 
+class ReflectedLight(ABC):
+    """Light that surfaces of one BRDF reflect, for all of their orientations and all views.
+
+    Its `info` is how its map was made, and of which BRDF.
+    """
+
+    if TYPE_CHECKING:
+
+        @property
+        def info(self) -> MapInfo: ...
+
+    @abstractmethod
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the reflected radiance; parameters and result are those of `Map.radiance`."""
+
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the radiance that a surface reflects whose tangents are known.
+
+        What is isotropic about the normal or the mirror direction does not care for tangents, so
+        that this is `radiance` here.
+
+        Parameters
+        ----------
+        normals, tangents, views : array_like, shape (..., 3), broadcastable
+            Unit vectors in world axes. Tangents are perpendicular to the normals and run along the
+            x axis of the BRDF's own frame; the y axis is N x T.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
+        return self.radiance(normals, views)
+
+    def varied_radiance(
+        self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
+    ) -> Array:
+        """Evaluate the radiance of a surface over which a parameter of the BRDF varies.
+
+        Where nothing varies, this is `brushed_radiance`.
+
+        Parameters
+        ----------
+        normals, tangents, views : array_like, shape (..., 3), broadcastable
+            As `brushed_radiance` takes them.
+        shares : array_like, shape (...), broadcastable with them
+            The parameter as a share of the way from its least to its largest value, 0 .. 1.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
+        return self.brushed_radiance(normals, tangents, views)
+
+    def rough_radiance(self, reflections: Array, views: Array) -> Array:
+        """Evaluate the reflected radiance roughly, but fast, without preparing any filter.
+
+        Parameters
+        ----------
+        reflections, views : ndarray, shape (n, 3)
+            The mirror directions of the views and the views, unit vectors in world axes.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Here it is exact; maps that can do it faster take the nearest texels.
+        """
+        return self.radiance(bisector(reflections, views), views)
+
+
 class Map(Displayed, ABC):
-    """Prefiltered light.
+    """Prefiltered light, or a material that is made ready for light.
+
+    A map is of one of three kinds, which `shaded` makes reflected light of:
+
+    - `ReflectionMap`, the reflected light itself: it was made of light and a BRDF;
+    - `kinds.LightMap`, light that was made without a BRDF, for a GGX surface that is chosen later;
+    - `kinds.MaterialMap`, a BRDF that was made without light, which its `lit` gives to it.
 
     Attributes
     ----------
@@ -67,12 +151,12 @@ class Map(Displayed, ABC):
         The precision of its files where the caller asks for ``auto``.
     is_rearrangeable : bool
         Whether files can hold its cubes in other layouts than OpenEXR's stacked cube.
-    needs_surface : bool
-        Whether the map holds light for any GGX surface, which is chosen when the map is used.
-    needs_light : bool
-        Whether the map holds a BRDF alone, whose light is chosen when the map is used.
+    surface_arguments : tuple of str
+        The arguments of `shaded` that change what it returns, in their order.
     varies : bool
-        Whether a parameter of the BRDF may vary over the surface; see `varied_radiance`.
+        Whether a parameter of the BRDF may vary over the surface, as `varied_radiance` shows it.
+    texels_are_series : bool
+        Whether texels hold coefficients that are summed up, so that errors of theirs add up, too.
     against_negatives : str
         What a user can do where the map is negative.
     """
@@ -81,15 +165,16 @@ class Map(Displayed, ABC):
     format_version: ClassVar[int] = 1
     natural_precision: ClassVar[Precision] = "auto"
     is_rearrangeable: ClassVar[bool] = True
-    needs_surface: ClassVar[bool] = False
-    needs_light: bool = False
-    varies: ClassVar[bool] = False
+    surface_arguments: tuple[str, ...] = ()
+    varies: bool = False
+    texels_are_series: ClassVar[bool] = False
     against_negatives: ClassVar[str] = "take `to` auto without `eps` or orders"
-    info: MapInfo
 
     if TYPE_CHECKING:
         # Subclasses define these as fields, class attributes or properties. Properties of this
         # class would get in the way of their fields at run time.
+        @property
+        def info(self) -> MapInfo: ...
         @property
         def frame(self) -> str: ...
         @property
@@ -102,11 +187,41 @@ class Map(Displayed, ABC):
     # ---- what it reflects --------------------------------------------------------------------
 
     @abstractmethod
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance.
+    def shaded(
+        self,
+        roughness: float = DEFAULT_ROUGHNESS,
+        f0: Color = (1.0, 1.0, 1.0),
+        anisotropy: float = 0.0,
+        taps: int = DEFAULT_TAPS,
+    ) -> ReflectedLight:
+        """Return the reflected light: of light alone, that of a GGX surface.
 
-        A map that `needs_surface` is shown as GGX of roughness 0.5 and reflectance 1 at normal
-        incidence; `shaded` chooses another surface.
+        Parameters
+        ----------
+        roughness : float
+            Perceptual roughness in 0 .. 1; GGX's alpha is its square.
+        f0 : tuple of 3 float
+            Reflectance at normal incidence, linear RGB, in 0 .. 1.
+        anisotropy : float
+            That of glTF, in 0 .. 1, which split sums of GGX show.
+        taps : {3, 5, 8}
+            How many directions the light of a brushed surface is looked up in.
+
+        Returns
+        -------
+        ReflectedLight
+            The map itself, where it is reflected light already.
+
+        Raises
+        ------
+        MapError
+            If the map holds no light, or is light alone and a value is out of range.
+        """
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the radiance that `shaded` reflects, for a first look at any map.
+
+        Light alone is shown as GGX of roughness 0.5 and reflectance 1 at normal incidence.
 
         Parameters
         ----------
@@ -116,105 +231,21 @@ class Map(Displayed, ABC):
         Returns
         -------
         ndarray, shape (..., 3)
+
+        Raises
+        ------
+        MapError
+            If the map holds no light.
         """
-
-    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the radiance that a surface reflects whose tangents are known.
-
-        Maps of isotropic BRDFs about the normal or the mirror direction do not care for tangents,
-        so that this is `radiance` here.
-
-        Parameters
-        ----------
-        normals, tangents, views : array_like, shape (..., 3), broadcastable
-            Unit vectors in world axes. Tangents are perpendicular to the normals and run along the
-            x axis of the BRDF's own frame; the y axis is N x T.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-        """
-        return self.radiance(normals, views)
-
-    def varied_radiance(
-        self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
-    ) -> Array:
-        """Evaluate the radiance of a surface over which a parameter of the BRDF varies.
-
-        Maps of which nothing varies do not care, so that this is `brushed_radiance` here.
-
-        Parameters
-        ----------
-        normals, tangents, views : array_like, shape (..., 3), broadcastable
-            As `brushed_radiance` takes them.
-        shares : array_like, shape (...), broadcastable with them
-            The parameter as a share of the way from its least to its largest value, 0 .. 1.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-        """
-        return self.brushed_radiance(normals, tangents, views)
-
-    def glimpse(self, reflections: Array, views: Array) -> Array:
-        """Evaluate the reflected radiance roughly, but fast, without preparing any filter.
-
-        Parameters
-        ----------
-        reflections, views : ndarray, shape (n, 3)
-            The mirror directions of the views and the views, unit vectors in world axes.
-
-        Returns
-        -------
-        ndarray, shape (n, 3)
-            Here it is exact; maps that can do it faster take the nearest texels.
-        """
-        return self.radiance(bisector(reflections, views), views)
+        return self.shaded().radiance(normals, views)
 
     @property
     def roughness_range(self) -> tuple[float, float]:
-        """The least and the largest perceptual roughness that the map can be `shaded` with.
+        """The least and the largest perceptual roughness that the map was made for.
 
         It is 0 and 1 for maps to which the roughness makes no difference.
         """
         return 0.0, 1.0
-
-    def shaded(self, roughness: float, f0: Color) -> Any:
-        """Return the light of the map as a GGX surface reflects it.
-
-        Parameters
-        ----------
-        roughness : float
-            Perceptual roughness in 0 .. 1; GGX's alpha is its square.
-        f0 : tuple of 3 float
-            Reflectance at normal incidence, linear RGB, in 0 .. 1.
-
-        Returns
-        -------
-        object with `info` and `radiance`
-            The map itself, unless it `needs_surface`.
-
-        Raises
-        ------
-        MapError
-            If the map needs a surface, and a value is out of range.
-        """
-        return self
-
-    def lit(self, lighting: ArrayLike) -> Map:
-        """Return the map under light of some coefficients.
-
-        Parameters
-        ----------
-        lighting : array_like, shape ((order+1)^2, 3)
-            The light over the real harmonics of world axes, index l(l+1)+m.
-
-        Raises
-        ------
-        MapError
-            If the map holds its own light already, or needs more coefficients.
-        """
-        raise MapError(f"{self.what} holds its own light")
 
     # ---- what it is --------------------------------------------------------------------------
 
@@ -244,7 +275,8 @@ class Map(Displayed, ABC):
     @property
     def is_exact_in_half(self) -> bool:
         """Whether half-precision floats represent every value of the map's cubes exactly."""
-        return all(_is_exact(plane) for plane in self.planes())
+        with np.errstate(over="ignore"):
+            return all(np.array_equal(each.astype(np.float16), each) for each in self.planes())
 
     @property
     def turns_with_texels(self) -> bool:
@@ -319,26 +351,17 @@ class Map(Displayed, ABC):
         return self._moved(size, sampling)
 
     def check_memory(self, size: int) -> None:
-        """Check that the map could be kept in memory at another size.
-
-        Maps of light alone are never made larger than they are, so nothing is checked here.
-
-        Raises
-        ------
-        MapError
-            If the map would be too large.
-        """
-        return
+        """Raise a `MapError`, if a map of cubes could not be kept in memory at another size."""
 
     def _moved(self, size: int, sampling: Sampling) -> Map:
         """Return the map on other cubes, each filtered from the old cube in its place."""
         from shrm_cli.maps.size import look_up_error
-        from shrm_cli.sphere.cube import CubeSampler, cube_directions
+        from shrm_cli.sphere.cube import CubeSampler, cube_directions, relative_change
 
         directions = cube_directions(size, sampling)
         before = self.planes()
         after = [CubeSampler(plane, self.sampling)(directions) for plane in before]
-        lost = _lost(before[0], after[0], self.sampling, sampling)
+        lost = relative_change(before[0], after[0], self.sampling, sampling)
         info = replace(self.info, added_error=float(np.hypot(self.info.added_error, lost)))
         if info.filter_error:
             order = info.order_carried + info.order_p
@@ -387,6 +410,10 @@ class Map(Displayed, ABC):
             If the map cannot be converted to that representation, or an option does not apply.
         """
         return registry.map_class(to).from_map(self.resampled(size, sampling), **options)
+
+    def with_info(self, info: MapInfo) -> Self:
+        """Return the same map with another record of how it was made."""
+        return replace(self, info=info)  # type: ignore[type-var]
 
     def turned(self, matrix: ArrayLike) -> Map:
         """Return the map of the same light turned.
@@ -450,24 +477,12 @@ class Map(Displayed, ABC):
         return save(path, self, precision, layout, orientation)
 
 
-def refuse_arguments(what: str, **values: Any) -> None:
-    """Refuse arguments that would change nothing, if any of them is given.
+class ReflectionMap(ReflectedLight, Map):
+    """A map of the light that surfaces of one BRDF reflect; see `Map` for its attributes."""
 
-    Parameters
-    ----------
-    what : str
-        What the arguments do not apply to, such as ``"a map of representation she"``.
-    **values
-        The arguments by their names. An argument that is None counts as not given.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is given.
-    """
-    for name, value in values.items():
-        if value is not None:
-            raise ArgumentError(name, f"does not apply to {what}")
+    def shaded(self, *surface: object, **named: object) -> Self:
+        """Return the map itself, which is of a surface already."""
+        return self
 
 
 def no_way(source: Map, to: str) -> ArgumentError:
@@ -477,20 +492,3 @@ def no_way(source: Map, to: str) -> ArgumentError:
         f"{to} does not apply to {source.what}; it is made from the probe, by shrm prefilter PROBE "
         f"--to {to}",
     )
-
-
-def _is_exact(values: Array) -> bool:
-    """Whether half-precision floats represent all values exactly."""
-    with np.errstate(over="ignore"):
-        return bool(np.array_equal(values.astype(np.float16), values))
-
-
-def _lost(before: Array, after: Array, old: Sampling, new: Sampling) -> float:
-    """Return the relative RMS difference of two cubes of any sizes at the texels of the first."""
-    from shrm_cli.sphere.cube import CubeSampler, cube_directions, cube_solid_angles
-
-    size = before.shape[1]
-    weights = np.tile(cube_solid_angles(size, old), (6, 1))[..., None]
-    again = CubeSampler(after, new)(cube_directions(size, old))
-    whole = np.sum(weights * before.astype(float) ** 2)
-    return float(np.sqrt(np.sum(weights * (again - before) ** 2) / whole)) if whole > 0 else 0.0

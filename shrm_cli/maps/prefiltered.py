@@ -154,7 +154,7 @@ def negative_share(map_: Map) -> float:
     float
         In 0 .. 1, to about 0.001 where it is small.
     """
-    shown = map_.glimpse(*visible_pairs())
+    shown = map_.shaded().rough_radiance(*visible_pairs())
     return float(np.mean(shown @ LUMINANCE < 0))
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.probe.proxy import carried
 from shrm_cli.records import record
@@ -22,9 +22,9 @@ Parts = tuple[tuple[Any, str], ...]
 Vectors = tuple[Array, Array, Array | None]
 
 
-def parts_of(made: Map, shown: Any) -> Parts:
+def parts_of(made: Map, shown: ReflectedLight) -> Parts:
     """Return what a map consists of; with a surface it has one part, about the map's center."""
-    return made.parts if shown is None or shown is made else ((shown, made.center),)
+    return shown.parts if isinstance(shown, ReflectionMap) else ((shown, made.center),)
 
 
 def seen_from(made: Map, center: str, vectors: Vectors, points: Array | None) -> Vectors:
@@ -49,14 +49,45 @@ def seen_from(made: Map, center: str, vectors: Vectors, points: Array | None) ->
     return normals, views, None if tangents is None else carried(tangents, before, after)
 
 
+def reflected(
+    made: Map,
+    shown: ReflectedLight,
+    vectors: Vectors,
+    points: Array | None,
+    shares: Array | None = None,
+) -> Array:
+    """Return the radiance of a map, each part of which is looked up as `seen_from` some points.
+
+    The shares, where a parameter of the BRDF varies, are those of `ReflectedLight.varied_radiance`.
+    """
+    if points is None or made.info.proxy is None:
+        return looked_up(shown, vectors, shares)
+    found = [
+        looked_up(part, seen_from(made, center, vectors, points), shares)
+        for part, center in parts_of(made, shown)
+    ]
+    total: Array = sum(found[1:], found[0])
+    return total
+
+
+def looked_up(shown: ReflectedLight, vectors: Vectors, shares: Array | None = None) -> Array:
+    """Return the radiance with the tangents and the values that are given."""
+    normals, views, tangents = vectors
+    if tangents is None:
+        return shown.radiance(normals, views)
+    if shares is None:
+        return shown.brushed_radiance(normals, tangents, views)
+    return shown.varied_radiance(normals, tangents, views, shares)
+
+
 @record(eq=False)
-class Placed:
+class Placed(ReflectedLight):
     """A map as a sphere shows it that stands in the room of its probe.
 
     Attributes
     ----------
     made : Map
-    shown : object with `info` and `radiance`
+    shown : ReflectedLight
         The map with its surface.
     place : ndarray, shape (3,)
         The sphere's middle, world axes.
@@ -64,13 +95,13 @@ class Placed:
     """
 
     made: Map
-    shown: Any
+    shown: ReflectedLight
     place: Array
     radius: float
 
     @classmethod
     def of(
-        cls, made: Map, shown: Any, name: str, place: ArrayLike, radius: float | None
+        cls, made: Map, shown: ReflectedLight, name: str, place: ArrayLike, radius: float | None
     ) -> "Placed":
         """Place a map; the radius is a tenth of the box's shortest edge by default.
 
@@ -91,16 +122,11 @@ class Placed:
     @property
     def info(self) -> MapInfo:
         """How the map was made."""
-        found: MapInfo = self.shown.info
-        return found
+        return self.shown.info
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Return the radiance of the sphere where it has some normals; see `Map.radiance`."""
         normals, views = np.broadcast_arrays(np.asarray(normals, float), np.asarray(views, float))
         points = self.place + self.radius * normals
         tangents = horizontal_tangents(normals)
-        total = np.zeros(normals.shape)
-        for part, center in parts_of(self.made, self.shown):
-            turned = seen_from(self.made, center, (normals, views, tangents), points)
-            total += part.brushed_radiance(turned[0], turned[2], turned[1])
-        return total
+        return reflected(self.made, self.shown, (normals, views, tangents), points)

@@ -16,7 +16,7 @@ from shrm_cli.render.flip import FlipError, hdr_flip
 from shrm_cli.render.image import expose
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
-from shrm_cli.render.sphere import ReflectionMap, render_sphere
+from shrm_cli.render.sphere import Reflecting, render_sphere
 
 
 @record
@@ -212,8 +212,8 @@ def comparison_layout(others: int, views: int, size: int) -> SheetLayout:
 
 
 def compare_spheres(
-    baseline: ReflectionMap,
-    others: Sequence[ReflectionMap],
+    baseline: Reflecting,
+    others: Sequence[Reflecting],
     viewers: Sequence[Viewer],
     size: int,
     progress: Progress | None = None,
@@ -223,9 +223,9 @@ def compare_spheres(
 
     Parameters
     ----------
-    baseline : ReflectionMap
+    baseline : Reflecting
         The truth or the map that the others are compared with.
-    others : sequence of M ReflectionMap
+    others : sequence of M Reflecting
     viewers : sequence of V Viewer
     size : int
         Width and height of each picture, pixels.

@@ -1,25 +1,87 @@
 """Maps as pictures show them: those of light alone with a surface, those of a BRDF with light."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectedLight
+from shrm_cli.maps.kinds import LightMap, MaterialMap
 from shrm_cli.maps.prefiltered import negative_share, negative_warnings
-from shrm_cli.maps.product.window import product_window
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
-from shrm_cli.render.shading import (
-    KnownMap,
-    ggx_surface,
-    outside_range,
-    reflectance,
-    shown_as,
-    takes_f0,
-)
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS
+
+_ROUNDING = 1e-6
+"""How far a roughness may lie outside a map's range, which files hold as 32-bit floats."""
+
+
+def ggx_surface(
+    roughness: float | None = None, f0: Color | None = None, anisotropy: float | None = None
+) -> Ggx:
+    """Return the GGX surface that maps are shown as.
+
+    Parameters
+    ----------
+    roughness : float, optional
+        Perceptual roughness: GGX's alpha is its square. The default is that of `Ggx`.
+    f0 : tuple of 3 float, optional
+        Reflectance at normal incidence, linear RGB. The default is that of `Ggx`.
+    anisotropy : float, optional
+        That of glTF; without it the surface is not brushed.
+
+    Raises
+    ------
+    BrdfError
+        If a parameter is out of its range.
+    """
+    given = {"roughness": roughness, "f0": f0, "anisotropy": anisotropy or None}
+    return Ggx(**{key: value for key, value in given.items() if value is not None})
+
+
+def shown_as(made: Map, surface: Ggx, taps: int | None = None) -> ReflectedLight:
+    """Return the light of a map as a GGX surface reflects it; see `Map.shaded`."""
+    anisotropy = 0.0 if surface.isotropic else surface.number("anisotropy")
+    numbers = surface.number("roughness"), surface.color("f0"), anisotropy
+    return made.shaded(*numbers, taps or DEFAULT_TAPS)
+
+
+def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color:
+    """Return the linear RGB, each channel within 0 .. 1, that a text such as ``gold`` means.
+
+    Parameters
+    ----------
+    primaries : tuple of 8 float, optional
+        The chromaticities of the light, which the colors of metals are converted to.
+
+    Raises
+    ------
+    BrdfError
+        If it is no color.
+    """
+    return parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
+
+
+def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:
+    """Return a warning for each map that was not made for a roughness.
+
+    Parameters
+    ----------
+    maps : mapping of str to Map
+        Maps by the names of their files.
+    roughness : float
+        Perceptual roughness.
+    """
+    lines = []
+    for path, each in maps.items():
+        low, high = each.roughness_range
+        if not low - _ROUNDING <= roughness <= high + _ROUNDING:
+            made = f"{low:.4g}" if low == high else f"{low:.4g} .. {high:.4g}"
+            lines.append(f"{path}: it was made for roughness {made}, not {roughness:g}")
+    return lines
 
 
 def surface_of(
@@ -41,7 +103,7 @@ def shaded_maps(
     f0: str | None,
     anisotropy: float | None = None,
     taps: int | None = None,
-) -> tuple[list[KnownMap], dict[str, Any], list[str]]:
+) -> tuple[list[ReflectedLight], dict[str, Any], list[str]]:
     """Give a surface to the maps of light alone, such as split sums and SH exponentials.
 
     Parameters
@@ -58,7 +120,7 @@ def shaded_maps(
 
     Returns
     -------
-    maps : list of KnownMap
+    maps : list of ReflectedLight
         All maps, those of light alone with the surface.
     surface : dict
         Roughness and reflectance of the first map's surface, for a result; without a reflectance
@@ -66,18 +128,18 @@ def shaded_maps(
     warnings : list of str
         One for each map that was not made for this roughness.
     """
-    if not any(each.needs_surface for each in maps):
-        return list(maps), {}, []
+    lights = [each for each in maps if isinstance(each, LightMap)]
+    if not lights:
+        return [each.shaded() for each in maps], {}, []
     surfaces = [surface_of(roughness, f0, each.info.chromaticities, anisotropy) for each in maps]
     rough = surfaces[0].number("roughness")
     surface: dict[str, Any] = {"roughness": rough, "f0": list(surfaces[0].color("f0"))}
     if anisotropy is not None:
         surface["anisotropy"] = anisotropy
     warnings = outside_range(dict(zip(names, maps, strict=True)), rough)
-    if not takes_f0(next(each for each in maps if each.needs_surface)):
+    if "f0" not in lights[0].surface_arguments:
         del surface["f0"]
-    pairs = zip(maps, surfaces, strict=True)
-    shown = [shown_as(each, own, taps) if each.needs_surface else each for each, own in pairs]
+    shown = [shown_as(each, own, taps) for each, own in zip(maps, surfaces, strict=True)]
     return shown, surface, warnings
 
 
@@ -109,14 +171,14 @@ def lit_maps(
     light = None if probe is None else Projection(probe)
     found, warnings = [], []
     for each, name in zip(maps, names, strict=True):
-        if not each.needs_light:
+        if not isinstance(each, MaterialMap):
             found.append(each)
             continue
         if light is None:
             raise MapError(f"{name}: a product texture that holds no light; give `probe`")
         order = each.info.order_f
         series = light.to_order(order).coefficients[: (order + 1) ** 2]
-        shape = product_window(window or "auto", each, series)
+        shape = each.window(window or "auto", series)
         lit = each.lit(shape.apply(series))
         if shape.factors:
             warnings.append(
@@ -124,7 +186,7 @@ def lit_maps(
                 f"{shape.change:.1%} RMS, p95 {shape.p95_change:.0%}; `window` none leaves it"
             )
         # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
-        lit = replace(lit, info=replace(lit.info, chromaticities=light.probe.chromaticities))  # type: ignore[type-var]
+        lit = lit.with_info(replace(lit.info, chromaticities=light.probe.chromaticities))
         warnings += [f"{name}: {line}" for line in negative_warnings(lit, negative_share(lit))]
         found.append(lit)
     return found, warnings

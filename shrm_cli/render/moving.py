@@ -7,15 +7,16 @@ blend of two lights reflects the blend of what they reflect.
 """
 
 from dataclasses import replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sphere import Surroundings
@@ -24,20 +25,6 @@ from shrm_cli.render.vertex_colors import VertexColors
 from shrm_cli.sphere.directions import horizontal_tangents, turn_about
 
 Drawn = TypeVar("Drawn")
-
-
-class Reflecting(Protocol):
-    """What is asked of a map, or of one with a surface, to draw it under light that moves."""
-
-    @property
-    def info(self) -> MapInfo:
-        """How the map was made."""
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance, as `Map.radiance` does."""
-
-    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate it for known tangents, as `Map.brushed_radiance` does."""
 
 
 @record(eq=False)
@@ -98,7 +85,7 @@ class Moment:
             return replace(
                 first,
                 map=self._moved(first.map, second and second.map),
-                shaded=self._moved(first.shaded, second and second.shaded),
+                shown=self._moved(first.shown, second and second.shown),
                 irradiance=self._moved(first.irradiance, second and second.irradiance),
                 varied=self._moved(first.varied, second and second.varied),
                 is_boxed=False,
@@ -107,12 +94,12 @@ class Moment:
 
 
 @record(eq=False)
-class MovedMap:
+class MovedMap(ReflectedLight):
     """A map, or one with a surface, under light that has moved.
 
     Attributes
     ----------
-    first, second : Reflecting
+    first, second : ReflectedLight or VariedSurface
         Under the light at rest, and under the one that it becomes; None where it becomes no other.
     share : float
         How much of the light is that of the second one.
@@ -155,7 +142,7 @@ class MovedMap:
         return self.brushed_radiance(normals, along if tangents is None else tangents, views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate it for known tangents, as `Map.brushed_radiance` does."""
+        """Evaluate it for known tangents, as `ReflectedLight.brushed_radiance` does."""
         normals, tangents, views = (
             np.asarray(each) @ self.turn for each in (normals, tangents, views)
         )
@@ -164,7 +151,7 @@ class MovedMap:
     def varied_radiance(
         self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
     ) -> Array:
-        """Evaluate it where a parameter varies, as `Map.varied_radiance` does."""
+        """Evaluate it where a parameter varies, as `ReflectedLight.varied_radiance` does."""
         places = [np.asarray(each) @ self.turn for each in (normals, tangents, views)]
         return self._blend(lambda each: each.varied_radiance(*places, shares))
 
@@ -241,7 +228,8 @@ def check_blend(first: Map, second: Map, name: str) -> None:
         If they are of different BRDFs, or in different primaries.
     """
     one, other = first.info, second.info
-    if (first.needs_surface, one.brdf) != (second.needs_surface, other.brdf):
+    are_lights = isinstance(first, LightMap), isinstance(second, LightMap)
+    if are_lights[0] != are_lights[1] or one.brdf != other.brdf:
         raise MapError(
             f"{name}: it is of another BRDF than the map whose light becomes its own; prefilter "
             "both for the same one"

@@ -13,7 +13,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.progress import Progress
-from shrm_cli.render.sphere import ReflectionMap
+from shrm_cli.render.sphere import Reflecting
 from shrm_cli.sphere.directions import bisector, normalize
 from shrm_cli.sphere.grid.latlong import latlong_points
 from shrm_cli.sphere.quadrature import nodes
@@ -38,7 +38,7 @@ def ignores_views(found: Map) -> bool:
 
 
 def one_view(
-    reflecting: ReflectionMap,
+    reflecting: Reflecting,
     view: ArrayLike,
     height: int,
     by: Lookup,

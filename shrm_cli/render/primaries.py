@@ -10,25 +10,25 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import MapError
+from shrm_cli.maps.base import ReflectedLight
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.records import record
-from shrm_cli.render.shading import KnownMap
 
 
 @record(eq=False)
-class Recolored:
+class Recolored(ReflectedLight):
     """A map whose radiance is shown in other primaries; that is exact for maps of every form.
 
     Attributes
     ----------
-    shown : KnownMap
+    shown : ReflectedLight
     matrix : ndarray, shape (3, 3)
         From the map's linear RGB to that which is wanted.
     primaries : tuple of 8 float, optional
         Of that; None is Rec.709.
     """
 
-    shown: KnownMap
+    shown: ReflectedLight
     matrix: Array
     primaries: tuple[float, ...] | None
 
@@ -43,10 +43,10 @@ class Recolored:
 
 
 def in_same_primaries(
-    maps: Sequence[KnownMap], primaries: tuple[float, ...] | None
-) -> list[KnownMap]:
+    maps: Sequence[ReflectedLight], primaries: tuple[float, ...] | None
+) -> list[ReflectedLight]:
     """Return maps that are all shown in the same primaries, which None says are Rec.709."""
-    found: list[KnownMap] = []
+    found: list[ReflectedLight] = []
     for each in maps:
         matrix = conversion(each.info.chromaticities, primaries)
         found.append(each if matrix is None else Recolored(each, matrix, primaries))

@@ -10,7 +10,7 @@ from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
-from shrm_cli.render.sphere import ReflectionMap, Surroundings, render_background, render_sphere
+from shrm_cli.render.sphere import Reflecting, Surroundings, render_background, render_sphere
 
 Material = TypeVar("Material")
 _Drawn = TypeVar("_Drawn", contravariant=True)
@@ -53,7 +53,7 @@ class SphereSubject:
 
     def draw(
         self,
-        material: ReflectionMap,
+        material: Reflecting,
         viewer: Viewer,
         background: Picture | None,
         progress: Progress | None,

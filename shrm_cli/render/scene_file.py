@@ -38,8 +38,8 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
+from shrm_cli.render.lit import reflectance
 from shrm_cli.render.paint import Paint
-from shrm_cli.render.shading import can_be_brushed, reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
 from shrm_cli.render.textures import Shelf
 from shrm_cli.render.variation import open_variation
@@ -223,7 +223,7 @@ def _actor(
     if shown.brush == "uv" and mesh.uvs is None:
         raise ValueError(f"brush cannot be uv: {mesh.name} has no texture coordinates; name others")
     light = shown.map or (maps[0] if maps else None)
-    if shown.anisotropy is not None and light is not None and not can_be_brushed(light):
+    if shown.anisotropy is not None and light and "anisotropy" not in light.surface_arguments:
         raise ValueError(
             "anisotropy is of split sums of GGX; other maps have a BRDF, ggx:anisotropy="
         )

@@ -34,7 +34,7 @@ _ALMOST_NOTHING = 1e-6
 """Weight of samples off the sphere; samples on it have weight 1."""
 
 
-class ReflectionMap(Protocol):
+class Reflecting(Protocol):
     """The part of a map that `render_sphere` needs."""
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
@@ -49,7 +49,7 @@ class Surroundings(Protocol):
 
 
 def render_sphere(
-    reflection_map: ReflectionMap,
+    reflecting: Reflecting,
     viewer: Viewer,
     size: int,
     background: Picture | None = None,
@@ -78,7 +78,7 @@ def render_sphere(
     rows = max(_PIXELS_AT_ONCE // size, 1)
     for start in range(0, size, rows):
         stop = min(start + rows, size)
-        _draw_rows(reflection_map, viewer, picture, start, stop)
+        _draw_rows(reflecting, viewer, picture, start, stop)
         if progress is not None:
             progress(stop, size)
     return picture
@@ -107,7 +107,7 @@ def render_background(surroundings: Surroundings, viewer: Viewer, size: int) -> 
 
 
 def _draw_rows(
-    reflection_map: ReflectionMap, viewer: Viewer, picture: Picture, start: int, stop: int
+    reflecting: Reflecting, viewer: Viewer, picture: Picture, start: int, stop: int
 ) -> None:
     """Blend the sphere over the rows `start` .. `stop` - 1 of a picture, by its coverage."""
     size = len(picture)
@@ -125,7 +125,7 @@ def _draw_rows(
     normals = sphere_normals(
         viewer, np.concatenate([x[~rim], sub_x.ravel()]), np.concatenate([y[~rim], sub_y.ravel()])
     )
-    values = reflection_map.radiance(normals, viewer.direction)
+    values = reflecting.radiance(normals, viewer.direction)
     inside = len(values) - sub_x.size
     sphere = np.empty((len(x), 3))
     sphere[~rim] = values[:inside]

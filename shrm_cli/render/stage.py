@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,12 +12,13 @@ from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
 from shrm_cli.geometry.mesh import Mesh, joined
 from shrm_cli.geometry.tangents import UvTangents, brushed_tangents
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.records import record
-from shrm_cli.render.boxed import Vectors, parts_of, seen_from
+from shrm_cli.render.boxed import Vectors, reflected, seen_from
+from shrm_cli.render.lit import ggx_surface, outside_range, shown_as
 from shrm_cli.render.paint import Paint, Painted
-from shrm_cli.render.shading import can_be_brushed, ggx_surface, outside_range, shown_as
 from shrm_cli.render.variation import Variation, VariedSurface
 from shrm_cli.sphere.directions import horizontal_tangents
 
@@ -72,20 +72,20 @@ class Look:
         chosen = self.map or given
         if chosen is None:
             raise MapError("an object of the scene has no map; name one")
-        if not chosen.needs_surface:
-            return Reflector(chosen, variation=self.variation, paint=self.paint)
-        if self.anisotropy is not None and not can_be_brushed(chosen):
-            raise MapError(f"anisotropy is of split sums of GGX, not of {chosen.what}")
+        if not isinstance(chosen, LightMap):
+            return Reflector(chosen, chosen.shaded(), variation=self.variation, paint=self.paint)
+        chosen.check_brush(self.anisotropy or 0.0)
         if self.paint is not None:
             varied = VariedSurface(chosen, self.anisotropy, self.taps)
-            return Reflector(chosen, None, self.irradiance, None, self.paint, varied, self.f0)
+            more = self.irradiance, None, self.paint, varied, self.f0
+            return Reflector(chosen, chosen.shaded(), *more)
         shown = shown_as(chosen, ggx_surface(self.roughness, self.f0, self.anisotropy), self.taps)
         return Reflector(chosen, shown)
 
     def warnings(self, name: str, given: Map | None) -> list[str]:
         """Return a warning if the map was not made for the roughness."""
         chosen = self.map or given
-        if chosen is None or not chosen.needs_surface:
+        if not isinstance(chosen, LightMap):
             return []
         if self.paint is None:
             found = {ggx_surface(self.roughness, self.f0).number("roughness")}
@@ -99,7 +99,7 @@ class Reflector:
     """A map as one surface shows it."""
 
     map: Map
-    shaded: "Map | None" = None
+    shown: ReflectedLight
     irradiance: Irradiance | None = None
     variation: Variation | None = None
     paint: Paint | None = None
@@ -134,26 +134,14 @@ class Reflector:
         vectors = normals, views, tangents
         where = points if self.is_boxed else None
         if painted is None:
-            return self._even(vectors, shares, where)
+            return reflected(self.map, self.shown, vectors, where, shares)
         found: Array
         if self.varied is None:
-            found = self._even(vectors, shares, where) * painted.base_color
+            found = reflected(self.map, self.shown, vectors, where, shares)
+            found = found * painted.base_color
         else:
             found = self._metallic(vectors, painted, where)
         return found * painted.occlusion[:, None] + painted.emission
-
-    def _even(self, vectors: Vectors, shares: Array | None, points: Array | None) -> Array:
-        """Return what the map of one BRDF reflects, or a surface that is the same all over."""
-        if points is None or self.map.info.proxy is None:
-            return _reflected(self.shaded or self.map, vectors, shares)
-        if vectors[2] is None:  # around +Y where the surface is, not where its probe saw that
-            vectors = (*vectors[:2], horizontal_tangents(vectors[0]))
-        found = [
-            _reflected(part, seen_from(self.map, center, vectors, points), shares)
-            for part, center in parts_of(self.map, self.shaded)
-        ]
-        total: Array = sum(found[1:], found[0])
-        return total
 
     def _metallic(self, vectors: Vectors, painted: Painted, points: Array | None) -> Array:
         """Return what glTF's metallic-roughness model reflects.
@@ -173,19 +161,6 @@ class Reflector:
             return found
         normals, views, _ = seen_from(self.irradiance, "normal", vectors, points)
         return found + self.irradiance.radiance(normals, views) * albedo
-
-
-def _reflected(shown: Any, vectors: Vectors, shares: Array | None) -> Array:
-    """Return the radiance of a map, with the tangents and the values that are given."""
-    normals, views, tangents = vectors
-    found: Array
-    if tangents is None:
-        found = shown.radiance(normals, views)
-    elif shares is None:
-        found = shown.brushed_radiance(normals, tangents, views)
-    else:
-        found = shown.varied_radiance(normals, tangents, views, shares)
-    return found
 
 
 @record
@@ -276,7 +251,7 @@ class Stage:
             lit = [look.map] if look.map else maps
             if look.paint is None or look.irradiance or not look.paint.has_diffuse:
                 continue
-            if any(each.needs_surface for each in lit):
+            if any(isinstance(each, LightMap) for each in lit):
                 return True
         return False
 
@@ -288,7 +263,9 @@ class Stage:
                 continue
             unread = look.paint.unread
             lit = [look.map] if look.map else maps
-            if look.paint.is_rough_by_texture and not all(each.needs_surface for each in lit):
+            if look.paint.is_rough_by_texture and not all(
+                isinstance(each, LightMap) for each in lit
+            ):
                 unread = [*unread, _FOR_OTHERS]
             if unread:
                 named.append(f"{look.paint.material.name!r} ({', '.join(unread)})")

@@ -10,7 +10,6 @@ and a white one tell all others.
 """
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,9 +18,11 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import ReflectedLight
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.probe.image_file import stored_image
-from shrm_cli.render.shading import ggx_surface, shown_as
+from shrm_cli.render.boxed import looked_up
+from shrm_cli.render.lit import ggx_surface, shown_as
 from shrm_cli.vocabulary import LUMINANCE, MIN_ROUGHNESS
 
 _MOST_PIXELS = 2**26
@@ -117,15 +118,16 @@ class VariedSurface:
 
     Parameters
     ----------
-    made : Map
-        One that needs a surface.
+    made : LightMap
     anisotropy : float, optional
         That of glTF.
     taps : {3, 5, 8}, optional
         How many directions the light of a brushed surface is looked up in.
     """
 
-    def __init__(self, made: Map, anisotropy: float | None = None, taps: int | None = None) -> None:
+    def __init__(
+        self, made: LightMap, anisotropy: float | None = None, taps: int | None = None
+    ) -> None:
         self._map, self._anisotropy, self._taps = made, anisotropy, taps
         self._surface = lru_cache(_KEPT)(self._of)
 
@@ -170,20 +172,11 @@ class VariedSurface:
         where = normals[own], views[own], None if tangents is None else tangents[own]
         if (f0 == f0[0]).all():
             red, green, blue = f0[0].tolist()
-            return self._shown(roughness, (red, green, blue), *where)
-        black, white = (self._shown(roughness, each, *where) for each in (_BLACK, _WHITE))
+            return looked_up(self._surface(roughness, (red, green, blue)), where)
+        surfaces = (self._surface(roughness, each) for each in (_BLACK, _WHITE))
+        black, white = (looked_up(each, where) for each in surfaces)
         return black + f0 * (white - black)
 
-    def _shown(
-        self, roughness: float, f0: Color, normals: Array, views: Array, tangents: Array | None
-    ) -> Array:
-        shown = self._surface(roughness, f0)
-        if tangents is None:
-            found: Array = shown.radiance(normals, views)
-            return found
-        brushed: Array = shown.brushed_radiance(normals, tangents, views)
-        return brushed
-
-    def _of(self, roughness: float, f0: Color) -> Any:
+    def _of(self, roughness: float, f0: Color) -> ReflectedLight:
         surface = ggx_surface(roughness, f0, self._anisotropy)
         return shown_as(self._map, surface, self._taps)

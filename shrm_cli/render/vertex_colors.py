@@ -15,8 +15,7 @@ from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import common_brdf
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-from shrm_cli.maps.product.product import ProductTexture
-from shrm_cli.maps.product.varying import VaryingProduct
+from shrm_cli.maps.product.product import LitProduct, ProductTexture
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.render.lamps import LampsOnMesh, Points, blended
 from shrm_cli.sphere.directions import normalize
@@ -177,11 +176,10 @@ def vertex_colors(
     if isinstance(light, Irradiance):
         lamps = _lamps(mesh, discs)
         return VertexColors(mesh, transfer, light.coefficients, lamps=lamps)
-    if isinstance(light, VaryingProduct):
-        light = light.at(_MIDDLE)
-    if isinstance(light, ProductTexture) and light.lighting is not None:
-        brdf = common_brdf({path: light.info}) if discs else None
-        return VertexColors(mesh, transfer, light.lighting, light, _lamps(mesh, discs, brdf))
+    if isinstance(light, LitProduct):
+        product = light.product.at(_MIDDLE)
+        brdf = common_brdf({path: product.info}) if discs else None
+        return VertexColors(mesh, transfer, light.lighting, product, _lamps(mesh, discs, brdf))
     raise TransferError(
         f"{transfer.facts.mesh}: transfer shades by irradiance maps and by product textures, not "
         f"by a map of the form {light.representation}; make one with shrm prefilter --to irradiance"

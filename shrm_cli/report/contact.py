@@ -15,12 +15,13 @@ from shrm_cli.errors import MapError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo, spec_of
+from shrm_cli.maps.kinds import LightMap, MaterialMap
 from shrm_cli.maps.options import bytes_text, counted
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, whole_coverage
 from shrm_cli.render.image import suitable_exposure
-from shrm_cli.render.shading import ggx_surface
+from shrm_cli.render.lit import ggx_surface, shown_as
 from shrm_cli.render.sphere import render_sphere
 from shrm_cli.report import pictures, words
 from shrm_cli.report.markup import Html, Part, joined, tag, whole_page
@@ -154,15 +155,10 @@ def _drawn(file: str) -> Thumbnail:
     start = time.perf_counter()
     opened: Map = open_map(file)
     info, size = opened.info, os.path.getsize(file)
-    brdf = "" if opened.needs_surface or not info.brdf else spec_of(info.brdf)
-    if opened.needs_surface:
-        surface = ggx_surface()
-        shown = opened.shaded(surface.number("roughness"), surface.color("f0"))
-    else:
-        shown = opened
-    if opened.needs_light:
+    brdf = "" if isinstance(opened, LightMap) or not info.brdf else spec_of(info.brdf)
+    if isinstance(opened, MaterialMap):
         raise MapError(f"{file}: holds no light of its own, so that there is nothing to draw")
-    picture = np.nan_to_num(render_sphere(shown, _VIEWER, SIZE))
+    picture = np.nan_to_num(render_sphere(shown_as(opened, ggx_surface()), _VIEWER, SIZE))
     seconds = time.perf_counter() - start
     return Thumbnail(file, opened.representation, brdf, info, size, picture, seconds)
 

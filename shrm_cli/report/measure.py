@@ -11,11 +11,12 @@ from shrm_cli.batch.job import Recipe
 from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.errors import ArgumentError, MapError, ShrmError
+from shrm_cli.errors import ArgumentError, ShrmError
 from shrm_cli.files.whole import scratch_folder
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.file import open_map, store
 from shrm_cli.maps.info import common_brdf, record_of, same_brdf, spec_of
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
@@ -25,7 +26,7 @@ from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
 from shrm_cli.render.flip import FlipError, can_flip
-from shrm_cli.render.shading import KnownMap, ggx_surface, outside_range
+from shrm_cli.render.lit import ggx_surface, outside_range
 
 
 @record
@@ -112,7 +113,7 @@ class Material:
     spec : str
         Its specification.
     maps : list of Made
-    shown : list of KnownMap
+    shown : list of ReflectedLight
         The maps; those of light alone on the surface.
     truth : str
         How the truth was summed, in words.
@@ -129,7 +130,7 @@ class Material:
     brdf: Brdf
     spec: str
     maps: list[Made] = field(default_factory=list)
-    shown: list[KnownMap] = field(default_factory=list)
+    shown: list[ReflectedLight] = field(default_factory=list)
     truth: str = ""
     truth_error: float | None = None
     comparison: Comparison | None = None
@@ -237,8 +238,6 @@ def _made(probe: Probe, recipe: Recipe, path: Path, progress: Progress) -> Made:
     start = time.perf_counter()
     made = prefilter_with_facts(probe, recipe.to, given, progress)
     seconds = time.perf_counter() - start
-    if made.map.needs_light:
-        raise MapError("holds no light of its own; leave it out, see `shrm compare`")
     stored = store(path, made.map, recipe.precision)
     summary = {
         **made.summary(),
@@ -258,12 +257,12 @@ def _joined(found: Measured, probe: Probe, spec: str, made: Made) -> None:
         material = Material(parse_spec(spec, primaries=probe.chromaticities), spec)
         found.materials.append(material)
     material.maps.append(made)
-    material.shown.append(made.map)
+    material.shown.append(made.map.shaded())
 
 
 def _add_light(found: Measured, made: Made) -> None:
     """Add a map of light alone to the materials that it can show, or to one of its own."""
-    if made.map.needs_surface:
+    if isinstance(made.map, LightMap):
         surfaces = [each for each in found.materials if each.surface is not None]
         if not surfaces:
             brdf: Brdf = ggx_surface()
@@ -279,7 +278,7 @@ def _add_light(found: Measured, made: Made) -> None:
     for material in surfaces:
         material.maps.append(made)
         if material.surface is None:
-            material.shown.append(made.map)
+            material.shown.append(made.map.shaded())
             continue
         roughness, f0 = material.surface
         material.shown.append(made.map.shaded(roughness, f0))

@@ -242,6 +242,15 @@ class CubeSampler:
         return result
 
 
+def relative_change(before: Array, after: Array, old: Sampling, new: Sampling) -> float:
+    """Return the relative RMS difference of two cubes of any sizes at the texels of the first."""
+    size = before.shape[1]
+    weights = np.tile(cube_solid_angles(size, old), (6, 1))[..., None]
+    again = CubeSampler(after, new)(cube_directions(size, old))
+    whole = np.sum(weights * before.astype(float) ** 2)
+    return float(np.sqrt(np.sum(weights * (again - before) ** 2) / whole)) if whole > 0 else 0.0
+
+
 def nearest_texels(
     directions: ArrayLike, size: int, sampling: Sampling
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

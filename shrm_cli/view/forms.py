@@ -9,10 +9,10 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import spec_of
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-from shrm_cli.maps.product.product import ProductMap
+from shrm_cli.maps.kinds import LightMap, MaterialMap
+from shrm_cli.maps.product.product import LitProduct
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
-from shrm_cli.render.shading import can_be_brushed, takes_f0
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.vocabulary import DEFAULT_TAPS
 
@@ -46,9 +46,9 @@ def described_map(
     MapError
         If shaders have no words for the map.
     """
-    if made.needs_light:
+    if isinstance(made, MaterialMap):
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")
-    brushed = taps if can_be_brushed(made) else None
+    brushed = taps if "anisotropy" in made.surface_arguments else None
     try:
         code = look_up_code(made, "glsl", "layers", brushed)
         textures = pack(made)
@@ -56,12 +56,12 @@ def described_map(
         raise MapError(
             f"{file}: pages cannot show it ({error}); `shrm convert` makes another form of it"
         ) from error
-    # At a texel of these there are coefficients of harmonics, a cube or more a layer.
-    shared = made.representation in ("shrm", "principal", "product")
     packed = [
         {
             "name": each.name,
-            **blocks.texture(each.values, f"{file}: {each.name}", each.name in _LIGHT, shared),
+            **blocks.texture(
+                each.values, f"{file}: {each.name}", each.name in _LIGHT, made.texels_are_series
+            ),
         }
         for each in textures
     ]
@@ -75,21 +75,14 @@ def described_map(
         "code": code,
         "call": call,
         "boxed_call": _call(made, is_brushed, ", p") if "_at(" in code else None,
-        "surface": made.needs_surface,
+        "surface": isinstance(made, LightMap),
         "brushed": brushed,
         "tangents": "view_tangent(" in call,
         "roughness": list(made.roughness_range),
         "textures": packed,
-        "lighting": _lighting(made),
+        "lighting": made.lighting.ravel().tolist() if isinstance(made, LitProduct) else None,
         "facts": facts,
     }
-
-
-def _lighting(made: Map) -> list[float] | None:
-    """Return the light of a product texture, which its code reads from an array."""
-    if not isinstance(made, ProductMap) or made.lighting is None:
-        return None
-    return [float(x) for x in made.lighting.ravel()]
 
 
 def _call(made: Map, is_brushed: bool, point: str = "") -> str:
@@ -99,12 +92,11 @@ def _call(made: Map, is_brushed: bool, point: str = "") -> str:
     the map's probe, unless the surface is brushed by many look-ups, whose code knows of none.
     """
     at = "_at" if point else ""
-    surface = ", view_roughness" if made.needs_surface else ""
-    surface += ", view_f0" if takes_f0(made) else ""
-    call = f"shrm_radiance{at}(n, v{point}{surface})"
+    own = [f", view_{name}" for name in ("roughness", "f0") if name in made.surface_arguments]
+    call = f"shrm_radiance{at}(n, v{point}{''.join(own)})"
     if is_brushed:
         call = f"shrm_brushed_radiance{at}(n, view_tangent(n), v{point})"
-    if can_be_brushed(made):
+    if "anisotropy" in made.surface_arguments:
         brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
         call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"
     if isinstance(made, Irradiance):
@@ -120,14 +112,14 @@ def _facts(made: Map) -> list[tuple[str, str]]:
     """Return what the page says of a map, as pairs of a word and a value."""
     info, summary = made.info, made.summary()
     facts = [("form", registry.description(made.representation).title)]
-    if not takes_f0(made) and not isinstance(made, Irradiance):
+    if "f0" not in made.surface_arguments and not isinstance(made, Irradiance):
         facts.append(("BRDF", _spaced(spec_of(info.brdf))))
     facts.append(("probe", info.probe or "unknown"))
     if made.cube_count:
         facts.append(("cubes", f"{made.cube_count} of 6 \u00d7 {made.size}\u00b2"))
     orders = f"F = {info.order_carried}"
     facts.append(("orders", orders if not info.order_p else f"{orders}, P = {info.order_p}"))
-    if made.needs_surface:
+    if isinstance(made, LightMap):
         low, high = made.roughness_range
         facts.append(("roughness", f"{low:.3g} \u2026 {high:.3g}"))
     for word, key in (

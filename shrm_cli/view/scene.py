@@ -23,7 +23,7 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer, sphere_normals
-from shrm_cli.render.shading import ggx_surface, reflectance, shown_as
+from shrm_cli.render.lit import reflectance
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.forms import described_map
@@ -75,14 +75,6 @@ class Start:
     anisotropy: float = 0.0
     taps: int = DEFAULT_TAPS
     brush: str | tuple[float, float, float] | None = None
-
-    def shown(self, made: Map) -> Map:
-        """Return a map as the page shows it first."""
-        if not made.needs_surface:
-            return made
-        surface = ggx_surface(self.roughness, self.f0, self.anisotropy)
-        found: Map = shown_as(made, surface, self.taps)
-        return found
 
 
 @record
@@ -219,7 +211,8 @@ def _add_truth(
     progress: Progress | None,
 ) -> None:
     """Add pictures of the truth, if the maps are of one BRDF."""
-    shown = [start.shown(each) for each in maps]
+    surface = start.roughness, start.f0, start.anisotropy, start.taps
+    shown = [each.shaded(*surface) for each in maps]
     brdf = truth.brdf
     if brdf is None:
         infos = {file: each.info for file, each in zip(files, shown, strict=True)}

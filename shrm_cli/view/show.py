@@ -12,11 +12,11 @@ from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, spec_of
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.probe.probe import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.render.lit import lit_maps, surface_of
-from shrm_cli.render.shading import can_be_brushed
 from shrm_cli.view.page import page
 from shrm_cli.view.scene import TRUTH_SIZE, Scene, Start, Truth, make_scene
 from shrm_cli.vocabulary import DEFAULT_TAPS
@@ -150,12 +150,13 @@ def _as_beside(
     told : list of str
         A line that says so.
     """
-    if not any(each.needs_surface for each in opened):
+    lights = [each for each in opened if isinstance(each, LightMap)]
+    if not lights:
         return start, []
-    is_brushable = all(can_be_brushed(each) for each in opened if each.needs_surface)
+    is_brushable = all("anisotropy" in each.surface_arguments for each in lights)
     for made, name in zip(opened, names, strict=True):
         same = made.info.chromaticities == opened[0].info.chromaticities
-        if made.needs_surface or made.info.brdf.get("name") != "ggx" or not same:
+        if isinstance(made, LightMap) or made.info.brdf.get("name") != "ggx" or not same:
             continue
         try:
             brdf = common_brdf({name: made.info})

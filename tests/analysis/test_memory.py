@@ -20,7 +20,7 @@ import numpy as np
 import shrm_cli.analysis.representations as r
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.shading import ggx_surface
+from shrm_cli.render.lit import ggx_surface
 
 r.COMPARED = ("shrm",)
 probe = Probe.from_array(np.ones((4, 8, 3), np.float32))

@@ -20,7 +20,7 @@ from shrm_cli.maps.request import Request
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.shading import ggx_surface
+from shrm_cli.render.lit import ggx_surface
 from tests.brute_force import latlong_samples
 from tests.makers import prefilter_split_sum
 from tests.oracles import latlong_pixels

@@ -8,6 +8,7 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.kinds import LightMap
 from tests import oracles
 from tests.cli.helpers import assert_refused, done, polynomial_light, run, write_exr
 from tests.render.materials import under_random_light
@@ -67,7 +68,7 @@ def test_every_form_for_one_view(made, form):
     done("prefilter", made / "probe.exr", *FORMS[form], "--quiet", "-o", source)
     found = open_map(source)
     surface = ()
-    if found.needs_surface:
+    if isinstance(found, LightMap):
         surface, found = ("--roughness", "0.6", "--f0", "0.5"), found.shaded(0.6, (0.5,) * 3)
     said = json.loads(
         done(

@@ -10,6 +10,7 @@ import pytest
 
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.lit import shaded_maps
@@ -20,15 +21,15 @@ from tests.render.materials import furnace
 
 
 @dataclass
-class Recorder:
+class Recorder(LightMap):
     """A map of light alone that notes the surface it is told."""
 
     told: list = field(default_factory=list)
-    needs_surface = True
     roughness_range = (0.2, 0.5)
     info = MapInfo(0, 0, 0.03, 1.0, 0.0)
 
-    def shaded(self, roughness, f0):
+    def surface(self, roughness, f0, anisotropy, taps):
+        assert anisotropy == 0
         self.told.append((roughness, f0))
         return furnace((1, 2, 3))
 

@@ -9,10 +9,10 @@ import pytest
 
 from shrm_cli.errors import MapError
 from shrm_cli.maps.irradiance.zh3 import in_form
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
-from shrm_cli.render.shading import takes_f0
 from shrm_cli.vocabulary import TAP_COUNTS
 from tests.maps.irradiance.test_shader import make
 from tests.maps.shader import cases
@@ -38,8 +38,8 @@ def drawn(page, made, normals, views, language, roughness=0.5, f0=(1.0, 1.0, 1.0
     at = "_at" if point else ""
     call = f"shrm_irradiance{at}(n{point})"
     if made.representation != "irradiance":
-        surface = f", {roughness}" if made.needs_surface else ""
-        surface += f", {VECTOR[language]}{f0}" if takes_f0(made) else ""
+        surface = f", {roughness}" if isinstance(made, LightMap) else ""
+        surface += f", {VECTOR[language]}{f0}" if "f0" in made.surface_arguments else ""
         call = f"shrm_radiance{at}(n, v{point}{surface})"
     textures = [] if made.representation == "irradiance" else pack(made)
     job = {
@@ -73,7 +73,7 @@ def test_the_browser_draws_what_the_map_says(secure, monkeypatch, language, name
     cases.filter_bilinearly(monkeypatch)
     made = cases.FORMS[name]()
     normals, views = (each.astype(np.float32).astype(float) for each in cases.points(200))
-    for surface in cases.SURFACES if made.needs_surface else [(0.5, (1.0, 1.0, 1.0))]:
+    for surface in cases.SURFACES if isinstance(made, LightMap) else [(0.5, (1.0, 1.0, 1.0))]:
         found = drawn(secure.page, made, normals, views, language, *surface)
         truth = cases.expected(made, normals, views, *surface)
         np.testing.assert_allclose(found, truth, rtol=0, atol=PRECISION * np.abs(truth).max())

@@ -13,6 +13,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.geometry.tangents import projected_tangents
 from shrm_cli.maps.info import record_of
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.options import ReadOptions
@@ -111,7 +112,7 @@ def test_pictures_of_every_form(watched, tmp_path, monkeypatch):
     for number, (name, made) in enumerate(forms.items()):
         side = {"kind": "map", "number": number}
         found = read(page, a=side, view=VIEW, background="plain", **surface)
-        thing = Shaded(made, 0.62, (0.9, 0.5, 0.04)) if made.needs_surface else made
+        thing = Shaded(made, 0.62, (0.9, 0.5, 0.04)) if isinstance(made, LightMap) else made
         expected = render_sphere(thing, Viewer(33, -21), SIZE)
         # Rounding to half moves each coefficient by HALF of itself at most; a dozen of random sign
         # and size add up to a few times that of the largest radiance, which is what is compared.
@@ -264,7 +265,7 @@ def test_pictures_are_those_of_render(watched, tmp_path, probe):
         error = np.sqrt(np.mean((found - expected) ** 2) / np.mean(expected**2))
         # The stated error is the mean over all orientations and views, so that one of them may have
         # more. The table of the environment-BRDF of 128 entries is filtered, too: 1e-3.
-        stated = np.hypot(made.info.filter_error, HALF) + (1e-3 if made.needs_surface else 0)
+        stated = np.hypot(made.info.filter_error, HALF) + 1e-3 * isinstance(made, LightMap)
         print(f"{name}: {error:.2e}, stated {stated:.2e}")
         print(stated), name
 
@@ -429,7 +430,7 @@ def test_turned_light_is_that_of_maps_of_the_turned_probe(watched, tmp_path, pro
         )
         took = view(page, UPDATE, 0.5)
         print(f"{name}: {error:.2e} of a turned frame, {moved:.0%} unturned, {took:.3f} ms")
-        stated = np.hypot(turned.info.filter_error, HALF) + (1e-3 if made.needs_surface else 0)
+        stated = np.hypot(turned.info.filter_error, HALF) + 1e-3 * isinstance(made, LightMap)
         if name == "she":  # whose fit to the pixels of the turned probe is a little different
             own = render_sphere(made.turned(turn_matrix(yaw)).shaded(*surface), Viewer(33, -21), 48)
             stated += np.linalg.norm(own - expected) / np.linalg.norm(expected)

@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, refuse_arguments
+from shrm_cli.maps.base import Map, ReflectionMap
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
+from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels
 from shrm_cli.sphere.directions import bisector, central_directions
@@ -41,7 +42,7 @@ it counts as zero."""
 
 
 @record(eq=False)
-class ExplicitMap(Map):
+class ExplicitMap(ReflectionMap):
     """Reflected light tabulated over the central direction and samples of the view.
 
     Attributes
@@ -350,8 +351,8 @@ class ExplicitMap(Map):
             np.add.at(result, points, weights[pairs, None] * values)
         return result.reshape(*shape, 3)
 
-    def glimpse(self, reflections: Array, views: Array) -> Array:
-        """Interpolate between the samples of the view at the nearest texels; see `Map.glimpse`."""
+    def rough_radiance(self, reflections: Array, views: Array) -> Array:
+        """Interpolate between the samples of the view at the nearest texels."""
         centers = central_directions(self.center, bisector(reflections, views), views)
         indices, weights = self.blend(centers, views, self.count)
         rows, columns = nearest_texels(centers, self.size, self.sampling)

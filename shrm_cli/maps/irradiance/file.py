@@ -39,7 +39,7 @@ def encode(irradiance: Irradiance) -> list[Part]:
     of R, G and B (eq. 4.15). ``shrm:window`` says what the coefficients were multiplied with.
     """
     window = irradiance.window
-    header = common_header(irradiance, irradiance.order_p)
+    header = common_header(irradiance, 0)
     header |= {
         "shrm:lighting_coefficients": _json(irradiance.coefficients),
         "shrm:window": json.dumps({

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectionMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import Window
-from shrm_cli.maps.light_map import LightMap
+from shrm_cli.maps.kinds import FixedMap
 from shrm_cli.maps.size import choose_size
 from shrm_cli.records import record
 from shrm_cli.sphere.extremes import lowest, series_values
@@ -89,7 +89,7 @@ def matrix_constants() -> tuple[float, float, float, float, float]:
 
 
 @record(eq=False)
-class Irradiance(LightMap):
+class Irradiance(FixedMap, ReflectionMap):
     """The irradiance of a surface as a function of its normal.
 
     Attributes
@@ -129,11 +129,6 @@ class Irradiance(LightMap):
         return order_of(len(self.coefficients))
 
     @property
-    def order_p(self) -> int:
-        """The order P is 0, because a diffuse surface looks the same from everywhere."""
-        return 0
-
-    @property
     def takes_windows(self) -> bool:
         """Whether a window can damp the degrees."""
         return True
@@ -159,10 +154,6 @@ class Irradiance(LightMap):
         normals = np.asarray(normals, dtype=float)
         shape = np.broadcast_shapes(normals.shape, np.shape(views))
         return np.broadcast_to(self.irradiance(normals) / np.pi, shape)
-
-    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Return `radiance`; the central directions of this map are the normals."""
-        return self.radiance(centers, views)
 
     def cube(self) -> Array:
         """Return E(N) at the texels of an OpenEXR cube, shape (6N, N, 3)."""

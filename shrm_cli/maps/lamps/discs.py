@@ -43,7 +43,7 @@ class LitDiscs:
         return self.brushed_radiance(normals, tangents, views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Return what a surface of some tangents reflects, as `Map.brushed_radiance` does."""
+        """Return what a surface of some tangents reflects, as maps' `brushed_radiance` does."""
         normals, tangents, views = (
             np.asarray(each, dtype=float) for each in (normals, tangents, views)
         )

@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, refuse_arguments
+from shrm_cli.maps.base import Map, ReflectionMap
 from shrm_cli.maps.info import MapInfo, common_brdf
 from shrm_cli.maps.lamps.attribute import FORMAT, lamps_text
 from shrm_cli.maps.lamps.discs import LitDiscs, disc_records
+from shrm_cli.messages import refuse_arguments
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
@@ -37,7 +38,7 @@ def _within(name: str) -> Any:
 
 
 @record(eq=False)
-class LampMap(Map):
+class LampMap(ReflectionMap):
     """A map for a BRDF of the light without lamps, and the lamps, which `radiance` adds.
 
     What it is and how it is stored, it is as the map within: its representation is that of it.
@@ -79,10 +80,11 @@ class LampMap(Map):
     against_negatives = _within("against_negatives")
     is_exact_in_half = _within("is_exact_in_half")
     turns_with_texels = _within("turns_with_texels")
+    texels_are_series = _within("texels_are_series")
     cube_count = _within("cube_count")
 
     @cached_property
-    def info(self) -> MapInfo:  # type: ignore[override]
+    def info(self) -> MapInfo:
         """How it was made, with errors relative to all of the reflected light."""
         return replace(self.map.info, **self._scaled(vars(self.map.info)))
 
@@ -116,14 +118,16 @@ class LampMap(Map):
         return np.asarray(self.map.radiance(normals, views) + self.lamps.radiance(normals, views))
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate it for known tangents, as `Map.brushed_radiance` does."""
+        """Evaluate it for known tangents, as `ReflectedLight.brushed_radiance` does."""
         points = normals, tangents, views
-        return np.asarray(self.map.brushed_radiance(*points) + self.lamps.brushed_radiance(*points))
+        return np.asarray(
+            self.map.shaded().brushed_radiance(*points) + self.lamps.brushed_radiance(*points)
+        )
 
-    def glimpse(self, reflections: Array, views: Array) -> Array:
+    def rough_radiance(self, reflections: Array, views: Array) -> Array:
         """Evaluate it roughly; the lamps are exact."""
         lamps = self.lamps.radiance(bisector(reflections, views), views)
-        return np.asarray(self.map.glimpse(reflections, views) + lamps)
+        return np.asarray(self.map.shaded().rough_radiance(reflections, views) + lamps)
 
     @property
     def parts(self) -> tuple[tuple[Any, str], ...]:

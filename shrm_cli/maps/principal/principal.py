@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectionMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.joint import brightness, joint_error
 from shrm_cli.maps.principal.about_center import orders_in_plane
@@ -224,7 +224,7 @@ def _nearest(cubes: Array, sampling: Sampling, directions: Array) -> Array:
 
 
 @record
-class PrincipalMap(Map):
+class PrincipalMap(ReflectionMap):
     """A map of the terms of a BRDF, each with its own functions of the view.
 
     Attributes
@@ -242,6 +242,7 @@ class PrincipalMap(Map):
     sampling: Sampling = "center"
 
     representation = "principal"
+    texels_are_series = True
     format_version = 4
     against_negatives = "dim the lamps with `clamp`"
     frame = "global"
@@ -341,7 +342,7 @@ class PrincipalMap(Map):
         )
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance; see `Map.brushed_radiance`."""
+        """Evaluate the reflected radiance; see `ReflectedLight.brushed_radiance`."""
         normals, tangents, views = np.broadcast_arrays(
             *(np.asarray(each, dtype=float) for each in (normals, tangents, views))
         )
@@ -351,11 +352,11 @@ class PrincipalMap(Map):
             result += lobe.radiance(sampler, centers, views, tangents)
         return result
 
-    def glimpse(self, reflections: Array, views: Array) -> Array:
+    def rough_radiance(self, reflections: Array, views: Array) -> Array:
         """Evaluate the radiance with the center of the nearest texel as the central direction.
 
         There it is exact. Taking the values of the nearest texels for directions beside them is
-        not enough: the functions of small cubes are turned with the direction. See `Map.glimpse`.
+        not enough: the functions of small cubes are turned with the direction.
         """
         normals = bisector(reflections, views)
         result = np.zeros(normals.shape)

@@ -11,11 +11,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes, read_numbers
-from shrm_cli.maps.product.product import ProductTexture
+from shrm_cli.maps.product.product import LitProduct, ProductMap, ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.vocabulary import MAX_PRODUCT_ORDER, MAX_PRODUCT_SIZE
 
@@ -31,25 +32,27 @@ def channel_names(order: int, channels: int) -> list[str]:
     return names if channels == 1 else [f"{name}.{c}" for name in names for c in COLORS]
 
 
-def encode(made: ProductTexture | VaryingProduct) -> list[Part]:
+def encode(made: ProductMap | LitProduct) -> list[Part]:
     """Return the parts of a file: one, or one for each value of a parameter that varies.
 
     The light, where there is any, is the JSON of an attribute, and so are the parameter and its
     values.
     """
-    if isinstance(made, ProductTexture):
-        return [_part(made)]
-    varying = json.dumps(made.variation())
-    parts = [_part(each) for each in made.textures]
-    for name, part in zip(_names(len(parts)), parts, strict=True):
-        part.header.update({"name": name, f"shrm:{_VARYING}": varying})
+    product = made.product if isinstance(made, LitProduct) else made
+    parts = [_part(each) for each in product.textures]
+    if isinstance(made, LitProduct):
+        lighting = json.dumps(made.lighting.tolist())
+        for part in parts:
+            part.header[f"shrm:{_LIGHTING}"] = lighting
+    if isinstance(product, VaryingProduct):
+        varying = json.dumps(product.variation())
+        for name, part in zip(_names(len(parts)), parts, strict=True):
+            part.header.update({"name": name, f"shrm:{_VARYING}": varying})
     return parts
 
 
 def _part(texture: ProductTexture) -> Part:
     header = common_header(texture, 0)
-    if texture.lighting is not None:
-        header[f"shrm:{_LIGHTING}"] = json.dumps(texture.lighting.tolist())
     planes = texture.table.reshape(texture.size, texture.size, -1)
     names = channel_names(texture.order, texture.channels)
     return Part({name: planes[..., k] for k, name in enumerate(names)}, header)
@@ -59,7 +62,7 @@ def _names(count: int) -> list[str]:
     return [f"value{k:02d}" for k in range(count)]
 
 
-def decode(file: StoredFile) -> ProductTexture | VaryingProduct:
+def decode(file: StoredFile) -> ProductMap | LitProduct:
     """Return the texture, or the textures, that a file holds.
 
     Raises
@@ -67,16 +70,22 @@ def decode(file: StoredFile) -> ProductTexture | VaryingProduct:
     MapError
         If the file is not what `encode` makes.
     """
-    if len(file.parts) == 1:
-        return _texture(file.first)
+    product = _texture(file.first) if len(file.parts) == 1 else _several(file)
+    lights = [_lighting(part, product.order) for part in file.parts]
+    if not all(np.array_equal(each, lights[0]) for each in lights):  # type: ignore[arg-type]
+        raise MapError(f"{file.path}: its parts are under several lights; make it again")
+    return product if lights[0] is None else product.lit(lights[0])
+
+
+def _several(file: StoredFile) -> VaryingProduct:
+    """Return the textures of a file, one for each value of a parameter."""
     parts = {part.name: part for part in file.parts}
     names = _names(len(file.parts))
     if sorted(parts) != names:
         raise MapError(f"{file.path}: its parts are not the values of a parameter; make it again")
     variation = _varying(parts[names[0]], len(names))
     textures = [_texture(parts[name]) for name in names]
-    shapes = {(each.table.shape, each.lighting is None) for each in textures}
-    if len(shapes) > 1:
+    if len({each.table.shape for each in textures}) > 1:
         raise MapError(f"{file.path}: its parts are of several shapes; make it again")
     return VaryingProduct.of(textures, *variation)
 
@@ -119,13 +128,19 @@ def _texture(part: StoredPart) -> ProductTexture:
     names = channel_names(order, channels)
     if not part.holds(names):
         raise MapError(f"{path}: its channels are not those of a product texture of order {order}")
-    lighting = None
-    if part.attribute(f"shrm:{_LIGHTING}") is not None:
-        lighting = read_numbers(part, _LIGHTING, ((order + 1) ** 2, 3))
-        if lighting is None:
-            raise MapError(
-                f"{path}: its attribute shrm:{_LIGHTING} is not {(order + 1) ** 2} x 3 finite "
-                "numbers; make it again"
-            )
     table = part.read(names).reshape(size, size, (order + 1) ** 2, channels)
-    return ProductTexture(np.ascontiguousarray(table), map_info(attributes, part), lighting)
+    return ProductTexture(np.ascontiguousarray(table), map_info(attributes, part))
+
+
+def _lighting(part: StoredPart, order: int) -> Array | None:
+    """Read the coefficients of the light; None if there is none."""
+    if part.attribute(f"shrm:{_LIGHTING}") is None:
+        return None
+    count = (order + 1) ** 2
+    lighting = read_numbers(part, _LIGHTING, (count, 3))
+    if lighting is None:
+        raise MapError(
+            f"{part.path}: its attribute shrm:{_LIGHTING} is not {count} x 3 finite numbers; make "
+            "it again"
+        )
+    return lighting

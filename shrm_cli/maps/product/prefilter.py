@@ -17,7 +17,6 @@ from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.steps import ENOUGH, MOST_STEPS, chosen_values
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.maps.product.varying import VaryingProduct
-from shrm_cli.maps.product.window import product_window
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
@@ -70,7 +69,7 @@ def product_texture(
     MapError
         If the texture would be too large.
     """
-    return _texture(brdf, order, texels, order)[0]
+    return Prefiltered(*_texture(brdf, order, texels, order)[:2])
 
 
 def varying_values(
@@ -153,11 +152,10 @@ def varying_texture(
     made = []
     for index, one in enumerate(each):
         with using(stages.within):
-            made.append(product_texture(one, order, texels))
+            made.append(_texture(one, order, texels, order)[:2])
         stages.done(index + 1, len(each))
-    textures = [one.map for one in made if isinstance(one.map, ProductTexture)]
-    varying = VaryingProduct.of(textures, parameter, values, step_error)
-    facts = {name: max(one.facts[name] for one in made) for name in ("residual", "nodes")}
+    varying = VaryingProduct.of([one for one, _ in made], parameter, values, step_error)
+    facts = {name: max(told[name] for _, told in made) for name in ("residual", "nodes")}
     return Prefiltered(varying, {**varying.variation(), **facts})
 
 
@@ -179,9 +177,9 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     probe : Probe
     request : Request
         Its own options are ``order`` and ``texels``, as `product_texture` takes them, and
-        ``window``, as `product_window` does. Of so few orders a lamp may make black spots, which
-        the eye minds more than the blur: ``auto`` blurs the light as little as leaves no reflected
-        light negative, and not at all where none is.
+        ``window``, as `ProductMap.window` takes it. Of so few orders a lamp may make black spots,
+        which the eye minds more than the blur: ``auto`` blurs the light as little as leaves no
+        reflected light negative, and not at all where none is.
 
     Returns
     -------
@@ -207,14 +205,12 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     with using(stages.within):
         lighting = project(probe, known)
         stages.done(1, 2)
-        made, power, energy = _texture(brdf, order, own["texels"], known)
+        texture, facts, power, energy = _texture(brdf, order, own["texels"], known)
     stages.done(2, 2)
-    texture = made.map
-    assert isinstance(texture, ProductTexture)
     info = texture.info
     record = provenance(probe, brdf, Orders(order, 0, info.eps, info.captured))
     series = lighting.coefficients[: (order + 1) ** 2]
-    shape = product_window(window, texture, series)
+    shape = texture.window(window, series)
     factors = np.zeros(len(power))
     factors[: order + 1] = shape.factors or 1.0
     squares, beyond = _reflected(lighting, power, energy)
@@ -226,14 +222,15 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         added_error=float(np.sqrt(squares[: order + 1] @ (1 - factors[: order + 1]) ** 2 / whole)),
         filter_error=info.filter_error,
     )
-    lit = replace(texture, info=info).lit(shape.apply(series))
-    facts = {**made.facts, "window": {"asked": window, **shape.summary(order)}}
-    return replace(made, map=lit, facts=facts)
+    lit = texture.with_info(info).lit(shape.apply(series))
+    return Prefiltered(lit, {**facts, "window": {"asked": window, **shape.summary(order)}})
 
 
-def _texture(brdf: Brdf, order: int, texels: int, known: int) -> tuple[Prefiltered, Array, Array]:
-    """Make a texture, and return with it the energy of the product functions by degree up to
-    `known`, shape (degrees, channels), and in all, shape (channels,).
+def _texture(
+    brdf: Brdf, order: int, texels: int, known: int
+) -> tuple[ProductTexture, dict[str, Any], Array, Array]:
+    """Make a texture, and return with it facts about its making, and the energy of the product
+    functions by degree up to `known`, shape (degrees, channels), and in all, shape (channels,).
     """
     _check_size(order, texels, 1)
     functions = ProductFunctions.of(brdf, order)
@@ -255,7 +252,7 @@ def _texture(brdf: Brdf, order: int, texels: int, known: int) -> tuple[Prefilter
     filtered = float(np.sqrt(np.sum((found - exact) ** 2) / whole)) if whole > 0 else 0.0
     texture = replace(texture, info=replace(info, filter_error=filtered))
     facts = {"residual": functions.residual, "nodes": functions.most_nodes}
-    return Prefiltered(texture, facts), power, energy
+    return texture, facts, power, energy
 
 
 def _check_size(order: int, texels: int, count: int) -> None:

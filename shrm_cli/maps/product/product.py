@@ -11,6 +11,8 @@ Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Li
 Spherical Harmonics", sections 3 and 4.
 """
 
+from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -20,9 +22,9 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import Map, ReflectionMap
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.light_map import FixedMap
+from shrm_cli.maps.kinds import FixedMap, MaterialMap
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import order_of
@@ -30,63 +32,94 @@ from shrm_cli.sphere.parabolic import ParabolicSampler
 from shrm_cli.sphere.rotation import rotate_into_frames
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
+if TYPE_CHECKING:
+    from shrm_cli.maps.product.window import LightWindow
+
+Points = Sequence[ArrayLike]
+"""Normals, tangents and views, shape (..., 3), broadcastable; unit vectors in world axes."""
 _POINTS_AT_ONCE = 2**14
 """Points that are shaded at a time."""
 
 
-class ProductMap(FixedMap):
-    """A map that holds a BRDF over the view, and maybe the light that it is under."""
+class _Parabolic(FixedMap):
+    """What product textures are, with light and without."""
 
     representation = "product"
     format_version = 5
     is_rearrangeable = False
-    against_negatives = "take `window` auto"
     frame: ClassVar[Frame] = "local"
     center: ClassVar[Center] = "normal"
     sampling: ClassVar[Sampling] = "center"
 
+
+class ProductMap(_Parabolic, MaterialMap):
+    """A map that holds a BRDF over the view: one texture, or several of a parameter that varies."""
+
     if TYPE_CHECKING:
 
         @property
-        def order(self) -> int: ...
-        @property
-        def lighting(self) -> Array | None: ...
-        @property
-        def channels(self) -> int: ...
+        def textures(self) -> "Sequence[ProductTexture]": ...
 
     @property
-    def needs_light(self) -> bool:  # type: ignore[override]
-        """Whether the map holds no light."""
-        return self.lighting is None
+    def order(self) -> int:
+        """The largest degree of the harmonics."""
+        return order_of(self.textures[0].table.shape[2])
 
-    def check_mixing(self) -> None:
-        """Check that the light of the map can be had in other primaries.
+    @property
+    def channels(self) -> int:
+        """The number of color channels of the BRDF, 1 or 3."""
+        return self.textures[0].table.shape[3]
 
-        Raises
-        ------
-        MapError
-            If it holds no light, or its BRDF has colors, which multiply channel by channel.
+    @property
+    def size(self) -> int:
+        """Texels along an edge of the parabolic maps."""
+        return len(self.textures[0].table)
+
+    @abstractmethod
+    def at(self, share: float) -> "ProductTexture":
+        """Return the texture where a parameter that varies is a share, 0 .. 1, of its way."""
+
+    @abstractmethod
+    def reflected(self, lighting: Array, points: Points, shares: ArrayLike) -> Array:
+        """Evaluate the radiance under light of coefficients ((order+1)^2, 3) in world axes.
+
+        The normals, tangents and views of points, their shares and the result are those of
+        `ReflectedLight.varied_radiance`.
         """
-        if self.lighting is None:
-            raise MapError(f"{self.what} that holds no light has no primaries")
-        if self.channels > 1:
+
+    def lit(self, lighting: ArrayLike) -> "LitProduct":
+        """Return the textures under light, whose degrees beyond `order` do not count.
+
+        Parameters and errors are those of `MaterialMap.lit`.
+        """
+        coefficients = np.asarray(lighting, dtype=float)
+        count = (self.order + 1) ** 2
+        if coefficients.ndim != 2 or coefficients.shape[1] != 3 or len(coefficients) < count:
             raise MapError(
-                f"{self.what} of a colored BRDF is a table of each channel's own, which cannot be "
-                "mixed; prefilter its probe with `working`"
+                f"light of shape {coefficients.shape} is not {count} coefficients or more, x 3"
             )
+        return LitProduct(self, coefficients[:count])
+
+    def window(self, spec: str, lighting: ArrayLike) -> "LightWindow":
+        """Choose the window of the light; see `product_window`."""
+        from shrm_cli.maps.product.window import product_window
+
+        return product_window(spec, self, lighting)
+
+    def mixed(self, matrix: Array, info: MapInfo) -> Map:
+        """Raise a `MapError`, since only light has primaries."""
+        raise MapError(f"{self.what} that holds no light has no primaries")
 
     def summary(self) -> dict[str, Any]:
         """Return what users and scripts are told about the map."""
         info = self.info
         return {
-            "representation": self.representation,
-            "frame": self.frame,
-            "center": self.center,
+            **super().summary(),
             "size": self.size,
             "order": self.order,
             "coefficients": (self.order + 1) ** 2,
             "channels": self.channels,
-            "lit": self.lighting is not None,
+            "lit": False,
             "brdf_energy_captured": info.captured,
             "predicted_error": info.predicted_error,
             "added_error": info.added_error,
@@ -95,30 +128,96 @@ class ProductMap(FixedMap):
         }
 
     def details(self) -> dict[str, Any]:
-        """Return the light's coefficients, where the map holds them."""
-        if self.lighting is None:
-            return {}
-        return {"lighting_coefficients": self.lighting.tolist()}
+        """Return nothing: the `summary` tells all."""
+        return {}
+
+
+@record(eq=False)
+class LitProduct(_Parabolic, ReflectionMap):
+    """Product textures under light.
+
+    Attributes
+    ----------
+    product : ProductMap
+    lighting : ndarray, shape ((order+1)^2, 3)
+        The light's coefficients in world axes.
+    """
+
+    product: ProductMap
+    lighting: Array
+
+    against_negatives = "take `window` auto"
+    texels_are_series = True
+
+    def __post_init__(self) -> None:
+        if self.lighting.shape != ((self.order + 1) ** 2, 3):
+            raise ValueError(f"lighting coefficients of shape {self.lighting.shape}")
+
+    @property
+    def info(self) -> MapInfo:
+        """How the map was made, as its textures record it."""
+        return self.product.info
+
+    @property
+    def size(self) -> int:
+        """Texels along an edge of the parabolic maps."""
+        return self.product.size
+
+    @property
+    def order(self) -> int:
+        """The largest degree of the harmonics."""
+        return self.product.order
+
+    @property
+    def varies(self) -> bool:  # type: ignore[override]
+        """Whether a parameter of the BRDF varies."""
+        return self.product.varies
+
+    def with_info(self, info: MapInfo) -> "LitProduct":
+        """Return the same map with another record of how it was made."""
+        return replace(self, product=self.product.with_info(info))
+
+    def summary(self) -> dict[str, Any]:
+        """Return what users and scripts are told about the map."""
+        return {**self.product.summary(), "lit": True}
+
+    def details(self) -> dict[str, Any]:
+        """Return what is told of the textures, and the light's coefficients."""
+        return {**self.product.details(), "lighting_coefficients": self.lighting.tolist()}
+
+    def mixed(self, matrix: Array, info: MapInfo) -> "LitProduct":
+        """Return the map with other channels, if its BRDF has no colors; see `Map.mixed`."""
+        if self.product.channels > 1:
+            raise MapError(
+                f"{self.what} of a colored BRDF is a table of each channel's own, which cannot be "
+                "mixed; prefilter its probe with `working`"
+            )
+        return replace(self, lighting=self.lighting @ matrix.T).with_info(info)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate the radiance that a surface reflects which is brushed around +Y.
 
         The tangents are those of `sphere.directions.horizontal_tangents`; isotropic BRDFs do not
         care. Parameters and result are those of `Map.radiance`.
-
-        Raises
-        ------
-        MapError
-            If the map holds no light.
         """
         return self.brushed_radiance(
             normals, horizontal_tangents(np.asarray(normals, float)), views
         )
 
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate what is reflected where a parameter that varies is in the middle of its way."""
+        return self.varied_radiance(normals, tangents, views, 0.5)
+
+    def varied_radiance(
+        self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
+    ) -> Array:
+        """Evaluate the reflected radiance; see `ReflectedLight.varied_radiance`."""
+        return self.product.reflected(self.lighting, (normals, tangents, views), shares)
+
 
 @record(eq=False)
 class ProductTexture(ProductMap):
-    """The product functions of a BRDF over the view, and maybe the light that it is under.
+    """The product functions of a BRDF over the view.
 
     Attributes
     ----------
@@ -127,61 +226,24 @@ class ProductTexture(ProductMap):
         grey BRDF, else three.
     info : MapInfo
         How the map was made.
-    lighting : ndarray, shape ((order+1)^2, 3), optional
-        The light's coefficients in world axes; None where the light is chosen when the map is used.
     """
 
     table: Array
     info: MapInfo
-    lighting: Array | None = None
 
     def __post_init__(self) -> None:
         shape, count = self.table.shape, (self.order + 1) ** 2
         if len(shape) != 4 or shape[0] != shape[1] or shape[2] != count or shape[3] not in (1, 3):
             raise ValueError(f"a product texture of shape {shape}")
-        if self.lighting is not None and self.lighting.shape != (count, 3):
-            raise ValueError(f"lighting coefficients of shape {self.lighting.shape}")
 
     @property
-    def order(self) -> int:
-        """The largest degree of the harmonics."""
-        return order_of(self.table.shape[2])
+    def textures(self) -> "tuple[ProductTexture]":
+        """The texture itself."""
+        return (self,)
 
-    @property
-    def channels(self) -> int:
-        """The number of color channels of the BRDF, 1 or 3."""
-        return self.table.shape[3]
-
-    @property
-    def size(self) -> int:
-        """Texels along an edge of the parabolic map."""
-        return len(self.table)
-
-    def mixed(self, matrix: Array, info: MapInfo) -> Map:
-        """Return the map with other channels; see `maps.primaries`."""
-        self.check_mixing()
-        return replace(self, lighting=self.lighting @ matrix.T, info=info)  # type: ignore[operator]
-
-    def lit(self, lighting: ArrayLike) -> "ProductTexture":
-        """Return the same texture under light of some coefficients.
-
-        Parameters
-        ----------
-        lighting : array_like, shape (at least (order+1)^2, 3)
-            Over the harmonics of world axes, index l(l+1)+m. Degrees beyond `order` do not count.
-
-        Raises
-        ------
-        MapError
-            If the coefficients are of a lower order than the texture.
-        """
-        coefficients = np.asarray(lighting, dtype=float)
-        count = self.table.shape[2]
-        if coefficients.ndim != 2 or coefficients.shape[1] != 3 or len(coefficients) < count:
-            raise MapError(
-                f"light of shape {coefficients.shape} is not {count} coefficients or more, x 3"
-            )
-        return replace(self, lighting=coefficients[:count])
+    def at(self, share: float) -> "ProductTexture":
+        """Return the texture itself, of which nothing varies."""
+        return self
 
     def values(self, local_views: ArrayLike, linear: bool = False) -> Array:
         """Look up the coefficients of the product functions of views.
@@ -203,26 +265,16 @@ class ProductTexture(ProductMap):
         flat = look_up(local_views)
         return flat.reshape(*flat.shape[:-1], *self.table.shape[2:])
 
-    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance; see `Map.brushed_radiance`.
-
-        Raises
-        ------
-        MapError
-            If the map holds no light.
-        """
-        if self.lighting is None:
-            raise MapError("a product texture holds no light; give a probe")
-        normals, tangents, views = (
-            each.astype(float) for each in np.broadcast_arrays(normals, tangents, views)
-        )
-        flat = [each.reshape(-1, 3) for each in (normals, tangents, views)]
+    def reflected(self, lighting: Array, points: Points, shares: ArrayLike = 0.0) -> Array:
+        """Evaluate the radiance under light; see `ProductMap.reflected`."""
+        normals, *others = (each.astype(float) for each in np.broadcast_arrays(*points))
+        flat = [each.reshape(-1, 3) for each in (normals, *others)]
         result = np.empty_like(flat[0])
         for start in range(0, len(result), _POINTS_AT_ONCE):
             part = slice(start, start + _POINTS_AT_ONCE)
             normal, tangent, view = (each[part] for each in flat)
             frames = surface_frames(normal, tangent)
-            light = rotate_into_frames(self.lighting, frames)
+            light = rotate_into_frames(lighting, frames)
             own = self.values(np.einsum("nij,nj->ni", frames, view))
             result[part] = shade(own, np.moveaxis(light, -1, 0))
         return result.reshape(normals.shape)

@@ -12,7 +12,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.product.product import ProductMap, ProductTexture
+from shrm_cli.maps.product.product import LitProduct, ProductMap, ProductTexture
 from shrm_cli.maps.shader.source import Source, Table, Words, tangent_function
 from shrm_cli.sphere.rotation import transform_coefficients
 
@@ -83,12 +83,13 @@ _MULTIPLY = """\
         }"""
 
 
-def source(made: ProductMap, textures: str) -> Source:
+def source(made: ProductMap | LitProduct, textures: str) -> Source:
     """Return what the shader of a product texture consists of.
 
     Parameters
     ----------
-    made : ProductMap
+    made : ProductMap or LitProduct
+        Light that programs are to set is 0 where the map holds none.
     textures : {"cube-array", "layers"}
         The textures are the same in both.
 
@@ -97,12 +98,15 @@ def source(made: ProductMap, textures: str) -> Source:
     MapError
         If a parameter of the BRDF varies, or the order is above 15.
     """
-    if not isinstance(made, ProductTexture):
+    black = np.zeros(((made.order + 1) ** 2, 3))
+    lit = made if isinstance(made, LitProduct) else made.lit(black)
+    if lit.varies:
         raise MapError(
             "there is no code for a product texture whose parameter varies; make one of a single "
             "value by shrm product"
         )
-    order = made.order
+    (texture,) = lit.product.textures
+    order = texture.order
     if order > _MOST_ORDER:
         raise MapError(
             f"code for product textures reads orders up to {_MOST_ORDER}, not {order}: devices "
@@ -110,7 +114,7 @@ def source(made: ProductMap, textures: str) -> Source:
         )
     return Source(
         "The light of a probe as a BRDF reflects it: a product texture.",
-        partial(_functions, made),
+        partial(_functions, texture),
         table=Table(
             (1, (order + 1) ** 2, 2 * order + 1),
             partial(_quarter_turns, order),
@@ -118,12 +122,12 @@ def source(made: ProductMap, textures: str) -> Source:
             in_code=False,
         ),
         images=Table(
-            (made.table.shape[2], made.size, made.size),
-            partial(_images, made),
+            (len(black), texture.size, texture.size),
+            partial(_images, texture),
             "the file's channels in their order, a layer each, without filtering",
             in_code=False,
         ),
-        lighting=np.zeros((made.table.shape[2], 3)) if made.lighting is None else made.lighting,
+        lighting=lit.lighting,
     )
 
 

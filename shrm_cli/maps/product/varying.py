@@ -12,17 +12,15 @@ by whichever parameters q are to be spatially varied".
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.product.product import ProductMap, ProductTexture
+from shrm_cli.maps.product.product import Points, ProductMap, ProductTexture
 from shrm_cli.records import record
-from shrm_cli.vocabulary import Sampling
 
 
 @record
@@ -32,7 +30,7 @@ class VaryingProduct(ProductMap):
     Attributes
     ----------
     textures : tuple of ProductTexture
-        Two or more, of one order, size and light.
+        Two or more, of one order and size.
     parameter : str
         The name of the BRDF's parameter.
     values : tuple of float
@@ -50,7 +48,7 @@ class VaryingProduct(ProductMap):
     info: MapInfo
     step_error: float = 0.0
 
-    varies: ClassVar[bool] = True
+    varies = True
 
     def __post_init__(self) -> None:
         first = self.textures[0]
@@ -86,26 +84,6 @@ class VaryingProduct(ProductMap):
         )
         return cls(tuple(same), parameter, tuple(map(float, values)), info, step_error)
 
-    @property
-    def order(self) -> int:
-        """The largest degree of the harmonics."""
-        return self.textures[0].order
-
-    @property
-    def size(self) -> int:
-        """Texels along an edge of the parabolic maps."""
-        return self.textures[0].size
-
-    @property
-    def lighting(self) -> Array | None:
-        """The light's coefficients in world axes, or None."""
-        return self.textures[0].lighting
-
-    @property
-    def channels(self) -> int:
-        """The number of color channels of the BRDF, 1 or 3."""
-        return self.textures[0].channels
-
     def variation(self) -> dict[str, Any]:
         """Return the parameter, its values, and what lies between them, as files record them."""
         return {
@@ -115,34 +93,16 @@ class VaryingProduct(ProductMap):
         }
 
     def details(self) -> dict[str, Any]:
-        """Return the parameter, its values, and the light where the map holds it."""
-        return {**self.variation(), **super().details()}
+        """Return the parameter, its values, and what is missed between them."""
+        return self.variation()
 
-    def mixed(self, matrix: Array, info: MapInfo) -> Map:
-        """Return the map with other channels; see `maps.primaries`."""
-        self.check_mixing()
-        light = self.lighting @ matrix.T  # type: ignore[operator]
-        return self.lit(light).with_planes((), self.sampling, info)
-
-    def with_planes(
-        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
-    ) -> "VaryingProduct":
-        """Return the same textures with another `info`, since the map has no cubes."""
+    def with_info(self, info: MapInfo) -> "VaryingProduct":
+        """Return the same textures with another record of how they were made."""
         textures = tuple(replace(each, info=each.info.read_as(info)) for each in self.textures)
         return replace(self, textures=textures, info=info)
 
-    def lit(self, lighting: ArrayLike) -> "VaryingProduct":
-        """Return the same textures under light of some coefficients; see `ProductTexture.lit`."""
-        return replace(self, textures=tuple(each.lit(lighting) for each in self.textures))
-
     def at(self, share: float) -> ProductTexture:
-        """Return the texture for one value of the parameter, interpolated between two.
-
-        Parameters
-        ----------
-        share : float
-            The value as a share of the way from its least to its largest one, 0 .. 1.
-        """
+        """Return the texture for one value of the parameter, interpolated between two."""
         wanted = self.values[0] + share * (self.values[-1] - self.values[0])
         above = int(np.clip(np.searchsorted(self.values, wanted), 1, len(self.values) - 1))
         low, high = self.values[above - 1], self.values[above]
@@ -150,23 +110,11 @@ class VaryingProduct(ProductMap):
         first, second = self.textures[above - 1], self.textures[above]
         return replace(first, table=(1 - weight) * first.table + weight * second.table)
 
-    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate what is reflected where the parameter is in the middle of its range."""
-        return self.varied_radiance(normals, tangents, views, 0.5)
-
-    def varied_radiance(
-        self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
-    ) -> Array:
-        """Evaluate what a surface reflects whose parameter varies; see `Map.varied_radiance`.
-
-        Raises
-        ------
-        MapError
-            If the map holds no light.
-        """
-        normals, tangents, views = np.broadcast_arrays(normals, tangents, views)
+    def reflected(self, lighting: Array, points: Points, shares: ArrayLike) -> Array:
+        """Evaluate what a surface reflects whose parameter varies; see `ProductMap.reflected`."""
+        normals, *others = np.broadcast_arrays(*points)
         shares = np.broadcast_to(np.asarray(shares, dtype=float), normals.shape[:-1])
-        flat = [each.reshape(-1, 3) for each in (normals, tangents, views)]
+        flat = [each.reshape(-1, 3) for each in (normals, *others)]
         low, high = self.values[0], self.values[-1]
         wanted = low + np.clip(shares.reshape(-1), 0, 1) * (high - low)
         # Where the values lie among those of the textures, as broken indices.
@@ -175,6 +123,6 @@ class VaryingProduct(ProductMap):
         for index, texture in enumerate(self.textures):
             weight = np.maximum(1 - np.abs(place - index), 0)
             near = np.flatnonzero(weight)
-            found = texture.brushed_radiance(*(each[near] for each in flat))
+            found = texture.reflected(lighting, [each[near] for each in flat])
             result[near] += weight[near, None] * found
         return result.reshape(normals.shape)

@@ -7,23 +7,23 @@ least; the light alone may stay negative.
 """
 
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
 from shrm_cli.maps.prefiltered import visible_pairs
-from shrm_cli.maps.product.product import ProductTexture
-from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames, transform_coefficients
 from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE, SEEN_FLOOR
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.product.product import ProductMap, ProductTexture
 
 _FRAMES = 1024
 """The orientations of the surface for which reflected light is looked at."""
@@ -63,7 +63,7 @@ class LightWindow(Window):
         return {**super().summary(order), "p95_change": self.p95_change}
 
 
-def product_window(spec: str, map_: Map, series: ArrayLike) -> LightWindow:
+def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> LightWindow:
     """Make the window of the light for a product texture.
 
     Parameters
@@ -72,8 +72,8 @@ def product_window(spec: str, map_: Map, series: ArrayLike) -> LightWindow:
         As `make_window` takes it. ``auto`` asks for the factors that change the reflected light
         least, as RMS over orientations and views, and leave its luminance negative nowhere; of
         these it takes as little as leaves no more than a thousandth of all samples negative.
-    map_ : ProductTexture or VaryingProduct
-        A texture, or several of a parameter that varies, whose own light does not count.
+    product : ProductMap
+        Of one whose parameter varies, three of its values count.
     series : array_like, shape ((order+1)^2, 3)
         The coefficients of the light in world axes.
 
@@ -93,12 +93,11 @@ def product_window(spec: str, map_: Map, series: ArrayLike) -> LightWindow:
     if name == "none" or not series.any():
         return LightWindow(**asdict(found))
     own = transform_coefficients(series, _own_axes(series @ LUMINANCE))
-    by_degree = np.concatenate([_by_degree(each, own) for each in _textures(map_)])
+    textures = [product.at(share) for share in ((0.0, 0.5, 1.0) if product.varies else (0.0,))]
+    by_degree = np.concatenate([_by_degree(each, own) for each in textures])
     seen = by_degree @ LUMINANCE
     if name == "auto":
-        pictured = [
-            _pictured(each, own if _is_isotropic(each) else series) for each in _textures(map_)
-        ]
+        pictured = [_pictured(each, own if _is_isotropic(each) else series) for each in textures]
         factors = _weakened(seen, np.concatenate(pictured))
         if factors is None:
             return LightWindow()
@@ -141,7 +140,7 @@ def _own_axes(light: Array) -> Array:
     return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))
 
 
-def _is_isotropic(texture: ProductTexture) -> bool:
+def _is_isotropic(texture: "ProductTexture") -> bool:
     """Whether a quarter turn of the view about the normal only turns what is held."""
     views = spiral_directions(2 * _VIEWS)[_VIEWS:]
     here, turned = (
@@ -151,15 +150,7 @@ def _is_isotropic(texture: ProductTexture) -> bool:
     return bool(np.allclose(here, turned, rtol=0, atol=_SMALL * here.max()))
 
 
-def _textures(map_: Map) -> list[ProductTexture]:
-    """Return the textures that are looked at: of a parameter that varies, three of its values."""
-    if isinstance(map_, VaryingProduct):
-        return [map_.at(share) for share in (0.0, 0.5, 1.0)]
-    assert isinstance(map_, ProductTexture)
-    return [map_]
-
-
-def _by_degree(texture: ProductTexture, series: Array) -> Array:
+def _by_degree(texture: "ProductTexture", series: Array) -> Array:
     """Return what each degree of the light adds to the reflected light, shape (n, order+1, 3).
 
     The samples are views of surfaces in all orientations, whose tangents point anywhere.
@@ -184,10 +175,11 @@ def _by_degree(texture: ProductTexture, series: Array) -> Array:
     return np.stack(parts, axis=2).reshape(-1, texture.order + 1, 3)
 
 
-def _pictured(texture: ProductTexture, series: Array) -> Array:
+def _pictured(texture: "ProductTexture", series: Array) -> Array:
     """Return what each degree adds to the luminance of spheres that are brushed around +Y.
 
-    The result has the shape (n, order+1); its samples are those of `maps.negative.negative_share`.
+    The result has the shape (n, order+1); its samples are those of
+    `maps.prefiltered.negative_share`.
     """
     reflections, views = visible_pairs()
     normals = bisector(reflections, views)

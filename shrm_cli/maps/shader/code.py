@@ -183,9 +183,8 @@ def _brushed(made: "Map", taps: int, language: Language) -> list[str]:
         If the map is no split sum of GGX.
     """
     from shrm_cli.maps.splitsum.brushed_shader import brushed_functions
-    from shrm_cli.maps.splitsum.split_sum import SplitSum
 
-    if not (isinstance(made, SplitSum) and made.is_ggx):
+    if "anisotropy" not in made.surface_arguments:
         raise MapError(f"{made.what}: only split sums of GGX have code for `anisotropy`")
     return brushed_functions(taps, language)
 

@@ -43,7 +43,7 @@ from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.environment.environment_brdf import LobeMoments, mean_vectors, whole_lobe
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
+from shrm_cli.maps.kinds import LightMap, Shaded
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, reflect
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
@@ -66,7 +66,7 @@ class FactorOrders(Protocol):
 
 
 @record(eq=False)
-class SphericalHarmonicExponential(SurfaceLightMap):
+class SphericalHarmonicExponential(LightMap):
     """The light that GGX surfaces reflect, as the logarithms of two factors P and Q.
 
     Attributes
@@ -154,7 +154,7 @@ class SphericalHarmonicExponential(SurfaceLightMap):
         """The coefficients of P, then those of Q, shape ((P+1)^2 + (Q+1)^2 - 1, 3)."""
         return np.concatenate([self.p_coefficients, self.q_coefficients])
 
-    def shaded(self, roughness: float, f0: Color) -> "ShadedExponential":
+    def surface(self, roughness: float, f0: Color, *brush: float) -> "ShadedExponential":
         """Return a GGX surface of a roughness and reflectance under the light; see `Map.shaded`."""
         return ShadedExponential(self, roughness, f0)
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.maps.size import check_size
@@ -23,7 +23,7 @@ from shrm_cli.vocabulary import Center, Frame, Sampling
 
 
 @record(eq=False)
-class CompressedShrm(Map):
+class CompressedShrm(ReflectionMap):
     """An SHRM as K spatial maps and the matrix that mixes its coefficients from them.
 
     The coefficients of a texel are correlated: where the light is bright, all of them are large.
@@ -50,6 +50,7 @@ class CompressedShrm(Map):
     sampling: Sampling = "center"
 
     representation = "shrm"
+    texels_are_series = True
     format_version = 2
 
     def __post_init__(self) -> None:
@@ -168,9 +169,9 @@ class CompressedShrm(Map):
         """Evaluate the radiance, shape (..., 3), as `Shrm.central_radiance` does."""
         return self._expanded.central_radiance(centers, views)
 
-    def glimpse(self, reflections: Array, views: Array) -> Array:
-        """Evaluate the radiance at the nearest texels; see `Map.glimpse`."""
-        return self._expanded.glimpse(reflections, views)
+    def rough_radiance(self, reflections: Array, views: Array) -> Array:
+        """Evaluate the radiance at the nearest texels."""
+        return self._expanded.rough_radiance(reflections, views)
 
     @cached_property
     def _expanded(self) -> Shrm:

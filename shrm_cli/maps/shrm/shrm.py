@@ -16,12 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, refuse_arguments
+from shrm_cli.maps.base import Map, ReflectionMap
 from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
-from shrm_cli.progress import foretell
+from shrm_cli.messages import refuse_arguments
+from shrm_cli.progress import tell_time_left
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels, texel_directions
 from shrm_cli.sphere.directions import bisector, central_directions, local_frame, to_angles
@@ -49,7 +50,7 @@ _STORED_VALUE = 1.5e-7
 
 
 @record(eq=False)
-class Shrm(Map):
+class Shrm(ReflectionMap):
     """A spherical harmonic reflection map.
 
     Attributes
@@ -75,6 +76,7 @@ class Shrm(Map):
     sampling: Sampling = "center"
 
     representation = "shrm"
+    texels_are_series = True
 
     def __post_init__(self) -> None:
         check_names(self)
@@ -286,12 +288,12 @@ class Shrm(Map):
         values = values.reshape(*shape[:-1], -1, 3)
         return np.einsum("...k,...kc->...c", real_harmonics(self.order_p, views), values)
 
-    def glimpse(self, reflections: Array, views: Array) -> Array:
-        """Evaluate the radiance at the nearest texels; see `Map.glimpse`."""
+    def rough_radiance(self, reflections: Array, views: Array) -> Array:
+        """Evaluate the radiance at the nearest texels."""
         form = self.center, self.frame, self.size, self.sampling, self.order_p
         digests = (hashlib.sha256(each.tobytes()).digest() for each in (reflections, views))
-        make = partial(_glances, reflections, views, *form)
-        texels, weights = _known_glances.get((*form, *digests), make)
+        make = partial(_rough_terms, reflections, views, *form)
+        texels, weights = _known_terms.get((*form, *digests), make)
         planes = np.moveaxis(self.coefficients, (2, 3), (0, 1)).reshape(len(weights), 3, -1)
         shown = planes.take(texels, axis=-1)
         shown *= weights.astype(shown.dtype)[:, None]
@@ -333,12 +335,12 @@ class Shrm(Map):
         return CubeSampler(coefficients.reshape(*coefficients.shape[:2], -1), self.sampling)
 
 
-_known_glances = Memo(2**23)
-"""Texels and harmonics for `Shrm.glimpse`, which is asked for the same pairs of every map. Those of
-4096 pairs take 0.3 MB at P = 2."""
+_known_terms = Memo(2**23)
+"""Texels and harmonics for `Shrm.rough_radiance`, which is asked for the same pairs of every map.
+Those of 4096 pairs take 0.3 MB at P = 2."""
 
 
-def _glances(
+def _rough_terms(
     reflections: Array,
     views: Array,
     center: Center,
@@ -422,7 +424,7 @@ def from_expansion(
     from shrm_cli.maps.info import provenance  # whoever reads maps needs none
 
     orders, brdf = expansion.orders, expansion.brdf
-    foretell(making_seconds(expansion.carried, orders.order_p, expansion.size))
+    tell_time_left(making_seconds(expansion.carried, orders.order_p, expansion.size))
     info = replace(
         provenance(probe, brdf, orders),
         predicted_error=expansion.error,

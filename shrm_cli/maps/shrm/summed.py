@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.joint import brightness, joint_error
 from shrm_cli.maps.shrm.compressed import CompressedShrm
@@ -45,7 +45,7 @@ def rms(term: Shrm | CompressedShrm) -> float:
 
 
 @record(eq=False)
-class SummedShrm(Map):
+class SummedShrm(ReflectionMap):
     """SHRMs whose radiances add up.
 
     A diffuse term, for example, needs few coefficients about the normal, but many about the mirror
@@ -63,6 +63,7 @@ class SummedShrm(Map):
     info: MapInfo
 
     representation = "shrm"
+    texels_are_series = True
     format_version = 2
     is_rearrangeable = False
     what = "a sum of terms"
@@ -167,9 +168,9 @@ class SummedShrm(Map):
         centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
         return self.radiance(bisector(centers, views), views)
 
-    def glimpse(self, reflections: Array, views: Array) -> Array:
-        """Evaluate the radiance at the nearest texels; see `Map.glimpse`."""
-        return np.sum([term.glimpse(reflections, views) for term in self.terms], axis=0)
+    def rough_radiance(self, reflections: Array, views: Array) -> Array:
+        """Evaluate the radiance at the nearest texels."""
+        return np.sum([term.rough_radiance(reflections, views) for term in self.terms], axis=0)
 
     def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
         """Average the radiance over the azimuth of the view about mirror directions.

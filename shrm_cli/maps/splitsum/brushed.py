@@ -1,6 +1,7 @@
 """Brushed GGX under the light of a split sum: a few look-ups, times numbers of the usual table."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,13 +11,15 @@ from shrm_cli.brdf.environment.equal_roughness import equal_roughness
 from shrm_cli.brdf.environment.taps import taps
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.maps.info import MapInfo, record_of
-from shrm_cli.maps.light_map import Shaded
+from shrm_cli.maps.kinds import Shaded
 from shrm_cli.maps.shader.source import TABLE_SIZE, ggx_moments
 from shrm_cli.maps.splitsum.roughness import level_numbers
-from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.vocabulary import DEFAULT_TAPS
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.splitsum.split_sum import SplitSum
 
 
 @record
@@ -31,7 +34,7 @@ class BrushedSplitSum(Shaded):
         How many directions the light is looked up in.
     """
 
-    light: SplitSum
+    light: "SplitSum"
     anisotropy: float = 0.0
     taps: int = DEFAULT_TAPS
 
@@ -53,7 +56,7 @@ class BrushedSplitSum(Shaded):
         return self.brushed_radiance(normals, horizontal_tangents(normals), views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Return the light of a surface whose tangents are known; see `Map.brushed_radiance`."""
+        """Return the light of a surface whose tangents are known."""
         normals, tangents, views = np.broadcast_arrays(
             *(np.asarray(each, dtype=float) for each in (normals, tangents, views))
         )
@@ -94,7 +97,7 @@ def _split(place: Array, count: int) -> tuple[Array, Array]:
     return index, place - index
 
 
-def _prefiltered(light: SplitSum, roughness: Array, directions: Array) -> Array:
+def _prefiltered(light: "SplitSum", roughness: Array, directions: Array) -> Array:
     """Return light of many roughnesses (...) in directions (..., 3), filtered as for one."""
     level, share = _split(
         level_numbers(roughness, light.roughness, light.mapping), len(light.roughness)

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.environment.material_albedo import MaterialAlbedo
 from shrm_cli.brdf.spec import parse_recorded
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo, record_of, spec_of
-from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
+from shrm_cli.maps.kinds import LightMap, Shaded
 from shrm_cli.maps.splitsum.roughness import blend
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import CubeSampler
@@ -30,7 +30,7 @@ from shrm_cli.vocabulary import LEVEL_MAPPINGS, Center, LevelMapping, Sampling
 
 
 @record(eq=False)
-class SplitSum(SurfaceLightMap):
+class SplitSum(LightMap):
     """Light prefiltered by the lobes of GGX for N = V = R, one cube for each roughness.
 
     They may be those of any other isotropic BRDF that has a roughness, such as cloth.
@@ -231,15 +231,21 @@ class SplitSum(SurfaceLightMap):
             return value
         return (1 - weight) * value + weight * self.sampled(low + 1, directions)
 
-    def shaded(self, roughness: float, f0: Sequence[float]) -> "ShadedSplitSum | ShadedMaterial":
-        """Return a GGX surface of a roughness and reflectance under the light; see `Map.shaded`.
+    @property
+    def surface_arguments(self) -> tuple[str, ...]:  # type: ignore[override]
+        """What of the surface is chosen; a map of another BRDF than GGX has colors of its own."""
+        return ("roughness", "f0", "anisotropy") if self.is_ggx else ("roughness",)
 
-        A map of another BRDF has colors of its own, and f0 says nothing to it.
-        """
+    def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int) -> Shaded:
+        """Return a surface under the light; see `Map.shaded`."""
         if self.material is not None:
             return ShadedMaterial(self, float(roughness), (1.0, 1.0, 1.0))
         red, green, blue = (float(channel) for channel in f0)
-        return ShadedSplitSum(self, float(roughness), (red, green, blue))
+        if not anisotropy:
+            return ShadedSplitSum(self, float(roughness), (red, green, blue))
+        from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
+
+        return BrushedSplitSum(self, roughness, (red, green, blue), anisotropy, taps)
 
     def sampled(self, level: int, directions: ArrayLike) -> Array:
         """Return the light of a level, filtered between its texels, in directions (..., 3)."""

@@ -134,7 +134,7 @@ def test_a_tolerance_is_kept_where_the_albedo_is_divided_by(room, name):
     assert shown_error(made, room, brdf, PAIRS[name]) == pytest.approx(total, rel=0.1)
 
 
-def test_a_glimpse_is_what_is_stored_in_the_nearest_texels(room):
+def test_rough_radiance_is_what_is_stored_in_the_nearest_texels(room):
     """At the centers of texels nothing is interpolated, whatever the view is."""
     made = prefilter(room, SPECS["metal"], to="principal", maps=12, size=16)
     centers = cube_directions(16).reshape(-1, 3)[::3]
@@ -142,10 +142,10 @@ def test_a_glimpse_is_what_is_stored_in_the_nearest_texels(room):
     beside = centers + 1e-3 * unit(np.random.default_rng(2), len(centers))
     beside /= np.linalg.norm(beside, axis=1)[:, None]
     expected = made.radiance(normals_of(centers, views), views)
-    found = made.glimpse(beside, views)
+    found = made.rough_radiance(beside, views)
     np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
     np.testing.assert_allclose(
-        made.glimpse(centers, views), expected, atol=1e-5 * np.abs(expected).max()
+        made.rough_radiance(centers, views), expected, atol=1e-5 * np.abs(expected).max()
     )
 
 

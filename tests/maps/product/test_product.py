@@ -340,13 +340,11 @@ def test_a_window_leaves_no_black_spots():
 
 def test_light_is_needed_and_of_enough_orders():
     texture = product_texture(parse_spec("lambertian"), 2, 8).map
-    assert texture.needs_light
     with pytest.raises(MapError, match="no light"):
         texture.radiance([0.0, 0, 1], [0.0, 0, 1])
     with pytest.raises(MapError, match="9 coefficients"):
         texture.lit(np.zeros((4, 3)))
     lit = texture.lit(np.ones((25, 3)))
-    assert not lit.needs_light
     assert lit.lighting.shape == (9, 3)
 
 

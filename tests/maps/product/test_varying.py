@@ -85,12 +85,27 @@ def test_what_is_written_comes_back(tmp_path, made, lit):
     map_ = made.lit(light()) if lit else made
     save(tmp_path / "x.exr", map_, "float")
     found = open_map(tmp_path / "x.exr")
+    assert found.summary()["lit"] is lit
+    if lit:
+        np.testing.assert_array_equal(found.lighting, light())
+        found = found.product
     assert isinstance(found, VaryingProduct)
     assert (found.parameter, found.values) == ("ay", VALUES)
-    for one, other in zip(found.textures, map_.textures, strict=True):
+    for one, other in zip(found.textures, made.textures, strict=True):
         np.testing.assert_array_equal(one.table, other.table)
-    assert found.needs_light is not lit
-    assert found.summary()["lit"] is lit
+
+
+def test_parts_under_several_lights_are_refused(tmp_path, made):
+    save(tmp_path / "x.exr", made.lit(light()))
+    with OpenEXR.File(str(tmp_path / "x.exr"), separate_channels=True) as file:
+        headers = [{k: v for k, v in part.header.items() if k != "channels"} for part in file.parts]
+        headers[1].pop("shrm:lighting_coefficients")
+        written = [
+            OpenEXR.Part(header, part.channels)
+            for header, part in zip(headers, file.parts, strict=True)
+        ]
+        OpenEXR.File(written).write(str(tmp_path / "lying.exr"))
+    refused(tmp_path / "lying.exr", "several lights")
 
 
 @pytest.mark.parametrize(
@@ -137,6 +152,6 @@ def test_what_cannot_vary_is_refused():
 
 @pytest.mark.parametrize("share", [0.0, 0.2, 1 / 3, 0.5, 0.9, 1.0])
 def test_the_texture_of_one_value_is_that_of_the_whole(made, points, share):
-    lit = made.lit(light())
-    found = lit.at(share).brushed_radiance(*points)
-    np.testing.assert_allclose(found, lit.varied_radiance(*points, share), atol=1e-6)
+    found = made.at(share).lit(light()).brushed_radiance(*points)
+    expected = made.lit(light()).varied_radiance(*points, share)
+    np.testing.assert_allclose(found, expected, atol=1e-6)

@@ -175,7 +175,7 @@ def product(channels, order, size=9):
     rng = np.random.default_rng(order)
     count = (order + 1) ** 2
     table = rng.normal(size=(size, size, count, channels))
-    return ProductTexture(table, make_info(order, 0), rng.normal(size=(count, 3)))
+    return ProductTexture(table, make_info(order, 0)).lit(rng.normal(size=(count, 3)))
 
 
 def explicit_map(name, center="reflection"):

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.render.boxed import parts_of, seen_from
-from shrm_cli.render.shading import takes_f0
 from shrm_cli.sphere.directions import horizontal_tangents
 from tests.maps.khronos import compile_fragment
 from tests.maps.scenes import make_info
@@ -69,8 +69,8 @@ PLACES = ((1.4, 1.1, 4.3), (3.0, 0.2, 2.0), (-9.0, 1.0, 3.0))
 
 def call_of(made, language, name="shrm_radiance", point=""):
     vector = {"glsl": "vec3", "hlsl": "float3", "c": "shrm_vec"}[language]
-    surface = ", 0.5" if made.needs_surface else ""
-    surface += f", {vector}(1.0, 0.5, 0.25)" if takes_f0(made) else ""
+    surface = ", 0.5" if isinstance(made, LightMap) else ""
+    surface += f", {vector}(1.0, 0.5, 0.25)" if "f0" in made.surface_arguments else ""
     return f"{name}(normalize(n), normalize(v){point}{surface})"
 
 
@@ -93,8 +93,8 @@ def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32, place=No
         texture.values.astype(dtype).astype(np.float32).tofile(folder / texture.name)
         load += f'{texture.name} = loaded("{folder / texture.name}", {texture.values.size});\n'
     surface = "" if place is None else ", shrm_vec(GIVEN(5), GIVEN(6), GIVEN(7))"
-    surface += ", GIVEN(1)" if made.needs_surface else ""
-    surface += ", shrm_vec(GIVEN(2), GIVEN(3), GIVEN(4))" if takes_f0(made) else ""
+    surface += ", GIVEN(1)" if isinstance(made, LightMap) else ""
+    surface += ", shrm_vec(GIVEN(2), GIVEN(3), GIVEN(4))" if "f0" in made.surface_arguments else ""
     name = "shrm_radiance" if place is None else "shrm_radiance_at"
     source, program = folder / "main.c", folder / "main"
     text = C_MAIN.format(code=look_up_code(made, "c"), load=load, surface=surface, name=name)
@@ -112,7 +112,7 @@ def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name):
     """With cubes filtered bilinearly, as all code does: exactly, but for 32-bit texels."""
     cases.filter_bilinearly(monkeypatch)
     made, (normals, views) = cases.FORMS[name](), cases.points(60)
-    for roughness, f0 in cases.SURFACES if made.needs_surface else [(0.5, (1.0, 1.0, 1.0))]:
+    for roughness, f0 in cases.SURFACES if isinstance(made, LightMap) else [(0.5, (1.0, 1.0, 1.0))]:
         found = in_c(tmp_path, made, normals, views, roughness, f0)
         truth = cases.expected(made, normals, views, roughness, f0)
         np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
@@ -122,16 +122,15 @@ def boxed(made):
     """A map whose probe knows of a box; None of what is about the tangent, without parallax."""
     within = made.stored
     info = replace(within.info, options={"reading": {"proxy": BOX}})
-    placed = replace(within, info=info) if made is within else replace(
-        made, map=replace(within, info=info)
-    )  # fmt: skip
+    inner = within.with_info(info)
+    placed = inner if made is within else replace(made, map=inner)
     return placed if "shrm_radiance_at" in look_up_code(placed, "c") else None
 
 
 def placed(made, normals, views, roughness, f0, place):
     """The radiance at a place, of each part of a map looked up on its own."""
     total = 0
-    for part, center in parts_of(made, None):
+    for part, center in parts_of(made, made):
         given = normals, views, horizontal_tangents(normals)
         turned, seen, tangents = seen_from(made, center, given, np.array(place))
         if getattr(part, "representation", None) in ("splitsum", "she"):

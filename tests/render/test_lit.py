@@ -10,7 +10,7 @@ from shrm_cli.errors import BrdfError
 from shrm_cli.maps.info import MapInfo, record_of, same_brdf
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.render.shading import ggx_surface, outside_range
+from shrm_cli.render.lit import ggx_surface, outside_range
 from tests.render.materials import furnace
 
 INFO = MapInfo(0, 0, 0.0, 1.0, 0.0)
@@ -42,10 +42,8 @@ def test_the_surface_is_ggx_with_its_defaults():
 
 def test_only_maps_that_need_a_surface_get_one():
     white, asked = furnace((1, 1, 1)), (0.3, (1.0, 0.5, 0.25))
-    assert not white.needs_surface
     assert white.shaded(*asked) is white
     for light in (split_sum((0.5,)), exponential(0.25, 1.0)):
-        assert light.needs_surface
         shown = light.shaded(*asked)
         assert shown.light is light
         assert (shown.roughness, shown.f0) == asked

@@ -1,0 +1,177 @@
+"""The kinds of maps that reflect nothing by themselves: light alone, and materials alone.
+
+The third kind, `ReflectionMap`, stands beside `Map` in `shrm_cli.maps.base`.
+"""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self
+
+from numpy.typing import ArrayLike
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Color
+from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap, no_way
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.messages import refuse_arguments
+from shrm_cli.records import record
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, Frame, Sampling
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.product.window import LightWindow
+
+
+class FixedMap(Map):
+    """A map whose file can only be made anew, from the light or from the BRDF.
+
+    It has no cubes, unless its class says otherwise.
+    """
+
+    format_version = 3
+    frame: ClassVar[Frame] = "global"
+
+    @property
+    def cube_count(self) -> int:
+        """The number of cubes that the map stores."""
+        return 0
+
+    def planes(self) -> Sequence[Array]:
+        """Return the cubes of the map; see `Map.planes`."""
+        return ()
+
+    def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> Self:
+        """Return the same map with other cubes, if it has any, and another `info`."""
+        return self.with_info(info)
+
+    def converted(self, to: str, *given: Any, **options: Any) -> Map:
+        """Return the map itself, `resampled` where that is asked; it has no other representation.
+
+        Raises
+        ------
+        ArgumentError
+            If another representation is asked for, or an argument does not apply.
+        """
+        if to != self.representation:
+            raise no_way(self, to)
+        return super().converted(to, *given, **options)
+
+    def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
+        """Return the map itself, because what it holds cannot be filtered.
+
+        Raises
+        ------
+        ArgumentError
+            If a size or a sampling is asked for.
+        """
+        refuse_arguments(self.what, size=size, sampling=sampling)
+        return self
+
+    def summary(self) -> dict[str, Any]:
+        """Return what users and scripts are told about every such map."""
+        return {
+            "representation": self.representation,
+            "frame": self.frame,
+            "center": self.center,
+        }
+
+
+class LightMap(FixedMap):
+    """Light that is prefiltered without a BRDF, for GGX surfaces of any roughness and reflectance.
+
+    Game engines use light so.
+    """
+
+    is_rearrangeable = False
+    surface_arguments: tuple[str, ...] = ("roughness", "f0")
+
+    def shaded(
+        self,
+        roughness: float = DEFAULT_ROUGHNESS,
+        f0: Color = (1.0, 1.0, 1.0),
+        anisotropy: float = 0.0,
+        taps: int = DEFAULT_TAPS,
+    ) -> "Shaded":
+        """Return a GGX surface under the light; see `Map.shaded`."""
+        self.check_brush(anisotropy)
+        return self.surface(roughness, f0, anisotropy, taps)
+
+    @abstractmethod
+    def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int) -> "Shaded":
+        """Return a GGX surface under the light, on which it can be shown; see `shaded`."""
+
+    def check_brush(self, anisotropy: float) -> None:
+        """Raise a `MapError`, if the light cannot be shown on a brushed surface."""
+        if anisotropy and "anisotropy" not in self.surface_arguments:
+            raise MapError(f"anisotropy is of split sums of GGX, not of {self.what}")
+
+
+class MaterialMap(FixedMap):
+    """A BRDF that is made ready for light, which is chosen when the map is used."""
+
+    @abstractmethod
+    def lit(self, lighting: ArrayLike) -> ReflectionMap:
+        """Return the material under light of some coefficients.
+
+        Parameters
+        ----------
+        lighting : array_like, shape ((order+1)^2, 3)
+            The light over the real harmonics of world axes, index l(l+1)+m.
+
+        Raises
+        ------
+        MapError
+            If the material needs more coefficients.
+        """
+
+    @abstractmethod
+    def window(self, spec: str, lighting: ArrayLike) -> "LightWindow":
+        """Choose how the light is blurred before the material gets it.
+
+        Parameters
+        ----------
+        spec : str
+            As `shrm prefilter --window` takes it; ``auto`` leaves no black spots.
+        lighting : array_like, shape ((order+1)^2, 3)
+            As `lit` takes it.
+        """
+
+    def shaded(self, *surface: object, **named: object) -> NoReturn:
+        """Raise a `MapError`, since nothing is reflected without light."""
+        raise MapError(f"{self.what} holds no light; give `probe`")
+
+
+@record
+class Shaded(ReflectedLight):
+    """A GGX surface under the light of a map.
+
+    Attributes
+    ----------
+    light : LightMap
+    roughness : float
+        Perceptual roughness, in 0 .. 1.
+    f0 : tuple of 3 float
+        Reflectance at normal incidence, linear RGB, in 0 .. 1.
+
+    Raises
+    ------
+    MapError
+        If a value is out of range.
+    """
+
+    light: LightMap
+    roughness: float
+    f0: Color
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.roughness <= 1:
+            raise MapError(f"roughness {self.roughness:g} is outside 0 .. 1")
+        if not all(0 <= channel <= 1 for channel in self.f0):
+            raise MapError(f"f0 {'/'.join(f'{x:g}' for x in self.f0)} is outside 0 .. 1")
+
+    @property
+    def info(self) -> MapInfo:
+        """The record of how the light's map was made, with the surface as its BRDF."""
+        parameters = {"roughness": self.roughness, "f0": list(self.f0)}
+        return replace(self.light.info, brdf={"name": "ggx", "parameters": parameters})

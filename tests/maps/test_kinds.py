@@ -1,0 +1,56 @@
+"""The three kinds of maps: what `shaded` makes of each."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import MapError
+from shrm_cli.maps.base import ReflectionMap
+from shrm_cli.maps.kinds import LightMap, MaterialMap
+from tests.maps.shader import cases
+
+FORMS = {**cases.FORMS, "irradiance": lambda: cases.irradiance(2)}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_a_map_is_reflected_light_or_light_for_a_surface(name):
+    made, (normals, views) = FORMS[name](), cases.points(9)
+    assert isinstance(made, ReflectionMap) != isinstance(made, LightMap)
+    assert isinstance(made, LightMap) == name.startswith(("splitsum", "she"))
+    shown = made.shaded(0.5, (1.0, 1.0, 1.0))
+    assert (shown is made) == isinstance(made, ReflectionMap)
+    if name in ("splitsum linear", "she lobe"):
+        np.testing.assert_array_equal(made.radiance(normals, views), shown.radiance(normals, views))
+
+
+PLAIN = [
+    name for name in FORMS if not name.startswith(("lamps", "splitsum cloth", "splitsum about"))
+]
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_another_record_changes_nothing_else(name):
+    made, (normals, views) = FORMS[name](), cases.points(9)
+    found = made.with_info(replace(made.info, probe="other.exr"))
+    assert (type(found), found.info.probe) == (type(made), "other.exr")
+    np.testing.assert_array_equal(found.radiance(normals, views), made.radiance(normals, views))
+
+
+def test_materials_reflect_nothing_before_they_are_lit():
+    lit = cases.FORMS["product"]()
+    material = lit.product
+    assert isinstance(material, MaterialMap)
+    for asked in (material.shaded, lambda: material.radiance([0, 0, 1], [0, 0, 1])):
+        with pytest.raises(MapError, match="holds no light"):
+            asked()
+    points, again = cases.points(9), material.lit(2 * lit.lighting)
+    np.testing.assert_allclose(again.radiance(*points), 2 * lit.radiance(*points), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["she lobe", "splitsum cloth"])
+def test_only_split_sums_of_ggx_are_brushed(name):
+    with pytest.raises(MapError, match="anisotropy is of split sums of GGX"):
+        FORMS[name]().shaded(0.5, (1.0, 1.0, 1.0), anisotropy=0.5)
+    shown = FORMS["splitsum linear"]().shaded(0.5, (1.0, 1.0, 1.0), anisotropy=0.5, taps=8)
+    assert (shown.anisotropy, shown.taps) == (0.5, 8)
