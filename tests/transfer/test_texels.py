@@ -168,7 +168,7 @@ def test_glossy_texels_are_what_a_map_shows_in_the_open():
     product = product_texture(parse_spec("ggx:roughness=0.5,f0=1"), 4).map
     light = np.random.default_rng(2).standard_normal((25, 3))
     light[0] = 12.0  # negative light would be cut off, at texels and at points
-    lit = replace(product, lighting=light)
+    lit = product.lit(light)
     baked = bake(Plan(mesh, samples=16, texture=24, glossy=True))
     shown = vertex_colors(mesh, baked, lit)
     faces, weights = points_of(mesh, 50)
