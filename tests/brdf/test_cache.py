@@ -451,7 +451,7 @@ def test_the_folder_of_users_is_that_of_platformdirs(monkeypatch, tmp_path, base
 def test_concurrent_runs_share_it(folder):
     code = (
         "from shrm_cli.brdf import cache\n"
-        "from shrm_cli.brdf.coefficients import compute_coefficients as compute\n"
+        "from shrm_cli.brdf.transfer import compute_coefficients as compute\n"
         "from shrm_cli.brdf.spec import parse_spec\n"
         "from shrm_cli.memo import Memo\n"
         "import numpy as np, sys\n"
