@@ -37,10 +37,6 @@ class ShrmSettings(bpy.types.PropertyGroup):
     brdf: bpy.props.StringProperty(
         name="BRDF", default="ggx:roughness=0.4", description="As shrm brdf lists them"
     )
-    eps: bpy.props.FloatProperty(
-        name="Tolerance", default=0.03, min=1e-4, max=0.5, precision=4,
-        description="The share of the BRDF's energy that the map may miss",
-    )  # fmt: skip
     folder: bpy.props.StringProperty(
         name="Folder", subtype="DIR_PATH", default="//shrm",
         description="Where files are written; a temporary folder while the blend file has no name",
@@ -101,10 +97,7 @@ class SHRM_OT_prefilter(_Job, bpy.types.Operator):
 
     def work(self, context, settings, probe, folder):
         target, picture = folder / f"{probe.stem}.map.exr", folder / f"{probe.stem}.map.png"
-        self.run(
-            context, "prefilter", probe, "--brdf", settings.brdf, "--eps", f"{settings.eps:.6g}",
-            "-o", target,
-        )  # fmt: skip
+        self.run(context, "prefilter", probe, "--brdf", settings.brdf, "--force", "-o", target)
         self.run(
             context, "render", target, "--size", 256, "--exposure",
             context.scene.view_settings.exposure, "-o", picture,
@@ -150,7 +143,6 @@ class SHRM_PT_world(bpy.types.Panel):
         layout.prop(settings, "folder")
         layout.operator("shrm.world", icon="WORLD")
         layout.prop(settings, "brdf")
-        layout.prop(settings, "eps")
         row = layout.row()
         row.operator("shrm.prefilter", icon="SPHERE")
         row.operator("shrm.view", icon="URL")

@@ -179,7 +179,7 @@ def measured_errors(probe: Probe, brdf: Brdf, maps: Sequence[Map], count: int) -
     """
     points = random_points(count, np.random.default_rng(6))
     exact = Reference(probe, brdf, exact=True).brushed_radiance(*points)
-    return [relative(each.brushed_radiance(*points), exact) for each in maps]
+    return [relative(each.shaded().brushed_radiance(*points), exact) for each in maps]
 
 
 def relative(found: Array, expected: Array) -> float:

@@ -162,9 +162,10 @@ class Shot:
         behind = None
         if surroundings is not None:
             behind = self.subject.background(surroundings, self.viewer)
+        drawn = surface
         if not isinstance(surface, VertexColors):
-            surface = Reflector(surface, variation=variation)
-        return self.subject.draw([surface], self.viewer, behind)
+            drawn = Reflector(surface, surface.shaded(), variation=variation)
+        return self.subject.draw([drawn], self.viewer, behind)
 
 
 def exposure(pictures: Sequence[Picture]) -> float:

@@ -20,7 +20,7 @@ from shrm_cli.render.vertex_colors import VertexColors
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.transfer.bake import Plan, bake
-from shrm_cli.transfer.gather import OFFSET
+from shrm_cli.transfer.sites import OFFSET
 
 Array = NDArray[np.floating]
 
@@ -68,9 +68,10 @@ def figures_5_and_7(
     first = np.empty(0)
     for what, spec, brush in _CASES:
         shot = Shot(mesh, Viewer(0, 10), extent.product_picture, brush)
-        lit = texture(spec, extent.product_texels).lit(light)
+        product = texture(spec, extent.product_texels)
+        lit = product.lit(light)
         plan = Plan(mesh, ORDER, samples=extent.product_rays, glossy=True, tangents=shot.tangents)
-        surface = VertexColors(mesh, bake(plan), light, lit)
+        surface = VertexColors(mesh, bake(plan), light, product)
         rows[0].append((shot.picture(lit), f"{what}, no shadows"))
         rows[1].append((shot.picture(surface), f"{what}, shadows"))
         facing = shot.facing

@@ -139,9 +139,9 @@ def figure_4(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Vari
         )
         lit = varying.lit(light)
         shown = {
-            f"{values[0]:g} everywhere": shot.picture(lit.textures[0]),
+            f"{values[0]:g} everywhere": shot.picture(varying.textures[0].lit(light)),
             f"varying {what}": shot.picture(lit, Variation()),
-            f"{values[-1]:g} everywhere": shot.picture(lit.textures[-1]),
+            f"{values[-1]:g} everywhere": shot.picture(varying.textures[-1].lit(light)),
         }
         rows.append([(picture, label) for label, picture in shown.items()])
         ends = ", ".join(f"`{spec.format(each)}`" for each in (values[0], values[-1]))
