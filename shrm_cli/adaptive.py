@@ -28,7 +28,6 @@ from shrm_cli.vocabulary import LUMINANCE
 Indices = NDArray[np.integer]
 Cap = tuple[Array, float]
 """Axes of spherical caps, one for each point, and the half angle of all of them, radians."""
-Evaluate = Callable[[Array, Indices], Array]
 
 ALLOWED = 0.02
 """The part of the light of a point that may be left to corrections. Under four real probes of

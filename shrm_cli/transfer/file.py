@@ -27,7 +27,6 @@ from shrm_cli.geometry.texels import Texels
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
 
-SUFFIX = ".npz"
 _VERSION = 2
 _DIMENSIONS = {"vectors": 3, "direct": 3, "albedo": 2, "matrices": 4, "frames": 3}
 _ROUNDING = 1e-3

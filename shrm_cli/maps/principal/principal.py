@@ -59,8 +59,6 @@ _NODES = 64
 """Gauss's nodes over the angle of the view, for conversions."""
 _VALUES_AT_ONCE = 2**22
 """The most values of cubes that are looked up at a time, 16 MB as 32-bit floats."""
-_PAIRS = 4096
-"""Pairs of mirror directions and views that tell how bright the lobes of a map are."""
 
 
 @record(eq=False)

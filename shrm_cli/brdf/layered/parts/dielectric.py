@@ -27,15 +27,6 @@ def fresnel(cosine: Array, ior: float) -> Array:
     return np.asarray((across**2 + along**2) / 2)
 
 
-def inner_reflectance(cosine: Array, ior: float) -> Array:
-    """Fresnel's reflectance of light that comes through the medium; it is 1 beyond the critical
-    angle. Parameters are those of `fresnel`, with the cosine in the medium.
-    """
-    square = 1 - ior**2 * (1 - cosine**2)
-    leaving = np.sqrt(np.maximum(square, 0.0))
-    return np.where(square > 0, fresnel(leaving, ior), np.ones((), cosine.dtype))
-
-
 def refracted_cosine(cosine: Array, ior: float) -> Array:
     """The cosine in the medium of light that has a cosine in air, by Snell's law."""
     return np.sqrt(1 - (1 - cosine**2) / ior**2)
