@@ -165,14 +165,17 @@ def make_scene(
         for each, name, file in zip(maps, names, files, strict=True)
     ]
     is_brushed = any(each["tangents"] for each in described)
+    shapes = described_shapes(mesh, blocks, is_brushed)
+    # Whoever names a mesh wants to see it, unless there is a truth, which is of a sphere.
+    shows_mesh = mesh is not None and (probe is None or not truth.size)
     description: dict[str, Any] = {
         "title": ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else ""),
         "file": names[0],
         "maps": described,
-        "shapes": described_shapes(mesh, blocks, is_brushed),
+        "shapes": shapes,
         "start": {
             "view": list(start.views[0]),
-            "shape": 0,
+            "shape": len(shapes) - 1 if shows_mesh else 0,
             "exposure": start.exposure,
             "roughness": start.roughness,
             "f0": list(start.f0),

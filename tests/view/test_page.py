@@ -17,7 +17,7 @@ from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.figure import figure, surface_nets
 from shrm_cli.view.forms import described_map
 from shrm_cli.view.page import SCRIPTS, embedded, page, section
-from shrm_cli.view.scene import Start, make_scene
+from shrm_cli.view.scene import Start, Truth, make_scene
 from shrm_cli.view.shapes import described_shapes, distance_of
 from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import ROOT
@@ -278,3 +278,16 @@ def test_a_mesh_tells_the_page_where_it_stands():
     shape = described_shapes(mesh, Blocks())[-1]
     np.testing.assert_allclose(shape["middle"], [3, 2, 5])
     assert shape["radius"] == pytest.approx(np.sqrt(2))
+
+
+def test_a_page_begins_with_the_mesh_unless_there_is_a_truth():
+    mesh = make_mesh("a.obj", [[2, 1, 5], [4, 1, 5], [2, 3, 5]], [[0, 1, 2]])
+    light = Probe.from_array(np.ones((8, 16, 3), np.float32))
+    for given, size, expected in ((None, 16, "a.obj"), (light, 0, "a.obj"), (light, 16, "Sphere")):
+        scene = make_scene(
+            [cases.irradiance(1)], ["a.exr"], given, mesh=mesh, truth=Truth(size=size)
+        )
+        shapes, start = scene.description["shapes"], scene.description["start"]
+        assert shapes[start["shape"]]["name"] == expected
+    plain = make_scene([cases.irradiance(1)], ["a.exr"])
+    assert plain.description["start"]["shape"] == 0
