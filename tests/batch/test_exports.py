@@ -136,6 +136,7 @@ def test_damaged_records_are_made_anew(folder, text):
     assert "a.ktx2" in json.loads(path.read_text())["files"]
 
 
+@pytest.mark.proof
 def test_a_manifest_names_engines_beside_forms(folder):
     (folder / "bake.toml").write_text(
         'probes = ["*.exr"]\n'

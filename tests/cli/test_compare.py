@@ -497,8 +497,8 @@ def test_values_that_no_float_holds(folder):
     assert told("bright.exr", "fine.map.exr", *SMALL)["summary"][0]["rmse"] > 1e37
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["x.png", "x.exr"])
-@pytest.mark.slow
 def test_full_disk(folder, name):
     before = snapshot(folder)
     limited = f"{NO_MODULES}; import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (900, 900)); {MAIN}"

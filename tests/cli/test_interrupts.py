@@ -253,6 +253,7 @@ os.fsync = wait
 {MAIN}"""
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize("command", [
     ("export", "probe.exr", "--for", "json", "-o", "made"),
@@ -263,7 +264,6 @@ os.fsync = wait
     ("report", "probe.exr", "--brdf", "lambertian", "--picture-size", "16", "--no-flip",
      "--truth-height", "8", "--no-view", "--view", "0,0", "-o", "page.html"),
 ])  # fmt: skip
-@pytest.mark.slow
 def test_pages_and_folders_appear_whole_or_not_at_all(tmp_path, monkeypatch, command, number):
     monkeypatch.chdir(tmp_path)
     write_exr("probe.exr", noise())

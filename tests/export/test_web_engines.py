@@ -73,6 +73,7 @@ def test_playcanvas_levels(atlas, samples, rng):
             assert found == pytest.approx(wanted, rel=0.04), level
 
 
+@pytest.mark.proof
 def test_playcanvas_seams(atlas, samples):
     """At the poles and at the seam of -Z texels of both sides are mixed."""
     for direction in ([0, 1, 0], [0, -1, 0], [1e-9, 0, -1], [-1e-9, 0, -1], [0.1, 0.99, -0.1]):

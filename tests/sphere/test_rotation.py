@@ -204,9 +204,9 @@ def test_to_local_frames_and_back(rng):
     np.testing.assert_allclose(single, local, rtol=0, atol=1e-5)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["quarter turn", "cyclic axes", "swap x and y", "mirror z"])
 @pytest.mark.parametrize("order", [96, 110])
-@pytest.mark.slow
 def test_exchanged_axes_at_high_order(rng, name, order):
     """Right angles have matrices of their own; those above order 96 are not kept."""
     coefficients, directions = rng.standard_normal((order + 1) ** 2), random_directions(rng, 3)

@@ -184,7 +184,7 @@ def test_triangles_may_be_wound_either_way():
         )
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "spec", ["lambertian:albedo=0.9/0.5/0.2", "ggx:roughness=0.6,f0=gold", "ward:ax=0.3,ay=0.7"]
 )

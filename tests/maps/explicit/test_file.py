@@ -570,7 +570,7 @@ def test_wrong_attributes(damaged, name, attribute, value):
     refused(damaged(name, change), f"shrm:{attribute} is missing or wrong")
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("name", FOUR)
 def test_damage_anywhere_is_survived(tmp_path, name):
     """It gives a map or a MapError, and nothing else."""

@@ -94,6 +94,7 @@ def smooth(tmp_path):
     return small_probe(tmp_path, smooth_pixels())
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["forest", "city"])
 def test_the_fit_is_better_than_the_papers(real_probes, name):
     path = real_probes / f"{name}.exr"
