@@ -88,10 +88,12 @@ $(VENV)/.installed: $(VENV)/.made pyproject.toml
 	@$(COMPILE)
 	@touch $@
 
-# Python compiles what tests import when they import it first, which is a part of all these packages.
-$(VENV)/.dev: $(VENV)/.installed
+# One run of pip sets up all. Python compiles what tests import when they import it first, which is a
+# part of all these packages.
+$(VENV)/.dev: $(VENV)/.made pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable '.[dev]'
-	@touch $@
+	@$(COMPILE)
+	@touch $(VENV)/.installed $@
 
 # ---- the two commands -------------------------------------------------------------------------
 
