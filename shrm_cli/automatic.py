@@ -13,10 +13,10 @@ from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered, examined
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.seen import goal_text, judged, kept_or_best
+from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
-from shrm_cli.maps.size import stored_bytes, total_error
+from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, first_kept, least_wrong
 from shrm_cli.probe.lighting import Projection
@@ -82,12 +82,7 @@ class _Asked:
             return None
         by_eps = replace(self.request, error=None, seen=None)
         made = shrm_prefilter(self.light.probe, by_eps)
-        info = made.map.info
-        total = total_error(info.predicted_error, info.filter_error)
-        find = made.further["predicted_wrong_share"]
-        count = made.map.cube_count
-        bytes_ = stored_bytes(made.map.size, count)
-        candidate = Candidate("shrm", bytes_, count, total, find, lambda: made)
+        candidate = as_candidate(made)
         return None if made.warnings or not candidate.keeps(self.goal) else candidate
 
     def made_of_single_cubes(self) -> Prefiltered | None:

@@ -21,8 +21,8 @@ from shrm_cli.files.picture import Picture
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.size import stored_bytes, total_error
-from shrm_cli.plan.search import Candidate, Goal
+from shrm_cli.maps.seen import as_candidate
+from shrm_cli.plan.search import Goal
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe, open_probe
@@ -185,18 +185,9 @@ def _made(probe: Probe, wanted: Wanted, spec: str, progress: Progress) -> Prefil
     if wanted.to != AUTO or parse_spec(spec).center == "tangent":  # discs are not of fibres
         return made
     goal = Goal.of(wanted.arguments.get("error"), wanted.arguments.get("seen"))
-    found = _judged(made)
+    found = as_candidate(made)
     if found.keeps(goal):
         return made
-    split = _judged(prefilter_with_facts(probe, AUTO, given | {"sun": "split"}))
+    apart = prefilter_with_facts(probe, AUTO, given | {"sun": "split"})
+    split = as_candidate(apart, apart.map.error if isinstance(apart.map, LampMap) else 0.0)
     return min(found, split, key=lambda each: each.badness(goal)).make()
-
-
-def _judged(made: Prefiltered) -> Candidate[Prefiltered]:
-    """Return what is predicted to be seen of a map."""
-    info, find = made.map.info, made.further["predicted_wrong_share"]
-    error = total_error(info.predicted_error, info.filter_error)
-    if isinstance(made.map, LampMap):
-        error = float(np.hypot(error, made.map.error))
-    form, count = made.map.representation, made.map.cube_count
-    return Candidate(form, stored_bytes(made.map.size, count), count, error, find, lambda: made)

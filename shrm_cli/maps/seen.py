@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, examined
+from shrm_cli.maps.size import stored_bytes, total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising
 from shrm_cli.vocabulary import NEGATIVE_SHARE
@@ -59,6 +61,21 @@ def kept_or_best(
     best = least_wrong(tried, goal)
     made = judged(best.make(), best)
     return replace(made, warnings=(*made.warnings, _missed(best, goal, max_size)))
+
+
+def as_candidate(made: Prefiltered, lamp_error: float = 0.0) -> Candidate[Prefiltered]:
+    """Return what is predicted to be seen of a map that is made already.
+
+    Parameters
+    ----------
+    made : Prefiltered
+    lamp_error : float
+        What discs in place of lamps change of the reflected light, as a relative RMS error.
+    """
+    map_, find = made.map, made.further["predicted_wrong_share"]
+    error = math.hypot(total_error(map_.info.predicted_error, map_.info.filter_error), lamp_error)
+    bytes_, count = stored_bytes(map_.size, map_.cube_count), map_.cube_count
+    return Candidate(map_.representation, bytes_, count, error, find, lambda: made)
 
 
 def judged(made: Prefiltered, candidate: Candidate[Prefiltered]) -> Prefiltered:
