@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Brdf, value_text
-from shrm_cli.brdf.spec import parse_recorded
+from shrm_cli.brdf.library import parse_recorded
 from shrm_cli.brdf.sums import FILES
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.json_text import parse_json
