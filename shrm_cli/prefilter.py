@@ -14,7 +14,8 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, examined
 from shrm_cli.maps.request import Request
-from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.vocabulary import AUTO, Domain, Frame, Sampling
 

@@ -59,7 +59,7 @@ def print_representations(
     )
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.file import is_map
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.lit import ggx_surface, reflectance
 

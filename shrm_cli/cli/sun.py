@@ -87,7 +87,7 @@ def sun(
         raise wrong_usage("--for excludes --json")
     options = make_read_options(reading)
     from shrm_cli.lights.split import split_lamps
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.progress import Rising, using
 
     found = open_probe(probe, options)

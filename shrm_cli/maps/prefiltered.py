@@ -23,6 +23,8 @@ from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE
 
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
+Notes = tuple[tuple[str, str], ...]
+"""Headings and texts that tell people what was chosen automatically."""
 REMEDY = "take them out with `shrm sun` and prefilter its light file, dim them by `clamp`"
 """What helps against lamps; `prefilter` says so in other words where it knows the lamps."""
 
@@ -38,7 +40,7 @@ class Prefiltered:
         Facts that the map's own `summary` does not have, by the names used in JSON. For maps
         that are made for a BRDF ``error_bound`` is among them: the conservative relative RMS
         error of eq. 5.19, or None in the angular domain.
-    notes : tuple of (str, str)
+    notes : Notes
         Headings and texts that tell people what was chosen automatically.
     warnings : tuple of str
         Lines that the user should know about the map.
@@ -51,7 +53,7 @@ class Prefiltered:
 
     map: Map
     facts: dict[str, Any] = field(default_factory=dict)
-    notes: tuple[tuple[str, str], ...] = ()
+    notes: Notes = ()
     warnings: tuple[str, ...] = ()
     further: dict[str, Callable[[], Any]] = field(default_factory=dict)
 

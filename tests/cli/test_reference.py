@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sphere import render_sphere

@@ -10,7 +10,6 @@ import pytest
 
 from shrm_cli.analysis import representations
 from shrm_cli.errors import OrderError
-from shrm_cli.maps.file import save
 from shrm_cli.maps.shrm import prefilter as shrm
 from shrm_cli.maps.splitsum import prefilter as splitsum
 from tests.cli.helpers import assert_refused, done, polynomial_light, run, snapshot, write_exr
@@ -36,7 +35,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(splitsum, "prefilter", quick)
     directions = latlong_pixels(32, 16)
     write_exr(tmp_path / "room.exr", polynomial_light(directions).astype(np.float32))
-    save(tmp_path / "white.shrm.exr", furnace((1, 1, 1)))
+    furnace((1, 1, 1)).save(tmp_path / "white.shrm.exr")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

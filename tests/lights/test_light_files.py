@@ -18,7 +18,8 @@ from shrm_cli.lights.snippets import beside_cubes, snippet
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import LIGHT_ENGINES
 from tests import oracles
 from tests.lights import rooms

@@ -11,10 +11,12 @@ from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.explicit.explicit import ExplicitMap
-from shrm_cli.maps.explicit.tabulate import tabulate
+from shrm_cli.maps.explicit.tabulate import tabulate, tabulate_sum
 from shrm_cli.maps.info import provenance
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines
+from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import (
     Choice,
@@ -23,15 +25,18 @@ from shrm_cli.maps.shrm.budget import (
     most_order_p,
     refuse_large,
 )
-from shrm_cli.maps.shrm.prefilter import centered, expand, order_warnings
-from shrm_cli.maps.shrm.shrm import Shrm, from_expansion
+from shrm_cli.maps.shrm.make import centered, expand, from_expansion, order_warnings
+from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import choose_size
+from shrm_cli.messages import refuse_arguments
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Projection, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
 from shrm_cli.reference import Reference
 from shrm_cli.reflected import truncated_lobe_error
+from shrm_cli.vocabulary import Frame
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
@@ -52,6 +57,40 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         return replace(prefilter_angular(probe, request), notes=notes)
     made = prefilter_explicit(probe, request)
     return replace(made, notes=notes, warnings=(*order_warnings(made, request), *made.warnings))
+
+
+def converted(
+    source: Map,
+    to: str,
+    order_p: int | None = None,
+    frame: Frame | None = None,
+    slices: int | None = None,
+    views: int | None = None,
+    **options: Any,
+) -> Map:
+    """Make the map that tabulates another map; see `Map.converted`.
+
+    Parameters
+    ----------
+    order_p : int, optional
+        The order P of the SHRM that is tabulated. By default it is the order that the source
+        has or determines. A sum of terms is tabulated as it is.
+    slices, views : int, optional
+        Samples along an axis of the view, as `ExplicitMap.view_count` takes them.
+
+    Raises
+    ------
+    MapError, ArgumentError
+        If the source has no such SHRM, the map would be too large, or an argument does not apply.
+    """
+    kind = explicit_kind(to)
+    refuse_arguments(f"explicit maps such as {to}", frame=frame, **options)
+    count = kind.view_count(slices, views)
+    is_sum = "+" in source.center
+    if isinstance(source, SummedShrm) or (isinstance(source, PrincipalMap) and is_sum):
+        refuse_arguments("a sum of terms", order_p=order_p)
+        return tabulate_sum(kind, source, count)
+    return kind.from_shrm(source.to_shrm(order_p, "global"), count)
 
 
 def explicit_kind(representation: str) -> type[ExplicitMap]:

@@ -17,9 +17,9 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import MAX_VALUES
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.file import StoredImage
     from shrm_cli.maps.shrm.compressed import CompressedShrm
     from shrm_cli.maps.shrm.summed import SummedShrm
+    from shrm_cli.maps.stored import StoredImage
 
 
 def coefficient_channels(order_p: int, zonal: bool = False) -> list[str]:
@@ -110,8 +110,8 @@ def decode(file: StoredFile) -> Shrm | CompressedShrm | SummedShrm:
         If parts, channels or attributes are missing or contradict each other, or if there are too
         many coefficients to load.
     """
-    from shrm_cli.maps.file import StoredImage
     from shrm_cli.maps.shrm.summed import SummedShrm
+    from shrm_cli.maps.stored import StoredImage
 
     if len(file.parts) == 1:
         return _decode_term(StoredImage.of(file.first))

@@ -15,7 +15,7 @@ from shrm_cli.maps.expansion import carry, predicted_wrong_share
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import Tried, shrm_rows, sufficient_coefficients
-from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.maps.shrm.make import prefilter_shrm
 from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, stored_bytes
 from shrm_cli.plan.search import Candidate, Row, fewest_bytes
 from shrm_cli.probe.lighting import Projection

@@ -23,7 +23,8 @@ from shrm_cli.maps.shrm.budget import (
     shortfall,
 )
 from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
-from shrm_cli.maps.shrm.shrm import Shrm, from_expansion
+from shrm_cli.maps.shrm.make import from_expansion
+from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
