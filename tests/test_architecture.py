@@ -31,7 +31,6 @@ STOPS = [
         "settings",
         "sources",
         "vocabulary",
-        "memo",
         "bytecode",
     },
     {"progress", "plugins", "color"},

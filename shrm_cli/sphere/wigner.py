@@ -13,8 +13,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
-from shrm_cli.memo import Memo, kept_order
+from shrm_cli.arrays import Array, Memo, kept_order
 
 
 def small_d_degrees(

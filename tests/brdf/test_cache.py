@@ -11,6 +11,7 @@ import platformdirs
 import pytest
 
 from shrm_cli import settings
+from shrm_cli.arrays import Memo
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
@@ -19,7 +20,6 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import OutputError
-from shrm_cli.memo import Memo
 from tests.cli.helpers import assert_refused, environment, run
 
 ORDERS = (8, 3, 1e-3)
@@ -453,7 +453,7 @@ def test_concurrent_runs_share_it(folder):
         "from shrm_cli.brdf import cache\n"
         "from shrm_cli.brdf.transfer import compute_coefficients as compute\n"
         "from shrm_cli.brdf.spec import parse_spec\n"
-        "from shrm_cli.memo import Memo\n"
+        "from shrm_cli.arrays import Memo\n"
         "import numpy as np, sys\n"
         "cache._SLOW, cache.MOST_BYTES = -1.0, 40000\n"
         "cache._in_memory = Memo(0)\n"

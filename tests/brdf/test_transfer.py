@@ -9,6 +9,7 @@ import pytest
 from scipy import integrate
 from scipy.special import sph_harm_y
 
+from shrm_cli.arrays import Memo
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_transfer
@@ -17,7 +18,6 @@ from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients, compute_transfer
 from shrm_cli.errors import BrdfError
-from shrm_cli.memo import Memo
 from shrm_cli.progress import using
 from tests import ggx
 
