@@ -7,7 +7,7 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import parse_sum
 from shrm_cli.errors import MapError
-from shrm_cli.maps.explicit.tabulate import tabulate_sum
+from shrm_cli.maps.explicit.prefilter import tabulate_sum
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.make import prefilter_shrm
