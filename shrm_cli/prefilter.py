@@ -218,7 +218,7 @@ def _made(probe: Probe, request: Request) -> Prefiltered:
     if not (asks and registry.description(request.to).steps):
         return _maker(request.to)(probe, request)
     # Runs that ask for no error are spared the search.
-    from shrm_cli.maps.attempts import first_that_keeps
+    from shrm_cli.maps.seen import first_that_keeps
 
     return first_that_keeps(_maker(request.to), probe, request)
 

@@ -1,6 +1,7 @@
 """How explicit maps are made: from an SHRM, or by one integral for each texel and view."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
@@ -14,6 +15,7 @@ from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.expansion import shown_wrong_share
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines
@@ -147,13 +149,8 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
     shrm = from_expansion(expansion, probe, request, dtype)
     made = explicit_kind(request.to).from_shrm(shrm, view_count(request))
 
-    def share() -> float | None:
-        # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.expansion import shown_wrong_share
-
-        return shown_wrong_share([expansion], made)
-
-    facts, further = {"error_bound": expansion.bound}, {"predicted_wrong_share": share}
+    facts = {"error_bound": expansion.bound}
+    further = {"predicted_wrong_share": partial(shown_wrong_share, [expansion], made)}
     return Prefiltered(made, facts, warnings=warnings, further=further)
 
 

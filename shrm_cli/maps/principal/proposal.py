@@ -90,9 +90,6 @@ class Proposal:
 
     def wrong_share(self) -> float:
         """Predict the share of what is visible whose luminance is wrong by more than 5 %."""
-        # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
-
         return predicted_wrong_share([(term.planner, term.form) for term in self.terms])
 
     def make(self, warnings: Sequence[str] = ()) -> Prefiltered:

@@ -6,13 +6,14 @@ The method is that of section 5.6.2 of Ramamoorthi's thesis.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.expansion import Expansion, carry
+from shrm_cli.maps.expansion import Expansion, carry, map_wrong_share
 from shrm_cli.maps.info import provenance
 from shrm_cli.maps.prefiltered import Notes, Prefiltered, wrong_light
 from shrm_cli.maps.request import Request
@@ -127,16 +128,8 @@ def prefilter_shrm(
 
         kept = compressed(made, compress)
 
-    def share() -> float | None:
-        # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.expansion import predicted_wrong_share, shown_wrong_share
-
-        if kept.info.added_error:  # compression adds errors of its own
-            return shown_wrong_share([expansion], kept)
-        return predicted_wrong_share([expansion])
-
     facts = {"error_bound": expansion.bound}
-    further = {"predicted_wrong_share": share}
+    further = {"predicted_wrong_share": partial(map_wrong_share, [expansion], kept)}
     return Prefiltered(kept, facts, warnings=warnings, further=further)
 
 

@@ -12,9 +12,9 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines, unkept_error
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import affordable, within_error
+from shrm_cli.maps.shrm.budget import affordable, sufficient_tolerance
 from shrm_cli.maps.shrm.make import centered, order_warnings, prefilter_shrm
-from shrm_cli.maps.size import total_error
+from shrm_cli.maps.size import nothing_fits, total_error
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import Frame
@@ -106,10 +106,17 @@ def _refuse_contradictions(request: Request) -> None:
 
 def _within_error(light: Projection, request: Request, error: float) -> Prefiltered:
     """Make the SHRM of the fewest bytes that keeps an error, or the best one."""
+    # Plain runs search nothing.
+    from shrm_cli.maps.shrm.proposal import ShrmProposals
+
     allowed, form = request.allowed, (request.size, request.sampling)
-    choice, coefficients, is_met = within_error(light, request.brdf, error, allowed, *form)
-    found = replace(request, eps=choice.orders.eps, size=choice.size, max_size=allowed)
-    made = prefilter_shrm(light, found, (choice, coefficients))
+    shrms = ShrmProposals.known(light, request.brdf, error, allowed, *form)
+    found = shrms.least(error, allowed, sufficient_tolerance(error))
+    if found is None:
+        raise nothing_fits(request.size)
+    choice, is_met = found[0].choice, found[1]
+    asked = replace(request, eps=choice.orders.eps, size=choice.size, max_size=allowed)
+    made = prefilter_shrm(light, asked, (choice, shrms.coefficients))
     if is_met:
         return made
     info = made.map.info
