@@ -23,7 +23,7 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sphere import render_background, render_sphere
-from tests.cli.helpers import NO_MODULES
+from tests.cli.helpers import NO_MODULES, told_to_bars
 from tests.render.materials import furnace, spot, under_random_light
 
 P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
@@ -298,19 +298,7 @@ def test_help_needs_no_numpy(package_path):
 
 
 def test_rows_are_counted_for_the_progress_bar(folder, monkeypatch):
-    seen = []
-
-    class Bar:
-        def __init__(self, label):
-            assert label
-
-        def __enter__(self):
-            return lambda done, total: seen.append((done, total))
-
-        def __exit__(self, *error):
-            return None
-
-    monkeypatch.setattr("shrm_cli.cli.render.progress_bar", Bar)
+    seen = told_to_bars(monkeypatch, "render")
     done("spot.exr", "a.microfacet.shrm.exr", "--frames", 2, "--size", 16)
     (total,) = {total for _, total in seen}
     assert seen == sorted(seen)

@@ -12,7 +12,15 @@ from shrm_cli.analysis import representations
 from shrm_cli.errors import OrderError
 from shrm_cli.maps.shrm import prefilter as shrm
 from shrm_cli.maps.splitsum import prefilter as splitsum
-from tests.cli.helpers import assert_refused, done, polynomial_light, run, snapshot, write_exr
+from tests.cli.helpers import (
+    assert_refused,
+    done,
+    polynomial_light,
+    run,
+    snapshot,
+    told_to_bars,
+    write_exr,
+)
 from tests.oracles import latlong_pixels
 from tests.render.materials import furnace
 
@@ -250,19 +258,7 @@ def test_probes_options_are_obeyed_and_warnings_told(folder, only_shrm):
 
 
 def test_progress(folder, only_shrm, monkeypatch):
-    seen = []
-
-    class Bar:
-        def __init__(self, label):
-            assert label
-
-        def __enter__(self):
-            return lambda done, total: seen.append((done, total))
-
-        def __exit__(self, *error):
-            return None
-
-    monkeypatch.setattr("shrm_cli.cli.representations.progress_bar", Bar)
+    seen = told_to_bars(monkeypatch, "representations")
     done("compare", "room.exr", *TWO)
     steps = [step for step, _ in seen]
     assert len({total for _, total in seen}) == 1

@@ -11,7 +11,7 @@ from shrm_cli.errors import MapError, OutputError
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
-from tests.maps.damage import refused, survives_flipped_bits
+from tests.maps.damage import parts, refused, survives_flipped_bits, writer_of_damage
 
 INFO = MapInfo(
     64, 0, 0.03, 1.0, 0.0, {"name": "ggx", "parameters": {}}, "p.exr", "ab" * 32, fit_residual=0.125
@@ -29,31 +29,11 @@ def random_map(order_p=4, order_q=2, info=INFO, **changes):
     return replace(made, **changes)
 
 
-def parts(path):
-    """Header and channels that OpenEXR finds."""
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        assert len(file.parts) == 1
-        header = {name: value for name, value in file.header().items() if name != "channels"}
-        return header, {name: channel.pixels for name, channel in file.channels().items()}
-
-
 @pytest.fixture
 def damaged(tmp_path):
-    """Write a sound map with its header and channels changed; None removes."""
+    """Writes a sound map with its header and channels changed; None removes."""
     random_map().save(tmp_path / "sound.exr")
-    header, channels = parts(tmp_path / "sound.exr")
-
-    def write(attributes=None, planes=None):
-        path = tmp_path / "damaged.exr"
-        changed = {**header, **(attributes or {})}, {**channels, **(planes or {})}
-        kept = [{k: v for k, v in part.items() if v is not None} for part in changed]
-        if planes:
-            for name in ("dataWindow", "displayWindow"):
-                kept[0].pop(name)
-        OpenEXR.File(*kept).write(str(path))
-        return path
-
-    return write
+    return writer_of_damage(tmp_path / "sound.exr")
 
 
 @pytest.mark.parametrize(("order_p", "order_q"), [(4, 2), (0, 0), (3, 0), (0, 3), (16, 16)])

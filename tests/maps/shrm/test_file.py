@@ -17,7 +17,7 @@ from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from tests.cli.helpers import process
-from tests.maps.damage import refused, survives_flipped_bits
+from tests.maps.damage import parts, refused, survives_flipped_bits, writer_of_damage
 
 P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
 INFO = MapInfo(
@@ -38,27 +38,11 @@ def random_map(frame="global", sampling="center", order_p=2, size=5, info=INFO, 
     return Shrm(values, frame, "reflection", info, sampling)
 
 
-def parts(path):
-    """Header and channels that OpenEXR finds."""
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        header = {name: value for name, value in file.header().items() if name != "channels"}
-        return header, {name: channel.pixels for name, channel in file.channels().items()}
-
-
 @pytest.fixture
 def damaged(tmp_path):
-    """Write a sound map with its header and channels changed; None removes."""
+    """Writes a sound map with its header and channels changed; None removes."""
     random_map().save(tmp_path / "sound.exr")
-    header, channels = parts(tmp_path / "sound.exr")
-
-    def write(attributes=None, planes=None):
-        path = tmp_path / "damaged.exr"
-        changed = {**header, **(attributes or {})}, {**channels, **(planes or {})}
-        kept = [{k: v for k, v in part.items() if v is not None} for part in changed]
-        OpenEXR.File(*kept).write(str(path))
-        return path
-
-    return write
+    return writer_of_damage(tmp_path / "sound.exr")
 
 
 @pytest.mark.parametrize("sampling", ["center", "border"])
