@@ -216,17 +216,7 @@ class Shrm(ReflectionMap):
         return self.truncated(order_p).to_frame(frame or self.frame)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance, filtered between texels.
-
-        Parameters
-        ----------
-        normals, views : array_like, shape (..., 3), broadcastable
-            Unit vectors in world axes; views point to the viewer.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-        """
+        """Evaluate the reflected radiance, filtered between texels; see `Map.radiance`."""
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
         return self.central_radiance(central_directions(self.center, normals, views), views)
 
