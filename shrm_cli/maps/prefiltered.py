@@ -7,7 +7,7 @@ below zero, which a screen shows as black: how much of a map is so is looked at 
 Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cache
 from typing import Any
@@ -44,7 +44,7 @@ class Prefiltered:
         Headings and texts that tell people what was chosen automatically.
     warnings : tuple of str
         Lines that the user should know about the map.
-    further : dict
+    further : mapping of str to callable
         Facts that take a while to find, by functions that find them when somebody asks for the
         `summary`. For maps that are made for a BRDF ``predicted_wrong_share`` is here or among the
         facts: the share of what is visible whose luminance is wrong by more than
@@ -55,7 +55,7 @@ class Prefiltered:
     facts: dict[str, Any] = field(default_factory=dict)
     notes: Notes = ()
     warnings: tuple[str, ...] = ()
-    further: dict[str, Callable[[], Any]] = field(default_factory=dict)
+    further: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
 
     def quick_summary(self) -> dict[str, Any]:
         """Return what the `summary` has but for the further facts, which take as long as a map."""
