@@ -18,11 +18,7 @@ from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.analysis.representations import (
-        Plan,
-        RepresentationResult,
-        RepresentationTable,
-    )
+    from shrm_cli.analysis.representations import Plan, RepresentationResult, RepresentationTable
     from shrm_cli.probe.options import ReadOptions
 
 ROUGHNESS = (0.5, 1.0)

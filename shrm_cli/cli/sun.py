@@ -121,12 +121,7 @@ def _write(
     if output is None:
         return {}
     from shrm_cli.files.whole import together, write_bytes
-    from shrm_cli.lights.light_files import (
-        light_file_text,
-        relative_name,
-        usd_text,
-        write_residual,
-    )
+    from shrm_cli.lights.light_files import light_file_text, relative_name, usd_text, write_residual
 
     texts = {}
     if light_file is not None:

@@ -14,19 +14,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.files.parts import (
-    Part,
-    Storage,
-    StoredPart,
-    prepared,
-    write_chosen,
-)
-from shrm_cli.maps.attributes import (
-    COLORS,
-    map_info,
-    options_text,
-    read_attributes,
-)
+from shrm_cli.files.parts import Part, Storage, StoredPart, prepared, write_chosen
+from shrm_cli.maps.attributes import COLORS, map_info, options_text, read_attributes
 from shrm_cli.records import record
 from shrm_cli.vocabulary import (
     CUBES,

@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.analysis import representations
-from shrm_cli.analysis.representations import (
-    COMPARED,
-    compare_representations,
-    plan_comparison,
-)
+from shrm_cli.analysis.representations import COMPARED, compare_representations, plan_comparison
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.files.image import write_image
 from shrm_cli.maps.explicit.prefilter import prefilter_explicit

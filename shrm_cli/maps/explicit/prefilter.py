@@ -21,13 +21,7 @@ from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import (
-    Choice,
-    Form,
-    halved,
-    most_order_p,
-    refuse_large,
-)
+from shrm_cli.maps.shrm.budget import Choice, Form, halved, most_order_p, refuse_large
 from shrm_cli.maps.shrm.make import centered, expand, from_expansion, order_warnings
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm

@@ -34,12 +34,7 @@ from shrm_cli.orders import Orders, choose_orders, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.records import record
 from shrm_cli.reflected import predicted_error
-from shrm_cli.vocabulary import (
-    DEFAULT_MAX_SIZE,
-    MAX_ORDER_P,
-    MIN_CUBE_SIZE,
-    Sampling,
-)
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, MAX_ORDER_P, MIN_CUBE_SIZE, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.plan.search import Row
