@@ -161,7 +161,7 @@ class Arrangement:
             "shrm:orientation": self.orientation,
             "shrm:sampling": self.sampling,
         }
-        return Part({name: image[..., k] for k, name in enumerate(part.channels)}, header)
+        return Part(image_channels(image, list(part.channels)), header)
 
     def cube_size(self, width: int, height: int) -> int | None:
         """Return the texels along a face's edge of the cube in an image of this size in pixels.
@@ -302,6 +302,6 @@ class StoredImage:
         return wanted if self.arrangement.is_plain else self.arrangement.undo(wanted)
 
 
-def image_channels(image: Array) -> dict[str, Array]:
-    """Return the channels of a part that holds an image of shape (H, W, 3)."""
-    return {name: image[..., k] for k, name in enumerate(COLORS)}
+def image_channels(image: Array, names: Sequence[str] = COLORS) -> dict[str, Array]:
+    """Return the channels of a part that holds an image of shape (H, W, len(names))."""
+    return {name: image[..., k] for k, name in enumerate(names)}

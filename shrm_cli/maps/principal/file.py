@@ -51,8 +51,7 @@ def encode(made: PrincipalMap) -> list[Part]:
             header |= {"name": f"lobe{k:02d}", "displayWindow": canvas}
         names = channels_of(lobe.cubes.shape[2])
         planes = lobe.cubes.reshape(*lobe.cubes.shape[:2], -1)
-        channels = {name: planes[..., index] for index, name in enumerate(names)}
-        parts.append(Part(channels, header))
+        parts.append(Part(image_channels(planes, names), header))
     return parts + tables
 
 
