@@ -13,7 +13,7 @@ EPS ?= 0.03
 # make batch FORMS="irradiance splitsum she" FLAGS_irradiance="--form zh3": what engines load
 FORMS ?=
 # The tests run in as many processes as there are processors; PYTEST_FLAGS="-x -k name" in one.
-PYTEST_FLAGS ?= -n auto
+PYTEST_FLAGS ?= -n auto --dist worksteal
 # make fuzz MINUTES=10 FUZZ_FLAGS="--seed 2 --case 345"
 MINUTES ?= 10
 FUZZ_FLAGS ?=
@@ -110,11 +110,13 @@ demo: $(VENV)/.installed
 # The tests start hundreds of processes. Each would compile all of shrm again if no bytecode were kept.
 test prove web torch blender: export PYTHONDONTWRITEBYTECODE :=
 
+# Types are checked on one processor for half a minute, beside the tests.
 test: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/python -m pytest -m 'not proof' $(PYTEST_FLAGS)
+	$(BIN)/mypy & types=$$!; \
+	  $(BIN)/python -m pytest -m 'not proof' $(PYTEST_FLAGS); tests=$$?; \
+	  wait $$types && exit $$tests
 
 prove: $(VENV)/.dev
 	$(BIN)/python -m pytest -m proof $(PYTEST_FLAGS)

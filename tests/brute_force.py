@@ -5,7 +5,6 @@ Nothing here shares code with shrm. Equations 5.x are those of chapter 5 of Rama
 
 import numpy as np
 from scipy.special import sph_harm_y
-from scipy.stats import qmc
 
 
 def unit(rng, count):
@@ -148,6 +147,8 @@ def bright_pairs(rng, reflection_map, count, finer=None, candidates=15):
     reflections, views : ndarray, shape (count, 3)
     weights : ndarray, shape (count, 1)
     """
+    from scipy.stats import qmc  # which takes a second to load
+
     drawn = qmc.Sobol(4, rng=rng).random_base2(int(np.ceil(np.log2(candidates * count))))
     reflections = on_sphere(drawn[:, :2])
     cosines, density = grazing(drawn[:, 2])

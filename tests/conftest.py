@@ -4,6 +4,7 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -43,6 +44,13 @@ def obeyed_ctrl_c() -> None:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20020701)
+
+
+@pytest.fixture(scope="session")
+def colour() -> ModuleType:
+    """Return colour-science, or skip the test. It takes seconds to load, which few tests need."""
+    module: ModuleType = pytest.importorskip("colour", reason="colour-science is not installed")
+    return module
 
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -113,7 +113,9 @@ def stop(path):
     return "" if first == "__init__" else first
 
 
-BY_STOP = {each: [path for path in MODULES if stop(path) == each] for each in map(stop, MODULES)}
+BY_STOP = {}
+for module in MODULES:
+    BY_STOP.setdefault(stop(module), []).append(module)
 
 
 def each_module(check):

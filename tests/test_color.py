@@ -24,8 +24,7 @@ GOLD = (1.0, 0.782, 0.344)
     ("name", "primaries"), [("ACEScg", AP1), ("ITU-R BT.2020", REC2020)], ids=["AP1", "2020"]
 )
 @pytest.mark.filterwarnings("ignore")
-def test_against_colour_science(name, primaries):
-    colour = pytest.importorskip("colour")
+def test_against_colour_science(colour, name, primaries):
     spaces = colour.RGB_COLOURSPACES
     expected = colour.matrix_RGB_to_RGB(spaces[name], spaces["ITU-R BT.709"], "Bradford")
     np.testing.assert_allclose(to_rec709(primaries), expected, atol=5e-4)
@@ -41,8 +40,7 @@ def test_against_colour_science(name, primaries):
     }.items(),
 )  # fmt: skip
 @pytest.mark.filterwarnings("ignore")
-def test_every_name_against_colour_science(name, theirs):
-    colour = pytest.importorskip("colour")
+def test_every_name_against_colour_science(colour, name, theirs):
     spaces = colour.RGB_COLOURSPACES
     ours = conversion(PRIMARIES[name], PRIMARIES["acescg"])
     expected = colour.matrix_RGB_to_RGB(spaces[theirs], spaces["ACEScg"], "Bradford")

@@ -243,6 +243,17 @@ def test_clean_removes_what_was_built(project):
     assert not (project.folder / ".venv").exists()
 
 
+@pytest.mark.parametrize("failing", ["ruff", "mypy", "python", None])
+def test_what_is_checked_beside_the_tests_fails_them_too(project, failing):
+    """Types are checked in the background, and may be ready before the tests or after them."""
+    for name in ("ruff", "mypy", "python"):
+        command = project.folder / ".venv" / "bin" / name
+        command.write_text(f"#!/bin/sh\nsleep 0.0{len(name)}\nexit {int(name == failing)}\n")
+        command.chmod(0o755)
+    (project.folder / ".venv" / ".dev").touch()
+    assert (project.make("test").returncode == 0) == (failing is None)
+
+
 def test_an_old_python_is_refused_with_what_to_do(project):
     shutil.rmtree(project.folder / ".venv")
     result = project.make("install", "PYTHON=false")

@@ -4,9 +4,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
 from research.scale.model import Case, Sum
 from research.scale.parts import Measured
 
@@ -27,6 +24,9 @@ def draw(path: Path, panels: Sequence[Panel], parts: Sequence[str], laws: dict[s
     parts : sequence of str
     laws : dict of str to Sum
     """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     figure = Figure((4.2 * len(panels), 4.2), 110, layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
     for axes, (label, quantity, rows, slope) in zip(

@@ -61,3 +61,6 @@ LOOSER = tuple(2.0 ** (step / 4) for step in range(24, -5, -1))
 where the light hardly changes, to a half, where each term is sharper than the whole."""
 LARGEST_TOLERANCE = 0.7
 """The largest tolerance that is tried for the terms."""
+NO_ERROR = 1e-6
+"""The error that the orders of terms may always have. Under constant light those of all orders are
+about 1e-8, the root of what double precision leaves, which differs from processor to processor."""

@@ -3,7 +3,6 @@
 import struct
 import zlib
 
-import matplotlib
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -138,6 +137,8 @@ def test_degenerate_energies_are_drawn(tmp_path, captured):
 def test_png_tells_nothing_of_time_or_software_and_is_the_same_again(tmp_path):
     a, b = tmp_path / "a.png", tmp_path / "b.png"
     plots.plot_energy(a, CAPTURED, ORDERS, "x")
+    import matplotlib  # which takes a second to load
+
     with matplotlib.rc_context({"axes.facecolor": "red", "font.size": 20, "lines.linewidth": 9}):
         plots.plot_energy(b, CAPTURED, ORDERS, "x")
         assert matplotlib.rcParams["font.size"] == 20  # the user's style is left as it was

@@ -6,7 +6,6 @@ import pytest
 from shrm_cli.analysis.probe_statistics import blackbody_distance, chromaticity, color_temperature
 from shrm_cli.color import REC709, title_of, xyz_matrix
 
-colour = pytest.importorskip("colour", reason="no colour-science")
 SPACES = {
     "Rec.709": "ITU-R BT.709", "Rec.2020": "ITU-R BT.2020", "P3": "Display P3",
     "DCI-P3": "DCI-P3", "Adobe RGB": "Adobe RGB (1998)", "ACEScg": "ACEScg",
@@ -14,20 +13,20 @@ SPACES = {
 }  # fmt: skip
 
 
-def primaries(name):
+def primaries(colour, name):
     space = colour.RGB_COLOURSPACES[SPACES[name]]
     return (*np.ravel(space.primaries), *space.whitepoint)
 
 
 @pytest.mark.parametrize("name", list(SPACES))
-def test_names_and_matrices(name):
-    assert title_of(primaries(name)) == name
+def test_names_and_matrices(colour, name):
+    assert title_of(primaries(colour, name)) == name
     space = colour.RGB_COLOURSPACES[SPACES[name]]
     expected = colour.normalised_primary_matrix(space.primaries, space.whitepoint)
-    np.testing.assert_allclose(xyz_matrix(primaries(name)), expected, atol=1e-12)
+    np.testing.assert_allclose(xyz_matrix(primaries(colour, name)), expected, atol=1e-12)
     xyz = expected @ [0.3, 0.2, 0.4]
     np.testing.assert_allclose(
-        chromaticity([0.3, 0.2, 0.4], primaries(name)), colour.XYZ_to_xy(xyz), atol=1e-12
+        chromaticity([0.3, 0.2, 0.4], primaries(colour, name)), colour.XYZ_to_xy(xyz), atol=1e-12
     )
 
 
@@ -40,7 +39,7 @@ def test_primaries_without_a_name():
 
 @pytest.mark.parametrize("kelvin", [2200, 2856, 4000, 5000, 6504, 9000, 12000])
 @pytest.mark.parametrize("duv", [-0.01, 0.0, 0.01])
-def test_temperatures(kelvin, duv):
+def test_temperatures(colour, kelvin, duv):
     """Against McCamy's in colour-science, Ohno's (which searches the curve), and its distance."""
     xy = colour.UCS_uv_to_xy(colour.temperature.CCT_to_uv_Ohno2013([kelvin, duv]))
     found = color_temperature(*xy)

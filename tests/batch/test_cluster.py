@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import wait
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -20,8 +21,10 @@ from shrm_cli.batch import cluster
 from shrm_cli.batch.cluster import cluster_executor
 from shrm_cli.errors import ClusterError
 
-pytest.importorskip("distributed")
-pytestmark = pytest.mark.filterwarnings("ignore")  # of dask's own, which are none of ours
+pytestmark = [
+    pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed"),
+    pytest.mark.filterwarnings("ignore"),  # of dask's own, which are none of ours
+]
 
 
 @pytest.fixture(scope="module")

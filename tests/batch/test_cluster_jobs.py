@@ -6,14 +6,17 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 
 import pytest
 
 from tests.batch.helpers import log_lines, statuses, write_probes
 from tests.cli.helpers import environment, process, snapshot
 
-pytest.importorskip("distributed", reason="pip install distributed threadpoolctl cryptography")
-pytestmark = pytest.mark.proof
+pytestmark = [
+    pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed"),
+    pytest.mark.proof,
+]
 
 COUNT = 60
 WORDS = ("--brdf", "phong:exponent=64", "--to", "shrm", "--to", "irradiance", "--jobs", "2")

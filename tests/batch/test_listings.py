@@ -5,6 +5,7 @@ import http.server
 import json
 import threading
 from importlib import import_module
+from importlib.util import find_spec
 
 import pytest
 
@@ -15,7 +16,7 @@ from tests.batch.helpers import write_probes
 from tests.cli.helpers import run
 
 fsspec = pytest.importorskip("fsspec", reason="its files are elsewhere")
-pytest.importorskip("aiohttp", reason="web servers are read with it")
+pytestmark = pytest.mark.skipif(find_spec("aiohttp") is None, reason="aiohttp is not installed")
 
 SECRET = "hUnTeR2"
 

@@ -10,8 +10,7 @@ from shrm_cli.errors import BrdfError
 from tests.brdf.layered.test_coated import reflected_share, seen
 from tests.brdf.models.test_analytic import upper
 
-colour = pytest.importorskip("colour")
-SHAPE = colour.SpectralShape(360, 780, 1)
+WAVELENGTHS = np.arange(360.0, 781.0)
 
 
 def matrix_reflectance(cosine, base, thickness, ior):
@@ -22,7 +21,7 @@ def matrix_reflectance(cosine, base, thickness, ior):
     """
     sine = np.sqrt(1 - cosine**2)
     within, below = (np.sqrt(1 - (sine / n) ** 2) for n in (ior, base))
-    phase = 2 * np.pi * ior * thickness * within / SHAPE.wavelengths
+    phase = 2 * np.pi * ior * thickness * within / WAVELENGTHS
     found = 0
     for air, film, ground in (
         (cosine, ior * within, base * below),
@@ -34,16 +33,17 @@ def matrix_reflectance(cosine, base, thickness, ior):
     return found
 
 
-def seen_color(spectrum):
+def seen_color(colour, spectrum):
     """Its linear sRGB under D65, as fractions of white."""
-    cmfs = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(SHAPE)
-    daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(SHAPE)
+    shape = colour.SpectralShape(360, 780, 1)
+    cmfs = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape)
+    daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(shape)
     xyz, white = (
         colour.sd_to_XYZ(
-            colour.SpectralDistribution(each, SHAPE.wavelengths),
-            cmfs, daylight, method="Integration", shape=SHAPE,
+            colour.SpectralDistribution(each, WAVELENGTHS),
+            cmfs, daylight, method="Integration", shape=shape,
         )
-        for each in (spectrum, np.ones(len(SHAPE.wavelengths)))
+        for each in (spectrum, np.ones(len(WAVELENGTHS)))
     )  # fmt: skip
     rgb, one = (colour.XYZ_to_sRGB(each / 100, apply_cctf_encoding=False) for each in (xyz, white))
     return rgb / one
@@ -60,14 +60,14 @@ def seen_color(spectrum):
         ((0.04, 0.1, 0.3), 3000, 1.5),
     ],
 )
-def test_a_film_is_what_waves_make_it(f0, thickness, ior):
+def test_a_film_is_what_waves_make_it(colour, f0, thickness, ior):
     cosines = np.array([0.07, 0.23, 0.41, 0.66, 0.83, 0.97, 1.0])
     expected = np.empty((len(cosines), 3))
     for k, cosine in enumerate(cosines):
         for channel, each in enumerate(f0):
             base = (1 + np.sqrt(each)) / (1 - np.sqrt(each))
             spectrum = matrix_reflectance(cosine, base, thickness, ior)
-            expected[k, channel] = seen_color(spectrum)[channel]
+            expected[k, channel] = seen_color(colour, spectrum)[channel]
     found = film_reflectance(cosines, f0, thickness, ior)
     np.testing.assert_allclose(found, np.clip(expected, 0, 1), rtol=0, atol=2e-3)
 
@@ -84,7 +84,7 @@ def test_a_film_is_what_waves_make_it(f0, thickness, ior):
     ],
     ids=["bright yellow", "sky blue", "pure yellow", "violet", "sea green", "carmine"],
 )
-def test_thicker_films_show_the_known_orders_of_colors(retardation, hues):
+def test_thicker_films_show_the_known_orders_of_colors(colour, retardation, hues):
     """Those that Michel-Levy's chart names at retardations, nm, of 2 indices times thickness.
 
     It holds for a soap film too: both are ``sin(pi retardation / wavelength)^2``. The hue is 0 at

@@ -32,6 +32,7 @@ HELD = {
     "FAIRLY": "maps/principal/test_tolerance.py",
     "LOOSER": "maps/shrm/test_terms.py",
     "LARGEST_TOLERANCE": "maps/shrm/test_terms.py",
+    "NO_ERROR": "maps/shrm/test_terms.py",
 }
 """What no user sees, and the tests that notice when it changes."""
 WORDS = {"thousandth": 1e-3, "three": 3, "four": 4}

@@ -155,7 +155,7 @@ def plan_terms(
         if shared is None or _total_error(shared, lighting, together) >= goal:
             return None
         return Plan(shared, whole, light, request, is_closer=True)
-    enough = _truncation_error([whole], lighting)
+    enough = max(_truncation_error([whole], lighting), policy.NO_ERROR)
     for factor in policy.LOOSER:
         looser = min(factor * eps, policy.LARGEST_TOLERANCE)
         plan = Plan(

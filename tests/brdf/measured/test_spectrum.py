@@ -7,12 +7,10 @@ from shrm_cli.brdf.measured.reading import spectrum
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.errors import BrdfError
 
-colour = pytest.importorskip("colour")
-
 VISIBLE = np.arange(400.0, 701.0, 10.0)
 
 
-def by_colour_science(wavelengths, values):
+def by_colour_science(colour, wavelengths, values):
     """sd_to_XYZ's integration, then its sRGB without the transfer curve, white at D65."""
     shape = colour.SpectralShape(360, 780, 1)
     cmfs = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape)
@@ -33,15 +31,15 @@ def by_colour_science(wavelengths, values):
         lambda w: 0.5 + 0.4 * np.sin(w / 37),
     ],
 )
-def test_agrees_with_colour_science(reflectance):
+def test_agrees_with_colour_science(colour, reflectance):
     values = reflectance(VISIBLE)
-    expected = by_colour_science(VISIBLE, values)
+    expected = by_colour_science(colour, VISIBLE, values)
     # Illuminant and primaries are rounded to four digits in the standards, so the two whites
     # differ by as much.
     np.testing.assert_allclose(to_linear_srgb(VISIBLE, values), expected, atol=4e-4)
 
 
-def test_the_table_is_that_of_colour_science():
+def test_the_table_is_that_of_colour_science(colour):
     at, *observer, daylight = np.loadtxt(spectrum._TABLE, delimiter=",", unpack=True)
     known = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
     np.testing.assert_array_equal(at, known.wavelengths)
@@ -62,7 +60,7 @@ def test_white_is_white_and_the_map_is_linear(rng):
     np.testing.assert_allclose(mixed, 2 * to_linear_srgb(VISIBLE, a) - to_linear_srgb(VISIBLE, b))
 
 
-def test_colorchecker_patches_keep_their_colour():
+def test_colorchecker_patches_keep_their_colour(colour):
     """Spectra of the chart (BabelColor average) against its published sRGB, 8 bit."""
     published = {
         "dark skin": (115, 82, 68),

@@ -8,7 +8,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.stats import qmc
 
 from shrm_cli.brdf.environment.environment_brdf import environment_brdf
 from shrm_cli.errors import ArgumentError, MapError
@@ -31,6 +30,8 @@ UNIT_LIGHT = np.sqrt(4 * np.pi)
 @cache
 def pairs():
     """Normals and views, uniform in the mirror direction and the view: Sobol's points."""
+    from scipy.stats import qmc  # which takes a second to load
+
     points = qmc.Sobol(4, seed=11).random(512)
     z, phi = 2 * points[:, :2].T - 1, 2 * np.pi * points[:, 2:].T
     sine = np.sqrt(1 - z**2)

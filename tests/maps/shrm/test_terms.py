@@ -11,8 +11,9 @@ from shrm_cli.maps.explicit.prefilter import tabulate_sum
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.make import prefilter_shrm
-from shrm_cli.maps.shrm.terms import plan_terms, prefilter_terms
+from shrm_cli.maps.shrm.terms import _truncation_error, plan_terms, prefilter_terms
 from shrm_cli.orders import choose_center
+from shrm_cli.plan import policy
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.open import open_probe
@@ -245,3 +246,5 @@ def test_the_tolerances_that_are_tried_for_terms(name, eps, tolerance):
     plan = plan_terms(light, Request("shrm", brdf=parse_sum(spec, parse_spec), eps=eps))
     for term in plan.terms:
         assert term.choice.orders.eps == pytest.approx(tolerance)
+    error = _truncation_error(plan.terms, light.to_order(32))
+    assert error < policy.NO_ERROR if name == "furnace" else error > 1000 * policy.NO_ERROR
