@@ -314,6 +314,8 @@ def test_every_representation_has_its_modules(representation):
     folder = prefilter.__name__.rpartition(".")[0]
     assert (find_spec(f"{folder}.shader") is not None) == bool(prints)
     assert list(inspect.signature(prefilter.prefilter).parameters) == ["probe", "request"]
+    if hasattr(prefilter, "converted"):
+        assert list(inspect.signature(prefilter.converted).parameters)[:2] == ["source", "to"]
     assert described.defaults.keys() <= described.arguments
 
 
