@@ -31,10 +31,11 @@ from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Projection, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
+from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.reflected import truncated_lobe_error
 from shrm_cli.sphere.cube import cube_directions
-from shrm_cli.sphere.directions import to_angles
+from shrm_cli.sphere.directions import to_angles, views_around
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
@@ -42,6 +43,8 @@ Kind = TypeVar("Kind", bound=ExplicitMap)
 
 _PAIRS = 4096
 """The pairs of central directions and views at which the error of a tabulated sum is measured."""
+_AZIMUTHS = 32
+"""The azimuths of the view over which sums are averaged for maps that have none."""
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
@@ -301,6 +304,20 @@ def tabulate(
     return kind(images.transpose(0, 2, 3, 1), center, info, sampling)
 
 
+@record(eq=False)
+class _Sum:
+    """A sum of terms as `tabulate` takes it, over the mirror direction."""
+
+    terms: SummedShrm | PrincipalMap
+
+    def central_radiance(self, centers: Array, views: Array) -> Array:
+        return self.terms.central_radiance(centers, views)
+
+    def zonal_radiance(self, centers: Array, view_theta: float) -> Array:
+        around = views_around(centers, view_theta, _AZIMUTHS)
+        return np.mean([self.central_radiance(centers, views) for views in around], axis=0)
+
+
 def tabulate_sum(
     kind: type[Kind], summed: SummedShrm | PrincipalMap, view_count: int | None = None
 ) -> Kind:
@@ -321,7 +338,7 @@ def tabulate_sum(
     if view_count is None:
         view_count = kind.default_view_count(max(summed.info.order_p, 1))
     made = tabulate(
-        kind, summed, "reflection", summed.info, summed.size, view_count, summed.sampling
+        kind, _Sum(summed), "reflection", summed.info, summed.size, view_count, summed.sampling
     )
     centers = spiral_directions(_PAIRS)
     views = np.random.default_rng(0).permutation(centers)
