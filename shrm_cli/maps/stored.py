@@ -178,39 +178,6 @@ def _holds_maps(layout: Layout) -> bool:
     return layout == "latlong" or (layout in CUBES and layout in IMAGE_LAYOUTS)
 
 
-def stored_arrangement(part: StoredPart, attributes: dict[str, Any]) -> tuple[Arrangement, int]:
-    """Find how a part is laid out, and the texels along an edge of its cube.
-
-    Parameters
-    ----------
-    attributes : dict
-        The attributes of the part, as `read_attributes` returns them.
-
-    Returns
-    -------
-    arrangement : Arrangement
-    size : int
-        Texels along an edge of a face.
-
-    Raises
-    ------
-    MapError
-        If maps are not laid out so, or the part's size does not fit the layout or is larger than
-        maps may be.
-    """
-    path, layout = part.path, attributes["layout"]
-    if not _holds_maps(layout):
-        raise MapError(f"{path}: maps are not laid out as {layout}; make it again")
-    sampling: Sampling = "border" if part.border_sampled else "center"
-    sampling = attributes["sampling"] or sampling
-    arrangement = Arrangement(layout, attributes["orientation"], sampling)
-    size = arrangement.cube_size(part.width, part.height)
-    if size is None or size > MAX_CUBE_SIZE:
-        what = "a cube of 1:6" if layout == "openexr" else layout
-        raise MapError(f"{path}: {part.width} x {part.height} is not {what}")
-    return arrangement, size
-
-
 @record
 class StoredImage:
     """A part of a map's file, with its checked attributes.
@@ -238,10 +205,21 @@ class StoredImage:
         Raises
         ------
         MapError
-            If the part cannot hold a cube, or its attributes are wrong.
+            If its attributes are wrong, maps are not laid out so, or its size does not fit the
+            layout or is larger than maps may be.
         """
         attributes = read_attributes(part)
-        return cls(part, attributes, *stored_arrangement(part, attributes))
+        path, layout = part.path, attributes["layout"]
+        if not _holds_maps(layout):
+            raise MapError(f"{path}: maps are not laid out as {layout}; make it again")
+        sampling: Sampling = "border" if part.border_sampled else "center"
+        sampling = attributes["sampling"] or sampling
+        arrangement = Arrangement(layout, attributes["orientation"], sampling)
+        size = arrangement.cube_size(part.width, part.height)
+        if size is None or size > MAX_CUBE_SIZE:
+            what = "a cube of 1:6" if layout == "openexr" else layout
+            raise MapError(f"{path}: {part.width} x {part.height} is not {what}")
+        return cls(part, attributes, arrangement, size)
 
     @property
     def path(self) -> str:
