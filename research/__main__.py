@@ -165,15 +165,7 @@ def write_product(
     extent : Extent
     """
     from research.inputs import Page, equal_probes, say, small_probes
-    from research.product import (
-        materials,
-        orders,
-        page,
-        scenes,
-        shadows,
-        textures,
-        turned,
-    )
+    from research.product import materials, orders, page, scenes, shadows, textures, turned
 
     written = Page(folder / _PRODUCT)
     found = scenes.meshes(meshes, extent.product_rows)

@@ -15,7 +15,8 @@ from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.request import Request
 from shrm_cli.prefilter import make
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 
 Array = NDArray[np.floating]
 

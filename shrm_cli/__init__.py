@@ -73,7 +73,7 @@ _HOMES = {
     "is_map": "maps.file",
     "Map": "maps.base",
     "MapInfo": "maps.info",
-    "open_probe": "probe.probe",
+    "open_probe": "probe.open",
     "Probe": "probe.probe",
     "ReadOptions": "probe.options",
     "project": "probe.lighting",
@@ -145,9 +145,9 @@ if TYPE_CHECKING:
     from shrm_cli.probe.make import furnace as furnace
     from shrm_cli.probe.make import impulse as impulse
     from shrm_cli.probe.make import studio as studio
+    from shrm_cli.probe.open import open_probe as open_probe
     from shrm_cli.probe.options import ReadOptions as ReadOptions
     from shrm_cli.probe.probe import Probe as Probe
-    from shrm_cli.probe.probe import open_probe as open_probe
     from shrm_cli.probe.resample import to_layout as to_layout
     from shrm_cli.probe.sky import sky as sky
     from shrm_cli.progress import progress_bar as progress_bar

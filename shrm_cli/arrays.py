@@ -1,4 +1,16 @@
-"""The types of arrays that most modules name in annotations."""
+"""Arrays: what annotations call them, and those that are kept in memory, within bounds.
+
+Tables of waves, coupling coefficients and the coefficients of BRDFs depend on few small things and
+are the same for every probe. A process that prefilters thousands of probes computes each of them
+once. What is kept is counted in bytes rather than in entries, because tables grow with the third
+power of their order.
+"""
+
+import dataclasses
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,3 +18,108 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating]
 """Floating-point numbers, of 64 bits unless a docstring says otherwise."""
 Indices = NDArray[np.intp]
+Content = TypeVar("Content")
+
+_STEP = 8
+"""Orders are rounded up to multiples of this where what is kept serves lower orders too."""
+
+
+def kept_order(order: int) -> int:
+    """Return the order for which something is made that lower orders take a part of.
+
+    Probes that differ ask for many orders that lie close together. The result depends on the
+    order alone, and not on what happens to be kept, so that results do not either.
+    """
+    return -(-order // _STEP) * _STEP
+
+
+class Memo:
+    """Contents by their keys, within a number of bytes; those used longest ago make room.
+
+    Threads may share one. Two of them that ask for the same new content at the same time may both
+    compute it, and get the same object. The arrays of a content become read-only, so that nobody
+    changes what others are given.
+
+    Parameters
+    ----------
+    most_bytes : int
+        The most bytes that the arrays of all contents take. A content of more than a half of that
+        is not kept, so that a single one does not drive out all others.
+    """
+
+    def __init__(self, most_bytes: int) -> None:
+        self._most = most_bytes
+        self._lock = threading.Lock()
+        self._kept: OrderedDict[Hashable, tuple[Any, int]] = OrderedDict()
+        self._bytes = 0
+
+    def get(self, key: Hashable, make: Callable[[], Content]) -> Content:
+        """Return the content of a key, which is made when it is not known.
+
+        Parameters
+        ----------
+        key : hashable
+            All that the content depends on.
+        make : callable
+            Returns the content: arrays, or tuples, lists, dictionaries and dataclasses of them.
+            What it raises is passed on, and nothing is kept.
+        """
+        with self._lock:
+            found = self._kept.get(key)
+            if found is not None:
+                self._kept.move_to_end(key)
+                return found[0]
+        content = make()
+        size = _frozen_bytes(content, set())
+        with self._lock:
+            if key in self._kept:  # another thread was faster
+                return self._kept[key][0]
+            if size <= self._most // 2:
+                self._kept[key] = content, size
+                self._bytes += size
+            while self._bytes > self._most:
+                self._bytes -= self._kept.popitem(last=False)[1][1]
+        return content
+
+    def clear(self) -> None:
+        """Forget all contents."""
+        with self._lock:
+            self._kept.clear()
+            self._bytes = 0
+
+    @property
+    def bytes(self) -> int:
+        """The bytes that the arrays of all contents take now."""
+        return self._bytes
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+
+_OVERHEAD = 200
+"""The bytes that an object takes besides its numbers, roughly."""
+
+
+def _frozen_bytes(content: Any, counted: set[int]) -> int:
+    """Make the arrays of a content read-only, and return the bytes that they take.
+
+    A view counts with all of the array that it keeps in memory, and several views of one array
+    count once.
+    """
+    if isinstance(content, np.ndarray):
+        content.setflags(write=False)
+        whole = content
+        while isinstance(whole.base, np.ndarray):
+            whole = whole.base
+        size = 0 if id(whole) in counted else whole.nbytes
+        counted.add(id(whole))
+        return _OVERHEAD + int(size)
+    if isinstance(content, tuple | list):
+        parts = list(content)
+    elif isinstance(content, dict):
+        parts = list(content.values())
+    elif dataclasses.is_dataclass(content):
+        parts = [getattr(content, each.name) for each in dataclasses.fields(content)]
+    else:
+        parts = []
+    return _OVERHEAD + sum(_frozen_bytes(each, counted) for each in parts)

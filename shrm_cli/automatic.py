@@ -148,10 +148,11 @@ class _Asked:
         if len(self.proposals.parts) > 1:
             return "an SHRM would hold every term with harmonics of its own"
         error = total_error(made.map.info.predicted_error, made.map.info.filter_error)
-        best = self.shrms.least(error, self.request.allowed)
-        if best is None:
+        found = self.shrms.least(error, self.request.allowed)
+        if found is None:
             return "no SHRM fits"
-        if best.total_error <= error:
+        best, is_kept = found
+        if is_kept:
             return f"an SHRM of its error takes {bytes_text(best.bytes)}"
         return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
 

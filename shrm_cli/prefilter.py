@@ -14,7 +14,8 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, examined
 from shrm_cli.maps.request import Request
-from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.vocabulary import AUTO, Domain, Frame, Sampling
 
@@ -217,7 +218,7 @@ def _made(probe: Probe, request: Request) -> Prefiltered:
     if not (asks and registry.description(request.to).steps):
         return _maker(request.to)(probe, request)
     # Runs that ask for no error are spared the search.
-    from shrm_cli.maps.attempts import first_that_keeps
+    from shrm_cli.maps.seen import first_that_keeps
 
     return first_that_keeps(_maker(request.to), probe, request)
 

@@ -20,7 +20,8 @@ from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.core import MOST_CELLS, Core
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.pyramid import Pyramid
 from shrm_cli.probe.source import Source
 from shrm_cli.progress import Progress, in_order

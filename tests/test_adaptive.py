@@ -7,7 +7,7 @@ import pytest
 
 from shrm_cli import settings
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.probe.probe import as_probe
+from shrm_cli.probe.open import as_probe
 from shrm_cli.probe.pyramid import Pyramid
 from shrm_cli.probe.source import Source
 from shrm_cli.reference import Reference

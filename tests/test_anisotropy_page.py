@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from shrm_cli.brdf.environment.equal_roughness import TURNS
+from shrm_cli.maps.splitsum.brushed import TURNS
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
 from tests.cli.helpers import ROOT
 from tests.maps.khronos import compile_fragment

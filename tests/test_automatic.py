@@ -175,7 +175,7 @@ def test_nothing_is_found_out_twice(probe, monkeypatch):
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     dark = counting(monkeypatch, prefiltered, "negative_share")
     wrong = counting(monkeypatch, wrong_share, "predicted_wrong_share")
-    expanded = counting(monkeypatch, proposal, "sufficient_coefficients")
+    expanded = counting(monkeypatch, proposal, "choose_orders")
     found = made(probe, brdf=SKIN)
     judged = len(wrong)
     assert found.map.representation == "principal"

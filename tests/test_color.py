@@ -8,14 +8,7 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.color import (
-    REC709,
-    conversion,
-    fault_of,
-    from_rec709,
-    luminance_weights,
-    to_rec709,
-)
+from shrm_cli.color import REC709, conversion, fault_of, from_rec709, luminance_weights, to_rec709
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import PRIMARIES

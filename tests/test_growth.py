@@ -124,7 +124,7 @@ def report(result):
 from shrm_cli.files.parts import Part
 from shrm_cli.maps.ambient.ambient import Ambient
 from shrm_cli.maps.attributes import common_header, map_info, read_attributes
-from shrm_cli.maps.file import image_channels
+from shrm_cli.maps.stored import image_channels
 def encode(ambient):
     return [Part(image_channels(ambient.mean[None]), common_header(ambient, 0))]
 def decode(file):

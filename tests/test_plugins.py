@@ -18,7 +18,7 @@ from shrm_cli import plugins
 from shrm_cli.cli.main import cli
 from shrm_cli.errors import ArgumentError, PluginError
 from shrm_cli.export.engine import engine
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests.cli.helpers import (
     MAIN,
     ROOT,

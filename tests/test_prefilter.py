@@ -12,7 +12,7 @@ from shrm_cli.errors import ArgumentError, BrdfError, ProbeError, ShrmError, Shr
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.prefilter import prefilter
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests import oracles
 from tests.brute_force import unit
 from tests.cli.helpers import done, polynomial_light, run, write_exr

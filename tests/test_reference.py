@@ -10,8 +10,8 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.probe import source
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.reference import Reference
 from shrm_cli.sphere.grid.latlong import LatLong

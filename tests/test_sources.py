@@ -68,7 +68,7 @@ def test_a_change_of_any_module_of_maps_is_noticed(tmp_path, name, counts):
 def test_all_that_makes_maps_counts():
     """Every module that the making of any map loads is in one of the folders."""
     code = (
-        "import sys, shrm_cli.prefilter, shrm_cli.maps.file\n"
+        "import sys, shrm_cli.prefilter, shrm_cli.maps.file, shrm_cli.maps.stored\n"
         "from shrm_cli.maps import registry\n"
         "for name in registry.descriptions():\n"
         "    registry.module(name, 'prefilter'), registry.module(name, 'file')\n"

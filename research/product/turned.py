@@ -11,7 +11,8 @@ from research.product.scenes import Shot, exposure, write_sheet
 from research.product.textures import ORDER, light_of, texture
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.scene import SphereSubject
 from shrm_cli.sphere.directions import turn_matrix

@@ -20,7 +20,7 @@ BEGINNINGS = {
     "shrm_cli.orders:cached_coefficients": "coefficients",
     "shrm_cli.maps.shrm.shrm:reflected_coefficients": "couple",
     "shrm_cli.maps.shrm.shrm:synthesize_cube": "synthesise",
-    "shrm_cli.maps.file:store": "encode",
+    "shrm_cli.maps.stored:store": "encode",
     "shrm_cli.files.exr:write": "write",
 }
 """Functions by module, and the part that begins with each. What is in no other part predicts."""

@@ -14,9 +14,10 @@ from research.scale.clock import Seconds, seconds_of, seconds_of_parts
 from research.scale.model import Case
 from research.scale.reach import Reach
 from shrm_cli import settings
-from shrm_cli.maps import file as map_file
+from shrm_cli.maps import stored
 from shrm_cli.prefilter import prefilter_with_facts
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.sphere.grid.latlong import LatLong
 
@@ -72,7 +73,7 @@ def measured(probe: Path, folder: Path, to: str, given: dict[str, Any], repeats:
 
     def work() -> None:
         made = prefilter_with_facts(open_probe(probe), to, given)
-        map_file.store(target, made.map)
+        stored.store(target, made.map)
         facts.update(made.summary())
 
     seconds = seconds_of_parts(work, repeats)

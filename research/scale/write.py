@@ -17,7 +17,7 @@ from research.scale.parts import SPEC, Measured, all_parts, floors
 from research.scale.reach import FULL, Reach
 from research.scale.scheduler import handed
 from research.scale.start import whole_process
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 
 _LEAST = 1e-6
 """Seconds below which nothing is fitted, because the clock's own calls take as long."""

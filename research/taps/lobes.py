@@ -15,7 +15,7 @@ from scipy.special import assoc_legendre_p_all, eval_legendre
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 
 ORDER = 72
 """The degrees that count; lobes of alpha 0.04 and more have little beyond."""

@@ -12,7 +12,7 @@ import numpy as np
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.prefilter import prefilter
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.source import Source
 from shrm_cli.render.camera import Viewer
 from shrm_cli.sphere.directions import surface_frames

@@ -13,7 +13,8 @@ from shrm_cli.analysis.orders import (
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages, using
 from shrm_cli.records import record
 from shrm_cli.reference import Reference

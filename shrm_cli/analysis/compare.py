@@ -11,7 +11,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, differing_origins, record_of
-from shrm_cli.probe.probe import AnyProbe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.reference import Reference

@@ -20,7 +20,7 @@ from shrm_cli.maps.options import Representation, listing, owners
 from shrm_cli.maps.request import check_arguments, checked_options, resolved_form
 from shrm_cli.messages import is_remote, shown
 from shrm_cli.naming import brdf_label, probe_stem, unsound
-from shrm_cli.probe.probe import face_paths
+from shrm_cli.probe.open import face_paths
 from shrm_cli.records import record
 from shrm_cli.vocabulary import AUTO, CONTAINERS, ENGINES, EXPORT, REPRESENTATIONS, Precision
 
@@ -65,7 +65,7 @@ class Entry:
     own : mapping of str to mapping
         Arguments for single forms, by the names of the forms; they come before those for all.
     reading : mapping of str to value
-        Keywords of `shrm_cli.probe.probe.open_probe`.
+        Keywords of `shrm_cli.probe.open.open_probe`.
     precision : {"auto", "half", "float"}
     runs_code : bool
         Whether BRDFs may be classes in Python files, which are run.

@@ -42,7 +42,7 @@ class Job:
     probe : str
         The path of the probe, or its URL.
     reading : mapping of str to value
-        Keywords of `shrm_cli.probe.probe.open_probe`.
+        Keywords of `shrm_cli.probe.open.open_probe`.
     recipe : Recipe
         Jobs share the recipes that they have in common.
     output : str

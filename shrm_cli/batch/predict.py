@@ -7,7 +7,7 @@ from shrm_cli.batch.job import Chunk, Job
 from shrm_cli.batch.work import local_file, request_of
 from shrm_cli.errors import ShrmError
 from shrm_cli.prefilter import make
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import EXPORT

@@ -22,10 +22,11 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
 from shrm_cli.files.whole import kept, protecting
-from shrm_cli.maps.file import store
 from shrm_cli.maps.request import Request
+from shrm_cli.maps.stored import store
 from shrm_cli.prefilter import make
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
 from shrm_cli.sources import fingerprint

@@ -26,11 +26,11 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 
 from shrm_cli import settings
+from shrm_cli.arrays import Memo
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing
-from shrm_cli.memo import Memo
 from shrm_cli.records import record
 from shrm_cli.sources import COEFFICIENTS, fingerprint
 

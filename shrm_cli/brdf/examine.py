@@ -108,19 +108,17 @@ def difference(one: Brdf, other: Brdf, seed: int = 0) -> float:
     return float(np.sqrt(np.mean((first - second) ** 2) / size)) if size > 0 else 0.0
 
 
-def directional_albedo(brdf: Brdf, theta: float, accuracy: float = _ACCURACY) -> Array:
+def directional_albedo(brdf: Brdf, theta: float) -> Array:
     """Integrate rho_hat over all directions of the light, for a view at an angle.
 
     The samples lie on polar coordinates about the mirror direction, are dense near it, and end at
     the horizon of a BRDF that has one. Their number is doubled in both coordinates until the result
-    changes by the accuracy at most, or there are 384 x 384.
+    changes by `_ACCURACY` at most, or there are 384 x 384.
 
     Parameters
     ----------
     theta : float
         The angle of the view from the z axis, radians.
-    accuracy : float
-        Relative.
 
     Returns
     -------
@@ -129,7 +127,7 @@ def directional_albedo(brdf: Brdf, theta: float, accuracy: float = _ACCURACY) ->
     """
     ends = all(cuts_horizon(term) for _, term in weighted_terms(brdf))
     rule = hemisphere_rule if ends else _sphere_rule
-    return settled(lambda count: sampled_albedo(brdf, theta, rule, count), accuracy)
+    return settled(lambda count: sampled_albedo(brdf, theta, rule, count))
 
 
 def settled(

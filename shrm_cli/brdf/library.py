@@ -1,7 +1,10 @@
 """The BRDF models that have a name: those of `shrm`, and those of packages that are installed.
 
+What files record is read here, too: specifications that hold names of models alone.
+
 A package offers one by an entry point of the group ``shrm.brdf``, whose name is that of the model
-and whose value is a subclass of `shrm_cli.brdf.base.Brdf`.
+and whose value is a subclass of `shrm_cli.brdf.base.Brdf`. What is not of `shrm` is checked before
+it is used, so that each mistake is one clear line.
 
 The folders of `shrm`, in which each module is one BRDF, need no list of these: the names are those
 of the files, so that they are known without loading any of them.
@@ -11,11 +14,17 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from shrm_cli.brdf.base import Brdf, Parameter, suggestion
+import numpy as np
+
+from shrm_cli.brdf.base import COMMA, Brdf, Parameter, Value, check_number, cut, inside, suggestion
+from shrm_cli.brdf.sums import is_sum, parse_sum
+from shrm_cli.color import Primaries, from_rec709
 from shrm_cli.errors import BrdfError, PluginError
+from shrm_cli.messages import explained
 from shrm_cli.vocabulary import CENTERS
 
 if TYPE_CHECKING:
@@ -25,6 +34,10 @@ PACKAGE = "shrm_cli.brdf."
 """What the names of the modules of all BRDFs of `shrm` itself begin with."""
 MODELS = "shrm_cli.brdf.models"
 LAYERED = "shrm_cli.brdf.layered"
+# They lie along the normal, slanting, grazing, opposite each other, and below the surface.
+_DIRECTIONS = np.array(
+    [[0, 0, 1], [0.6, 0, 0.8], [-0.6, 0, 0.8], [0, 0.96, 0.28], [1, 0, 0], [0.6, 0, -0.8]]
+)
 
 
 def module_names(package: str) -> list[str]:
@@ -154,6 +167,137 @@ def checked_model(found: object, where: str) -> type[Brdf]:
         if not isinstance(text, str):
             raise BrdfError(f"{where} has a {key} that is no text")
     return found
+
+
+def make_checked(model: type[Brdf], values: Mapping[str, Value], where: str) -> Brdf:
+    """An instance of a foreign model, evaluated once at a few directions.
+
+    Raises
+    ------
+    BrdfError
+        If making or evaluating it fails, or what it returns is not what `Brdf.evaluate` should.
+    """
+    try:
+        brdf = model(**values)
+    except BrdfError:
+        raise
+    except Exception as error:
+        raise BrdfError(f"{where} cannot be made: {explained(error)}") from error
+    if not isinstance(getattr(brdf, "values", None), dict):
+        raise BrdfError(f"{where} has an __init__ that lacks super().__init__(**values)")
+    for dtype in (np.float64, np.float32):
+        directions = _DIRECTIONS.astype(dtype)
+        _try(brdf, directions[:, None], directions, where)
+        _try(brdf, directions, directions[1], where)
+    return brdf
+
+
+def _try(brdf: Brdf, light: np.ndarray, view: np.ndarray, where: str) -> None:
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is found where it matters
+            value: object = brdf.evaluate(light, view)
+    except Exception as error:
+        raise BrdfError(f"{where} cannot be evaluated: {explained(error)}") from error
+    expected = np.broadcast_shapes(light.shape, view.shape)
+    if not isinstance(value, np.ndarray) or value.dtype.kind != "f":
+        kind = f"{value.dtype} numbers" if isinstance(value, np.ndarray) else f"{value!r:.40}"
+        raise BrdfError(f"{where}: evaluate() returns {kind}, not an array of floats")
+    if value.shape != expected:
+        raise BrdfError(
+            f"{where}: evaluate() returns the shape {value.shape} for light {light.shape} and "
+            f"view {view.shape}; it must be {expected}"
+        )
+
+
+def parse_recorded(
+    spec: str,
+    open_file: Callable[[str], Brdf | None] = lambda term: None,
+    primaries: Primaries | None = None,
+) -> Brdf:
+    """The BRDF of a specification that a file records, which may come from anywhere.
+
+    No part of it is taken for a path, and none for code: terms are names of models, or whatever
+    the caller knows to be files.
+
+    Parameters
+    ----------
+    open_file : callable, optional
+        Returns the measured BRDF that a term stands for, or None where it is the name of a model,
+        which all of them are by default.
+    primaries : sequence of 8 float, optional
+        The chromaticities that the colors of metals are converted to; those of Rec.709 by default.
+
+    Raises
+    ------
+    BrdfError
+        If a model or a parameter is unknown, malformed, repeated or out of its range.
+    """
+
+    def parse(term: str) -> Brdf:
+        return parse_recorded(term, open_file, primaries)
+
+    if is_sum(spec):
+        return parse_sum(spec, parse)
+    found = open_file(spec.strip())
+    return of_model(spec, primaries, parse) if found is None else found
+
+
+def of_model(spec: str, primaries: Primaries | None, parse: Callable[[str], Brdf]) -> Brdf:
+    """The BRDF of a model that has a name, and of the values after it.
+
+    Parameters
+    ----------
+    primaries
+        As `parse_recorded` takes it.
+    parse : callable
+        Makes the BRDFs that values hold of their specifications.
+
+    Raises
+    ------
+    BrdfError
+        As of `parse_recorded`.
+    """
+    name, colon, rest = spec.strip().partition(":")
+    model = find_model(name)
+    check_number(spec)
+    values: dict[str, Any] = given_values(spec, rest) if colon else {}
+    values = {key: _converted(model, key, each, primaries) for key, each in values.items()}
+    for each in model.parameters:
+        if each.is_brdf and each.name in values:
+            values[each.name] = parse(inside(each.name, values[each.name]))
+    return model(**values) if is_built_in(model) else make_checked(model, values, name)
+
+
+def given_values(spec: str, text: str) -> dict[str, Value]:
+    """The values of ``key=value,key=value``."""
+    values: dict[str, Value] = {}
+    for part in cut(COMMA, text):
+        key, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or not key:
+            raise BrdfError(f"{spec!r}: expected key=value, got {part!r}")
+        if key in values:
+            raise BrdfError(f"{spec!r}: {key} is given twice")
+        values[key] = _value(value)
+    return values
+
+
+def _converted(model: type[Brdf], key: str, value: Value, primaries: Primaries | None) -> Value:
+    """A value, or, where it is the name of a color, that color in the probe's primaries."""
+    matrix = from_rec709(primaries)
+    for parameter in model.parameters if matrix is not None and isinstance(value, str) else ():
+        if parameter.name == key and value in parameter.names:
+            color = matrix @ np.asarray(parameter.names[str(value)])
+            return [float(each) for each in np.clip(color, parameter.minimum, parameter.maximum)]
+    return value
+
+
+def _value(text: str) -> Value:
+    """A number, the numbers between slashes, or the text itself; the parameter judges it."""
+    try:
+        numbers = [float(part) for part in text.split("/")]
+    except ValueError:
+        return text
+    return numbers if len(numbers) > 1 else numbers[0]
 
 
 def _installed() -> dict[str, EntryPoint]:

@@ -55,7 +55,7 @@ def lobe_angle(brdf: Brdf, tolerance: float) -> float:
         lobe = _zonal_lobe(brdf, middles).sum(axis=-1)
     else:
         cosines, weights = gauss_legendre(_VIEWS)
-        means = azimuthal_means(brdf, middles, np.arccos(cosines), _AZIMUTHS)
+        means = _azimuthal_means(brdf, middles, np.arccos(cosines), _AZIMUTHS)
         lobe = np.einsum("ioc,o->i", means, weights)
     # This is the difference of the cosines of the edges, without cancellation.
     rings = 2 * np.sin((edges[1:] + edges[:-1]) / 2) * np.sin(np.diff(edges) / 2)
@@ -65,22 +65,11 @@ def lobe_angle(brdf: Brdf, tolerance: float) -> float:
     return float(np.interp((1 - tolerance) * sums[-1], sums, edges))
 
 
-def azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) -> Array:
-    """Average rho_hat over the azimuth about C between light and view.
+def _azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) -> Array:
+    """Average rho_hat over the azimuth about C between n angles of light and k of view: (n, k, 3).
 
     Where the BRDF has a horizon, the quadrature (Gauss and Legendre's) covers only the azimuths
     above it, so that the jump there costs no accuracy.
-
-    Parameters
-    ----------
-    theta_i, theta_o : ndarray, shapes (n,) and (k,)
-        Angles of light and view from C, radians.
-    azimuths : int
-        The number of nodes of the quadrature.
-
-    Returns
-    -------
-    ndarray, shape (n, k, 3)
     """
     nodes, weights = gauss_legendre(azimuths)
     # The view lies in the plane of azimuth 0. About the mirror direction N is half way to the view.
@@ -130,7 +119,7 @@ def azimuthal_mean(brdf: Brdf, view_theta: float) -> tuple[Array, Array]:
     if brdf.zonal:
         values = _zonal_lobe(brdf, theta_i)
     else:
-        values = azimuthal_means(brdf, theta_i, np.array([view_theta]), _MEAN_AZIMUTHS)[:, 0]
+        values = _azimuthal_means(brdf, theta_i, np.array([view_theta]), _MEAN_AZIMUTHS)[:, 0]
     return 1 - 2 * chords**2, values
 
 

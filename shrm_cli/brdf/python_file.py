@@ -2,73 +2,24 @@
 
 Such a file is code, and naming it runs it. So nothing but what the user wrote on the command line,
 or passed to a function, may be read as such a term: not what a file says.
-
-These and BRDFs of installed packages are checked first, so that each mistake is one clear line.
 """
 
 import os
 import re
 import sys
-from collections.abc import Mapping
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from types import ModuleType
 
-import numpy as np
-
-from shrm_cli.brdf.base import Brdf, Value
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.library import brdf_classes, checked_model
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import note
 from shrm_cli.messages import explained
 from shrm_cli.records import record
 
-# They lie along the normal, slanting, grazing, opposite each other, and below the surface.
-_DIRECTIONS = np.array(
-    [[0, 0, 1], [0.6, 0, 0.8], [-0.6, 0, 0.8], [0, 0.96, 0.28], [1, 0, 0], [0.6, 0, -0.8]]
-)
 _TERM = re.compile(r"(?P<path>.+?\.py)(:(?P<name>[^:]*))?(:(?P<values>.*))?")
-
-
-def make_checked(model: type[Brdf], values: Mapping[str, Value], where: str) -> Brdf:
-    """An instance of a foreign model, evaluated once at a few directions.
-
-    Raises
-    ------
-    BrdfError
-        If making or evaluating it fails, or what it returns is not what `Brdf.evaluate` should.
-    """
-    try:
-        brdf = model(**values)
-    except BrdfError:
-        raise
-    except Exception as error:
-        raise BrdfError(f"{where} cannot be made: {explained(error)}") from error
-    if not isinstance(getattr(brdf, "values", None), dict):
-        raise BrdfError(f"{where} has an __init__ that lacks super().__init__(**values)")
-    for dtype in (np.float64, np.float32):
-        directions = _DIRECTIONS.astype(dtype)
-        _try(brdf, directions[:, None], directions, where)
-        _try(brdf, directions, directions[1], where)
-    return brdf
-
-
-def _try(brdf: Brdf, light: np.ndarray, view: np.ndarray, where: str) -> None:
-    try:
-        with np.errstate(all="ignore"):  # what is not finite is found where it matters
-            value: object = brdf.evaluate(light, view)
-    except Exception as error:
-        raise BrdfError(f"{where} cannot be evaluated: {explained(error)}") from error
-    expected = np.broadcast_shapes(light.shape, view.shape)
-    if not isinstance(value, np.ndarray) or value.dtype.kind != "f":
-        kind = f"{value.dtype} numbers" if isinstance(value, np.ndarray) else f"{value!r:.40}"
-        raise BrdfError(f"{where}: evaluate() returns {kind}, not an array of floats")
-    if value.shape != expected:
-        raise BrdfError(
-            f"{where}: evaluate() returns the shape {value.shape} for light {light.shape} and "
-            f"view {view.shape}; it must be {expected}"
-        )
 
 
 @record

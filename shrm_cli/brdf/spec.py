@@ -14,16 +14,20 @@ choice, or a specification in parentheses.
 
 import os
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from shrm_cli.brdf.base import COMMA, Brdf, Value, check_number, cut, inside, nested_texts
-from shrm_cli.brdf.library import built_in_names, find_model, is_built_in, model_names
+from shrm_cli.brdf.base import Brdf, nested_texts
+from shrm_cli.brdf.library import (
+    built_in_names,
+    given_values,
+    is_built_in,
+    make_checked,
+    model_names,
+    of_model,
+)
 from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
-from shrm_cli.color import Primaries, from_rec709
+from shrm_cli.color import Primaries
 from shrm_cli.errors import BrdfError
 from shrm_cli.messages import shown
 
@@ -41,7 +45,7 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
     spec : str
     run_code : bool
         Whether it may name a Python file, which is run. It must not where the specification
-        comes out of a manifest; what a map records is read by `parse_recorded`.
+        comes out of a manifest; what a map records is read by `library.parse_recorded`.
     primaries : sequence of 8 float, optional
         The probe's chromaticities, which the colors of metals are converted to. They are those of
         Rec.709 by default.
@@ -74,10 +78,10 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
         return open_measured(Path(spec))
     term = _python_term(spec)
     if term is None:
-        return _of_model(spec, primaries, parse)
+        return of_model(spec, primaries, parse)
     if not run_code:
         raise BrdfError(f"{spec!r}: names code, which is run only where you name it yourself")
-    from shrm_cli.brdf.python_file import load_model, make_checked
+    from shrm_cli.brdf.python_file import load_model
 
     model = load_model(term)
     if model.name in built_in_names() and not is_built_in(model):
@@ -85,55 +89,8 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
             f"{term.path}: {term.name} calls itself {model.name!r}, as a model of shrm does; "
             "give it another name"
         )
-    values = {} if term.values is None else _values(spec, term.values)
+    values = {} if term.values is None else given_values(spec, term.values)
     return make_checked(model, values, f"{term.path}: {term.name}")
-
-
-def parse_recorded(
-    spec: str, open_file: Callable[[str], Brdf | None], primaries: Primaries | None = None
-) -> Brdf:
-    """The BRDF of a specification that a file records, which may come from anywhere.
-
-    No part of it is taken for a path, and none for code: terms are names of models, or whatever
-    the caller knows to be files.
-
-    Parameters
-    ----------
-    open_file : callable
-        Returns the measured BRDF that a term stands for, or None where it is the name of a model.
-    primaries : sequence of 8 float, optional
-        As of `parse_spec`.
-
-    Raises
-    ------
-    BrdfError
-        As of `parse_spec`.
-    """
-
-    def parse(term: str) -> Brdf:
-        return parse_recorded(term, open_file, primaries)
-
-    if is_sum(spec):
-        return parse_sum(spec, parse)
-    found = open_file(spec.strip())
-    return _of_model(spec, primaries, parse) if found is None else found
-
-
-def _of_model(spec: str, primaries: Primaries | None, parse: Callable[[str], Brdf]) -> Brdf:
-    """The BRDF of a model that has a name, and of the values after it."""
-    name, colon, rest = spec.strip().partition(":")
-    model = find_model(name)
-    check_number(spec)
-    values: dict[str, Any] = _values(spec, rest) if colon else {}
-    values = {key: _converted(model, key, each, primaries) for key, each in values.items()}
-    for each in model.parameters:
-        if each.is_brdf and each.name in values:
-            values[each.name] = parse(inside(each.name, values[each.name]))
-    if is_built_in(model):
-        return model(**values)
-    from shrm_cli.brdf.python_file import make_checked
-
-    return make_checked(model, values, name)
 
 
 def material_place(spec: str) -> tuple[Path, str] | None:
@@ -218,35 +175,3 @@ def _is_measured_suffix(suffix: str) -> bool:
     from shrm_cli.brdf.measured import formats  # it is slow to load
 
     return any(suffix in each.suffixes for each in formats())
-
-
-def _values(spec: str, text: str) -> dict[str, Value]:
-    """The values of ``key=value,key=value``."""
-    values: dict[str, Value] = {}
-    for part in cut(COMMA, text):
-        key, equals, value = (piece.strip() for piece in part.partition("="))
-        if not equals or not key:
-            raise BrdfError(f"{spec!r}: expected key=value, got {part!r}")
-        if key in values:
-            raise BrdfError(f"{spec!r}: {key} is given twice")
-        values[key] = _value(value)
-    return values
-
-
-def _converted(model: type[Brdf], key: str, value: Value, primaries: Primaries | None) -> Value:
-    """A value, or, where it is the name of a color, that color in the probe's primaries."""
-    matrix = from_rec709(primaries)
-    for parameter in model.parameters if matrix is not None and isinstance(value, str) else ():
-        if parameter.name == key and value in parameter.names:
-            color = matrix @ np.asarray(parameter.names[str(value)])
-            return [float(each) for each in np.clip(color, parameter.minimum, parameter.maximum)]
-    return value
-
-
-def _value(text: str) -> Value:
-    """A number, the numbers between slashes, or the text itself; the parameter judges it."""
-    try:
-        numbers = [float(part) for part in text.split("/")]
-    except ValueError:
-        return text
-    return numbers if len(numbers) > 1 else numbers[0]

@@ -13,7 +13,8 @@ from shrm_cli.maps.options import parse_bytes
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Goal, Row, fewest_bytes
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Progress, Rising, Stages, using
 from shrm_cli.records import record

@@ -125,7 +125,7 @@ def analyze(
     from shrm_cli.analysis.analyze import analyze as analysis_of
     from shrm_cli.analysis.plots import can_plot
     from shrm_cli.maps.info import record_of
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
 
     of_probe = [*reading, "views", "size", "source_height", "exposure"]
     rules = dict.fromkeys(of_probe, Applies(probe is not None, "with --probe"))

@@ -7,8 +7,14 @@ from pathlib import Path
 
 import click
 
-from shrm_cli.cli.options import announce, conclude, report_options
-from shrm_cli.cli.room import NamedColors, room_options, textures_left_out
+from shrm_cli.cli.options import (
+    NamedColors,
+    announce,
+    conclude,
+    report_options,
+    room_options,
+    textures_left_out,
+)
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import BOX, VECTOR
 from shrm_cli.cli.usage import check_outputs

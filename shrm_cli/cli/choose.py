@@ -87,7 +87,7 @@ def choose(
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.choose.choose import choose as chosen
     from shrm_cli.errors import ShrmError
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.probe.shared import shared
     from shrm_cli.progress import Stages
 

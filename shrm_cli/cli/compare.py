@@ -162,7 +162,7 @@ def compare(
     from shrm_cli.analysis.compare import compare as compared_of
     from shrm_cli.files.picture import file_type
     from shrm_cli.maps.file import open_map
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.render.comparison import comparison_layout
 
     _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", *READING_NAMES])

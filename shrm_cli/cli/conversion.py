@@ -126,7 +126,7 @@ def convert_map(job: Conversion, given: dict[str, Any]) -> Converted:
     given : dict
         The arguments of the representation that were given on the command line.
     """
-    from shrm_cli.maps.file import store
+    from shrm_cli.maps.stored import store
 
     found, notes = open_source(job)
     is_layout = job.target not in REPRESENTATIONS
@@ -231,7 +231,7 @@ def convert_probe(job: Conversion) -> Converted:
     import numpy as np
 
     from shrm_cli.files.image import probe_attributes, write_images
-    from shrm_cli.probe.probe import face_paths, open_probe
+    from shrm_cli.probe.open import face_paths, open_probe
     from shrm_cli.probe.proxy import box_attributes
     from shrm_cli.probe.resample import to_layout
 

@@ -134,7 +134,7 @@ def convert(
       shrm convert probe.splitsum.exr --to latlong --mips
     """
     from shrm_cli.maps.file import is_map
-    from shrm_cli.probe.probe import face_paths
+    from shrm_cli.probe.open import face_paths
 
     is_plain = view is not None or mips
     named = plain_name(source, target, view) if is_plain else _default_name(source, target)
@@ -175,7 +175,7 @@ def _refuse_targets_of_maps(job: Conversion) -> None:
     ProbeError
         If the file is no image either.
     """
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
 
     if job.target == _LAYERS:
         raise click.BadParameter(

@@ -105,7 +105,7 @@ def _describe_map(file: str) -> dict[str, Any]:
 def _describe_probe(file: str, options: Any, stats: bool) -> tuple[dict[str, Any], list[str]]:
     """Return the facts of a probe, and warnings."""
     from shrm_cli.analysis.facts import probe_facts
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
 
     probe = open_probe(file, options)
     facts = probe_facts(probe, stats)

@@ -119,8 +119,9 @@ def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> 
         If the light is no light file, or one lies in another folder than what is written.
     """
     from shrm_cli.errors import ProbeError
+    from shrm_cli.probe.image_file import is_light_file
     from shrm_cli.probe.light_file import read_light_tables
-    from shrm_cli.probe.probe import is_light_file, open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.probe.series import holds_series
 
     folder = Path(output).absolute().parent.resolve()

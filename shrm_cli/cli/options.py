@@ -11,7 +11,7 @@ import click
 
 from shrm_cli import settings
 from shrm_cli.cli.terminal import echo, echo_json, echo_message, has_terminal
-from shrm_cli.cli.types import DIRECTION, OF_PRIMARIES, STOPS, Spec, click_option
+from shrm_cli.cli.types import DIRECTION, NAMED_COLOR, OF_PRIMARIES, STOPS, Spec, click_option
 from shrm_cli.cli.usage import Applies, flags, is_quiet, remember, wants_json
 from shrm_cli.maps.options import SHARED, Option, all_options
 from shrm_cli.maps.registry import descriptions
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from shrm_cli.probe.options import ReadOptions
+    from shrm_cli.rooms.room import Color
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -297,6 +298,35 @@ def making_options(
             "--map-sampling", type=_sampling, help=f"The same, of the written {cubes} alone."
         ),
     )  # fmt: skip
+
+
+NamedColors = tuple[tuple[str, "Color"], ...]
+
+room_options = several(
+    click.option(
+        "--probe", type=click.Path(),
+        help="Light that is seen past the room, such as through windows.",
+    ),
+    click.option(
+        "--albedo", type=NAMED_COLOR, multiple=True,
+        help="What a material reflects, in place of its base colour. May be repeated.",
+    ),
+    click.option(
+        "--emit", type=NAMED_COLOR, multiple=True,
+        help="Radiance that a material sends. May be repeated.",
+    ),
+)  # fmt: skip
+"""Those of commands that light rooms."""
+
+
+def textures_left_out(source: str, textured: Sequence[str]) -> list[str]:
+    """Return a warning about materials of which the numbers alone count, if there are any."""
+    if not textured:
+        return []
+    return [
+        f"{source}: textures are left out; the numbers alone count of {', '.join(textured)}; "
+        "`albedo` NAME=R,G,B and `emit` NAME=R,G,B name their means"
+    ]
 
 
 def conclude(

@@ -139,12 +139,12 @@ def prefilter(
       shrm prefilter probe.exr --to splitsum --brdf charlie:color=0.6/0.2/0.1
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
-    from shrm_cli.maps.file import store
     from shrm_cli.maps.prefiltered import with_wrong_share
     from shrm_cli.maps.request import Request, check_arguments, resolved_form
+    from shrm_cli.maps.stored import store
     from shrm_cli.plan import policy
     from shrm_cli.prefilter import make
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
 
     read_as = make_read_options(values, probe_sampling or sampling)
     prints = {name: values.pop(name) for name in _PRINTS}

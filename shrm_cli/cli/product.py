@@ -84,10 +84,10 @@ def product(
       shrm product ward:ax=0.5 --vary ay=0.1..0.5 -o worn.exr
     """
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.maps.file import store
     from shrm_cli.maps.product.make import product_with_facts
     from shrm_cli.maps.product.prefilter import report
     from shrm_cli.maps.product.steps import ENOUGH
+    from shrm_cli.maps.stored import store
 
     brdf = parse_spec(spec)
     refuse_inapplicable({"steps": Applies(bool(vary), "with --vary")})

@@ -74,7 +74,7 @@ def reference(
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.info import record_of
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.reference import Reference
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.image import expose

@@ -153,7 +153,7 @@ def render(
     """
     from shrm_cli.files.animation import is_animated
     from shrm_cli.files.picture import file_type
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.render.drawing import Film
 
     if not maps and mesh is None:

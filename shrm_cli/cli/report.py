@@ -113,7 +113,7 @@ def report(
       shrm report probe.exr --brdf ggx:roughness=0.5 --to principal --to splitsum -o report.html
     """
     from shrm_cli.files.whole import write_bytes
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.report.page import Look
     from shrm_cli.report.report import report as report_of
 

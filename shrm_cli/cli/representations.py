@@ -18,11 +18,7 @@ from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.analysis.representations import (
-        Plan,
-        RepresentationResult,
-        RepresentationTable,
-    )
+    from shrm_cli.analysis.representations import Plan, RepresentationResult, RepresentationTable
     from shrm_cli.probe.options import ReadOptions
 
 ROUGHNESS = (0.5, 1.0)
@@ -59,7 +55,7 @@ def print_representations(
     )
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.file import is_map
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.lit import ggx_surface, reflectance
 

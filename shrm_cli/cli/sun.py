@@ -87,7 +87,7 @@ def sun(
         raise wrong_usage("--for excludes --json")
     options = make_read_options(reading)
     from shrm_cli.lights.split import split_lamps
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.progress import Rising, using
 
     found = open_probe(probe, options)
@@ -121,12 +121,7 @@ def _write(
     if output is None:
         return {}
     from shrm_cli.files.whole import together, write_bytes
-    from shrm_cli.lights.light_files import (
-        light_file_text,
-        relative_name,
-        usd_text,
-        write_residual,
-    )
+    from shrm_cli.lights.light_files import light_file_text, relative_name, usd_text, write_residual
 
     texts = {}
     if light_file is not None:

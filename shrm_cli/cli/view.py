@@ -108,7 +108,7 @@ def view(
     """
     from shrm_cli.files.whole import write_bytes
     from shrm_cli.maps.file import open_map
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.view.show import view as view_of
 
     shown_as = {name: values.pop(name) for name in _SHOWN}

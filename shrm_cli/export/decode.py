@@ -10,7 +10,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.export.blocks import astc, uastc
 from shrm_cli.export.dds import dds_image
 from shrm_cli.export.pixels import TexelFormat
-from shrm_cli.files.image_bytes import image_of
+from shrm_cli.files.openimageio import image_of
 
 
 def decoded(data: bytes, texels: TexelFormat, count: int, size: int) -> Array:

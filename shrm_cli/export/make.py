@@ -34,8 +34,9 @@ from shrm_cli.naming import probe_stem
 from shrm_cli.orders import Orders
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress, Rising, using

@@ -16,7 +16,11 @@ from collections.abc import Callable, Iterator
 from functools import wraps
 from typing import NoReturn, ParamSpec, TypeVar
 
+import numpy as np
+
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ShrmError
+from shrm_cli.files.whole import scratch_folder
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -145,3 +149,16 @@ except ModuleNotFoundError:
     oiio = _Absent()  # type: ignore[assignment]
 
 __all__ = ["oiio", "undisturbed"]
+
+
+@quiet
+def image_of(data: bytes, suffix: str) -> Array:
+    """Return the red, green and blue of a file's bytes, shape (M, N, 3).
+
+    Its Python bindings read from disk alone, hence the scratch file.
+    """
+    with scratch_folder() as folder:
+        path = folder / f"image{suffix}"
+        path.write_bytes(data)
+        image = np.asarray(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT), dtype=float)
+    return image[..., :3]

@@ -88,7 +88,3 @@ def _unwrapped(mesh: Mesh, size: int) -> tuple[Array, tuple[int, int]]:
     found = found[same.reshape(-1)]
     found = np.take_along_axis(found, np.argsort(turn, axis=1)[..., None], axis=1)
     return found, (best[1].height, best[1].width)
-
-
-def _too_few(mesh: Mesh, size: int) -> MeshError:
-    return MeshError(f"{mesh.name}: its charts do not fit into {size} texels; give `texture` more")

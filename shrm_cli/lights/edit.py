@@ -17,8 +17,8 @@ from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.lighting import project
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.series import sum_of
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import (

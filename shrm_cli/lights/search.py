@@ -65,9 +65,7 @@ def typical_brightness(brightness: Array, areas: Array) -> float:
     return float(brightness[order[min(np.searchsorted(light, light[-1] / 2), len(order) - 1)]])
 
 
-def find_regions(
-    image: Array, pixels: SpherePixels, least: float, most: int | None = None
-) -> list[Region]:
+def find_regions(image: Array, pixels: SpherePixels, least: float) -> list[Region]:
     """Find the lamps of an image.
 
     Parameters
@@ -77,8 +75,6 @@ def find_regions(
         Its cells.
     least : float
         The least irradiance of a lamp, mean of the channels.
-    most : int, optional
-        The most lamps, those with the most light.
 
     Returns
     -------
@@ -110,7 +106,7 @@ def find_regions(
                 found.append(Region(numbers[piece], level, float(light[label])))
             else:
                 waiting.append((piece, level * _STEP))
-    return sorted(found, key=lambda each: -each.irradiance)[:most]
+    return sorted(found, key=lambda each: -each.irradiance)
 
 
 def _background(flat: Array, pixels: SpherePixels) -> float:

@@ -21,8 +21,9 @@ from shrm_cli.lights.surroundings import Filled, fill_regions
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.lighting import project
+from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.pixels import PixelPolicy
-from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
 from shrm_cli.progress import Stages, current, using
 from shrm_cli.records import record

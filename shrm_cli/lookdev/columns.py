@@ -24,8 +24,9 @@ from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.seen import as_candidate
 from shrm_cli.plan.search import Goal
 from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import coarse_probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Progress, Stages

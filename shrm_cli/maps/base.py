@@ -4,8 +4,9 @@ Each representation has a folder beside this module; the three explicit maps sha
 has these modules:
 
 ``prefilter``
-    How the map is made: ``prefilter(probe, request) -> Prefiltered``; and ``report``, what
-    `shrm prefilter` prints about it.
+    How the map is made: ``prefilter(probe, request) -> Prefiltered``; ``report``, what
+    `shrm prefilter` prints about it; and where other maps become such ones,
+    ``converted(map, to, **options) -> map``.
 ``file``
     The layout of the map in a file: ``encode(map) -> list of Part``, ``decode(file) -> map``.
 ``shader``
@@ -409,7 +410,9 @@ class Map(Displayed, ABC):
         MapError, ArgumentError
             If the map cannot be converted to that representation, or an option does not apply.
         """
-        return registry.map_class(to).from_map(self.resampled(size, sampling), **options)
+        convert = getattr(registry.module(to, "prefilter"), "converted", unconverted)
+        made: Map = convert(self.resampled(size, sampling), to, **options)
+        return made
 
     def with_info(self, info: MapInfo) -> Self:
         """Return the same map with another record of how it was made."""
@@ -439,14 +442,6 @@ class Map(Displayed, ABC):
         planes = [mix_channels(plane, matrix) for plane in self.planes()]
         return self.with_planes(planes, self.sampling, info)
 
-    @classmethod
-    def from_map(cls, source: Map, **options: Any) -> Map:
-        """Make a map of this representation from another map; see `converted`."""
-        if source.representation != cls.representation:
-            raise no_way(source, cls.representation)
-        refuse_arguments(f"a map of representation {cls.representation}", **options)
-        return source
-
     # ---- files -------------------------------------------------------------------------------
 
     def encode(self) -> list[Part]:
@@ -461,7 +456,7 @@ class Map(Displayed, ABC):
         layout: str = "openexr",
         orientation: Orientation = "openexr",
     ) -> str:
-        """Write the map to a file, completely or not at all; see `shrm_cli.maps.file.save`.
+        """Write the map to a file, completely or not at all; see `shrm_cli.maps.stored.store`.
 
         Returns
         -------
@@ -472,9 +467,9 @@ class Map(Displayed, ABC):
         ------
         OutputError, MapError
         """
-        from shrm_cli.maps.file import save
+        from shrm_cli.maps.stored import store  # whoever reads maps only is spared it
 
-        return save(path, self, precision, layout, orientation)
+        return store(path, self, precision, layout, orientation).pixel_type
 
 
 class ReflectionMap(ReflectedLight, Map):
@@ -485,10 +480,19 @@ class ReflectionMap(ReflectedLight, Map):
         return self
 
 
-def no_way(source: Map, to: str) -> ArgumentError:
-    """Return the error that refuses to convert a map to a representation made from the probe."""
-    return ArgumentError(
-        "to",
-        f"{to} does not apply to {source.what}; it is made from the probe, by shrm prefilter PROBE "
-        f"--to {to}",
-    )
+def unconverted(source: Map, to: str, **options: Any) -> Map:
+    """Return a map of a form that nothing else becomes, which no option changes.
+
+    Raises
+    ------
+    ArgumentError
+        If it is of another form, or an option is given.
+    """
+    if source.representation != to:
+        raise ArgumentError(
+            "to",
+            f"{to} does not apply to {source.what}; it is made from the probe, by shrm prefilter "
+            f"PROBE --to {to}",
+        )
+    refuse_arguments(f"a map of representation {to}", **options)
+    return source

@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array, Indices
-from shrm_cli.memo import Memo, kept_order
+from shrm_cli.arrays import Array, Indices, Memo, kept_order
 from shrm_cli.progress import at_once, in_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import complex_from_real, degrees, legendre_table

@@ -288,6 +288,13 @@ def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | Non
     return _share(lighting, groups, whole[::_APART], shown - whole[::_APART])
 
 
+def map_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | None:
+    """Return the share of an SHRM or of a sum of them; compression adds errors of its own."""
+    if map_.info.added_error:
+        return shown_wrong_share(expansions, map_)
+    return predicted_wrong_share(expansions)
+
+
 def _light_of(expansions: Sequence[Expansion]) -> Lighting:
     """Return the light that suffices for all terms."""
     return max((each.lighting for each in expansions), key=lambda each: each.order)

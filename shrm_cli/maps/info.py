@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Brdf, value_text
-from shrm_cli.brdf.spec import parse_recorded
+from shrm_cli.brdf.library import parse_recorded
 from shrm_cli.brdf.sums import FILES
 from shrm_cli.errors import BrdfError
-from shrm_cli.files.json_text import parse_json
 from shrm_cli.orders import Orders
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -287,6 +286,8 @@ def _files_of_terms(record: Mapping[str, Any]) -> dict[str, dict[str, str]]:
 
 
 def _parsed(text: str) -> Any:
+    from shrm_cli.files.json_text import parse_json  # few BRDFs are of files
+
     try:
         return parse_json(text)
     except ValueError:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap, no_way
+from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap, unconverted
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
@@ -53,8 +53,7 @@ class FixedMap(Map):
         ArgumentError
             If another representation is asked for, or an argument does not apply.
         """
-        if to != self.representation:
-            raise no_way(self, to)
+        unconverted(self, to)
         return super().converted(to, *given, **options)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:

@@ -22,8 +22,7 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
-from shrm_cli.memo import Memo
+from shrm_cli.arrays import Array, Memo
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, from_angles, local_frame
 from shrm_cli.sphere.harmonics import complex_from_real

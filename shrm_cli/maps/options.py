@@ -186,7 +186,7 @@ class Representation:
         Its defaults of shared arguments, where they are others than those in `SHARED`.
     steps : tuple of mapping of str to value
         The settings, from the coarsest on, of which an error that is asked for takes the first
-        that keeps it; empty where the maker itself chooses. See `shrm_cli.maps.attempts`.
+        that keeps it; empty where the maker itself chooses. See `shrm_cli.maps.seen`.
     """
 
     name: str

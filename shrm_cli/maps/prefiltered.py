@@ -7,7 +7,7 @@ below zero, which a screen shows as black: how much of a map is so is looked at 
 Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cache
 from typing import Any
@@ -23,6 +23,8 @@ from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE
 
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
+Notes = tuple[tuple[str, str], ...]
+"""Headings and texts that tell people what was chosen automatically."""
 REMEDY = "take them out with `shrm sun` and prefilter its light file, dim them by `clamp`"
 """What helps against lamps; `prefilter` says so in other words where it knows the lamps."""
 
@@ -38,11 +40,11 @@ class Prefiltered:
         Facts that the map's own `summary` does not have, by the names used in JSON. For maps
         that are made for a BRDF ``error_bound`` is among them: the conservative relative RMS
         error of eq. 5.19, or None in the angular domain.
-    notes : tuple of (str, str)
+    notes : Notes
         Headings and texts that tell people what was chosen automatically.
     warnings : tuple of str
         Lines that the user should know about the map.
-    further : dict
+    further : mapping of str to callable
         Facts that take a while to find, by functions that find them when somebody asks for the
         `summary`. For maps that are made for a BRDF ``predicted_wrong_share`` is here or among the
         facts: the share of what is visible whose luminance is wrong by more than
@@ -51,9 +53,9 @@ class Prefiltered:
 
     map: Map
     facts: dict[str, Any] = field(default_factory=dict)
-    notes: tuple[tuple[str, str], ...] = ()
+    notes: Notes = ()
     warnings: tuple[str, ...] = ()
-    further: dict[str, Callable[[], Any]] = field(default_factory=dict)
+    further: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
 
     def quick_summary(self) -> dict[str, Any]:
         """Return what the `summary` has but for the further facts, which take as long as a map."""

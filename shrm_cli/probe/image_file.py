@@ -314,6 +314,11 @@ def is_image_name(name: str) -> bool:
     return not suffix or any(suffix in each.rpartition(":")[2].split(",") for each in formats)
 
 
+def is_light_file(name: str) -> bool:
+    """Whether a name is that of a light file, which is no image but names some."""
+    return name.lower().endswith(".toml")
+
+
 def stored_image(path: str | os.PathLike[str], most: int) -> Array:
     """Read an image that is no light, such as a texture: its numbers as they are stored.
 

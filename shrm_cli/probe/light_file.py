@@ -15,7 +15,7 @@ A small one, with all that a disc needs; `docs/conventions.md` has every key::
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TYPE_CHECKING, Any
@@ -29,10 +29,10 @@ from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.messages import as_keys
 from shrm_cli.probe.disc import LEAST_RADIUS, Disc, facing_factor, radius_of
-from shrm_cli.probe.image_file import check_file
+from shrm_cli.probe.image_file import check_file, is_light_file
 from shrm_cli.probe.light_sum import LightSum, SumImage, Term, in_one_color
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
-from shrm_cli.probe.probe import is_light_file, is_stage, open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.series import Series, as_radiance, holds_series, read_series, sum_of
 from shrm_cli.sphere.directions import from_azimuth_elevation
 from shrm_cli.sphere.rotation import transform_coefficients
@@ -58,8 +58,8 @@ _DISC_KEYS = {
 }  # fmt: skip
 
 
-def open_light_file(name: str, options: ReadOptions) -> LightSum:
-    """Open a light file, or a stage of USD, and the probes that it names.
+def open_light_file(name: str, options: ReadOptions, opening: Callable[..., Probe]) -> LightSum:
+    """Open a light file, and the probes that it names.
 
     Parameters
     ----------
@@ -67,16 +67,14 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
         The file. Names in it are relative to its folder.
     options : ReadOptions
         What turns the whole; other options say nothing about a light file.
+    opening : callable
+        Opens the probes that it names, as `open_probe` does.
 
     Raises
     ------
     ProbeError
         If it is no sound light file, or an option does not apply.
     """
-    if is_stage(name):
-        from shrm_cli.probe.usd import open_stage  # which needs OpenUSD
-
-        return open_stage(name, options)
     _check_options(name, options)
     path = check_file(name)
     tables, in_file, text = _parsed(name)
@@ -86,7 +84,10 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
         raise ProbeError(
             f"{name}: {count:,} lights; give 1 to {_MOST_LIGHTS} [[probe]], [[disc]] or [[sh]]"
         )
-    terms = [_term(f"{name}: probe {k}", path, each) for k, each in enumerate(tables["probe"], 1)]
+    terms = [
+        _term(f"{name}: probe {k}", path, each, opening)
+        for k, each in enumerate(tables["probe"], 1)
+    ]
     asked = in_file if options.working is None else options.working
     own = _primaries(name, "working", asked)
     colors = own or next((t.probe.chromaticities for t in terms if t.probe.chromaticities), None)
@@ -174,7 +175,7 @@ def _check_keys(what: str, table: Mapping[str, Any], known: set[str]) -> None:
         raise ProbeError(f"{what}: unknown key {unknown[0]!r:.60}; give {names}")
 
 
-def _term(what: str, path: Path, table: dict[str, Any]) -> Term:
+def _term(what: str, path: Path, table: dict[str, Any], opening: Callable[..., Probe]) -> Term:
     """A [[probe]]: an image file of the light file's folder, and how it is read."""
     _check_keys(what, table, {"file", "scale"} | _PROBE_KEYS)
     file = table.get("file")
@@ -189,7 +190,7 @@ def _term(what: str, path: Path, table: dict[str, Any]) -> Term:
     scale = _color(what, "scale", table["scale"]) if "scale" in table else np.ones(3)
     reading = {key: value for key, value in table.items() if key in _PROBE_KEYS}
     try:
-        probe = open_probe(os.path.join(os.path.dirname(path), file), **reading)
+        probe = opening(os.path.join(os.path.dirname(path), file), **reading)
     except ProbeError as error:
         raise ProbeError(f"{what}: {as_keys(error)}") from None
     return Term(probe, scale)

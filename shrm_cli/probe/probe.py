@@ -1,22 +1,19 @@
-"""A light probe: radiance on a grid, from image files or from arrays."""
+"""A light probe: radiance on a grid, whose pixels are read from images or arrays."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
-from shrm_cli.files.exr_header import says_map
 from shrm_cli.probe.image import (
     ArrayImage,
     ConvertedImage,
@@ -26,26 +23,21 @@ from shrm_cli.probe.image import (
     digest,
     grid_of,
 )
-from shrm_cli.probe.image_file import ImageFile, check_file, is_image_name
-from shrm_cli.probe.options import ColorReading, ReadKeywords, ReadOptions, with_keywords
+from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.probe.pixels import Block, BlockReader, PixelPolicy, PixelReport
 from shrm_cli.records import Displayed, record
 from shrm_cli.sphere.grid.base import Grid, Sampler
-from shrm_cli.vocabulary import CUBES, FACES, Layout, Orientation, Sampling, default_orientation
+from shrm_cli.vocabulary import CUBES, Layout, Orientation, Sampling, default_orientation
 
 if TYPE_CHECKING:
-    from shrm_cli.probe.dds_file import DdsFile
     from shrm_cli.probe.proxy import ProxyBox
-
-_DDS = b"DDS "
-"""The bytes that a DDS file begins with."""
 
 
 @record(eq=False)
 class Probe(Displayed):
     """A probe whose pixels are read on demand, and checked as they are.
 
-    `open_probe` makes one from files, `Probe.from_array` from pixels in memory.
+    `probe.open.open_probe` makes one from files, `Probe.from_array` from pixels in memory.
 
     Attributes
     ----------
@@ -143,7 +135,7 @@ class Probe(Displayed):
         image = ArrayImage.copy_of(array, name)
         found = layout or detect_layout(name, image.width, image.height, "")
         stated = None if chromaticities is None else tuple(map(float, chromaticities))
-        return _make_probe(name, (image,), found, "center", options, stated)
+        return make_probe(name, (image,), found, "center", options, stated)
 
     def within(self, box: ArrayLike | None, at: ArrayLike | None = None) -> Self:
         """Return the probe in another proxy box.
@@ -273,89 +265,7 @@ class Probe(Displayed):
         return self.grid.sampler(self.image())
 
 
-def open_probe(
-    path: str | os.PathLike[str],
-    options: ReadOptions | None = None,
-    **keywords: Unpack[ReadKeywords],
-) -> Probe:
-    """Open a probe of any layout; its pixels are read when they are needed.
-
-    Parameters
-    ----------
-    path : path-like
-        An image file, six of them with ``%`` in place of ``+X``, ``-X``, ..., a light file
-        (``.toml``), which names probes and circular lights, a stage of USD (``.usda``, ``.usdz``,
-        ...), or a file of harmonic coefficients, see `shrm_cli.probe.series`.
-    options : ReadOptions, optional
-        How the file is to be understood.
-    **keywords
-        Attributes of `ReadOptions`, or `clamp` and `fix_nonfinite` of its `PixelPolicy`; they
-        replace those of `options`.
-
-    Raises
-    ------
-    ProbeError
-        If it is no usable image, its layout is unknown, or a keyword or its value is.
-
-    Examples
-    --------
-    >>> probe = shrm.open_probe("probes/studio.exr", yaw=30)
-    >>> probe.layout, probe.height
-    ('latlong', 256)
-    """
-    options = with_keywords(options or ReadOptions(), keywords)
-    return _opened(str(path), options).within(options.box, options.at)
-
-
-def _opened(name: str, options: ReadOptions) -> Probe:
-    """Open a probe, whose box is the one that its file tells."""
-    if is_light_file(name) or is_stage(name):
-        from shrm_cli.probe.light_file import open_light_file
-
-        return open_light_file(name, options)
-    if _may_hold_series(name):
-        from shrm_cli.probe.series import holds_series, open_series
-
-        if holds_series(name):
-            return open_series(name, options)
-    if "%" in os.path.basename(name) and not os.path.exists(name):
-        if options.layout not in (None, "faces"):
-            raise ProbeError(f"{name}: six files are not {options.layout}; leave `layout` out")
-        files = _open_faces(name, options)
-        layout: Layout = "faces"
-    elif options.layout == "faces":
-        raise ProbeError(f"{name}: write % in place of +X, -X, ... to name the files of six faces")
-    elif not is_image_name(name) and (probe := _open_by_package(name, options)) is not None:
-        return probe
-    else:
-        files = (_open_file(name, options),)
-        layout = options.layout or _layout_of(files[0])
-    first = files[0]
-    sampling: Sampling = "border" if first.border_sampled else "center"
-    return _make_probe(name, files, layout, sampling, options, first.chromaticities, first.proxy)
-
-
-def is_light_file(name: str) -> bool:
-    """Whether a name is that of a light file, by its suffix."""
-    return name.lower().endswith(".toml")
-
-
-def is_stage(name: str) -> bool:
-    """Whether a name is that of a stage of USD, by its suffix."""
-    return name.lower().endswith((".usda", ".usd", ".usdc", ".usdz"))
-
-
-def _may_hold_series(name: str) -> bool:
-    """Whether a file may hold coefficients of light, which is found out by more modules."""
-    suffix = Path(name).suffix.lower()
-    if suffix != ".exr":
-        return suffix in (".txt", ".npy", ".json")
-    with suppress(OSError):  # its reader says what is wrong with it
-        return os.path.isfile(name) and says_map(name)
-    return False
-
-
-def _make_probe(
+def make_probe(
     name: str,
     images: tuple[ProbeImage, ...],
     layout: Layout,
@@ -366,7 +276,17 @@ def _make_probe(
 ) -> Probe:
     """Make a probe from images, after checks of their size.
 
-    `sampling` is what the images say of themselves; the options overrule it.
+    Parameters
+    ----------
+    images : tuple of ProbeImage
+        One image, or six faces.
+    sampling, chromaticities, proxy
+        What the images say of themselves; the options overrule the sampling.
+
+    Raises
+    ------
+    ProbeError
+        If the images do not suit the layout, or an option does not suit them.
     """
     first = images[0]
     check_shape(name, layout, first.width, first.height, len(images))
@@ -390,88 +310,3 @@ def _make_probe(
         name, grid, layout, orientation, matrix, options.pixels, colors.chromaticities,
         colors.converted(images), PixelReport(notes=(*notes, *colors.notes)), colors.record, turned,
     )  # fmt: skip
-
-
-def _open_file(name: str, options: ReadOptions) -> ImageFile | DdsFile:
-    """Open an image as the options have it."""
-    path = check_file(name)
-    dds = _open_dds(path)
-    if dds is None:
-        return ImageFile.open(path, options.linearize, options.part, options.layer)
-    if options.part is not None or options.layer is not None:
-        raise ProbeError(f"{name}: a DDS file has no parts or layers; leave `part` and `layer` out")
-    return dds
-
-
-def _open_by_package(name: str, options: ReadOptions) -> Probe | None:
-    """Open a file that an installed package reads; None where none does."""
-    from shrm_cli.probe.reader import read_by_package
-
-    read = read_by_package(name)
-    if read is None:
-        return None
-    image, said = read
-    layout = options.layout or said.get("layout")
-    layout = layout or detect_layout(name, image.width, image.height, "")
-    options = replace(options, orientation=options.orientation or said.get("orientation"))
-    sampling: Sampling = said.get("sampling", "center")
-    return _make_probe(name, (image,), layout, sampling, options, said.get("chromaticities"))
-
-
-def _open_dds(path: Path) -> DdsFile | None:
-    """Open a file as a DDS file; None where it is none that is read here."""
-    with open(path, "rb") as stream:
-        if stream.read(len(_DDS)) != _DDS:
-            return None
-    from shrm_cli.probe.dds_file import DdsFile  # most probes are none
-
-    return DdsFile.open(path)
-
-
-def _layout_of(file: ImageFile | DdsFile) -> Layout:
-    """The layout of a file that nobody named, which follows from its shape."""
-    aspect = file.encoding.pixel_aspect
-    if not file.envmap and not file.encoding.has_square_pixels:
-        raise ProbeError(
-            f"{file.name}: its pixels are not square (aspect {aspect:.3g}), so that "
-            f"{file.width} x {file.height} does not tell its layout; give `layout`, or resample it"
-        )
-    return detect_layout(file.name, file.width, file.height, file.envmap)
-
-
-def face_paths(name: str) -> list[str]:
-    """Names of the six files that a name with ``%`` stands for, in the order of `FACES`."""
-    folder, pattern = os.path.split(name)
-    return [os.path.join(folder, pattern.replace("%", face)) for face in FACES]
-
-
-def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile | DdsFile, ...]:
-    """Open the six files that a name with ``%`` stands for, which must be of one size."""
-    files = tuple(_open_file(path, options) for path in face_paths(name))
-    for file in files:
-        if (file.width, file.height) != (files[0].width, files[0].height):
-            raise ProbeError(
-                f"{file.path}: {file.width} x {file.height} pixels, but {files[0].path} has "
-                f"{files[0].width} x {files[0].height}; make all six the same"
-            )
-    return files
-
-
-AnyProbe = Probe | str | os.PathLike[str] | NDArray[np.floating]
-"""A probe, the name of its file, or its pixels."""
-
-
-def as_probe(probe: AnyProbe) -> Probe:
-    """A probe from itself, from the name of its file, or from its pixels.
-
-    Files and pixels are understood as `open_probe` and `Probe.from_array` do without options.
-
-    Raises
-    ------
-    ProbeError
-    """
-    if isinstance(probe, Probe):
-        return probe
-    if isinstance(probe, np.ndarray):
-        return Probe.from_array(probe)
-    return open_probe(probe)

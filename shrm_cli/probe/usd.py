@@ -15,7 +15,7 @@ import hashlib
 import os
 import stat
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +34,7 @@ from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.image_file import check_file
 from shrm_cli.probe.light_sum import LightSum, SumImage, Term, in_one_color
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.directions import normalize
 
 _MOST_BYTES = 2**28
@@ -46,7 +46,7 @@ _ANIMATED = "is animated, and is as in its first frame"
 _LAYOUTS = {"latlong": "latlong", "angular": "angular", "cubeMapVerticalCross": "vcross"}
 
 
-def open_stage(name: str, options: ReadOptions) -> LightSum:
+def open_stage(name: str, options: ReadOptions, opening: Callable[..., Probe]) -> LightSum:
     """Open the lights of a stage that are infinitely far away, as one probe.
 
     Parameters
@@ -56,6 +56,8 @@ def open_stage(name: str, options: ReadOptions) -> LightSum:
     options : ReadOptions
         What turns a probe turns the stage, after its up axis was turned to +Y; all else is said of
         the textures.
+    opening : callable
+        Opens the textures, as `open_probe` does.
 
     Raises
     ------
@@ -72,7 +74,7 @@ def open_stage(name: str, options: ReadOptions) -> LightSum:
     try:
         with _unpacked(path) as root, caught():
             content = _check_layers(root)
-            return _Lights(name, path, root).sum(options, content)
+            return _Lights(name, path, root, opening).sum(options, content)
     except pxr.Tf.ErrorException as error:
         raise ProbeError(f"{name}: its lights cannot be read (damaged, or no USD)") from error
     except (ValueError, OSError, RecursionError, zipfile.BadZipFile) as error:
@@ -171,12 +173,14 @@ class _Lights:
         What messages call the stage.
     path, root : Path
         The file that was named, and the layer that the stage begins with.
+    opening : callable
+        Opens the textures.
     """
 
-    def __init__(self, name: str, path: Path, root: Path) -> None:
+    def __init__(self, name: str, path: Path, root: Path, opening: Callable[..., Probe]) -> None:
         from pxr import Usd, UsdGeom
 
-        self.name, self.path, self.root = name, path, root
+        self.name, self.path, self.root, self.opening = name, path, root, opening
         self.stage = Usd.Stage.Open(os.fspath(root))
         is_z_up = UsdGeom.GetStageUpAxis(self.stage) == UsdGeom.Tokens.z
         self.axes = _Z_UP if is_z_up else np.eye(3)
@@ -233,7 +237,7 @@ class _Lights:
         reading = replace(options, yaw=0, pitch=0, roll=0, mirror=False, up="y", layout=layout)
         folder = self.root.parent
         found = os.path.relpath(file.resolvedPath or folder / file.path, folder)
-        probe = open_probe(beside(os.fspath(self.root), found), reading)
+        probe = self.opening(beside(os.fspath(self.root), found), reading)
         if self.root != self.path:  # the files of a package are gone when pixels are read
             images = [(each.read(0, each.height), found) for each in probe.images]
             arrays = tuple(ArrayImage.copy_of(*each) for each in images)

@@ -7,7 +7,7 @@ from shrm_cli.files.picture import Picture
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
-from shrm_cli.probe.probe import AnyProbe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.drawing import Film, Lit, on_sphere, on_stage

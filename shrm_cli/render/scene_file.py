@@ -211,13 +211,13 @@ def _actor(
     own, diffuse = _text(given, "map"), _text(given, "irradiance")
     shown = Shown(
         None if not own else opened(str(folder / own)),
-        _roughness(given),
+        _number(given, "roughness", MIN_ROUGHNESS),
         _f0(given.get("f0")),
         None if not diffuse else as_irradiance(str(folder / diffuse), opened),
         _brush(given.get("brush")),
         _vary(folder, _text(given, "vary")),
         _plain(given.get("plain", False)),
-        _anisotropy(given),
+        _number(given, "anisotropy", 0),
         _taps(given),
     )
     if shown.brush == "uv" and mesh.uvs is None:
@@ -271,17 +271,11 @@ def _plain(value: Any) -> bool:
     return value
 
 
-def _roughness(given: Mapping[str, Any]) -> float | None:
-    value = given.get("roughness")
-    if value is not None and not (is_number(value) and MIN_ROUGHNESS <= value <= 1):
-        raise ValueError(f"roughness must be a number within {MIN_ROUGHNESS:g} .. 1; correct it")
-    return value
-
-
-def _anisotropy(given: Mapping[str, Any]) -> float | None:
-    value = given.get("anisotropy")
-    if value is not None and not (is_number(value) and 0 <= value <= 1):
-        raise ValueError("anisotropy must be a number within 0 .. 1; correct it")
+def _number(given: Mapping[str, Any], key: str, least: float) -> float | None:
+    """Return a number up to 1, if it is given."""
+    value = given.get(key)
+    if value is not None and not (is_number(value) and least <= value <= 1):
+        raise ValueError(f"{key} must be a number within {least:g} .. 1; correct it")
     return value
 
 

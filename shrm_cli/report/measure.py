@@ -14,9 +14,10 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, ShrmError
 from shrm_cli.files.whole import scratch_folder
 from shrm_cli.maps.base import Map, ReflectedLight
-from shrm_cli.maps.file import open_map, store
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, record_of, same_brdf, spec_of
 from shrm_cli.maps.kinds import LightMap
+from shrm_cli.maps.stored import store
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe

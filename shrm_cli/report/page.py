@@ -15,12 +15,7 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.report import words
 from shrm_cli.report.markup import Html, details, facts, joined, table, tag, whole_page
-from shrm_cli.report.material_part import (
-    exposure_of,
-    material_part,
-    number_cells,
-    row_titles,
-)
+from shrm_cli.report.material_part import exposure_of, material_part, number_cells, row_titles
 from shrm_cli.report.measure import Made, Material, Measured, names_of
 from shrm_cli.report.probe_part import preview, probe_part
 from shrm_cli.view.page import page as view_page

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from shrm_cli.analysis.probe_statistics import ProbeStatistics, probe_statistics
-from shrm_cli.probe.probe import AnyProbe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.report.measure import Measured, Plan, measure_maps

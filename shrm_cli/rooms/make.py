@@ -10,7 +10,8 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.lights.split import split_lamps
-from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake

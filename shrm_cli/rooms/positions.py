@@ -10,7 +10,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.files.whole import note
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.progress import Progress
 from shrm_cli.rooms.grid import Lattice, ProbeGrid
 

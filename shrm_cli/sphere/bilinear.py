@@ -21,8 +21,7 @@ place among them, and the prediction is up to a fifth off. A small cube is soon 
 
 import numpy as np
 
-from shrm_cli.arrays import Array
-from shrm_cli.memo import Memo, kept_order
+from shrm_cli.arrays import Array, Memo, kept_order
 from shrm_cli.sphere.cube import cube_solid_angles, face_axes, nearest_texels
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import linear_matrix, nodes

@@ -27,8 +27,7 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, Indices
-from shrm_cli.memo import Memo, kept_order
+from shrm_cli.arrays import Array, Indices, Memo, kept_order
 from shrm_cli.progress import at_once
 from shrm_cli.sphere.cube import face_axes
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, legendre_columns, order_of

@@ -10,8 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array
-from shrm_cli.memo import Memo
+from shrm_cli.arrays import Array, Memo
 
 
 def index(degree: int, m: int) -> int:

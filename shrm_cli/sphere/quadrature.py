@@ -11,8 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
-from shrm_cli.memo import Memo
+from shrm_cli.arrays import Array, Memo
 from shrm_cli.vocabulary import Sampling
 
 _known_weights = Memo(2**20)

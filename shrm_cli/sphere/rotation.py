@@ -13,8 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array
-from shrm_cli.memo import Memo, kept_order
+from shrm_cli.arrays import Array, Memo, kept_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.wigner import right_angle_blocks, right_angle_degrees

@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
-from shrm_cli.memo import Memo
+from shrm_cli.arrays import Array, Memo
 from shrm_cli.progress import at_once, in_order
 from shrm_cli.sphere import double_fourier
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments

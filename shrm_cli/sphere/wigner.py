@@ -13,8 +13,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
-from shrm_cli.memo import Memo, kept_order
+from shrm_cli.arrays import Array, Memo, kept_order
 
 
 def small_d_degrees(
@@ -167,8 +166,6 @@ def _set_edges(current: Array, edge: Array, degree: int) -> None:
         current[:, 0] = edge[::-1]
 
 
-MOST_SMALL = 12
-"""The largest degree p for which the sums below keep ten digits."""
 _known_couplings = Memo(2**25)
 """What `zonal_coupling` returned. That of F = 512 and p = 32 takes 4.5 MB."""
 
@@ -183,7 +180,7 @@ def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: i
     degree, m : array_like of int, broadcastable
         The degree l and the order m, of any sign.
     small, s : int
-        The degree p, at most `MOST_SMALL`, and its order.
+        The degree p, at most 12, for which the sums keep ten digits, and its order.
     shift : int
         How far the coupled degree J is above l.
 

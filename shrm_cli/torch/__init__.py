@@ -11,19 +11,9 @@ they are given: pixels, coefficients, roughness. docs/torch.md shows how they ar
 """
 
 from shrm_cli.torch.exponential import Exponential
-from shrm_cli.torch.light import (
-    GgxMultipliers,
-    Irradiance,
-    SplitSumLevels,
-    SplitSumRadiance,
-)
+from shrm_cli.torch.light import GgxMultipliers, Irradiance, SplitSumLevels, SplitSumRadiance
 from shrm_cli.torch.principal import PrincipalLobe, principal_lobes
-from shrm_cli.torch.transforms import (
-    CubeSynthesis,
-    DirectionSynthesis,
-    LatLongProjection,
-    Rotation,
-)
+from shrm_cli.torch.transforms import CubeSynthesis, DirectionSynthesis, LatLongProjection, Rotation
 
 __all__ = [
     "CubeSynthesis",

@@ -16,13 +16,7 @@ from shrm_cli.sphere.grid.latlong import AXES, analysis_waves
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import rotation_blocks
-from shrm_cli.sphere.synthesis import (
-    ALONG_X,
-    ALONG_Z,
-    X_POLAR,
-    longitude_waves,
-    meridian_waves,
-)
+from shrm_cli.sphere.synthesis import ALONG_X, ALONG_Z, X_POLAR, longitude_waves, meridian_waves
 from shrm_cli.vocabulary import FACES, Sampling
 
 

@@ -63,19 +63,10 @@ def diffuse_colors(
     return irradiance * np.asarray(transfer.albedo if albedo is None else albedo) / np.pi
 
 
-def arriving_light(matrices: Array, lighting: ArrayLike) -> Array:
-    """Return coefficients of the radiance that arrives at vertices, in their frames.
+def _arriving_light(matrices: Array, lighting: ArrayLike) -> Array:
+    """Return coefficients of the radiance that arrives at vertices, in their frames: (k, n, 3).
 
-    Parameters
-    ----------
-    matrices : ndarray, shape (k, n, n, 1 or 3)
-        The transfer matrices of these vertices.
-    lighting : array_like, shape (m, 3)
-        As `diffuse_colors` takes it.
-
-    Returns
-    -------
-    ndarray, shape (k, n, 3)
+    The transfer matrices of these vertices have the shape (k, n, n, 1 or 3).
     """
     count, size, _, channels = matrices.shape
     light = fitted(lighting, size).astype(matrices.dtype)
@@ -119,7 +110,7 @@ def glossy_colors(
     result = np.zeros((count, 3))
     for start in range(0, count, _VERTICES_AT_ONCE):
         part = slice(start, start + _VERTICES_AT_ONCE)
-        arriving = arriving_light(transfer.matrices[part], lighting)
+        arriving = _arriving_light(transfer.matrices[part], lighting)
         local = np.einsum("vij,vj->vi", transfer.frames[part], views[part])
         facing = local[:, 2] > 0
         values = product.values(local[facing])

@@ -13,7 +13,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, spec_of
 from shrm_cli.maps.kinds import LightMap
-from shrm_cli.probe.probe import AnyProbe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.render.lit import lit_maps, surface_of

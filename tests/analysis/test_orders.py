@@ -12,7 +12,7 @@ from shrm_cli.errors import MapError, OrderError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.probe.lighting import Lighting, project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sheet import PAPER
 from shrm_cli.render.sphere import render_sphere

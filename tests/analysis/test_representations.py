@@ -7,18 +7,13 @@ import numpy as np
 import pytest
 
 from shrm_cli.analysis import representations
-from shrm_cli.analysis.representations import (
-    COMPARED,
-    compare_representations,
-    plan_comparison,
-)
+from shrm_cli.analysis.representations import COMPARED, compare_representations, plan_comparison
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.files.image import write_image
 from shrm_cli.maps.explicit.prefilter import prefilter_explicit
-from shrm_cli.maps.file import save
 from shrm_cli.maps.request import Request
 from shrm_cli.prefilter import prefilter
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.lit import ggx_surface
 from tests.brute_force import latlong_samples
@@ -162,7 +157,7 @@ def test_storage_is_that_of_files(probe, table, tmp_path):
     sizes = []
     for roughness in ROUGHNESS:
         made = prefilter(probe, ggx_surface(roughness, F0), eps=TOLERANCE)
-        save(tmp_path / "map.exr", made)
+        made.save(tmp_path / "map.exr")
         sizes.append(os.path.getsize(tmp_path / "map.exr"))
     first = table.results[0]
     assert (first.representation.name, first.files, first.stored) == ("shrm", 2, sum(sizes))

@@ -9,12 +9,12 @@ import pytest
 
 from shrm_cli.batch import work
 from shrm_cli.batch.entry import Entry
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.options import SHARED
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe import image_file
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.shared import HeldImage, shared
 from shrm_cli.vocabulary import DEFAULT_EPS
 from tests.batch.helpers import Here, edit, forget, records_of, statuses, write_probes
@@ -46,7 +46,7 @@ def test_every_form_has_the_bytes_that_prefilter_writes(probe, tmp_path):
     for record in records:
         to = record["to"]
         made = prefilter(open_probe(probe, yaw=20.0), record["brdf"], to=to, **FORMS[to])
-        save("alone.exr", made)
+        made.save("alone.exr")
         with open("alone.exr", "rb") as one, open(record["output"], "rb") as other:
             assert one.read() == other.read(), to
 
@@ -171,12 +171,12 @@ def test_damaged_outputs_are_made_again(made, damage):
 
 
 def other_form(path):
-    save(path, prefilter("p0.exr", to="irradiance"))
+    prefilter("p0.exr", to="irradiance").save(path)
 
 
 def other_probe(path):
     write_exr("other.exr", noise(32, 64) * 3)
-    save(path, prefilter("other.exr", "phong:exponent=16"))
+    prefilter("other.exr", "phong:exponent=16").save(path)
 
 
 @pytest.mark.parametrize(

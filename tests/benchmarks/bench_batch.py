@@ -48,9 +48,9 @@ _OUTPUTS = [
 _ALONE = """
 import sys, time
 from shrm_cli import settings
-from shrm_cli.maps.file import store
+from shrm_cli.maps.stored import store
 from shrm_cli.prefilter import prefilter_with_facts
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.shared import shared
 probe, to, brdf, target = sys.argv[1:]
 light = shared(open_probe(probe))

@@ -13,7 +13,7 @@ import ducc0
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.memo import Memo
+from shrm_cli.arrays import Memo
 from shrm_cli.sphere import double_fourier, rotation
 from shrm_cli.sphere.grid.latlong import LatLongAnalysis
 from shrm_cli.sphere.synthesis import synthesize_cube

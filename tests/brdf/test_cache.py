@@ -11,6 +11,7 @@ import platformdirs
 import pytest
 
 from shrm_cli import settings
+from shrm_cli.arrays import Memo
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
@@ -19,7 +20,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import OutputError
-from shrm_cli.memo import Memo
+from tests.brdf.caches import Counted, new_cache
 from tests.cli.helpers import assert_refused, environment, run
 
 ORDERS = (8, 3, 1e-3)
@@ -27,21 +28,7 @@ ORDERS = (8, 3, 1e-3)
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(cache, "_SLOW", -1.0)
-    monkeypatch.setattr(cache, "_in_memory", Memo(0))  # as in a new process
-    return tmp_path / "cache"
-
-
-class Counted:
-    """Computes, and counts how often."""
-
-    def __init__(self):
-        self.calls = 0
-
-    def __call__(self, brdf, order_f, order_p, accuracy):
-        self.calls += 1
-        return compute_coefficients(brdf, order_f, order_p, accuracy)
+    return new_cache(tmp_path, monkeypatch)
 
 
 def same(one, other):
@@ -59,7 +46,7 @@ def entry(folder):
 
 @pytest.mark.parametrize("spec", ["microfacet:sigma=0.4", "lambertian:albedo=0.3", "ggx:f0=gold"])
 def test_what_was_computed_comes_back_to_the_last_bit(spec):
-    brdf, compute = parse_spec(spec), Counted()
+    brdf, compute = parse_spec(spec), Counted(compute_coefficients)
     first = cached_coefficients(brdf, *ORDERS, compute)
     again = cached_coefficients(parse_spec(spec), *ORDERS, compute)
     assert compute.calls == 1
@@ -71,7 +58,7 @@ def test_what_was_computed_comes_back_to_the_last_bit(spec):
 
 
 def test_the_key_is_all_that_coefficients_depend_on(monkeypatch):
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     brdf = parse_spec("microfacet:sigma=0.4")
     cached_coefficients(brdf, *ORDERS, compute)
     for changed in [(9, 3, 1e-3), (8, 4, 1e-3), (8, 3, 1e-4)]:
@@ -89,7 +76,7 @@ def test_the_key_is_all_that_coefficients_depend_on(monkeypatch):
 
 def test_quick_results_are_not_kept(folder, monkeypatch):
     monkeypatch.setattr(cache, "_SLOW", 1000)
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     for _ in range(2):
         cached_coefficients(parse_spec("phong"), *ORDERS, compute)
     assert compute.calls == 2
@@ -101,7 +88,7 @@ def test_a_process_keeps_what_it_computed(folder, monkeypatch, on_disk):
     memory = Memo(2**20)
     monkeypatch.setattr(cache, "_in_memory", memory)
     monkeypatch.setattr(cache, "_SLOW", 1000)
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     with settings.using(cache=on_disk):
         first, again = (
             cached_coefficients(parse_spec("phong"), *ORDERS, compute) for _ in range(2)
@@ -119,7 +106,7 @@ def test_brdfs_of_others_are_not_kept_in_memory(monkeypatch):
     """Two of them may have the same name and values, and differ all the same."""
     memory = Memo(2**20)
     monkeypatch.setattr(cache, "_in_memory", memory)
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     mine = Sum([(1, Foreign()), (1, parse_spec("lambertian"))])
     for brdf in (Foreign(), Foreign(), mine):
         cached_coefficients(brdf, *ORDERS, compute)
@@ -140,7 +127,7 @@ class Foreign(Brdf):
     "brdf", [Foreign(), Sum([(1, parse_spec("ggx")), (0.5, Foreign())])], ids=["alone", "in a sum"]
 )
 def test_brdfs_of_others_are_not_kept(folder, brdf):
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     for _ in range(2):
         cached_coefficients(brdf, *ORDERS, compute)
     assert compute.calls == 2
@@ -148,7 +135,7 @@ def test_brdfs_of_others_are_not_kept(folder, brdf):
 
 
 def test_sums_are_kept():
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     for weights in [(1, 0.5), (1, 0.5), (1, 0.6)]:
         terms = [parse_spec("phong"), parse_spec("lambertian")]
         cached_coefficients(Sum(list(zip(weights, terms, strict=True))), *ORDERS, compute)
@@ -156,7 +143,7 @@ def test_sums_are_kept():
 
 
 def test_it_can_be_switched_off(folder):
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     cached_coefficients(parse_spec("phong"), *ORDERS, compute)
     before = entry(folder).stat().st_mtime_ns
     with settings.using(cache=False):
@@ -169,7 +156,7 @@ def test_it_can_be_switched_off(folder):
 
 
 def test_the_settings_can_name_its_folder(folder, tmp_path):
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     with settings.using(cache=tmp_path / "mine"):
         for _ in range(2):
             cached_coefficients(parse_spec("phong"), *ORDERS, compute)
@@ -185,7 +172,7 @@ def test_the_settings_can_name_its_folder(folder, tmp_path):
 
 def rebuilt(path):
     """Whether an entry is computed anew, correctly, and whole again afterwards."""
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     brdf = parse_spec("microfacet:sigma=0.4")
     found = cached_coefficients(brdf, *ORDERS, compute)
     assert same(found, compute_coefficients(brdf, *ORDERS))
@@ -310,7 +297,7 @@ def test_entries_of_other_orders_are_not_taken(kept):
 def test_what_is_no_file_is_left_alone(kept):
     kept.unlink()
     os.mkfifo(kept)  # to open it would wait for ever
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     for _ in range(2):
         cached_coefficients(parse_spec("microfacet:sigma=0.4"), *ORDERS, compute)
     assert compute.calls == 2
@@ -328,7 +315,7 @@ def test_a_folder_that_cannot_be_written_is_no_cache(tmp_path, monkeypatch):
             monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / name))
         else:
             monkeypatch.setattr(settings, "cache_folder", lambda: tmp_path / "a\0b")
-        compute = Counted()
+        compute = Counted(compute_coefficients)
         for _ in range(2):
             cached_coefficients(parse_spec("phong"), *ORDERS, compute)
         assert compute.calls == 2
@@ -341,7 +328,7 @@ def test_a_folder_that_cannot_be_written_is_no_cache(tmp_path, monkeypatch):
 
 def test_the_entries_used_longest_ago_make_room(folder, monkeypatch):
     specs = [f"microfacet:sigma={s}" for s in (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)]
-    compute = Counted()
+    compute = Counted(compute_coefficients)
 
     def take(spec):
         before = compute.calls
@@ -426,7 +413,7 @@ def test_users_without_a_home_have_no_cache(monkeypatch, tmp_path, asked):
     monkeypatch.setenv("SHRM_CACHE_DIR", "")
     monkeypatch.setattr("shrm_cli.settings._users_folder", asked)
     monkeypatch.chdir(tmp_path)
-    compute = Counted()
+    compute = Counted(compute_coefficients)
     for _ in range(2):
         cached_coefficients(parse_spec("phong"), *ORDERS, compute)
     assert compute.calls == 2
@@ -453,7 +440,7 @@ def test_concurrent_runs_share_it(folder):
         "from shrm_cli.brdf import cache\n"
         "from shrm_cli.brdf.transfer import compute_coefficients as compute\n"
         "from shrm_cli.brdf.spec import parse_spec\n"
-        "from shrm_cli.memo import Memo\n"
+        "from shrm_cli.arrays import Memo\n"
         "import numpy as np, sys\n"
         "cache._SLOW, cache.MOST_BYTES = -1.0, 40000\n"
         "cache._in_memory = Memo(0)\n"

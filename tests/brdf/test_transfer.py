@@ -17,9 +17,9 @@ from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients, compute_transfer
 from shrm_cli.errors import BrdfError
-from shrm_cli.memo import Memo
 from shrm_cli.progress import using
 from tests import ggx
+from tests.brdf.caches import Counted, new_cache
 
 
 def gauss(low, high, count):
@@ -212,23 +212,11 @@ def test_anisotropic_brdfs_are_refused():
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(cache, "_SLOW", -1.0)
-    monkeypatch.setattr(cache, "_in_memory", Memo(0))  # as in a new process
-    return tmp_path / "cache"
-
-
-class Counted:
-    def __init__(self):
-        self.calls = 0
-
-    def __call__(self, brdf, order_f, max_q, accuracy):
-        self.calls += 1
-        return compute_transfer(brdf, order_f, max_q, accuracy)
+    return new_cache(tmp_path, monkeypatch)
 
 
 def test_the_cache_gives_them_back_to_the_last_bit(folder):
-    compute = Counted()
+    compute = Counted(compute_transfer)
     for spec in ("ggx:roughness=0.6,f0=gold", "lambertian"):
         brdf = parse_spec(spec)
         first = cached_transfer(brdf, 10, 3, 1e-3, compute)
@@ -253,7 +241,7 @@ def test_coefficients_and_transfer_functions_have_entries_of_their_own(folder):
 
 
 def test_damaged_entries_are_made_anew(folder):
-    brdf, compute = parse_spec("microfacet:sigma=0.6"), Counted()
+    brdf, compute = parse_spec("microfacet:sigma=0.6"), Counted(compute_transfer)
     first = cached_transfer(brdf, 8, 3, 1e-3, compute)
     (path,) = folder.iterdir()
     content = path.read_bytes()

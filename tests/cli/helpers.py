@@ -60,6 +60,24 @@ class Terminal(io.StringIO):
         return True
 
 
+def told_to_bars(monkeypatch, command):
+    """Return the amounts (done, in all) that a command will tell its progress bars."""
+    seen = []
+
+    class Bar:
+        def __init__(self, label):
+            assert label
+
+        def __enter__(self):
+            return lambda done, total: seen.append((done, total))
+
+        def __exit__(self, *error):
+            return None
+
+    monkeypatch.setattr(f"shrm_cli.cli.{command}.progress_bar", Bar)
+    return seen
+
+
 def run(*arguments, terminal=False):
     """Run `shrm` in this process, and undo its changes to signals, warnings and the like."""
     out, err = io.StringIO(), Terminal() if terminal else io.StringIO()

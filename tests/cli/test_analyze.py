@@ -11,7 +11,7 @@ from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.files.png import encode_srgb
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from tests import oracles

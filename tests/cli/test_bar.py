@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from shrm_cli.cli.options import announce
-from tests.cli.helpers import Terminal, environment, run
+from tests.cli.helpers import Terminal, environment, run, told_to_bars
 
 PROBE = str(Path(__file__).parents[2] / "probes" / "sky.exr")
 WORK = """
@@ -104,24 +104,13 @@ def test_bars_never_fall(monkeypatch, tmp_path, command):
     """Though orders take several attempts, and levels and lamps are made one after the other,
     each of which reports all of itself.
     """
-    seen = []
-
-    class Bar:
-        def __init__(self, label):
-            assert label
-
-        def __enter__(self):
-            return lambda done, total: seen.append(done / total)
-
-        def __exit__(self, *error):
-            return None
-
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(f"shrm_cli.cli.{command[0]}.progress_bar", Bar)
+    told = told_to_bars(monkeypatch, command[0])
     assert run(*command).code == 0
-    assert len(seen) > 5
-    assert seen == sorted(seen)
+    shares = [done / total for done, total in told]
+    assert len(shares) > 5
+    assert shares == sorted(shares)
 
 
 def test_what_is_announced_commands_no_terminal(monkeypatch):

@@ -11,7 +11,7 @@ from shrm_cli.batch.collect import read_collection
 from shrm_cli.maps.file import open_map
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests.batch.helpers import edit, log_lines, statuses, work_here, write_probes
 from tests.cli.helpers import assert_refused, noise, run, write_exr
 

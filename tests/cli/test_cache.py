@@ -4,10 +4,10 @@ import json
 
 import pytest
 
+from shrm_cli.arrays import Memo
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
-from shrm_cli.memo import Memo
 from tests.cli.helpers import assert_refused, done, process, run
 
 

@@ -12,10 +12,10 @@ import pytest
 
 from shrm_cli.files.image import write_image
 from shrm_cli.files.png import encode_srgb
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.render.camera import Viewer, sphere_coverage
 from shrm_cli.render.sphere import render_sphere
 from tests.brute_force import latlong_samples, phong, reflected
@@ -145,9 +145,9 @@ def test_numbers_of_each_view(folder):
 
 
 def test_table(folder):
-    save("one.exr", furnace((1, 1, 1)), "float")
-    save("two.exr", furnace((1, 1, 1.5)), "float")
-    save("a.black.one.exr", furnace((0, 0, 0)), "float")
+    furnace((1, 1, 1)).save("one.exr", "float")
+    furnace((1, 1, 1.5)).save("two.exr", "float")
+    furnace((0, 0, 0)).save("a.black.one.exr", "float")
     views = ["--view", "0,0", "--view", "-33.5,10"]
     lines = done("compare", "one.exr", "two.exr", "a.black.one.exr", *views, *SMALL).splitlines()
     columns = "RMSE  relative  median     p95   >5%    <0   FLIP  max     PSNR"
@@ -279,7 +279,7 @@ def test_flip_is_not_loaded_unless_it_is_needed(folder, option):
 
 
 def test_the_table_fits_into_a_hundred_columns(folder):
-    save("city.microfacet.shrm.exr", furnace((12, 34, 5)))
+    furnace((12, 34, 5)).save("city.microfacet.shrm.exr")
     out = done("compare", "noisy.map.exr", "city.microfacet.shrm.exr", *SMALL)
     assert out.splitlines()[-1].endswith("city.microfacet.shrm")
     assert "240,-20" in out
@@ -309,7 +309,7 @@ def test_exr_remembers_what_was_compared(folder):
     info = MapInfo(0, 0, 0.03, 1.0, 0.0, chromaticities=P3)
     wide = Shrm(np.ones((24, 4, 1, 3), np.float32), "global", "reflection", info)
     (folder / "in").mkdir()
-    save("in/wide.exr", wide)
+    wide.save("in/wide.exr")
     view = ["--size", 16, "--view", "5,6"]
     done("compare", "in/wide.exr", "in/wide.exr", "-o", "one.exr", *view, "--amplify", 2)
     done("compare", "in/wide.exr", "fine.map.exr", "-o", "two.exr", *view)
@@ -330,7 +330,7 @@ def test_exr_remembers_what_was_compared(folder):
 def test_maps_of_the_same_name_have_labels_with_their_folders(folder, monkeypatch):
     for name in ("x", "y"):
         (folder / name).mkdir()
-        save(f"{name}/map.EXR", furnace((1, 1, 1)))
+        furnace((1, 1, 1)).save(f"{name}/map.EXR")
     found = []
 
     def note(self, first, names, *numbers):
@@ -381,7 +381,7 @@ def test_truth_obeys_the_options_of_the_probe(folder):
 
 def test_truth_against_brute_force(folder):
     """Black differs from the truth by all of the truth: its mean square over the disc."""
-    save("black.exr", furnace((0, 0, 0)))
+    furnace((0, 0, 0)).save("black.exr")
     options = ["--brdf", SPEC, "--view", "40,20", "--size", 48, "--no-picture"]
     found = told("black.exr", "--probe", "room.exr", *options)["summary"][0]
     azimuth, elevation = np.radians([40, 20])
@@ -476,7 +476,7 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_refused_in_one_line_before_anything_is_written(folder, case):
     arguments, *parts = REFUSED[case]
-    save("plain.exr", furnace((1, 1, 1)))
+    furnace((1, 1, 1)).save("plain.exr")
     before = snapshot(folder)
     assert_refused(run("compare", *arguments), 1, *parts)
     assert snapshot(folder) == before
@@ -489,7 +489,7 @@ def test_folder_without_permission(folder, monkeypatch):
 
 
 def test_values_that_no_float_holds(folder):
-    save("bright.exr", furnace((5e37, 1, 1)), "float")
+    furnace((5e37, 1, 1)).save("bright.exr", "float")
     before = snapshot(folder)
     arguments = ["bright.exr", "fine.map.exr", "--size", 16, "-o", "x.exr"]
     assert_refused(run("compare", *arguments, "--exposure", 4), 1, "x.exr", "not finite in 32-bit")
@@ -541,7 +541,7 @@ def test_wrong_usage(folder, case):
 
 def test_a_broken_picture_leaves_the_old_one(folder):
     write_image("compare.exr", noise())
-    save("bright.exr", furnace((5e37, 1, 1)), "float")
+    furnace((5e37, 1, 1)).save("bright.exr", "float")
     before = snapshot(folder)
     arguments = ["bright.exr", "fine.map.exr", "--size", 16, "--exposure", 4, "-o", "compare.exr"]
     assert_refused(run("compare", *arguments), 1, "compare.exr")
@@ -556,8 +556,8 @@ def engines(folder):
     """Maps of white light of radiance 2: a split sum, irradiance, and an SHRM of GGX."""
     write_exr("white.exr", np.full((16, 32, 3), 2, np.float32))
     probe = open_probe("white.exr")
-    save("white.splitsum.exr", prefilter_split_sum(probe, (0.5, 0.7, 1.0), size=8).map)
-    save("white.irradiance.exr", prefilter_irradiance(probe).map)
+    prefilter_split_sum(probe, (0.5, 0.7, 1.0), size=8).map.save("white.splitsum.exr")
+    prefilter_irradiance(probe).map.save("white.irradiance.exr")
     done("prefilter", "white.exr", "--brdf", "ggx:f0=1/0.5/0.04,roughness=0.7", "-o", "ggx.exr",
          "--order-f", 16, "--order-p", 8, "--quiet")  # fmt: skip
     return folder
@@ -647,7 +647,7 @@ def test_wrong_usage_of_the_surface(folder, case):
 def test_values_near_the_end_of_the_range(folder, options):
     """Differences of 3e38 are beyond 32-bit floats, of which JSON has no infinity."""
     huge = np.full((24, 4, 9, 3), 3e38, np.float32)
-    save("huge.exr", Shrm(huge, "global", "reflection", MapInfo(0, 2, 0.1, 0.9, 0.1)))
+    Shrm(huge, "global", "reflection", MapInfo(0, 2, 0.1, 0.9, 0.1)).save("huge.exr")
     for maps in (["huge.exr", "coarse.map.exr"], ["coarse.map.exr", "huge.exr"]):
         found = run("compare", *maps, "--size", 16, "--no-flip", *options)
         assert found.code == 0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import MESH, done, noise, run
 from tests.cli.test_render import read

@@ -9,7 +9,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.files.image import write_image
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.sphere.directions import turn_matrix
 from tests.cli.helpers import MESH, noise, run, write_exr
@@ -22,12 +22,12 @@ from tests.render.materials import INFO, furnace, spot, under_random_light
 def inputs(tmp_path_factory):
     """Maps of two lights, a mesh and what was baked of it, which are made once."""
     made = tmp_path_factory.mktemp("inputs")
-    save(made / "a.exr", under_random_light(), "float")
-    save(made / "spot.exr", spot((0, 0, 1)), "float")
+    under_random_light().save(made / "a.exr", "float")
+    spot((0, 0, 1)).save(made / "spot.exr", "float")
     rng = np.random.default_rng(3)
     for name in ("sky", "night"):
         light = 0.3 * rng.normal(size=(9, 3)) + [[4, 4, 4], *[[0] * 3] * 8]
-        save(made / f"{name}.irradiance.exr", Irradiance(light, replace(INFO, order_f=2)), "float")
+        Irradiance(light, replace(INFO, order_f=2)).save(made / f"{name}.irradiance.exr", "float")
     (made / "roof.obj").write_text(MESH)
     result = run(
         "transfer", made / "roof.obj", "--samples", "64", "--order", "2", "-o", made / "roof.npz"
@@ -56,7 +56,7 @@ def recipe(path):
 
 def turned(folder, yaw):
     """The irradiance map, turned by its own coefficients."""
-    save(folder / "turned.exr", open_map("sky.irradiance.exr").turned(turn_matrix(yaw)), "float")
+    open_map("sky.irradiance.exr").turned(turn_matrix(yaw)).save(folder / "turned.exr", "float")
 
 
 @pytest.mark.parametrize("mesh", [[], ["--mesh", "roof.obj"], ["--mesh", "roof.obj", "--transfer"]])
@@ -137,7 +137,7 @@ def test_moving_pictures_hold_the_frames(folder, suffix):
 )
 def test_what_is_wrong_is_said_in_a_line(folder, arguments, said):
     phong = {"name": "phong", "parameters": {"exponent": 20}}
-    save(folder / "phong.exr", replace(furnace((1.0, 1, 1)), info=replace(INFO, brdf=phong)))
+    replace(furnace((1.0, 1, 1)), info=replace(INFO, brdf=phong)).save(folder / "phong.exr")
     result = run("render", *arguments)
     assert result.code != 0
     assert said in result.err.splitlines()[-1]

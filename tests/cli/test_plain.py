@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.kinds import LightMap
 from tests import oracles
 from tests.cli.helpers import assert_refused, done, polynomial_light, run, write_exr
@@ -113,7 +113,7 @@ def test_names_and_defaults(made, tmp_path, monkeypatch):
 
 
 def test_negative_light_is_told_and_left_out(tmp_path):
-    save(tmp_path / "m.exr", under_random_light(), "float")
+    under_random_light().save(tmp_path / "m.exr", "float")
     arguments = ("--to", "latlong", "--view", "0,0", "--size", 16, "-o", tmp_path / "o.exr")
     result = run("convert", tmp_path / "m.exr", *arguments)
     assert result.code == 0
@@ -130,7 +130,7 @@ def test_product_textures_with_light_and_without(tmp_path):
     light = np.zeros((9, 3))
     light[0], light[1] = 3, [0.5, 0.2, -0.3]
     lit = open_map(tmp_path / "t.exr").lit(light)
-    save(tmp_path / "lit.exr", lit, "float")
+    lit.save(tmp_path / "lit.exr", "float")
     done("convert", tmp_path / "lit.exr", *command, "--by", "normal", "--precision", "float")
     normal = direction(5, 14, 16)
     expected = lit.radiance(normal, np.array([0.0, 0, 1]))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sphere import render_sphere
@@ -21,6 +21,7 @@ from tests.cli.helpers import (
     read_exr,
     run,
     snapshot,
+    told_to_bars,
     write_exr,
 )
 
@@ -126,19 +127,7 @@ def test_png_and_quiet(folder):
 
 
 def test_points_are_counted_for_the_progress_bar(folder, monkeypatch):
-    seen = []
-
-    class Bar:
-        def __init__(self, label):
-            assert label
-
-        def __enter__(self):
-            return lambda done, total: seen.append((done, total))
-
-        def __exit__(self, *error):
-            return None
-
-    monkeypatch.setattr("shrm_cli.cli.reference.progress_bar", Bar)
+    seen = told_to_bars(monkeypatch, "reference")
     done("reference", "noise.exr", *QUICK)
     assert len(seen) > 3
     assert seen == sorted(seen)

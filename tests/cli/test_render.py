@@ -17,14 +17,13 @@ from shrm_cli.errors import MapError, OutputError, ProbeError, ShrmError
 from shrm_cli.files.image import write_image
 from shrm_cli.files.png import encode_srgb
 from shrm_cli.files.whole import protecting
-from shrm_cli.maps.file import save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sphere import render_background, render_sphere
-from tests.cli.helpers import NO_MODULES
+from tests.cli.helpers import NO_MODULES, told_to_bars
 from tests.render.materials import furnace, spot, under_random_light
 
 P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
@@ -34,8 +33,8 @@ P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
 def inputs(tmp_path_factory):
     """Two maps and a probe, which are made once."""
     made = tmp_path_factory.mktemp("inputs")
-    save(made / "a.microfacet.shrm.exr", under_random_light(), "float")
-    save(made / "spot.exr", spot((0, 0, 1)), "float")
+    under_random_light().save(made / "a.microfacet.shrm.exr", "float")
+    spot((0, 0, 1)).save(made / "spot.exr", "float")
     steps = np.linspace(0, 1, 32 * 64 * 3, dtype=np.float32)
     write_image(made / "room.exr", steps.reshape(32, 64, 3), "float")
     return made
@@ -98,7 +97,7 @@ def test_exr_is_linear_with_view_exposure_and_recipe(folder):
 def test_chromaticities_are_those_of_the_first_map(folder):
     info = MapInfo(0, 0, 0.03, 1.0, 0.0, chromaticities=P3)
     wide = Shrm(np.ones((24, 4, 1, 3), np.float32), "global", "reflection", info)
-    save("wide.exr", wide)
+    wide.save("wide.exr")
     done("wide.exr", "-o", "one.exr", "--size", 16)
     done("wide.exr", "spot.exr", "-o", "two.exr", "--size", 16)
     chromaticities = [
@@ -110,8 +109,8 @@ def test_chromaticities_are_those_of_the_first_map(folder):
 
 
 def test_background_is_shown_and_exposed(folder):
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.probe.options import ReadOptions
-    from shrm_cli.probe.probe import open_probe
 
     done("spot.exr", "-o", "x.exr", "--size", 32, "--background", "room.exr", "--exposure", 1,
          "--view", "70,-20", "--yaw", "40", "--precision", "float")  # fmt: skip
@@ -209,7 +208,7 @@ def test_same_bytes_twice(folder):
     ],
 )
 def test_failures_are_one_line_and_leave_nothing(folder, arguments, error, message):
-    save("hot.exr", furnace((1e6, 1, 1)), "float")
+    furnace((1e6, 1, 1)).save("hot.exr", "float")
     before = files(folder)
     result = run(*arguments)
     assert isinstance(result.exception, error)
@@ -299,19 +298,7 @@ def test_help_needs_no_numpy(package_path):
 
 
 def test_rows_are_counted_for_the_progress_bar(folder, monkeypatch):
-    seen = []
-
-    class Bar:
-        def __init__(self, label):
-            assert label
-
-        def __enter__(self):
-            return lambda done, total: seen.append((done, total))
-
-        def __exit__(self, *error):
-            return None
-
-    monkeypatch.setattr("shrm_cli.cli.render.progress_bar", Bar)
+    seen = told_to_bars(monkeypatch, "render")
     done("spot.exr", "a.microfacet.shrm.exr", "--frames", 2, "--size", 16)
     (total,) = {total for _, total in seen}
     assert seen == sorted(seen)
@@ -341,7 +328,7 @@ def help_text():
 
 
 def test_split_sums_are_shown_with_a_roughness_and_a_reflectance(folder):
-    save("white.splitsum.exr", white_split_sum(0.0, 1.0), "float")
+    white_split_sum(0.0, 1.0).save("white.splitsum.exr", "float")
     options = ["-o", "x.exr", "--size", 32, "--precision", "float"]
     done("white.splitsum.exr", *options)
     smooth, default = ["--roughness", 0.05, "--f0", "0.04/0.5/1"], read("x.exr")[16, 16]
@@ -361,13 +348,13 @@ def test_split_sums_are_shown_with_a_roughness_and_a_reflectance(folder):
 def test_irradiance_is_shown_as_white_and_diffuse(folder):
     """E over pi: with L = 2 in the constant harmonic alone, 2 everywhere."""
     info = MapInfo(0, 0, 0.0, 1.0, 0.0)
-    save("e.exr", Irradiance(np.full((1, 3), 2 * np.sqrt(4 * np.pi)), info), "float")
+    Irradiance(np.full((1, 3), 2 * np.sqrt(4 * np.pi)), info).save("e.exr", "float")
     done("e.exr", "-o", "x.exr", "--size", 16, "--precision", "float")
     np.testing.assert_allclose(read("x.exr")[8, 8], 2, rtol=1e-5)
 
 
 def test_of_several_maps_those_that_need_a_surface_get_it(folder):
-    save("white.exr", white_split_sum(0.0, 1.0), "float")
+    white_split_sum(0.0, 1.0).save("white.exr", "float")
     options = ["--size", 32, "--precision", "float"]
     surface = ["--roughness", 0.05, "--f0", 0.25]
     done("spot.exr", "white.exr", "-o", "s.exr", *options, *surface)
@@ -382,7 +369,7 @@ def test_of_several_maps_those_that_need_a_surface_get_it(folder):
 
 
 def test_a_roughness_that_a_map_was_not_made_for_is_warned_of(folder):
-    save("rough.exr", white_split_sum(0.6, 1.0))
+    white_split_sum(0.6, 1.0).save("rough.exr")
     arguments = ["rough.exr", "-o", "x.png", "--size", "16"]
     result = CliRunner().invoke(render, arguments)
     warning = "Warning: rough.exr: it was made for roughness 0.6 .. 1, not 0.5\n"
@@ -412,7 +399,7 @@ def test_a_roughness_that_a_map_was_not_made_for_is_warned_of(folder):
     ],
 )
 def test_wrong_usage_of_the_surface(folder, arguments, message):
-    save("white.exr", white_split_sum(0.0, 1.0))
+    white_split_sum(0.0, 1.0).save("white.exr")
     before = files(folder)
     result = run(*arguments)
     assert result.exit_code == 2

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shrm_cli.maps.file import save
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from tests.cli.helpers import run
@@ -38,13 +37,13 @@ def inputs(tmp_path_factory):
     tree = gltf_tree(*TETRAHEDRON, material={"pbrMetallicRoughness": PBR})
     (made / "paint.glb").write_bytes(glb(*tree))
     (made / "scene.toml").write_text(SCENE)
-    save(made / "a.exr", under_random_light(), "float")
-    save(made / "red.exr", furnace((1.0, 0, 0)), "float")
+    under_random_light().save(made / "a.exr", "float")
+    furnace((1.0, 0, 0)).save(made / "red.exr", "float")
     levels = tuple(rng.random((6 * size, size, 3)) for size in (8, 4))
-    save(made / "split.exr", SplitSum(levels, (0.0, 1.0), "linear", INFO), "float")
+    SplitSum(levels, (0.0, 1.0), "linear", INFO).save(made / "split.exr", "float")
     even = 0.1 * rng.random((9, 3)) + [[4, 4, 4], *[[0] * 3] * 8]  # positive from all sides
     irradiance = Irradiance(even, replace(INFO, order_f=2))
-    save(made / "irradiance.exr", irradiance, "float")
+    irradiance.save(made / "irradiance.exr", "float")
     return made
 
 

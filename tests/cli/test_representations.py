@@ -10,10 +10,17 @@ import pytest
 
 from shrm_cli.analysis import representations
 from shrm_cli.errors import OrderError
-from shrm_cli.maps.file import save
 from shrm_cli.maps.shrm import prefilter as shrm
 from shrm_cli.maps.splitsum import prefilter as splitsum
-from tests.cli.helpers import assert_refused, done, polynomial_light, run, snapshot, write_exr
+from tests.cli.helpers import (
+    assert_refused,
+    done,
+    polynomial_light,
+    run,
+    snapshot,
+    told_to_bars,
+    write_exr,
+)
 from tests.oracles import latlong_pixels
 from tests.render.materials import furnace
 
@@ -36,7 +43,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(splitsum, "prefilter", quick)
     directions = latlong_pixels(32, 16)
     write_exr(tmp_path / "room.exr", polynomial_light(directions).astype(np.float32))
-    save(tmp_path / "white.shrm.exr", furnace((1, 1, 1)))
+    furnace((1, 1, 1)).save(tmp_path / "white.shrm.exr")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -251,19 +258,7 @@ def test_probes_options_are_obeyed_and_warnings_told(folder, only_shrm):
 
 
 def test_progress(folder, only_shrm, monkeypatch):
-    seen = []
-
-    class Bar:
-        def __init__(self, label):
-            assert label
-
-        def __enter__(self):
-            return lambda done, total: seen.append((done, total))
-
-        def __exit__(self, *error):
-            return None
-
-    monkeypatch.setattr("shrm_cli.cli.representations.progress_bar", Bar)
+    seen = told_to_bars(monkeypatch, "representations")
     done("compare", "room.exr", *TWO)
     steps = [step for step, _ in seen]
     assert len({total for _, total in seen}) == 1

@@ -8,7 +8,7 @@ import click
 import numpy as np
 import pytest
 
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
@@ -66,8 +66,8 @@ def splits(tmp_path, monkeypatch):
     """A folder with a split sum of GGX, one of cloth, and a map of a BRDF."""
     monkeypatch.chdir(tmp_path)
     for name in ("linear", "cloth"):
-        save(f"{name}.exr", cases.FORMS[f"splitsum {name}"]())
-    save("shrm.exr", cases.FORMS["shrm"]())
+        cases.FORMS[f"splitsum {name}"]().save(f"{name}.exr")
+    cases.FORMS["shrm"]().save("shrm.exr")
 
 
 def test_brushed_surfaces_are_drawn(splits):

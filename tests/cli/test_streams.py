@@ -12,14 +12,7 @@ import sys
 
 import pytest
 
-from tests.cli.helpers import (
-    WHOLE,
-    Run,
-    environment,
-    run,
-    snapshot,
-    write_scene,
-)
+from tests.cli.helpers import WHOLE, Run, environment, run, snapshot, write_scene
 
 pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="has no such shell"),

@@ -10,13 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shrm_cli.cli.terminal import echo, echo_json, escaped
-from tests.cli.helpers import (
-    assert_refused,
-    done,
-    noise,
-    run,
-    write_exr,
-)
+from tests.cli.helpers import assert_refused, done, noise, run, write_exr
 from tests.fuzz.exr_header import Attribute, parse
 from tests.fuzz.judge import is_json, is_plain
 

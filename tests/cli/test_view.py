@@ -10,7 +10,6 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from shrm_cli.maps import file as map_file
 from tests.cli.helpers import MAIN, assert_refused, done, run, snapshot, start, write_exr
 from tests.maps.shader import cases
 
@@ -173,7 +172,7 @@ def test_maps_that_shaders_cannot_show(folder):
     lit = done("view", "p.exr", "--probe", "probe.exr", "--no-truth", "-o", "lit.html")
     assert "shrm_lighting" in (folder / "lit.html").read_text()
     assert "opens in a browser" in lit
-    map_file.save("sharp.exr", cases.irradiance(17))
+    cases.irradiance(17).save("sharp.exr")
     result = run("view", "sharp.exr", "-o", "a.html")
     assert_refused(result, 1, "sharp.exr", "17", "shrm convert")
 

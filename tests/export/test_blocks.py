@@ -18,7 +18,7 @@ from shrm_cli.export.ktx import ktx2_cube
 from shrm_cli.export.loss import loss
 from shrm_cli.export.packing import packed
 from shrm_cli.export.pixels import encoded
-from shrm_cli.files.image_bytes import image_of
+from shrm_cli.files.openimageio import image_of
 
 WEIGHTS = {8: [0, 9, 18, 27, 37, 46, 55, 64],
            16: [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64]}  # fmt: skip

@@ -16,7 +16,8 @@ from shrm_cli.export.harmonics import babylon, ext_lights_image_based
 from shrm_cli.export.make import Asked, Source, gather
 from shrm_cli.export.pixels import FORMATS
 from shrm_cli.export.rgbd import RGBD, rgba_png, rgbd_pictures
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.sphere.grid.cube import Cube
 from tests.brute_force import unit

@@ -9,13 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shrm_cli.files.exr import write
-from shrm_cli.files.exr_header import (
-    MOST_ATTRIBUTES,
-    MOST_CHANNELS,
-    MOST_PARTS,
-    ends_whole,
-    excess,
-)
+from shrm_cli.files.exr_header import MOST_ATTRIBUTES, MOST_CHANNELS, MOST_PARTS, ends_whole, excess
 from shrm_cli.files.parts import Part
 from tests.cli.helpers import assert_refused, noise, run, write_exr
 from tests.fuzz.exr_header import Attribute, parse

@@ -8,7 +8,7 @@ from shrm_cli.lights.coefficients import write_coefficients, write_light_file
 from shrm_cli.lights.edit import Dimming, Edit, order_of_index, turn_angles
 from shrm_cli.probe.light_file import read_light_tables
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.sphere.directions import turn_about, turn_matrix
 from shrm_cli.sphere.quadrature import spiral_directions
 from tests import oracles

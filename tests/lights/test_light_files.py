@@ -8,17 +8,13 @@ import pytest
 
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import write_bytes
-from shrm_cli.lights.light_files import (
-    light_file_text,
-    relative_name,
-    usd_text,
-    write_residual,
-)
+from shrm_cli.lights.light_files import light_file_text, relative_name, usd_text, write_residual
 from shrm_cli.lights.snippets import beside_cubes, snippet
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import LIGHT_ENGINES
 from tests import oracles
 from tests.lights import rooms

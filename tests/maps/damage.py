@@ -1,6 +1,7 @@
 """Damaged files of maps: the checks that tests of all representations make of them."""
 
 import numpy as np
+import OpenEXR
 import pytest
 
 from shrm_cli.errors import MapError
@@ -18,6 +19,34 @@ def refused(path, *words, read=open_map):
     assert len(message) < len(str(path)) + 200
     for word in words:
         assert word in message
+
+
+def parts(path):
+    """Header and channels that OpenEXR finds in a file of one part."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        assert len(file.parts) == 1
+        header = {name: value for name, value in file.header().items() if name != "channels"}
+        return header, {name: channel.pixels for name, channel in file.channels().items()}
+
+
+def writer_of_damage(sound):
+    """Return a function that writes a sound map with header and channels changed; None removes.
+
+    A window that does not fit other channels is left to OpenEXR.
+    """
+    header, channels = parts(sound)
+
+    def write(attributes=None, planes=None):
+        path = sound.with_name("damaged.exr")
+        changed = {**header, **(attributes or {})}, {**channels, **(planes or {})}
+        kept = [{k: v for k, v in part.items() if v is not None} for part in changed]
+        if planes:
+            for name in ("dataWindow", "displayWindow"):
+                kept[0].pop(name)
+        OpenEXR.File(*kept).write(str(path))
+        return path
+
+    return write
 
 
 def survives_flipped_bits(path, count, seed=0, least=40, read=open_map):

@@ -12,7 +12,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from tests import oracles
 from tests.cli.helpers import process
@@ -69,7 +69,7 @@ def light(directions):
 )
 def test_cube_layouts_are_exact(tmp_path, name, layout, orientation, sampling):
     made = MAKERS[name](size=3, sampling=sampling)
-    save(tmp_path / "a.exr", made, "float", layout, orientation)
+    made.save(tmp_path / "a.exr", "float", layout, orientation)
     back = open_map(tmp_path / "a.exr")
     assert type(back) is type(made)
     np.testing.assert_array_equal(values_of(back), values_of(made).astype(np.float32))
@@ -84,7 +84,7 @@ def test_texels_are_at_their_places(tmp_path, layout, orientation, sampling):
     texels = oracles.cube_texels(size, sampling).reshape(6 * size, size, 3)
     made = make_shrm(order_f=1, order_p=0, size=size, sampling=sampling)
     made = replace(made, coefficients=light(texels)[:, :, None])
-    save(tmp_path / "a.exr", made, "float", layout, orientation)
+    made.save(tmp_path / "a.exr", "float", layout, orientation)
     [(_, channels)] = parts(tmp_path / "a.exr")
     rows, columns = SHAPES[layout]
     expected = np.zeros((rows * size, columns * size, 3))
@@ -102,7 +102,7 @@ def test_pixels_of_a_latlong_are_at_their_places(tmp_path, sampling):
     texels = oracles.cube_texels(size, sampling).reshape(6 * size, size, 3)
     made = make_shrm(order_f=1, order_p=0, size=size, sampling=sampling)
     made = replace(made, coefficients=light(texels)[:, :, None])
-    save(tmp_path / "a.exr", made, "float", "latlong")
+    made.save(tmp_path / "a.exr", "float", "latlong")
     [(_, channels)] = parts(tmp_path / "a.exr")
     expected = light(oracles.latlong_pixels(4 * size, 2 * size))
     found = np.stack([channels[f"sh000.{c}"] for c in "RGB"], axis=-1)
@@ -117,7 +117,7 @@ def test_latlongs_hold_smooth_maps(tmp_path, name, sampling):
     errors = {}
     for size in (12, 24):
         made = MAKERS[name](order_f=3, size=size, sampling=sampling)
-        save(tmp_path / "a.exr", made, "float", "latlong")
+        made.save(tmp_path / "a.exr", "float", "latlong")
         back = open_map(tmp_path / "a.exr")
         assert type(back) is type(made)
         assert (back.size, back.sampling, back.frame) == (size, sampling, made.frame)
@@ -130,7 +130,7 @@ def test_latlongs_hold_smooth_maps(tmp_path, name, sampling):
 
 
 def test_azimuth_free_maps_stay_so_as_latlongs(tmp_path):
-    save(tmp_path / "a.exr", MAKERS["zonal shrm"](size=4), "float", "latlong")
+    MAKERS["zonal shrm"](size=4).save(tmp_path / "a.exr", "float", "latlong")
     assert parts(tmp_path / "a.exr")[0][1].keys() == {
         f"sh{k:03d}.{c}" for k in (0, 2, 6) for c in "RGB"
     }
@@ -142,14 +142,14 @@ def test_local_maps_are_no_latlongs(tmp_path, compressed):
     made = make_shrm(frame="local", size=4)
     made = CompressedShrm.from_shrm(made, 3) if compressed else made
     with pytest.raises(MapError, match=r"a\.exr: a local map .* lat-long; take `frame` global"):
-        save(tmp_path / "a.exr", made, layout="latlong")
+        made.save(tmp_path / "a.exr", layout="latlong")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("layout", ["faces", "angular"])
 def test_layouts_that_maps_have_not(tmp_path, layout):
     with pytest.raises(MapError, match=f"not written as {layout}; use latlong or a cube layout"):
-        save(tmp_path / "a.exr", make_shrm(size=4), layout=layout)
+        make_shrm(size=4).save(tmp_path / "a.exr", layout=layout)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -158,9 +158,9 @@ def test_layouts_that_maps_have_not(tmp_path, layout):
 def test_half_and_determinism(tmp_path, name, layout):
     made = MAKERS[name](size=4)
     for file in "ab":
-        assert save(tmp_path / f"{file}.exr", made, "auto", layout, "gl") == "half"
+        assert made.save(tmp_path / f"{file}.exr", "auto", layout, "gl") == "half"
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
-    save(tmp_path / "c.exr", made, "float", layout, "gl")
+    made.save(tmp_path / "c.exr", "float", layout, "gl")
     half, single = (values_of(open_map(tmp_path / f"{file}.exr")) for file in "ac")
     assert 0 < relative_rms(half, single) < 5e-4
 
@@ -175,7 +175,7 @@ def test_half_and_determinism(tmp_path, name, layout):
 def test_every_part_says_how_it_is_laid_out(tmp_path, name, layout, orientation, sampling):
     """Earlier versions must not take it for a cube, nor others for an environment map."""
     made = MAKERS[name](size=3, sampling=sampling)
-    save(tmp_path / "a.exr", made, "auto", layout, orientation)
+    made.save(tmp_path / "a.exr", "auto", layout, orientation)
     found = parts(tmp_path / "a.exr")
     assert len(found) == (12 if name == "cabral" else 1)
     for header, _ in found:
@@ -187,7 +187,7 @@ def test_every_part_says_how_it_is_laid_out(tmp_path, name, layout, orientation,
 
 
 def test_plain_cubes_say_nothing(tmp_path):
-    save(tmp_path / "a.exr", MAKERS["cabral"](size=3))
+    MAKERS["cabral"](size=3).save(tmp_path / "a.exr")
     for header, _ in parts(tmp_path / "a.exr"):
         assert header["shrm:version"] == 1
         assert not {"shrm:layout", "shrm:orientation", "shrm:sampling"} & header.keys()
@@ -201,7 +201,7 @@ def relabelled(tmp_path):
     """A sound file whose attributes are changed."""
 
     def write(layout, attributes, name="shrm"):
-        save(tmp_path / "sound.exr", MAKERS[name](size=4), layout=layout)
+        MAKERS[name](size=4).save(tmp_path / "sound.exr", layout=layout)
         changed = {f"shrm:{key}": value for key, value in attributes.items()}
         made = [
             ({**header, **changed}, channels) for header, channels in parts(tmp_path / "sound.exr")
@@ -265,7 +265,7 @@ def cut(path, width, height):
     ],
 )  # fmt: skip
 def test_sizes_must_be_those_of_the_layout(tmp_path, layout, width, height):
-    save(tmp_path / "a.exr", make_shrm(size=4), layout=layout)
+    make_shrm(size=4).save(tmp_path / "a.exr", layout=layout)
     refused(cut(tmp_path / "a.exr", width, height), f"{width} x {height} is not {layout}")
 
 
@@ -274,7 +274,7 @@ def test_sizes_must_be_those_of_the_layout(tmp_path, layout, width, height):
     [("strip", 6, 1), ("hcross", 4, 3), ("vcross", 3, 4), ("latlong", 4, 2)],
 )
 def test_the_smallest_sizes_are_read(tmp_path, layout, width, height):
-    save(tmp_path / "a.exr", make_shrm(size=4), layout=layout)
+    make_shrm(size=4).save(tmp_path / "a.exr", layout=layout)
     back = open_map(cut(tmp_path / "a.exr", width, height))
     assert back.coefficients.shape == (6, 1, 9, 3)
     assert not back.coefficients.any()
@@ -283,7 +283,7 @@ def test_the_smallest_sizes_are_read(tmp_path, layout, width, height):
 @pytest.mark.parametrize("layout", ["strip", "latlong"])
 @pytest.mark.parametrize("share", [0.3, 0.9, 0.999])
 def test_truncated_files(tmp_path, layout, share):
-    save(tmp_path / "a.exr", make_shrm(size=16), layout=layout)
+    make_shrm(size=16).save(tmp_path / "a.exr", layout=layout)
     data = (tmp_path / "a.exr").read_bytes()
     (tmp_path / "a.exr").write_bytes(data[: int(share * len(data))])
     refused(tmp_path / "a.exr", "damaged")
@@ -292,7 +292,7 @@ def test_truncated_files(tmp_path, layout, share):
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="no /proc to measure with")
 @pytest.mark.parametrize("layout", ["strip", "hcross", "vcross", "latlong"])
 def test_hostile_sizes_allocate_nothing(tmp_path, layout):
-    save(tmp_path / "a.exr", make_shrm(size=4), layout=layout)
+    make_shrm(size=4).save(tmp_path / "a.exr", layout=layout)
     data = (tmp_path / "a.exr").read_bytes()
     rows, columns = (2, 4) if layout == "latlong" else SHAPES[layout]
     paths = []

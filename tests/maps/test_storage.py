@@ -9,10 +9,12 @@ import pytest
 from shrm_cli.errors import OutputError
 from shrm_cli.files.image import write_images
 from shrm_cli.files.parts import choose_storage
-from shrm_cli.maps.file import open_map, store
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.size import total_error
+from shrm_cli.maps.stored import store
 from shrm_cli.prefilter import prefilter
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from tests.cli.helpers import done, run
 from tests.probe import scenes
 

@@ -8,7 +8,8 @@ import pytest
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_layout
 from shrm_cli.reference import Reference
 from tests.probe import scenes

@@ -17,8 +17,8 @@ import pytest
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe import image_file
 from shrm_cli.probe.lighting import project
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from shrm_cli.sphere.grid.cube import Cube
 from tests.probe import scenes
 
@@ -275,7 +275,7 @@ def test_nothing_is_printed_when_the_process_ends(tmp_path):
 import json, sys
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.lighting import project
 refused = 0
 for path in json.load(sys.stdin):

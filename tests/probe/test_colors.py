@@ -9,7 +9,8 @@ import pytest
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe import resample
 from shrm_cli.probe.icc import profile_primaries
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.vocabulary import PRIMARIES
 from tests.probe import scenes

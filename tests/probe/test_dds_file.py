@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests.probe import scenes
 
 SIZE = 8

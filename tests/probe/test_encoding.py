@@ -9,7 +9,7 @@ import pytest
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.icc import linear_curve
 from shrm_cli.probe.image_file import ImageFile
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import noise, run, write_exr
 from tests.probe import scenes

@@ -8,7 +8,7 @@ import pytest
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.image_file import ImageFile
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests.cli.helpers import assert_refused, done, run
 from tests.fuzz.exr_header import Attribute, parse
 from tests.probe import scenes

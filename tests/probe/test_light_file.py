@@ -10,8 +10,8 @@ from shrm_cli.errors import ProbeError
 from shrm_cli.probe import light_sum
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.make import latlong_solid_angles
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.sky import SUN_RADIUS, SUN_SOLID_ANGLE, sky, sun_radiance
 from shrm_cli.vocabulary import PRIMARIES
 from tests import oracles

@@ -7,8 +7,8 @@ import pytest
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe import pixels
 from shrm_cli.probe.lighting import Lighting, project
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from shrm_cli.progress import using
 from tests import oracles
 from tests.probe import scenes

@@ -14,7 +14,7 @@ import pytest
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests.probe import scenes
 
 pytestmark = pytest.mark.slow

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.probe import Probe
 from tests.probe import scenes
 
 WRONG = {

@@ -15,9 +15,10 @@ import pytest
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe import pixels as reading
 from shrm_cli.probe.lighting import project
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.pixels import PixelPolicy
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.probe import Probe
 from tests import oracles
 from tests.probe import scenes
 
@@ -422,7 +423,7 @@ MAKE = """
 MEASURE = """
     import sys
     from shrm_cli.probe.lighting import project
-    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.open import open_probe
     probe = open_probe(sys.argv[1])
     lighting = project(probe, 64)
     print(probe.sampling, probe.width, probe.height)

@@ -6,7 +6,7 @@ import pytest
 from shrm_cli.errors import ProbeError
 from shrm_cli.maps.file import open_map
 from shrm_cli.prefilter import prefilter
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.proxy import ProxyBox, carried
 from tests.cli.helpers import done, noise, write_exr
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.probe.probe import as_probe
+from shrm_cli.probe.open import as_probe
 from shrm_cli.probe.pyramid import Pyramid
 from shrm_cli.vocabulary import LUMINANCE
 from tests import brute_force

@@ -10,8 +10,8 @@ import pytest
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe import resample
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from shrm_cli.progress import using
 from shrm_cli.sphere.grid.angular import Angular
 from shrm_cli.sphere.grid.cube import Cube

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.probe import pixels, resample
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import coarse_probe, to_layout
 from shrm_cli.render.camera import Viewer, background_directions, background_rows
 from tests.probe import scenes

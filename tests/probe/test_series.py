@@ -9,8 +9,8 @@ import shrm_cli
 from shrm_cli.errors import ProbeError
 from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.probe.lighting import project
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from shrm_cli.sphere.quadrature import spiral_directions
 from tests import oracles
 

@@ -9,7 +9,8 @@ from shrm_cli.errors import ProbeError
 from shrm_cli.lights.light_files import light_file_text, usd_text
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from tests.brute_force import latlong_samples
 from tests.cli.helpers import assert_refused, run, write_exr
 

@@ -10,7 +10,8 @@ import pytest
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.prefilter import prefilter
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.mesh import MeshSubject
 from shrm_cli.render.perspective import Lens, aimed

@@ -4,8 +4,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sphere import render_background
 from tests import oracles

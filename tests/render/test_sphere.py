@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.files.image import write_image
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.render import sphere
 from shrm_cli.render.camera import Viewer, pixel_centers, sphere_coverage
 from shrm_cli.render.sphere import render_background, render_sphere

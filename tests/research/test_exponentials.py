@@ -16,7 +16,7 @@ from research.split_sum import (
     source_of,
 )
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.reference import Reference
 from shrm_cli.sphere.quadrature import spiral_directions
 from tests.conftest import ROOT

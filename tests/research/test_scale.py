@@ -78,26 +78,26 @@ def test_a_part_does_not_count_what_it_calls():
 
 
 def test_parts_add_up_to_the_whole_and_nothing_stays_wrapped(tmp_path):
-    from shrm_cli.maps import file as map_file
+    from shrm_cli.maps import stored
     from shrm_cli.prefilter import prefilter
     from shrm_cli.sphere import synthesis
 
-    before = map_file.store
+    before = stored.store
     totals = []
 
     def work():
         start = time.process_time()
         made = prefilter(ROOT / "probes" / "sky.exr", "microfacet:sigma=0.5", to="shrm", size=16)
-        map_file.store(tmp_path / "sky.exr", made)
+        stored.store(tmp_path / "sky.exr", made)
         totals.append(time.process_time() - start)
 
     found = seconds_of_parts(work, 1)
     assert tuple(found) == PARTS
     assert all(found[part] > 0 for part in ("read", "project", "couple", "synthesise", "write"))
     assert sum(found.values()) == pytest.approx(totals[-1], rel=0.02)
-    assert map_file.store is before
+    assert stored.store is before
     assert synthesis.synthesize_cube.__module__ == "shrm_cli.sphere.synthesis"
-    assert not hasattr(map_file.store, "__wrapped__")
+    assert not hasattr(stored.store, "__wrapped__")
 
 
 def simulated(load, probes, farm):

@@ -11,8 +11,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.rooms.bake import Gathering, bake
 from shrm_cli.rooms.emitters import Emitters
 from shrm_cli.rooms.grid import Lattice
-from shrm_cli.rooms.patches import Patches
-from shrm_cli.rooms.radiosity import Brightness
+from shrm_cli.rooms.radiosity import Brightness, Patches
 from tests.rooms import shapes
 
 

@@ -19,7 +19,7 @@ from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.irradiance.window import make_window, window_factors
 from shrm_cli.maps.size import Band
 from shrm_cli.orders import known_coefficients
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from shrm_cli.files.png import encode_srgb, write_png
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests.web import others, proofs, viewer
 from tests.web.browser import absent, launched, served
 

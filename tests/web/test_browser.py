@@ -7,7 +7,7 @@ import pytest
 
 from shrm_cli.export.engine import engine
 from shrm_cli.export.make import Asked, Source, export, write
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests.cli.helpers import ROOT
 from tests.probe import scenes
 from tests.web import proofs

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from research.bilinear import look_up
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.sphere.grid.cube import Cube
 from tests.web import letters

@@ -16,8 +16,9 @@ from shrm_cli.maps.info import record_of
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sphere import render_background, render_sphere

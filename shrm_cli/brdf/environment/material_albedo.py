@@ -24,7 +24,7 @@ _DENSE = 1e-4
 down to 0, however wide its lobe is."""
 
 
-def material_albedo(brdf: Brdf, cosines: ArrayLike, width: float | None = None) -> Array:
+def material_albedo(brdf: Brdf, cosines: ArrayLike) -> Array:
     """Integrate rho_hat of an isotropic BRDF over the hemisphere of the light.
 
     The nodes are doubled until nothing changes that counts, so that the integrals are exact to
@@ -34,8 +34,6 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike, width: float | None = None) 
     ----------
     cosines : array_like, shape (n,)
         N.V; values below 1e-5 count as 1e-5.
-    width : float, optional
-        That of its lobe, where it is known; see `MaterialLobe`.
 
     Returns
     -------
@@ -46,7 +44,7 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike, width: float | None = None) 
     BrdfError
         If the BRDF is one that `MaterialLobe` refuses.
     """
-    width = MaterialLobe(brdf).width if width is None else width
+    width = MaterialLobe(brdf).width
     view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
     count, most = _NODES
     found = _integrals(brdf, width, view, count)

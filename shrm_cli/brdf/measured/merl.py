@@ -81,7 +81,7 @@ class Merl(MeasuredBrdf):
         return cls(_pulled(cells)[..., :3], file_values(path))
 
     def above(self, light: Array, view: Array) -> Array:
-        i, j, k = half_difference(light, view)
+        i, j, k = _places(light, view)
         low_i, part_i = _split(np.clip(i, 0, CELLS[0] - 1), CELLS[0] - 2)
         low_j, part_j = _split(np.clip(j, 0, CELLS[1] - 1), CELLS[1] - 2)
         floor_k = np.floor(k)
@@ -98,18 +98,10 @@ class Merl(MeasuredBrdf):
         return total[:, :3]
 
 
-def half_difference(light: Array, view: Array) -> tuple[Array, Array, Array]:
-    """Compute where directions lie in the table, in indices that are whole at centers of cells.
+def _places(light: Array, view: Array) -> tuple[Array, Array, Array]:
+    """Where directions lie in the table: indices in theta_h, theta_d and phi_d, shape (...) each.
 
-    Parameters
-    ----------
-    light, view : ndarray, shape (..., 3)
-        Unit vectors in the frame of the normal, z = N.
-
-    Returns
-    -------
-    i, j, k : ndarray, shape (...)
-        Indices in theta_h, theta_d and phi_d; k is in -180.5 .. 179.5, and has the period 180.
+    They are whole at centers of cells. That in phi_d is in -180.5 .. 179.5, and has the period 180.
     """
     theta_h, theta_d, phi_d = half_angles(light, view)
     degrees = 180 / np.pi

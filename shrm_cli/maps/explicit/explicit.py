@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, ReflectionMap
+from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.messages import refuse_arguments
@@ -165,44 +165,6 @@ class ExplicitMap(ReflectionMap):
         return [{"shrm:view": tuple(map(float, view))} for view in cls.sample_views(count)]
 
     # ---- from and to other maps --------------------------------------------------------------
-
-    @classmethod
-    def from_map(
-        cls,
-        source: Map,
-        order_p: int | None = None,
-        frame: Frame | None = None,
-        slices: int | None = None,
-        views: int | None = None,
-        **options: Any,
-    ) -> Map:
-        """Make the map that tabulates another map.
-
-        Parameters
-        ----------
-        order_p : int, optional
-            The order P of the SHRM that is tabulated. By default it is the order that the source
-            has or determines. A sum of terms is tabulated as it is.
-        slices, views : int, optional
-            Samples along an axis of the view, as `view_count` takes them.
-
-        Raises
-        ------
-        MapError, ArgumentError
-            If the source has no such SHRM, the map would be too large, or an argument does not
-            apply.
-        """
-        from shrm_cli.maps.explicit.tabulate import tabulate_sum
-        from shrm_cli.maps.principal.principal import PrincipalMap
-        from shrm_cli.maps.shrm.summed import SummedShrm
-
-        refuse_arguments(f"explicit maps such as {cls.representation}", frame=frame, **options)
-        count = cls.view_count(slices, views)
-        is_sum = "+" in source.center
-        if isinstance(source, SummedShrm) or (isinstance(source, PrincipalMap) and is_sum):
-            refuse_arguments("a sum of terms", order_p=order_p)
-            return tabulate_sum(cls, source, count)
-        return cls.from_shrm(source.to_shrm(order_p, "global"), count)
 
     @classmethod
     def view_count(cls, slices: int | None = None, views: int | None = None) -> int | None:

@@ -9,7 +9,7 @@ from shrm_cli.files.parts import Part, StoredFile
 from shrm_cli.maps import registry
 from shrm_cli.maps.attributes import COLORS, common_header
 from shrm_cli.maps.explicit.explicit import ExplicitMap
-from shrm_cli.maps.file import StoredImage, image_channels
+from shrm_cli.maps.stored import StoredImage, image_channels
 
 
 def encode(explicit: ExplicitMap) -> list[Part]:

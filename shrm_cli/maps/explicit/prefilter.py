@@ -1,37 +1,50 @@
 """How explicit maps are made: from an SHRM, or by one integral for each texel and view."""
 
 from dataclasses import replace
-from typing import Any, cast
+from functools import partial
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 
+from shrm_cli import progress
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.expansion import shown_wrong_share
 from shrm_cli.maps.explicit.explicit import ExplicitMap
-from shrm_cli.maps.explicit.tabulate import tabulate
-from shrm_cli.maps.info import provenance
+from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines
+from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import (
-    Choice,
-    Form,
-    halved,
-    most_order_p,
-    refuse_large,
-)
-from shrm_cli.maps.shrm.prefilter import centered, expand, order_warnings
-from shrm_cli.maps.shrm.shrm import Shrm, from_expansion
+from shrm_cli.maps.shrm.budget import Choice, Form, halved, most_order_p, refuse_large
+from shrm_cli.maps.shrm.make import centered, expand, from_expansion, order_warnings
+from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import choose_size
+from shrm_cli.messages import refuse_arguments
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Projection, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
+from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.reflected import truncated_lobe_error
+from shrm_cli.sphere.cube import cube_directions
+from shrm_cli.sphere.directions import to_angles, views_around
+from shrm_cli.sphere.quadrature import spiral_directions
+from shrm_cli.vocabulary import Center, Frame, Sampling
+
+Kind = TypeVar("Kind", bound=ExplicitMap)
+
+_PAIRS = 4096
+"""The pairs of central directions and views at which the error of a tabulated sum is measured."""
+_AZIMUTHS = 32
+"""The azimuths of the view over which sums are averaged for maps that have none."""
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
@@ -52,6 +65,40 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         return replace(prefilter_angular(probe, request), notes=notes)
     made = prefilter_explicit(probe, request)
     return replace(made, notes=notes, warnings=(*order_warnings(made, request), *made.warnings))
+
+
+def converted(
+    source: Map,
+    to: str,
+    order_p: int | None = None,
+    frame: Frame | None = None,
+    slices: int | None = None,
+    views: int | None = None,
+    **options: Any,
+) -> Map:
+    """Make the map that tabulates another map; see `Map.converted`.
+
+    Parameters
+    ----------
+    order_p : int, optional
+        The order P of the SHRM that is tabulated. By default it is the order that the source
+        has or determines. A sum of terms is tabulated as it is.
+    slices, views : int, optional
+        Samples along an axis of the view, as `ExplicitMap.view_count` takes them.
+
+    Raises
+    ------
+    MapError, ArgumentError
+        If the source has no such SHRM, the map would be too large, or an argument does not apply.
+    """
+    kind = explicit_kind(to)
+    refuse_arguments(f"explicit maps such as {to}", frame=frame, **options)
+    count = kind.view_count(slices, views)
+    is_sum = "+" in source.center
+    if isinstance(source, SummedShrm) or (isinstance(source, PrincipalMap) and is_sum):
+        refuse_arguments("a sum of terms", order_p=order_p)
+        return tabulate_sum(kind, source, count)
+    return kind.from_shrm(source.to_shrm(order_p, "global"), count)
 
 
 def explicit_kind(representation: str) -> type[ExplicitMap]:
@@ -99,13 +146,8 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
     shrm = from_expansion(expansion, probe, request, dtype)
     made = explicit_kind(request.to).from_shrm(shrm, view_count(request))
 
-    def share() -> float | None:
-        # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.expansion import shown_wrong_share
-
-        return shown_wrong_share([expansion], made)
-
-    facts, further = {"error_bound": expansion.bound}, {"predicted_wrong_share": share}
+    facts = {"error_bound": expansion.bound}
+    further = {"predicted_wrong_share": partial(shown_wrong_share, [expansion], made)}
     return Prefiltered(made, facts, warnings=warnings, further=further)
 
 
@@ -188,3 +230,120 @@ def _tail_coefficients(brdf: Brdf, angle: float, whole: BrdfCoefficients) -> Brd
     They are small, so that an accuracy of one percent suffices.
     """
     return compute_coefficients(lobe_tail(brdf, angle), whole.order_f, whole.order_p, 1e-2)
+
+
+class Integral(Protocol):
+    """What `tabulate` needs of an integral in the angular domain, or of another map."""
+
+    def central_radiance(self, centers: Array, views: Array) -> Array:
+        """Evaluate the radiance for central directions and views.
+
+        Parameters
+        ----------
+        centers, views : ndarray, shape (..., 3), broadcastable
+            Unit vectors in world axes.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
+
+    def zonal_radiance(self, centers: Array, view_theta: float) -> Array:
+        """Average the radiance over the azimuth of the view about central directions.
+
+        Parameters
+        ----------
+        centers : ndarray, shape (..., 3)
+            Unit vectors in world axes.
+        view_theta : float
+            The angle between the view and the central direction, radians.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
+
+
+def tabulate(
+    kind: type[Kind],
+    integral: Integral,
+    center: Center,
+    info: MapInfo,
+    size: int,
+    view_count: int,
+    sampling: Sampling = "center",
+) -> Kind:
+    """Make an explicit map of a given kind, by one integral for each texel of each image.
+
+    Parameters
+    ----------
+    kind : type of ExplicitMap
+    center, info, sampling
+        Attributes of the map.
+    size : int
+        Texels along a face's edge.
+    view_count : int
+        Samples along an axis of the view.
+
+    Raises
+    ------
+    MapError
+        If the map would be too large.
+    """
+    count = kind.image_count(view_count)
+    kind.check_images(size, count)
+    images = np.empty((count, 3, 6 * size, size), dtype=np.float32)
+    texels = cube_directions(size, sampling)
+    for index, view in enumerate(kind.sample_views(count)):
+        if kind.frame == "local":
+            image = integral.zonal_radiance(texels, float(to_angles(view)[0]))
+        else:
+            image = integral.central_radiance(texels, view)
+        images[index] = np.moveaxis(image, -1, 0)
+        progress.report(index + 1, count)
+    return kind(images.transpose(0, 2, 3, 1), center, info, sampling)
+
+
+@record(eq=False)
+class _Sum:
+    """A sum of terms as `tabulate` takes it, over the mirror direction."""
+
+    terms: SummedShrm | PrincipalMap
+
+    def central_radiance(self, centers: Array, views: Array) -> Array:
+        return self.terms.central_radiance(centers, views)
+
+    def zonal_radiance(self, centers: Array, view_theta: float) -> Array:
+        around = views_around(centers, view_theta, _AZIMUTHS)
+        return np.mean([self.central_radiance(centers, views) for views in around], axis=0)
+
+
+def tabulate_sum(
+    kind: type[Kind], summed: SummedShrm | PrincipalMap, view_count: int | None = None
+) -> Kind:
+    """Tabulate a sum of terms as an explicit map over the mirror direction.
+
+    Parameters
+    ----------
+    kind : type of ExplicitMap
+    view_count : int, optional
+        Samples along an axis of the view; `ExplicitMap.default_view_count` of the largest P by
+        default.
+
+    Raises
+    ------
+    MapError
+        If the map would be too large.
+    """
+    if view_count is None:
+        view_count = kind.default_view_count(max(summed.info.order_p, 1))
+    made = tabulate(
+        kind, _Sum(summed), "reflection", summed.info, summed.size, view_count, summed.sampling
+    )
+    centers = spiral_directions(_PAIRS)
+    views = np.random.default_rng(0).permutation(centers)
+    exact = summed.central_radiance(centers, views)
+    error = np.sum((made.central_radiance(centers, views) - exact) ** 2)
+    added = np.sqrt(error / max(float(np.sum(exact**2)), 1e-300))
+    info = replace(summed.info, added_error=float(np.hypot(summed.info.added_error, added)))
+    return replace(made, info=info)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, ReflectionMap
+from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import Window
 from shrm_cli.maps.kinds import FixedMap
@@ -195,16 +195,6 @@ class Irradiance(FixedMap, ReflectionMap):
         """Return the map, which has no window yet, with its degrees times a window's factors."""
         windowed = window.apply(self.coefficients)
         return replace(self, coefficients=windowed, info=info, window=window)
-
-    @classmethod
-    def from_map(cls, source: Map, form: str | None = None, **options: Any) -> Map:
-        """Return a map in one of the forms of `maps.irradiance.zh3`; see `Map.converted`."""
-        found = super().from_map(source, **options)
-        if form is None or not isinstance(found, Irradiance):
-            return found
-        from shrm_cli.maps.irradiance.zh3 import in_form
-
-        return in_form(found, form)
 
     def mixed(self, matrix: Array, info: MapInfo) -> "Irradiance":
         """Return the map with other channels; see `maps.primaries`."""

@@ -11,13 +11,11 @@ from typing import Any
 import numpy as np
 
 from shrm_cli.brdf.models.lambertian import Lambertian
+from shrm_cli.maps.base import Map, unconverted
 from shrm_cli.maps.info import provenance
-from shrm_cli.maps.irradiance.irradiance import (
-    Irradiance,
-    irradiance_energies,
-    lambert_factors,
-)
+from shrm_cli.maps.irradiance.irradiance import Irradiance, irradiance_energies, lambert_factors
 from shrm_cli.maps.irradiance.window import make_window, parse_window
+from shrm_cli.maps.irradiance.zh3 import form_errors, in_form
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
@@ -72,13 +70,25 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     whole = Irradiance(lighting.coefficients[: (order_f + 1) ** 2], info, size, request.sampling)
     if form == "sh":
         return _windowed(whole, window)
-    from shrm_cli.maps.irradiance.zh3 import form_errors, in_form  # most maps need no form
-
     formed = in_form(whole, form)
     # Coefficients of degree 2 that are guessed from the others cannot be damped.
     is_free = window == "auto" and form == "zh3-hallucinated"
     made = _windowed(formed, "none" if is_free else window)
     return replace(made, facts={**made.facts, "form_errors": form_errors(whole, formed)})
+
+
+def converted(source: Map, to: str, form: str | None = None, **options: Any) -> Map:
+    """Return an irradiance map in one of the forms of `maps.irradiance.zh3`; see `Map.converted`.
+
+    Raises
+    ------
+    MapError, ArgumentError
+        If it is a map of another kind, or not of the order that the form needs.
+    """
+    found = unconverted(source, to, **options)
+    if form is None or not isinstance(found, Irradiance):
+        return found
+    return in_form(found, form)
 
 
 def _windowed(whole: Irradiance, spec: str) -> Prefiltered:

@@ -17,7 +17,6 @@ from shrm_cli.maps.base import Map, ReflectionMap
 from shrm_cli.maps.info import MapInfo, common_brdf
 from shrm_cli.maps.lamps.attribute import FORMAT, lamps_text
 from shrm_cli.maps.lamps.discs import LitDiscs, disc_records
-from shrm_cli.messages import refuse_arguments
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
@@ -181,12 +180,6 @@ class LampMap(ReflectionMap):
             f"{self.what} has lamps beside it, whose BRDF is in the primaries of the map; "
             "prefilter its probe with `working`"
         )
-
-    @classmethod
-    def from_map(cls, source: Map, **options: Any) -> Map:
-        """Return the map itself, for it is a form of none."""
-        refuse_arguments("a map with lamps", **options)
-        return source
 
     def encode(self) -> list[Part]:
         """Return the parts of the map within, the first of which says what lamps there are."""

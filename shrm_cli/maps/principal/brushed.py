@@ -28,13 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.brushed_transfer import (
-    Azimuths,
-    Waves,
-    azimuths_of,
-    wave_energies,
-    wave_values,
-)
+from shrm_cli.brdf.brushed_transfer import Azimuths, Waves, azimuths_of, wave_energies, wave_values
 from shrm_cli.maps.principal.about_center import orders_about
 from shrm_cli.maps.principal.functions import TABLE, Spectrum
 from shrm_cli.maps.principal.principal import Lobe, LookUp

@@ -11,10 +11,10 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import COLORS, common_header, shortest_values
-from shrm_cli.maps.file import StoredImage, image_channels
 from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.functions import MAX_Q, TABLE
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.maps.stored import StoredImage, image_channels
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
 
 _TABLES = "functions"
@@ -51,8 +51,7 @@ def encode(made: PrincipalMap) -> list[Part]:
             header |= {"name": f"lobe{k:02d}", "displayWindow": canvas}
         names = channels_of(lobe.cubes.shape[2])
         planes = lobe.cubes.reshape(*lobe.cubes.shape[:2], -1)
-        channels = {name: planes[..., index] for index, name in enumerate(names)}
-        parts.append(Part(channels, header))
+        parts.append(Part(image_channels(planes, names), header))
     return parts + tables
 
 

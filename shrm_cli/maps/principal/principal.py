@@ -26,7 +26,6 @@ from shrm_cli.maps.principal.about_center import orders_in_plane
 from shrm_cli.maps.principal.functions import MAX_Q, span_of
 from shrm_cli.maps.principal.selection import bundle_counts
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.shrm.summed import AZIMUTHS
 from shrm_cli.maps.size import check_size
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import (
@@ -36,13 +35,7 @@ from shrm_cli.sphere.cube import (
     nearest_texels,
     texel_directions,
 )
-from shrm_cli.sphere.directions import (
-    bisector,
-    central_directions,
-    horizontal_tangents,
-    to_angles,
-    views_around,
-)
+from shrm_cli.sphere.directions import bisector, central_directions, horizontal_tangents, to_angles
 from shrm_cli.sphere.harmonics import legendre_table
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames
@@ -372,19 +365,6 @@ class PrincipalMap(ReflectionMap):
         if len(self.lobes) == 1:
             return self.lobes[0].radiance(self._samplers[0], centers, views)
         return self.radiance(bisector(centers, views), views)
-
-    def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
-        """Average the radiance over the azimuth of the view about central directions.
-
-        Parameters
-        ----------
-        centers : array_like, shape (..., 3)
-            Unit vectors in world axes.
-        view_theta : float
-            The angle between the view and the central direction, radians.
-        """
-        around = views_around(centers, view_theta, AZIMUTHS)
-        return np.mean([self.central_radiance(centers, views) for views in around], axis=0)
 
     @cached_property
     def parts(self) -> tuple[tuple[Any, str], ...]:

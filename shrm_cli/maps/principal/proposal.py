@@ -20,7 +20,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.joint import brightness
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.prefiltered import Notes, Prefiltered
 from shrm_cli.maps.principal.brushed import BrushedLobe, BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q
 from shrm_cli.maps.principal.plan import Form, Planner
@@ -40,7 +40,6 @@ from shrm_cli.maps.principal.terms import (
 )
 from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import total_error
 from shrm_cli.orders import Orders
 from shrm_cli.plan.search import Candidate
@@ -91,9 +90,6 @@ class Proposal:
 
     def wrong_share(self) -> float:
         """Predict the share of what is visible whose luminance is wrong by more than 5 %."""
-        # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
-
         return predicted_wrong_share([(term.planner, term.form) for term in self.terms])
 
     def make(self, warnings: Sequence[str] = ()) -> Prefiltered:

@@ -18,6 +18,7 @@ from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes, read_numbers
 from shrm_cli.maps.product.product import LitProduct, ProductMap, ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
+from shrm_cli.maps.stored import image_channels
 from shrm_cli.vocabulary import MAX_PRODUCT_ORDER, MAX_PRODUCT_SIZE
 
 _LIGHTING = "lighting_coefficients"
@@ -54,8 +55,7 @@ def encode(made: ProductMap | LitProduct) -> list[Part]:
 def _part(texture: ProductTexture) -> Part:
     header = common_header(texture, 0)
     planes = texture.table.reshape(texture.size, texture.size, -1)
-    names = channel_names(texture.order, texture.channels)
-    return Part({name: planes[..., k] for k, name in enumerate(names)}, header)
+    return Part(image_channels(planes, channel_names(texture.order, texture.channels)), header)
 
 
 def _names(count: int) -> list[str]:

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, peek, write_parts
-from shrm_cli.maps.file import image_channels
 from shrm_cli.maps.shader.code import source_of
 from shrm_cli.maps.shader.language import harmless
 from shrm_cli.maps.shader.pages import arrange, drawn
+from shrm_cli.maps.stored import image_channels
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Precision
 

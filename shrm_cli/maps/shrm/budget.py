@@ -34,12 +34,7 @@ from shrm_cli.orders import Orders, choose_orders, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.records import record
 from shrm_cli.reflected import predicted_error
-from shrm_cli.vocabulary import (
-    DEFAULT_MAX_SIZE,
-    MAX_ORDER_P,
-    MIN_CUBE_SIZE,
-    Sampling,
-)
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, MAX_ORDER_P, MIN_CUBE_SIZE, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.plan.search import Row
@@ -212,69 +207,7 @@ def map_errors(
     )
 
 
-def within_error(
-    light: Projection,
-    brdf: Brdf,
-    error: float,
-    max_size: int,
-    size: int | None = None,
-    sampling: Sampling = "center",
-) -> tuple[Choice, BrdfCoefficients, bool]:
-    """Choose the map of the fewest bytes whose error of the reflected light is small enough.
-
-    Parameters
-    ----------
-    error : float
-        The relative RMS error that orders, bilinear look-ups and half precision may make together.
-    max_size : int
-        The most bytes of the map.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-
-    Returns
-    -------
-    choice : Choice
-        The best map that fits, where none keeps the error.
-    coefficients : BrdfCoefficients
-        The coefficients of the BRDF, to at least the orders of the choice.
-    is_met : bool
-        Whether the error is kept.
-
-    Raises
-    ------
-    ArgumentError
-        If no map fits.
-    BrdfError, ProbeError
-        If the BRDF or the probe cannot be used.
-    """
-    eps = _sufficient_tolerance(error)
-    coefficients = sufficient_coefficients(brdf, error, max_size, size)
-    lighting = light.to_order(coefficients.order_f)
-
-    from shrm_cli.plan.search import fewest_bytes  # plain runs search nothing
-
-    made = shrm_rows(lighting, coefficients, eps, max_size, size, sampling)
-    found = fewest_bytes(made, error)
-    if found is None:
-        raise nothing_fits(size)
-    return found[0].choice, coefficients, found[1]
-
-
-def sufficient_coefficients(
-    brdf: Brdf, error: float, max_size: int, size: int | None = None
-) -> BrdfCoefficients:
-    """Compute the coefficients that tell the errors of SHRMs which keep an error or nearly do.
-
-    Parameters
-    ----------
-    brdf, error, max_size, size
-        The same as for `within_error`.
-    """
-    eps, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)
-    return choose_orders(brdf, eps, most_p=most_p)[1]
-
-
-def _sufficient_tolerance(error: float) -> float:
+def sufficient_tolerance(error: float) -> float:
     """Return the part of a BRDF's energy that may be unknown for an error of the light.
 
     Real light fades towards high degrees.
@@ -312,8 +245,10 @@ def shrm_rows(
         The light, to at least the order of the coefficients.
     eps : float
         The fraction of the BRDF's energy that F, which is only stated, may miss.
-    max_size, size, sampling
-        The same as for `within_error`.
+    max_size : int
+        The most bytes of the map.
+    size : int, optional
+        Texels along a face's edge, where they are given.
     most_p : int
         The largest P in any case.
     """

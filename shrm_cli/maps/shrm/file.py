@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +14,9 @@ from shrm_cli.files.parts import Part, StoredFile
 from shrm_cli.maps.attributes import COLORS, common_header, options_text, shortest_values
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import MAX_VALUES
+from shrm_cli.maps.stored import StoredImage, image_channels
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.file import StoredImage
     from shrm_cli.maps.shrm.compressed import CompressedShrm
     from shrm_cli.maps.shrm.summed import SummedShrm
 
@@ -60,7 +59,8 @@ def encode(shrm: Shrm | CompressedShrm | SummedShrm) -> list[Part]:
 
 
 def _encode_plain(shrm: Shrm) -> Part:
-    channels = _channels(coefficient_channels(shrm.order_p), shrm.coefficients)
+    (planes,) = shrm.planes()
+    channels = image_channels(planes, coefficient_channels(shrm.order_p))
     if shrm.azimuth_free:
         zonal = coefficient_channels(shrm.order_p, zonal=True)
         channels = {name: channels[name] for name in zonal}
@@ -70,7 +70,8 @@ def _encode_plain(shrm: Shrm) -> Part:
 def _encode_compressed(shrm: CompressedShrm) -> Part:
     rows = [shortest_values(row) for row in shrm.matrix]
     header = common_header(shrm, shrm.order_p) | {"shrm:pca_matrix": json.dumps(rows)}
-    return Part(_channels(component_channels(shrm.cube_count), shrm.components), header)
+    (planes,) = shrm.planes()
+    return Part(image_channels(planes, component_channels(shrm.cube_count)), header)
 
 
 def _encode_sum(summed: SummedShrm) -> list[Part]:
@@ -95,12 +96,6 @@ def _encode_sum(summed: SummedShrm) -> list[Part]:
     ]
 
 
-def _channels(names: Sequence[str], values: Array) -> dict[str, Array]:
-    """Return the planes of values, shape (6N, N, maps, 3), by the names of their channels."""
-    flat = [values[..., index, k] for index in range(values.shape[2]) for k in range(3)]
-    return dict(zip(names, flat, strict=True))
-
-
 def decode(file: StoredFile) -> Shrm | CompressedShrm | SummedShrm:
     """Read the SHRM that a file holds.
 
@@ -110,7 +105,6 @@ def decode(file: StoredFile) -> Shrm | CompressedShrm | SummedShrm:
         If parts, channels or attributes are missing or contradict each other, or if there are too
         many coefficients to load.
     """
-    from shrm_cli.maps.file import StoredImage
     from shrm_cli.maps.shrm.summed import SummedShrm
 
     if len(file.parts) == 1:

@@ -14,9 +14,10 @@ from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.maps.expansion import carry, predicted_wrong_share
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import Tried, shrm_rows, sufficient_coefficients
-from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.maps.shrm.budget import Tried, most_order_p, shrm_rows, sufficient_tolerance
+from shrm_cli.maps.shrm.make import prefilter_shrm
 from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, stored_bytes
+from shrm_cli.orders import choose_orders
 from shrm_cli.plan.search import Candidate, Row, fewest_bytes
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.records import record
@@ -67,20 +68,29 @@ class ShrmProposals:
         sampling: Sampling = "center",
     ) -> "ShrmProposals":
         """Compute the coefficients that maps of about an error need, within a number of bytes."""
-        coefficients = sufficient_coefficients(brdf, error, max_size, size)
-        return cls(light, brdf, coefficients, size, sampling)
+        eps, most_p = sufficient_tolerance(error), most_order_p(max_size, size)
+        return cls(light, brdf, choose_orders(brdf, eps, most_p=most_p)[1], size, sampling)
 
-    def rows(self, max_size: int, most_p: int = MAX_ORDER_P) -> Iterator[Row[Tried]]:
-        """Yield the SHRMs that fit into a number of bytes, and have at most a P, by their size."""
+    def rows(
+        self, max_size: int, most_p: int = MAX_ORDER_P, eps: float = DEFAULT_EPS
+    ) -> Iterator[Row[Tried]]:
+        """Yield the SHRMs that fit into a number of bytes, and have at most a P, by their size.
+
+        Their F, which is only stated, may miss a part `eps` of the BRDF's energy.
+        """
         lighting = self.light.to_order(self.coefficients.order_f)
         return shrm_rows(
-            lighting, self.coefficients, DEFAULT_EPS, max_size, self.size, self.sampling, most_p
+            lighting, self.coefficients, eps, max_size, self.size, self.sampling, most_p
         )
 
-    def least(self, error: float, max_size: int, most_p: int = MAX_ORDER_P) -> Tried | None:
-        """Return the SHRM of the fewest bytes that keeps an error, or the best one that fits."""
-        found = fewest_bytes(self.rows(max_size, most_p), error)
-        return None if found is None else found[0]
+    def least(
+        self, error: float, max_size: int, eps: float = DEFAULT_EPS
+    ) -> tuple[Tried, bool] | None:
+        """Return the SHRM of the fewest bytes that keeps an error, or the best one that fits.
+
+        The second of the two is whether it keeps the error; None where no map fits.
+        """
+        return fewest_bytes(self.rows(max_size, eps=eps), error)
 
     def fits(self, max_size: int) -> bool:
         """Tell whether any map fits into a number of bytes."""

@@ -9,20 +9,17 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, Memo
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, ReflectionMap
+from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.size import check_size, choose_size
-from shrm_cli.memo import Memo
-from shrm_cli.messages import refuse_arguments
-from shrm_cli.progress import tell_time_left
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels, texel_directions
 from shrm_cli.sphere.directions import bisector, central_directions, local_frame, to_angles
@@ -30,23 +27,10 @@ from shrm_cli.sphere.harmonics import degrees, harmonic_planes, order_of, real_h
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
-if TYPE_CHECKING:
-    from shrm_cli.maps.expansion import Expansion
-    from shrm_cli.maps.request import Request
-    from shrm_cli.probe.probe import Probe
-
-
 _TEXELS_AT_ONCE = 2**14
 """The number of texels whose coefficients `Shrm.to_frame` rotates at a time."""
 _VALUES_AT_ONCE = 2**25
 """The number of values that `second_moments` takes at a time, as doubles of 256 MB."""
-
-# Seconds of one processor for each series, that is a coefficient map of one colour, measured from
-# F = 36 to 320 and P = 2 to 28. The time of the series and of their texels grows with the cube of
-# the order F + P, and that of packing with the number of values.
-_COUPLING, _MOST_TERMS = 6e-10, 10  # for each term of order P; sums over rings replace many
-_SYNTHESIS = 3e-9
-_STORED_VALUE = 1.5e-7
 
 
 @record(eq=False)
@@ -231,50 +215,8 @@ class Shrm(ReflectionMap):
             )
         return self.truncated(order_p).to_frame(frame or self.frame)
 
-    @classmethod
-    def from_map(
-        cls,
-        source: Map,
-        order_p: int | None = None,
-        frame: Frame | None = None,
-        compress: int | float | None = None,
-        **options: Any,
-    ) -> Map:
-        """Return the SHRM that another map holds or that fits it best, compressed if that is asked.
-
-        Parameters
-        ----------
-        order_p : int, optional
-            The order P of the SHRM; that of the source by default.
-        frame : {"global", "local"}, optional
-            The frame of the SHRM; local by default if the source is a local SHRM, else global.
-        compress : int or float, optional
-            How far the SHRM is compressed, as `shrm_cli.maps.shrm.compressed.compressed` takes it.
-
-        Raises
-        ------
-        MapError, ArgumentError
-            If the source has no such SHRM, or an argument does not apply.
-        """
-        from shrm_cli.maps.shrm.compressed import compressed
-
-        refuse_arguments("an SHRM", **options)
-        is_local = source.representation == "shrm" and source.frame == "local"
-        own: Frame = "local" if is_local else "global"
-        return compressed(source.to_shrm(order_p, frame or own), compress)
-
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance, filtered between texels.
-
-        Parameters
-        ----------
-        normals, views : array_like, shape (..., 3), broadcastable
-            Unit vectors in world axes; views point to the viewer.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-        """
+        """Evaluate the reflected radiance, filtered between texels; see `Map.radiance`."""
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
         return self.central_radiance(central_directions(self.center, normals, views), views)
 
@@ -402,59 +344,3 @@ def _zonal_coefficients(
     stacked = planes.reshape(order_p + 1, 3, 6 * size, size)
     result[:, :, zonal] = stacked.transpose(2, 3, 0, 1)
     return result
-
-
-def from_expansion(
-    expansion: Expansion,
-    probe: Probe,
-    request: Request,
-    dtype: type = np.float32,
-) -> Shrm:
-    """Make the SHRM of an expansion.
-
-    Parameters
-    ----------
-    probe : Probe
-        The probe of the expansion's light.
-    request : Request
-        It says the frame and the sampling.
-    dtype : type
-        As `Shrm.from_coefficients` takes it.
-    """
-    from shrm_cli.maps.info import provenance  # whoever reads maps needs none
-
-    orders, brdf = expansion.orders, expansion.brdf
-    tell_time_left(making_seconds(expansion.carried, orders.order_p, expansion.size))
-    info = replace(
-        provenance(probe, brdf, orders),
-        predicted_error=expansion.error,
-        filter_error=expansion.filter_error(request.sampling),
-        carried=expansion.carried,
-    )
-    return Shrm.from_coefficients(
-        expansion.lighting.coefficients,
-        expansion.kept, brdf.center, info, expansion.size, request.frame, request.sampling, dtype,
-    )  # fmt: skip
-
-
-def making_seconds(order_f: int, order_p: int, size: int) -> float:
-    """Estimate the seconds until an SHRM is made and written.
-
-    Parameters
-    ----------
-    order_f : int
-        The order F to which the light is carried.
-    order_p : int
-        The order P.
-    size : int
-        Texels along a face's edge.
-
-    Returns
-    -------
-    float
-        Within a factor of 2 where the rates were measured, if no other work is going on there.
-    """
-    series = 3 * (order_p + 1) ** 2
-    coupling = _COUPLING * min(order_p, _MOST_TERMS)
-    made = series * (order_f + order_p) ** 3 * (coupling + _SYNTHESIS)
-    return made + series * 6 * size**2 * _STORED_VALUE

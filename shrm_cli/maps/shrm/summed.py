@@ -17,11 +17,8 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import look_up_error
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles
-from shrm_cli.sphere.directions import bisector, views_around
+from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import Frame, Sampling
-
-AZIMUTHS = 32
-"""The number of azimuths of the view over which `zonal_radiance` of sums averages."""
 
 
 def _stating(
@@ -171,20 +168,3 @@ class SummedShrm(ReflectionMap):
     def rough_radiance(self, reflections: Array, views: Array) -> Array:
         """Evaluate the radiance at the nearest texels."""
         return np.sum([term.rough_radiance(reflections, views) for term in self.terms], axis=0)
-
-    def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
-        """Average the radiance over the azimuth of the view about mirror directions.
-
-        Parameters
-        ----------
-        centers : array_like, shape (..., 3)
-            The mirror directions, unit vectors in world axes.
-        view_theta : float
-            The angle between the view and the mirror direction, radians.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-        """
-        around = views_around(centers, view_theta, AZIMUTHS)
-        return np.mean([self.central_radiance(centers, views) for views in around], axis=0)

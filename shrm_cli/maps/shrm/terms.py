@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.sums import split
 from shrm_cli.errors import ArgumentError, BrdfError
-from shrm_cli.maps.expansion import Expansion, carry
+from shrm_cli.maps.expansion import Expansion, carry, map_wrong_share
 from shrm_cli.maps.info import provenance
 from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.prefiltered import Prefiltered
@@ -23,7 +24,8 @@ from shrm_cli.maps.shrm.budget import (
     shortfall,
 )
 from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
-from shrm_cli.maps.shrm.shrm import Shrm, from_expansion
+from shrm_cli.maps.shrm.make import from_expansion
+from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
@@ -282,15 +284,8 @@ def prefilter_terms(plan: Plan, dtype: type = np.float32) -> Prefiltered:
     warnings = (*remarks, *([] if missed is None else [missed]))
     made = SummedShrm(tuple(maps), info)
 
-    def share() -> float | None:
-        # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.expansion import predicted_wrong_share, shown_wrong_share
-
-        if info.added_error:  # compression adds errors of its own
-            return shown_wrong_share(expansions, made)
-        return predicted_wrong_share(expansions)
-
-    facts, further = {"error_bound": bound}, {"predicted_wrong_share": share}
+    facts = {"error_bound": bound}
+    further = {"predicted_wrong_share": partial(map_wrong_share, expansions, made)}
     return Prefiltered(made, facts, warnings=warnings, further=further)
 
 

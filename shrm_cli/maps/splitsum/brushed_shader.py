@@ -4,9 +4,9 @@ The taps need nothing but ``shrm_light(d, roughness)``, so that engines with lev
 use them; `taps_code` writes them alone.
 """
 
-from shrm_cli.brdf.environment.equal_roughness import TURNS
 from shrm_cli.brdf.environment.taps import LEAST_FITTED, polynomials
 from shrm_cli.maps.shader.language import Language
+from shrm_cli.maps.splitsum.brushed import TURNS
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _HEAD = """\

@@ -18,7 +18,7 @@ from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.environment.material_albedo import MaterialAlbedo
-from shrm_cli.brdf.spec import parse_recorded
+from shrm_cli.brdf.library import parse_recorded
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo, record_of, spec_of
 from shrm_cli.maps.kinds import LightMap, Shaded
@@ -178,7 +178,7 @@ class SplitSum(LightMap):
             return self.given
         info = self.level_info[-1]
         try:
-            return parse_recorded(spec_of(info.brdf), lambda term: None, info.chromaticities)
+            return parse_recorded(spec_of(info.brdf), primaries=info.chromaticities)
         except BrdfError as error:
             raise MapError(
                 f"{self.what} of {spec_of(info.brdf)}, which cannot be evaluated ({error})"

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array, Indices
-from shrm_cli.memo import Memo
+from shrm_cli.arrays import Array, Indices, Memo
 from shrm_cli.sphere.cube import catmull_rom, texel_index
 from shrm_cli.sphere.double_fourier import harmonics_from_moments
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler

@@ -5,11 +5,7 @@ import pytest
 
 from shrm_cli.brdf.base import Brdf, Parameter, grey
 from shrm_cli.brdf.environment.environment_brdf import columns_table, environment_brdf
-from shrm_cli.brdf.environment.material_albedo import (
-    MaterialAlbedo,
-    albedo_table,
-    material_albedo,
-)
+from shrm_cli.brdf.environment.material_albedo import MaterialAlbedo, albedo_table, material_albedo
 from shrm_cli.brdf.spec import parse_spec
 
 COSINES = np.array([2e-4, 0.01, 0.06, 0.2, 0.45, 0.8, 1.0])

@@ -7,9 +7,9 @@ from shrm_cli.brdf.measured.merl import write_merl
 from shrm_cli.brdf.measured.table import sample_table, write_table
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.maps.shrm.make import prefilter_shrm
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests.brdf.measured.goniometer_files import write_goniometer
 from tests.cli.helpers import write_exr
 from tests.maps.shrm.test_predicted_error import reduced

@@ -5,9 +5,9 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.maps.shrm.make import prefilter_shrm
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.reference import Reference
 from tests import brute_force
 from tests.cli.helpers import write_exr

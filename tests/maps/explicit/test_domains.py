@@ -7,7 +7,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.maps.explicit.prefilter import prefilter_angular, prefilter_explicit
 from shrm_cli.maps.request import Request
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.sphere.cube import cube_solid_angles
 from tests import oracles
 from tests.cli.helpers import polynomial_light, write_exr

@@ -14,7 +14,7 @@ from shrm_cli.errors import OutputError
 from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
-from shrm_cli.maps.file import is_map, open_map, save
+from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from tests.cli.helpers import process
 from tests.maps.damage import refused, survives_flipped_bits
@@ -78,7 +78,7 @@ def damaged(tmp_path):
     """Write a sound map with its parts changed by a function."""
 
     def write(name, change):
-        save(tmp_path / "sound.exr", make(name))
+        make(name).save(tmp_path / "sound.exr")
         return write_parts(tmp_path / "damaged.exr", change(parts(tmp_path / "sound.exr")))
 
     return write
@@ -91,7 +91,7 @@ def damaged(tmp_path):
 @pytest.mark.parametrize("name", MAKERS)
 def test_float_is_read_back_exactly(tmp_path, name, sampling):
     made = make(name, size=3, sampling=sampling, center="normal")
-    assert save(tmp_path / "a.exr", made, "float") == "float"
+    assert made.save(tmp_path / "a.exr", "float") == "float"
     back = open_map(tmp_path / "a.exr")
     assert type(back) is type(made)
     np.testing.assert_array_equal(stored_values(back), stored_values(made).astype(np.float32))
@@ -108,7 +108,7 @@ def test_float_is_read_back_exactly(tmp_path, name, sampling):
 @pytest.mark.parametrize("name", MAKERS)
 def test_half_is_read_back_to_its_precision(tmp_path, name):
     made = make(name)
-    assert save(tmp_path / "a.exr", made) == "half"
+    assert made.save(tmp_path / "a.exr") == "half"
     back = open_map(tmp_path / "a.exr")
     np.testing.assert_allclose(stored_values(back), stored_values(made), rtol=5e-4, atol=1e-7)
     assert np.abs(stored_values(back) - stored_values(made)).max() > 0
@@ -119,7 +119,7 @@ def test_half_is_read_back_to_its_precision(tmp_path, name):
 @pytest.mark.parametrize("frame", ["global", "local"])
 def test_frames_of_compressed_maps(tmp_path, frame):
     made = make("compressed", frame=frame)
-    save(tmp_path / "a.exr", made, "float")
+    made.save(tmp_path / "a.exr", "float")
     assert open_map(tmp_path / "a.exr").frame == frame
 
 
@@ -133,7 +133,7 @@ def test_what_a_map_remembers_is_read_back(tmp_path, name):
         domain="angular",
         chromaticities=P3,
     )
-    save(tmp_path / "a.exr", replace(make(name), info=info))
+    replace(make(name), info=info).save(tmp_path / "a.exr")
     back = open_map(tmp_path / "a.exr").info
     assert back == replace(info, chromaticities=back.chromaticities)
     assert back.chromaticities == pytest.approx(P3, rel=1e-6)
@@ -145,9 +145,9 @@ def test_one_precision_for_all_parts(tmp_path, name):
     made = make(name)
     stored_values(made)[-1, 0, 0, 0] = 1e6
     with pytest.raises(OutputError, match="overflows half"):
-        save(tmp_path / "a.exr", made, "half")
+        made.save(tmp_path / "a.exr", "half")
     assert list(tmp_path.iterdir()) == []
-    assert save(tmp_path / "a.exr", made) == "float"
+    assert made.save(tmp_path / "a.exr") == "float"
     for _, channels in parts(tmp_path / "a.exr"):
         assert {pixels.dtype for pixels in channels.values()} == {np.dtype(np.float32)}
 
@@ -155,7 +155,7 @@ def test_one_precision_for_all_parts(tmp_path, name):
 @pytest.mark.parametrize("name", FOUR)
 def test_bytes_are_the_same_each_time(tmp_path, name):
     for file in "ab":
-        save(tmp_path / f"{file}.exr", make(name, size=8))
+        make(name, size=8).save(tmp_path / f"{file}.exr")
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
@@ -164,7 +164,7 @@ def test_bytes_are_the_same_each_time(tmp_path, name):
 def test_light_fields_in_half_hold_the_shrm(tmp_path, order_p, t):
     """At the default T = 10 P: rounding averages out over the many images."""
     shrm = make_shrm(order_p=order_p, size=8, dtype=np.float32)
-    assert save(tmp_path / "a.exr", LightField.from_shrm(shrm)) == "half"
+    assert LightField.from_shrm(shrm).save(tmp_path / "a.exr") == "half"
     stored = open_map(tmp_path / "a.exr")
     assert stored.count == t**2
     back = stored.to_shrm()
@@ -182,7 +182,7 @@ def test_the_least_light_fields_hold_the_shrm(tmp_path, order_p):
     shrm = make_shrm(order_p=order_p, size=8, dtype=np.float32)
     made = LightField.from_shrm(shrm, 2 * order_p + 1)
     for precision, most in (("float", 1e-6), ("half", 2e-4)):
-        save(tmp_path / "a.exr", made, precision)
+        made.save(tmp_path / "a.exr", precision)
         back = open_map(tmp_path / "a.exr").to_shrm()
         assert relative_rms(back.coefficients, shrm.coefficients) < most
 
@@ -205,7 +205,7 @@ def expected_views(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_names_of_parts_and_channels(tmp_path, name):
-    save(tmp_path / "a.exr", make(name))
+    make(name).save(tmp_path / "a.exr")
     found = parts(tmp_path / "a.exr")
     assert [header["name"] for header, _ in found] == NAMES[name]
     for header, channels in found:
@@ -217,7 +217,7 @@ def test_names_of_parts_and_channels(tmp_path, name):
 @pytest.mark.parametrize("name", NAMES)
 def test_images_are_in_their_parts(tmp_path, name):
     made = make(name)
-    save(tmp_path / "a.exr", made, "float")
+    made.save(tmp_path / "a.exr", "float")
     for image, (_, channels) in zip(made.images, parts(tmp_path / "a.exr"), strict=True):
         stacked = np.stack([channels[c] for c in "RGB"], axis=-1)
         np.testing.assert_array_equal(stacked, image.astype(np.float32))
@@ -225,7 +225,7 @@ def test_images_are_in_their_parts(tmp_path, name):
 
 def test_channels_of_compressed_maps(tmp_path):
     made = make("compressed")
-    save(tmp_path / "a.exr", made, "float")
+    made.save(tmp_path / "a.exr", "float")
     [(header, channels)] = parts(tmp_path / "a.exr")
     assert channels.keys() == {f"pc{k:03d}.{c}" for k in range(4) for c in "RGB"}
     for k in range(4):
@@ -238,7 +238,7 @@ def test_channels_of_compressed_maps(tmp_path):
 
 def test_cabral_views(tmp_path):
     """The twelve permutations of (0, +-1, +-golden) around the axes, one each."""
-    save(tmp_path / "a.exr", make("cabral"))
+    make("cabral").save(tmp_path / "a.exr")
     found = np.array([header["shrm:view"] for header, _ in parts(tmp_path / "a.exr")])
     corners = [np.roll((0, a, b * GOLDEN), k) for a in (1, -1) for b in (1, -1) for k in range(3)]
     expected = np.array(corners) / np.hypot(1, GOLDEN)
@@ -249,14 +249,14 @@ def test_cabral_views(tmp_path):
 
 @pytest.mark.parametrize("name", ["lightfield", "lightfield of 1"])
 def test_light_field_views(tmp_path, name):
-    save(tmp_path / "a.exr", make(name))
+    make(name).save(tmp_path / "a.exr")
     found = [header["shrm:view"] for header, _ in parts(tmp_path / "a.exr")]
     np.testing.assert_allclose(found, expected_views(name), atol=1e-6)
 
 
 @pytest.mark.parametrize(("name", "count"), [("kautz-mccool", 4), ("kautz-mccool of 101", 101)])
 def test_kautz_mccool_angles(tmp_path, name, count):
-    save(tmp_path / "a.exr", make(name))
+    make(name).save(tmp_path / "a.exr")
     found = [header["shrm:theta_o"] for header, _ in parts(tmp_path / "a.exr")]
     np.testing.assert_allclose(found, np.linspace(0, np.pi, count), rtol=1e-6)
     assert all("shrm:view" not in header for header, _ in parts(tmp_path / "a.exr"))
@@ -268,7 +268,7 @@ def test_attributes_are_on_every_part(tmp_path, name, sampling):
     """For OpenEXR, and for OpenImageIO, which calls parts subimages."""
     made = make(name, sampling=sampling)
     made = replace(made, info=replace(made.info, fit_residual=0.5, domain="angular"))
-    save(tmp_path / "a.exr", made)
+    made.save(tmp_path / "a.exr")
     expected = {
         "shrm:representation": made.representation,
         "shrm:frame": "local" if "kautz" in name else "global",
@@ -312,7 +312,7 @@ def test_the_order_of_parts_is_that_of_their_names(tmp_path, damaged):
 
 @pytest.mark.parametrize("name", FOUR)
 def test_is_map(tmp_path, name):
-    save(tmp_path / "a.exr", make(name))
+    make(name).save(tmp_path / "a.exr")
     assert is_map(tmp_path / "a.exr")
 
 
@@ -353,7 +353,7 @@ def test_renamed_parts(damaged, name, other):
 @pytest.mark.parametrize("name", ["cabral", "kautz-mccool", "lightfield"])
 def test_duplicate_parts(tmp_path, name):
     """No library writes them: the name is changed in the file."""
-    save(tmp_path / "a.exr", make(name))
+    make(name).save(tmp_path / "a.exr")
     data = (tmp_path / "a.exr").read_bytes()
     first, second = (
         b"name\0string\0" + struct.pack("<i", len(part)) + part.encode() for part in NAMES[name][:2]
@@ -489,7 +489,7 @@ def test_values_must_be_finite(damaged, name, value):
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.6, 0.9, 0.999])
 @pytest.mark.parametrize("name", FOUR)
 def test_truncated_files(tmp_path, name, share):
-    save(tmp_path / "a.exr", make(name, size=16))
+    make(name, size=16).save(tmp_path / "a.exr")
     data = (tmp_path / "a.exr").read_bytes()
     (tmp_path / "a.exr").write_bytes(data[: int(share * len(data))])
     refused(tmp_path / "a.exr", "damaged")
@@ -574,7 +574,7 @@ def test_wrong_attributes(damaged, name, attribute, value):
 @pytest.mark.parametrize("name", FOUR)
 def test_damage_anywhere_is_survived(tmp_path, name):
     """It gives a map or a MapError, and nothing else."""
-    save(tmp_path / "a.exr", make(name, size=2))
+    make(name, size=2).save(tmp_path / "a.exr")
     survives_flipped_bits(tmp_path / "a.exr", 500, seed=5)
 
 
@@ -597,7 +597,7 @@ for path in sys.argv[1:]:
 @pytest.mark.parametrize("name", FOUR)
 def test_hostile_sizes_allocate_nothing(tmp_path, name):
     """Headers that claim huge images, in every part."""
-    save(tmp_path / "a.exr", make(name))
+    make(name).save(tmp_path / "a.exr")
     data = (tmp_path / "a.exr").read_bytes()
     paths = []
     for width, height in ((512, 3072), (2048, 12288), (4096, 24576), (100_000, 600_000)):
@@ -622,7 +622,7 @@ def test_parts_that_are_many_and_large_together(tmp_path):
     """Black images compress to little: 400 of 1024 texels would be 30 GB."""
     path = tmp_path / "a.exr"
     made = make("lightfield", size=2)
-    save(path, replace(made, images=np.zeros((400, 12, 2, 3), np.float32)))
+    replace(made, images=np.zeros((400, 12, 2, 3), np.float32)).save(path)
     data = bytearray(path.read_bytes())
     for window in (b"dataWindow\0box2i\0", b"displayWindow\0box2i\0"):
         at = data.find(window)

@@ -7,11 +7,11 @@ import OpenEXR
 import pytest
 
 from shrm_cli.files.parts import Part, open_file, write_parts
-from shrm_cli.maps.file import Arrangement
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.file import decode, encode
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.irradiance.window import Window
+from shrm_cli.maps.stored import Arrangement
 from tests import oracles
 from tests.brute_force import unit
 from tests.maps import damage

@@ -21,7 +21,7 @@ from shrm_cli.maps.irradiance.irradiance import (
 )
 from shrm_cli.maps.irradiance.window import Window, window_factors
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.reflected import predicted_error
 from tests import oracles
 from tests.brute_force import unit

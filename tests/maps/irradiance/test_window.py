@@ -18,7 +18,7 @@ from shrm_cli.maps.irradiance.window import (
     parse_window,
     window_factors,
 )
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.sky import sky
 from shrm_cli.sphere.extremes import degree_values, low_places, lowest, series_values
 from tests import oracles

@@ -9,7 +9,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.irradiance.shader import irradiance_snippet
@@ -150,7 +150,7 @@ def test_light_without_a_side():
 @pytest.mark.parametrize("form", FORMS)
 def test_files(tmp_path, light, form):
     made = prefilter(light, form=form).map
-    save(tmp_path / "a.exr", made)
+    made.save(tmp_path / "a.exr")
     found = open_map(tmp_path / "a.exr")
     assert isinstance(found, Zh3)
     assert found.form == form
@@ -176,7 +176,7 @@ def test_files(tmp_path, light, form):
 )
 def test_damaged_files(tmp_path, light, name, value):
     path = str(tmp_path / "a.exr")
-    save(path, prefilter(light, form="zh3").map)
+    prefilter(light, form="zh3").map.save(path)
     with OpenEXR.File(path, separate_channels=True) as file:
         header, channels = dict(file.header()), dict(file.channels())
         channels = {key: each.pixels.copy() for key, each in channels.items()}
@@ -191,7 +191,7 @@ def test_damaged_files(tmp_path, light, name, value):
 def test_a_form_of_an_unknown_type_is_refused(tmp_path, light):
     """OpenImageIO gives its bytes, as an array, which is neither true nor false."""
     path = tmp_path / "a.exr"
-    save(path, prefilter(light, form="zh3").map)
+    prefilter(light, form="zh3").map.save(path)
     data = path.read_bytes()
     assert b"shrm:form\0string\0" in data
     path.write_bytes(data.replace(b"shrm:form\0string\0", b"shrm:form\0^tring\0"))

@@ -8,7 +8,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.brushed_transfer import azimuths_of, compute_brushed_transfer, wave_energies
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.principal.about_center import cone_rule
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.prefilter import prefilter, prefilter_with_facts
@@ -103,14 +103,14 @@ def test_the_predicted_error_is_that_of_any_tangents(room, brdf, options):
 @pytest.mark.proof
 def test_files_hold_lobes_with_and_without_brush_marks(room, tmp_path):
     made = prefilter(room, SUM, to="principal", maps=12)
-    save(tmp_path / "sum.exr", made, "float")
+    made.save(tmp_path / "sum.exr", "float")
     again = open_map(tmp_path / "sum.exr")
     assert [lobe.is_brushed for lobe in again.lobes] == [False, True]
     points = surfaces(200)
     found = again.brushed_radiance(*points)
     np.testing.assert_allclose(found, made.brushed_radiance(*points), rtol=1e-4, atol=1e-6)
     for layout in ("strip", "latlong"):
-        save(tmp_path / "other.exr", made, layout=layout)
+        made.save(tmp_path / "other.exr", layout=layout)
         other = open_map(tmp_path / "other.exr").brushed_radiance(*points)
         assert relative_rms(other, found) < (0.02 if layout == "latlong" else 2e-3)
 
@@ -131,7 +131,7 @@ def test_what_cannot_hold_them_is_refused(room):
 )
 def test_wrong_waves_are_refused(tmp_path, waves):
     path = tmp_path / "map.exr"
-    save(path, PrincipalMap((brushed_lobe(1, [(0, 0), (2, 0)]),), make_info(4, 3)))
+    PrincipalMap((brushed_lobe(1, [(0, 0), (2, 0)]),), make_info(4, 3)).save(path)
     with OpenEXR.File(str(path), separate_channels=True) as file:
         file.parts[0].header["shrm:waves"] = waves
         file.write(str(path))
@@ -140,7 +140,7 @@ def test_wrong_waves_are_refused(tmp_path, waves):
 
 def test_damaged_files_are_refused(tmp_path):
     path = tmp_path / "map.exr"
-    save(path, PrincipalMap((brushed_lobe(1, [(0, 0), (2, 0)]),), make_info(4, 3)))
+    PrincipalMap((brushed_lobe(1, [(0, 0), (2, 0)]),), make_info(4, 3)).save(path)
     survives_flipped_bits(path, 150)
 
 
@@ -148,7 +148,7 @@ def test_damaged_files_are_refused(tmp_path):
 def test_half_keeps_dim_light(room, tmp_path):
     dim = Probe.from_array(lit_room() * np.float32(1e-8))
     made = prefilter(dim, GGX, to="principal", maps=4)
-    assert save(tmp_path / "dim.exr", made) == "float"
+    assert made.save(tmp_path / "dim.exr") == "float"
 
 
 @pytest.mark.proof

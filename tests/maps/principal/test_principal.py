@@ -11,7 +11,7 @@ from research.looked_up import looked_up
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import ArgumentError, MapError
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.principal import functions
 from shrm_cli.maps.principal import terms as principal_terms
@@ -370,7 +370,7 @@ def stored(request, room, tmp_path_factory):
     spec = "0.5*lambertian+0.5*ggx:roughness=0.6" if request.param == "two" else SPECS["metal"]
     made = prefilter(room, spec, to="principal", maps=7, size=16, divide=request.param == "divided")
     path = tmp_path_factory.mktemp("principal") / "map.exr"
-    save(path, made, "float")
+    made.save(path, "float")
     return made, path
 
 
@@ -390,7 +390,7 @@ def test_files_hold_the_map(stored):
 
 def test_layouts(stored, tmp_path):
     made, _ = stored
-    save(tmp_path / "cross.exr", made, "float", "hcross", "gl")
+    made.save(tmp_path / "cross.exr", "float", "hcross", "gl")
     again = open_map(tmp_path / "cross.exr")
     points = uniform_points(50)
     np.testing.assert_allclose(again.radiance(*points), made.radiance(*points), rtol=1e-3)
@@ -409,7 +409,7 @@ def test_layouts(stored, tmp_path):
 def test_wrong_attributes_are_refused(room, tmp_path, name, value):
     made = prefilter(room, SPECS["metal"], to="principal", maps=1)
     path = tmp_path / "map.exr"
-    save(path, made, "float")
+    made.save(path, "float")
     with OpenEXR.File(str(path)) as file:
         header, channels = file.header(), file.channels()
         header[name] = value

@@ -12,7 +12,7 @@ from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import TRIED_SIZES, total_error
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.probe.probe import as_probe
+from shrm_cli.probe.open import as_probe
 from tests.cli.helpers import ROOT
 
 MOST = 2_000_000

@@ -8,7 +8,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.product.product import ProductTexture
 from tests.maps.damage import refused, survives_flipped_bits
@@ -34,7 +34,7 @@ def parts(path):
 @pytest.mark.parametrize("order", [0, 2, 4])
 def test_what_is_written_comes_back(tmp_path, channels, lit, order):
     made = texture(channels, lit, order)
-    assert save(tmp_path / "x.exr", made) == "half"
+    assert made.save(tmp_path / "x.exr") == "half"
     found = open_map(tmp_path / "x.exr")
     assert found.info == replace(made.info, captured=pytest.approx(0.9), eps=0.1)
     if lit:
@@ -45,8 +45,8 @@ def test_what_is_written_comes_back(tmp_path, channels, lit, order):
 
 
 def test_channels_have_the_names_of_the_conventions(tmp_path):
-    save(tmp_path / "grey.exr", texture())
-    save(tmp_path / "color.exr", texture(3))
+    texture().save(tmp_path / "grey.exr")
+    texture(3).save(tmp_path / "color.exr")
     assert sorted(parts(tmp_path / "grey.exr")[1]) == [f"sh{k:03d}" for k in range(9)]
     colored = sorted(f"sh{k:03d}.{c}" for k in range(9) for c in "RGB")
     assert sorted(parts(tmp_path / "color.exr")[1]) == colored
@@ -65,7 +65,7 @@ def test_channels_have_the_names_of_the_conventions(tmp_path):
     ],
 )
 def test_lying_attributes_are_refused(tmp_path, attributes, words):
-    save(tmp_path / "sound.exr", texture(lit=True))
+    texture(lit=True).save(tmp_path / "sound.exr")
     header, channels = parts(tmp_path / "sound.exr")
     path = tmp_path / "lying.exr"
     OpenEXR.File({**header, **attributes}, channels).write(str(path))
@@ -73,7 +73,7 @@ def test_lying_attributes_are_refused(tmp_path, attributes, words):
 
 
 def test_missing_channels_and_odd_shapes_are_refused(tmp_path):
-    save(tmp_path / "sound.exr", texture())
+    texture().save(tmp_path / "sound.exr")
     header, channels = parts(tmp_path / "sound.exr")
     channels.pop("sh004")
     OpenEXR.File(header, channels).write(str(tmp_path / "missing.exr"))
@@ -86,7 +86,7 @@ def test_missing_channels_and_odd_shapes_are_refused(tmp_path):
 
 
 def test_what_is_not_finite_is_refused(tmp_path):
-    save(tmp_path / "sound.exr", texture())
+    texture().save(tmp_path / "sound.exr")
     header, channels = parts(tmp_path / "sound.exr")
     channels["sh003"][2, 2] = np.nan
     OpenEXR.File(header, channels).write(str(tmp_path / "nan.exr"))
@@ -94,10 +94,10 @@ def test_what_is_not_finite_is_refused(tmp_path):
 
 
 def test_flipped_bits(tmp_path):
-    save(tmp_path / "x.exr", texture(lit=True))
+    texture(lit=True).save(tmp_path / "x.exr")
     survives_flipped_bits(tmp_path / "x.exr", 300)
 
 
 def test_a_texture_is_no_cube(tmp_path):
     with pytest.raises(MapError, match="OpenEXR's cube only"):
-        save(tmp_path / "x.exr", texture(), layout="latlong")
+        texture().save(tmp_path / "x.exr", layout="latlong")

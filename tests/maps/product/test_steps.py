@@ -9,7 +9,7 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.product.prefilter import product_texture, varying_values
 from shrm_cli.maps.product.steps import ENOUGH, MOST_STEPS, chosen_values
 from shrm_cli.maps.product.varying import VaryingProduct
@@ -120,7 +120,7 @@ def test_files_from_before_are_read(folder, monkeypatch):
     """They do not tell the error, and their values are evenly spaced."""
     old = VaryingProduct.of([texture(), texture()], "a", [0, 1])
     monkeypatch.setattr(VaryingProduct, "variation", lambda _: {"parameter": "a", "values": [0, 1]})
-    save("old.exr", old)
+    old.save("old.exr")
     assert open_map("old.exr").step_error == 0
 
 

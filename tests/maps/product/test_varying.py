@@ -8,7 +8,7 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, MapError
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.product.prefilter import product_texture, varying_texture
 from shrm_cli.maps.product.varying import VaryingProduct
 from tests import brute_force
@@ -83,7 +83,7 @@ def test_interpolation_is_near_the_truth_of_a_value_between(made, points):
 @pytest.mark.parametrize("lit", [False, True])
 def test_what_is_written_comes_back(tmp_path, made, lit):
     map_ = made.lit(light()) if lit else made
-    save(tmp_path / "x.exr", map_, "float")
+    map_.save(tmp_path / "x.exr", "float")
     found = open_map(tmp_path / "x.exr")
     assert found.summary()["lit"] is lit
     if lit:
@@ -96,7 +96,7 @@ def test_what_is_written_comes_back(tmp_path, made, lit):
 
 
 def test_parts_under_several_lights_are_refused(tmp_path, made):
-    save(tmp_path / "x.exr", made.lit(light()))
+    made.lit(light()).save(tmp_path / "x.exr")
     with OpenEXR.File(str(tmp_path / "x.exr"), separate_channels=True) as file:
         headers = [{k: v for k, v in part.header.items() if k != "channels"} for part in file.parts]
         headers[1].pop("shrm:lighting_coefficients")
@@ -118,7 +118,7 @@ def test_parts_under_several_lights_are_refused(tmp_path, made):
 )  # fmt: skip
 def test_lying_attributes_are_refused(tmp_path, varying):
     two = VaryingProduct.of([texture(), texture()], "a", [0, 1])
-    save(tmp_path / "x.exr", two)
+    two.save(tmp_path / "x.exr")
     with OpenEXR.File(str(tmp_path / "x.exr"), separate_channels=True) as file:
         headers = [{k: v for k, v in part.header.items() if k != "channels"} for part in file.parts]
         written = [

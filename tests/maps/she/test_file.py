@@ -8,10 +8,10 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import MapError, OutputError
-from shrm_cli.maps.file import is_map, open_map, save
+from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
-from tests.maps.damage import refused, survives_flipped_bits
+from tests.maps.damage import parts, refused, survives_flipped_bits, writer_of_damage
 
 INFO = MapInfo(
     64, 0, 0.03, 1.0, 0.0, {"name": "ggx", "parameters": {}}, "p.exr", "ab" * 32, fit_residual=0.125
@@ -29,38 +29,18 @@ def random_map(order_p=4, order_q=2, info=INFO, **changes):
     return replace(made, **changes)
 
 
-def parts(path):
-    """Header and channels that OpenEXR finds."""
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        assert len(file.parts) == 1
-        header = {name: value for name, value in file.header().items() if name != "channels"}
-        return header, {name: channel.pixels for name, channel in file.channels().items()}
-
-
 @pytest.fixture
 def damaged(tmp_path):
-    """Write a sound map with its header and channels changed; None removes."""
-    save(tmp_path / "sound.exr", random_map())
-    header, channels = parts(tmp_path / "sound.exr")
-
-    def write(attributes=None, planes=None):
-        path = tmp_path / "damaged.exr"
-        changed = {**header, **(attributes or {})}, {**channels, **(planes or {})}
-        kept = [{k: v for k, v in part.items() if v is not None} for part in changed]
-        if planes:
-            for name in ("dataWindow", "displayWindow"):
-                kept[0].pop(name)
-        OpenEXR.File(*kept).write(str(path))
-        return path
-
-    return write
+    """Writes a sound map with its header and channels changed; None removes."""
+    random_map().save(tmp_path / "sound.exr")
+    return writer_of_damage(tmp_path / "sound.exr")
 
 
 @pytest.mark.parametrize(("order_p", "order_q"), [(4, 2), (0, 0), (3, 0), (0, 3), (16, 16)])
 @pytest.mark.parametrize("law", ["lobe", "paper"])
 def test_what_is_read_is_what_was_written(tmp_path, order_p, order_q, law):
     made = random_map(order_p, order_q, law=law)
-    assert save(tmp_path / "a.exr", made) == "float"
+    assert made.save(tmp_path / "a.exr") == "float"
     back = open_map(tmp_path / "a.exr")
     assert isinstance(back, SphericalHarmonicExponential)
     np.testing.assert_array_equal(back.p_coefficients, made.p_coefficients.astype(np.float32))
@@ -73,7 +53,7 @@ def test_what_is_read_is_what_was_written(tmp_path, order_p, order_q, law):
 
 def test_the_row_is_p_then_q(tmp_path):
     made = random_map()
-    save(tmp_path / "a.exr", made)
+    made.save(tmp_path / "a.exr")
     header, channels = parts(tmp_path / "a.exr")
     assert set(channels) == set("RGB")
     for k, c in enumerate("RGB"):
@@ -100,13 +80,13 @@ def test_the_row_is_p_then_q(tmp_path):
 
 def test_the_range_is_the_number_that_it_was(tmp_path):
     """0.04 and not 0.0399999991059303, which a 32-bit float would be as a double."""
-    save(tmp_path / "a.exr", random_map(ggx_alpha=(0.04, 0.81)))
+    random_map(ggx_alpha=(0.04, 0.81)).save(tmp_path / "a.exr")
     assert open_map(tmp_path / "a.exr").ggx_alpha == (0.04, 0.81)
 
 
 def test_half_where_it_is_asked_for(tmp_path):
     made = random_map()
-    assert save(tmp_path / "a.exr", made, "half") == "half"
+    assert made.save(tmp_path / "a.exr", "half") == "half"
     np.testing.assert_array_equal(
         open_map(tmp_path / "a.exr").p_coefficients, made.p_coefficients.astype(np.float16)
     )
@@ -114,17 +94,17 @@ def test_half_where_it_is_asked_for(tmp_path):
 
 def test_bytes_are_the_same_each_time(tmp_path):
     for name in "ab":
-        save(tmp_path / f"{name}.exr", random_map())
+        random_map().save(tmp_path / f"{name}.exr")
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
 def test_other_layouts_and_values_that_cannot_be_held(tmp_path):
     with pytest.raises(MapError, match="OpenEXR's cube only"):
-        save(tmp_path / "a.exr", random_map(), layout="strip", orientation="gl")
+        random_map().save(tmp_path / "a.exr", layout="strip", orientation="gl")
     broken = random_map()
     broken.p_coefficients[3, 1] = np.nan
     with pytest.raises(OutputError, match="not finite"):
-        save(tmp_path / "a.exr", broken)
+        broken.save(tmp_path / "a.exr")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -182,7 +162,7 @@ def test_wrong_frames(damaged, name, value):
 
 
 def test_it_has_one_part(tmp_path):
-    save(tmp_path / "a.exr", random_map())
+    random_map().save(tmp_path / "a.exr")
     header, channels = parts(tmp_path / "a.exr")
     both = [OpenEXR.Part({**header, "name": name}, channels) for name in "ab"]
     OpenEXR.File(both).write(str(tmp_path / "b.exr"))
@@ -191,5 +171,5 @@ def test_it_has_one_part(tmp_path):
 
 def test_every_flipped_byte_is_survived(tmp_path):
     """Damage anywhere gives a map or a MapError, and nothing else."""
-    save(tmp_path / "a.exr", random_map(2, 1))
+    random_map(2, 1).save(tmp_path / "a.exr")
     survives_flipped_bits(tmp_path / "a.exr", 400)

@@ -12,7 +12,7 @@ from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent
 from shrm_cli.maps.she.prefilter import Problem, fit_exponent, fit_logarithm
 from shrm_cli.maps.she.reflectance import sample_reflectance
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests.brute_force import unit
 from tests.oracles import real_harmonics
 

@@ -13,8 +13,8 @@ from shrm_cli.brdf.environment.environment_brdf import environment_brdf
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.she.reflectance import sample_reflectance
 from shrm_cli.probe.lighting import project
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
-from shrm_cli.probe.probe import open_probe
 from tests import ggx, oracles
 from tests.cli.helpers import environment, polynomial_light, write_exr
 from tests.makers import prefilter_exponential
@@ -297,7 +297,7 @@ def test_threads_change_nothing_but_rounding(smooth):
     """In processes of their own: a pool's size is set when numpy is loaded."""
     code = (
         "import sys; from tests.makers import prefilter_exponential as prefilter;"
-        "from shrm_cli.probe.probe import open_probe;"
+        "from shrm_cli.probe.open import open_probe;"
         "made = prefilter(open_probe(sys.argv[1])).map;"
         "print(*map(repr, made.coefficients.ravel().tolist()))"
     )

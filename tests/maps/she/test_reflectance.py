@@ -7,7 +7,7 @@ import pytest
 
 from shrm_cli.maps.she.reflectance import sample_reflectance
 from shrm_cli.probe.lighting import Lighting, project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from tests import ggx, oracles
 
 RINGS = 4, 3, 1

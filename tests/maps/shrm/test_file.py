@@ -13,11 +13,11 @@ import pytest
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.image import write_image
 from shrm_cli.maps.attributes import VERSION
-from shrm_cli.maps.file import is_map, open_map, save
+from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from tests.cli.helpers import process
-from tests.maps.damage import refused, survives_flipped_bits
+from tests.maps.damage import parts, refused, survives_flipped_bits, writer_of_damage
 
 P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
 INFO = MapInfo(
@@ -38,27 +38,11 @@ def random_map(frame="global", sampling="center", order_p=2, size=5, info=INFO, 
     return Shrm(values, frame, "reflection", info, sampling)
 
 
-def parts(path):
-    """Header and channels that OpenEXR finds."""
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        header = {name: value for name, value in file.header().items() if name != "channels"}
-        return header, {name: channel.pixels for name, channel in file.channels().items()}
-
-
 @pytest.fixture
 def damaged(tmp_path):
-    """Write a sound map with its header and channels changed; None removes."""
-    save(tmp_path / "sound.exr", random_map())
-    header, channels = parts(tmp_path / "sound.exr")
-
-    def write(attributes=None, planes=None):
-        path = tmp_path / "damaged.exr"
-        changed = {**header, **(attributes or {})}, {**channels, **(planes or {})}
-        kept = [{k: v for k, v in part.items() if v is not None} for part in changed]
-        OpenEXR.File(*kept).write(str(path))
-        return path
-
-    return write
+    """Writes a sound map with its header and channels changed; None removes."""
+    random_map().save(tmp_path / "sound.exr")
+    return writer_of_damage(tmp_path / "sound.exr")
 
 
 @pytest.mark.parametrize("sampling", ["center", "border"])
@@ -66,7 +50,7 @@ def damaged(tmp_path):
 @pytest.mark.parametrize("order_p", [0, 2, 5])
 def test_float_is_read_back_exactly(tmp_path, frame, sampling, order_p):
     made = random_map(frame, sampling, order_p)
-    assert save(tmp_path / "a.exr", made, "float") == "float"
+    assert made.save(tmp_path / "a.exr", "float") == "float"
     back = open_map(tmp_path / "a.exr")
     np.testing.assert_array_equal(back.coefficients, made.coefficients.astype(np.float32))
     assert (back.frame, back.center, back.sampling) == (frame, "reflection", sampling)
@@ -75,7 +59,7 @@ def test_float_is_read_back_exactly(tmp_path, frame, sampling, order_p):
 
 def test_half_is_read_back_to_its_precision(tmp_path):
     made = random_map(size=16)
-    assert save(tmp_path / "a.exr", made) == "half"
+    assert made.save(tmp_path / "a.exr") == "half"
     back = open_map(tmp_path / "a.exr").coefficients
     np.testing.assert_allclose(back, made.coefficients, rtol=2e-3, atol=1e-7)
     assert np.abs(back - made.coefficients).max() > 0
@@ -86,7 +70,7 @@ def test_what_a_map_remembers_is_read_back(tmp_path, chromaticities):
     info = MapInfo(
         11, 2, 0.03, 0.972359, 0.0491997, INFO.brdf, "prö be.exr", "ab" * 32, chromaticities
     )
-    save(tmp_path / "a.exr", random_map(info=info))
+    random_map(info=info).save(tmp_path / "a.exr")
     back = open_map(tmp_path / "a.exr").info
     found = back.chromaticities
     assert back == MapInfo(**{**vars(info), "chromaticities": found})
@@ -97,7 +81,7 @@ def test_what_a_map_remembers_is_read_back(tmp_path, chromaticities):
 def test_azimuth_free_local_maps_hold_only_q_0(tmp_path):
     made = random_map("local", order_p=3)
     made.coefficients[:, :, [k for k in range(16) if k not in (0, 2, 6, 12)]] = 0
-    save(tmp_path / "a.exr", made, "float")
+    made.save(tmp_path / "a.exr", "float")
     expected = {f"sh{k:03d}.{c}" for k in (0, 2, 6, 12) for c in "RGB"}
     assert parts(tmp_path / "a.exr")[1].keys() == expected
     back = open_map(tmp_path / "a.exr")
@@ -109,12 +93,12 @@ def test_the_same_zeros_in_the_global_frame_are_kept(tmp_path):
     made = random_map(order_p=1)
     made.coefficients[:, :, 1] = 0
     made.coefficients[:, :, 3] = 0
-    save(tmp_path / "a.exr", made)
+    made.save(tmp_path / "a.exr")
     assert len(parts(tmp_path / "a.exr")[1]) == 12
 
 
 def test_index_has_three_digits(tmp_path):
-    save(tmp_path / "a.exr", random_map(order_p=10, size=4))
+    random_map(order_p=10, size=4).save(tmp_path / "a.exr")
     channels = parts(tmp_path / "a.exr")[1]
     assert {"sh000.R", "sh009.G", "sh099.B", "sh120.R"} <= channels.keys()
     assert len(channels) == 3 * 121
@@ -122,14 +106,14 @@ def test_index_has_three_digits(tmp_path):
 
 def test_high_orders_have_more_channels_than_the_library_expects(tmp_path):
     made = random_map(order_p=20, size=4)
-    save(tmp_path / "a.exr", made, "float")
+    made.save(tmp_path / "a.exr", "float")
     found = open_map(tmp_path / "a.exr").coefficients
     np.testing.assert_array_equal(found, made.coefficients.astype(np.float32))
 
 
 def test_bytes_are_the_same_each_time(tmp_path):
     for name in "ab":
-        save(tmp_path / f"{name}.exr", random_map(size=64))
+        random_map(size=64).save(tmp_path / f"{name}.exr")
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
@@ -148,7 +132,7 @@ def test_precision_follows_the_range(tmp_path, scale, precision, expected):
     made = random_map()
     made.coefficients[:] = 0.0
     made.coefficients[3, 2, 1, 0] = scale
-    assert save(tmp_path / "a.exr", made, precision) == expected
+    assert made.save(tmp_path / "a.exr", precision) == expected
     back = open_map(tmp_path / "a.exr").coefficients
     assert np.isfinite(back).all()
     assert back[3, 2, 1, 0] == pytest.approx(scale, rel=1e-3)
@@ -167,7 +151,7 @@ def test_values_that_cannot_be_held_leave_no_file(tmp_path, value, precision, wo
     made = random_map()
     made.coefficients[1, 1, 1, 1] = value
     with pytest.raises(OutputError, match=words):
-        save(tmp_path / "a.exr", made, precision)
+        made.save(tmp_path / "a.exr", precision)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -268,7 +252,7 @@ def test_coefficients_must_be_finite(damaged, value):
 
 
 def test_shape_must_be_a_cube(tmp_path):
-    save(tmp_path / "sound.exr", random_map())
+    random_map().save(tmp_path / "sound.exr")
     header, channels = parts(tmp_path / "sound.exr")
     for name in ("dataWindow", "displayWindow"):
         del header[name]
@@ -279,7 +263,7 @@ def test_shape_must_be_a_cube(tmp_path):
 
 @pytest.mark.parametrize("part", [0.0, 0.01, 0.3, 0.6, 0.9, 0.999])
 def test_truncated_files(tmp_path, part):
-    save(tmp_path / "a.exr", random_map(size=32))
+    random_map(size=32).save(tmp_path / "a.exr")
     data = (tmp_path / "a.exr").read_bytes()
     (tmp_path / "a.exr").write_bytes(data[: int(part * len(data))])
     refused(tmp_path / "a.exr", "damaged")
@@ -287,7 +271,7 @@ def test_truncated_files(tmp_path, part):
 
 def test_every_flipped_byte_is_survived(tmp_path):
     """Damage anywhere gives a map or a MapError, and nothing else."""
-    save(tmp_path / "a.exr", random_map(order_p=1, size=4))
+    random_map(order_p=1, size=4).save(tmp_path / "a.exr")
     survives_flipped_bits(tmp_path / "a.exr", 400)
 
 
@@ -296,7 +280,7 @@ def test_every_flipped_byte_is_survived(tmp_path):
 @pytest.mark.parametrize("size", [1024, 4096, 5000, 200_000])
 def test_hostile_sizes_allocate_nothing(tmp_path, size):
     """A header that claims a huge image; getrusage would count what the child inherits."""
-    save(tmp_path / "a.exr", random_map())
+    random_map().save(tmp_path / "a.exr")
     data = bytearray((tmp_path / "a.exr").read_bytes())
     for name in (b"dataWindow\0box2i\0", b"displayWindow\0box2i\0"):
         struct.pack_into(
@@ -338,7 +322,7 @@ def test_a_pipe_is_refused_at_once(tmp_path):
 
 
 def test_is_map(tmp_path):
-    save(tmp_path / "map.exr", random_map())
+    random_map().save(tmp_path / "map.exr")
     write_image(tmp_path / "image.exr", np.ones((2, 4, 3)))
     (tmp_path / "text.exr").write_text("no image")
     assert is_map(tmp_path / "map.exr")
@@ -348,7 +332,7 @@ def test_is_map(tmp_path):
 
 def test_library_errors_are_not_left_for_the_end(tmp_path):
     """OpenImageIO prints errors that nobody fetched when the process ends."""
-    save(tmp_path / "a.exr", random_map(size=32))
+    random_map(size=32).save(tmp_path / "a.exr")
     data = (tmp_path / "a.exr").read_bytes()
     (tmp_path / "cut.exr").write_bytes(data[: len(data) // 2])
     (tmp_path / "text.exr").write_text("no image")
@@ -395,7 +379,7 @@ def test_image_is_written_whole(tmp_path):
 
 def test_print_options_of_numpy_change_no_file(tmp_path):
     with np.printoptions(precision=2):
-        save(tmp_path / "one.exr", random_map())
+        random_map().save(tmp_path / "one.exr")
         read = open_map(tmp_path / "one.exr")
     assert read.info.eps == open_map(tmp_path / "one.exr").info.eps
     with np.printoptions(legacy="1.13"):

@@ -8,10 +8,11 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.maps.shrm.make import prefilter_shrm
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from tests import brute_force
 from tests.cli.helpers import ROOT
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from shrm_cli.maps.shrm.shrm import making_seconds
+from shrm_cli.maps.shrm.make import making_seconds
 from tests.cli.helpers import run
 
 
@@ -22,7 +22,7 @@ def test_large_cubes_take_the_time_of_their_texels():
 
 @pytest.mark.parametrize(("seconds", "is_said"), [(2.4, False), (12.4, True)])
 def test_what_takes_long_is_said_once_on_a_terminal(probe, monkeypatch, seconds, is_said):
-    monkeypatch.setattr("shrm_cli.maps.shrm.shrm.making_seconds", lambda *orders: seconds)
+    monkeypatch.setattr("shrm_cli.maps.shrm.make.making_seconds", lambda *orders: seconds)
     arguments = "prefilter", probe, "--brdf", "phong", "--size", 8, "--force"
     line = "prefiltering takes about 12 s more"
     assert run(*arguments, terminal=True).err.count(line) == is_said

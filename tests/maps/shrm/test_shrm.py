@@ -9,7 +9,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import MapError
 from shrm_cli.maps.explicit.cabral import Cabral
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
@@ -108,7 +108,7 @@ def test_frames_convert_back_and_forth(case):
 def test_half_file_read_back(case, tmp_path):
     rng, lighting, coefficients = case
     shrm = Shrm.from_coefficients(lighting, coefficients, "reflection", INFO, size=8)
-    assert save(tmp_path / "a.exr", shrm) == "half"
+    assert shrm.save(tmp_path / "a.exr") == "half"
     back = open_map(tmp_path / "a.exr")
     normals, views = unit(rng, 300), unit(rng, 300)
     expected = shrm.radiance(normals, views)

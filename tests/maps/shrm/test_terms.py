@@ -7,16 +7,16 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import parse_sum
 from shrm_cli.errors import MapError
-from shrm_cli.maps.explicit.tabulate import tabulate_sum
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.explicit.prefilter import tabulate_sum
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.maps.shrm.make import prefilter_shrm
 from shrm_cli.maps.shrm.terms import _truncation_error, plan_terms, prefilter_terms
 from shrm_cli.orders import choose_center
 from shrm_cli.plan import policy
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.reflected import predicted_error
 from tests import brute_force, oracles
 from tests.cli.helpers import ROOT, polynomial_light, write_exr
@@ -125,7 +125,7 @@ def test_terms_of_more_coefficients_stay_one_map(smooth):
 def test_files_hold_all_terms(smooth, tmp_path):
     made = whole_sum(smooth)
     path = tmp_path / "sum.exr"
-    save(path, made, "float")
+    made.save(path, "float")
     with OpenEXR.File(str(path)) as file:
         names = [part.header["name"] for part in file.parts]
         centers = [part.header["shrm:center"] for part in file.parts]
@@ -155,7 +155,7 @@ def test_a_smaller_sum_says_what_all_its_terms_lost(tmp_path, smooth, sizes):
     """Measured, also of what was made smaller, written, read and made smaller again."""
     found = whole = whole_sum(smooth)
     for size in sizes:
-        save(tmp_path / "small.exr", found.resampled(size), "float")
+        found.resampled(size).save(tmp_path / "small.exr", "float")
         found = open_map(tmp_path / "small.exr")
     _, normals, views = pairs(20000)
     expected = whole.radiance(normals, views)
@@ -191,13 +191,13 @@ def test_a_sum_as_an_explicit_map(smooth, representation):
 def test_layouts_of_sums_are_refused(smooth, tmp_path):
     made = whole_sum(smooth)
     with pytest.raises(MapError, match="cube only"):
-        save(tmp_path / "x.exr", made, layout="strip")
+        made.save(tmp_path / "x.exr", layout="strip")
 
 
 def test_renamed_parts_are_refused(smooth, tmp_path):
     made = whole_sum(smooth)
     path = tmp_path / "sum.exr"
-    save(path, made)
+    made.save(path)
     with OpenEXR.File(str(path), separate_channels=True) as file:
         parts = [
             OpenEXR.Part({**part.header, "name": f"part{k}"}, part.channels)

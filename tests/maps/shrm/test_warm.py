@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from shrm_cli.memo import Memo
+from shrm_cli.arrays import Memo
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 

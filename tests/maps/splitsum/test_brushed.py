@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.environment.environment_brdf import lobe_moments
-from shrm_cli.brdf.environment.equal_roughness import equal_roughness
 from shrm_cli.brdf.environment.taps import taps
-from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
+from shrm_cli.maps.splitsum.brushed import BrushedSplitSum, equal_roughness
 from shrm_cli.maps.splitsum.roughness import blend, level_numbers, level_roughnesses
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, TAP_COUNTS

@@ -23,7 +23,7 @@ from shrm_cli.maps.splitsum.roughness import (
 )
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.reflected import predicted_error
 from shrm_cli.sphere.cube import cube_directions
 from tests.brute_force import unit

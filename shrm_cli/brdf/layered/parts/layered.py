@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Self
 
 from shrm_cli.brdf.base import Brdf, Parameter, Value, inside, value_text
+from shrm_cli.brdf.library import parse_recorded
 from shrm_cli.brdf.sums import FILES, Sum
 
 BASE = Parameter("base", "(lambertian:albedo=0.5)", meaning="what lies under it, such as a sum")
@@ -25,9 +26,7 @@ class Layered(Sum):
 
     def __init__(self, base: Brdf | str = str(BASE.default), **values: Value) -> None:
         if not isinstance(base, Brdf):
-            from shrm_cli.brdf.spec import parse_recorded  # which needs this module
-
-            base = parse_recorded(inside("base", base), lambda _: None)
+            base = parse_recorded(inside("base", base))
         Brdf.__init__(self, base=f"({base!r})", **values)
         self.base = base
         if base.is_measured:

@@ -5,8 +5,8 @@ import pytest
 
 import shrm_cli as shrm
 from shrm_cli.maps import registry
-from shrm_cli.maps.attempts import known_error
 from shrm_cli.maps.options import SHARED
+from shrm_cli.maps.seen import known_error
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.vocabulary import AUTO, REPRESENTATIONS
 from tests.cli.helpers import assert_refused, run

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from shrm_cli.memo import Memo, kept_order
+from shrm_cli.arrays import Memo, kept_order
 
 
 def made(count, calls):
