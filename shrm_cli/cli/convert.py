@@ -199,8 +199,9 @@ def _rules(target: str) -> dict[str, Applies]:
     """Return, for each option, whether it applies to the representation that is converted to."""
     known = descriptions()
     of_brdf = [name for name, each in known.items() if each.needs_brdf]
+    framed = owners(known, "frame")
     rules = {
-        "frame": Applies(target == "shrm", "with --to shrm"),
+        "frame": Applies(target in framed, f"with --to {listing(framed, 'or')}"),
         "order_p": Applies(target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
         "shader": Applies(target == _LAYERS, f"with --to {_LAYERS}"),
         **dict.fromkeys(

@@ -150,16 +150,12 @@ def convert_to_mips(job: Conversion) -> Converted:
     OutputError
         If the file cannot be written.
     """
-    from shrm_cli.errors import MapError
     from shrm_cli.files.image import without_negative
     from shrm_cli.files.mipmap import write_mipmap
-    from shrm_cli.maps.splitsum.mips import check_mips, cube_mips, latlong_mips
-    from shrm_cli.maps.splitsum.split_sum import SplitSum
+    from shrm_cli.maps.splitsum.mips import cube_mips, latlong_mips, mip_chain
 
-    found, notes = open_source(job)
-    if not isinstance(found, SplitSum):
-        raise MapError(f"{job.source}: {found.what}; mip chains are made of split sums")
-    check_mips(found, job.source)
+    made, notes = open_source(job)
+    found = mip_chain(made, job.source)
     sampled: Sampling = job.sampling or "center"
     if job.target == "openexr":
         levels = cube_mips(found)

@@ -40,6 +40,7 @@ from shrm_cli.vocabulary import (
     AUTO_FORMS,
     CONTAINERS,
     DEFAULT_TAPS,
+    EXPANDED,
     REPRESENTATIONS,
     Precision,
 )
@@ -182,7 +183,7 @@ def prefilter(
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     remarks: Sequence[str] = made.warnings
-    share = summary.get("predicted_wrong_share") if to == "shrm" else None
+    share = summary.get("predicted_wrong_share") if to == EXPANDED else None
     if share is not None and share > policy.WRONG_SHARE:
         instead = _made_by_default(given, source) if has_terminal() else None
         remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error, instead)

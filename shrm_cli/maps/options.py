@@ -187,6 +187,11 @@ class Representation:
     steps : tuple of mapping of str to value
         The settings, from the coarsest on, of which an error that is asked for takes the first
         that keeps it; empty where the maker itself chooses. See `shrm_cli.maps.attempts`.
+    is_offered : bool
+        Whether `shrm_cli.choose` makes some of its maps to know their errors; the form's module
+        ``offers`` says which. See `shrm_cli.maps.offers`.
+    mark : tuple of 2 str
+        Color and marker of its maps in charts, as matplotlib takes them.
     """
 
     name: str
@@ -196,6 +201,8 @@ class Representation:
     why_no_brdf: str = ""
     own_defaults: Mapping[str, Any] = field(default_factory=dict)
     steps: tuple[dict[str, Any], ...] = ()
+    is_offered: bool = False
+    mark: tuple[str, str] = ("0.5", "x")
 
     @property
     def needs_brdf(self) -> bool:

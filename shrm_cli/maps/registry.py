@@ -59,6 +59,7 @@ _VIEWS = Option(
     converts=True,
 )
 _TITLES = {"cabral": "Cabral", "kautz-mccool": "Kautz-McCool", "lightfield": "light field"}
+_OFFERED = ("cabral",)
 _OWN = {"kautz-mccool": (_SLICES,), "lightfield": (_VIEWS,)}
 _STEPS = tuple({"eps": eps} for eps in (0.3, 0.1, 0.03, 0.01, 0.003))
 _FORM = Option(
@@ -96,6 +97,7 @@ DESCRIPTIONS = {
             SHADER,
             TEXTURES,
         ),
+        mark=("#0072b2", "s"),
     ),
     **{
         name: Representation(
@@ -104,6 +106,8 @@ DESCRIPTIONS = {
             _EXPLICIT_TAKES,
             (*_OWN.get(name, ()), SHADER, TEXTURES),
             steps=_STEPS,
+            is_offered=name in _OFFERED,
+            mark=("#e69f00", "v"),
         )
         for name, module in REPRESENTATIONS.items()
         if module.startswith("explicit.")
@@ -116,6 +120,8 @@ DESCRIPTIONS = {
         why_no_brdf="irradiance is that of a white Lambertian surface",
         own_defaults={"order_f": 2},  # nine coefficients
         steps=tuple({"order_f": order} for order in (1, 2, 4, 6, 8)),  # cosines lack odd degrees
+        is_offered=True,
+        mark=("#56b4e9", "P"),
     ),
     "splitsum": Representation(
         "splitsum",
@@ -155,6 +161,8 @@ DESCRIPTIONS = {
             ),
         ),
         why_no_brdf="a split sum is of GGX, unless a BRDF is given",
+        is_offered=True,
+        mark=("#009e73", "^"),
     ),
     "principal": Representation(
         "principal",
@@ -180,6 +188,7 @@ DESCRIPTIONS = {
             TEXTURES,
         ),
         own_defaults={"max_size": DEFAULT_MAX_SIZE},
+        mark=("#d55e00", "o"),
     ),
     "product": Representation(
         "product",
@@ -246,6 +255,8 @@ DESCRIPTIONS = {
         ),
         why_no_brdf="an SH exponential is of GGX",
         steps=tuple({"p_order": p, "q_order": q} for p, q in ((2, 1), (4, 2), (6, 4), (8, 6))),
+        is_offered=True,
+        mark=("#cc79a7", "D"),
     ),
 }
 """The description of each representation."""

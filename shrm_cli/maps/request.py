@@ -21,6 +21,7 @@ from shrm_cli.vocabulary import (
     AUTO,
     DEFAULT_EPS,
     DEFAULT_MAX_SIZE,
+    EXPANDED,
     REPRESENTATIONS,
     Domain,
     Frame,
@@ -173,7 +174,7 @@ def resolved_form(to: str, given: Mapping[str, Any]) -> str:
         given.
     """
     named = {name for name, value in given.items() if value is not None}
-    return "shrm" if to == AUTO and named - registry.description(AUTO).arguments else to
+    return EXPANDED if to == AUTO and named - registry.description(AUTO).arguments else to
 
 
 def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -126,7 +126,7 @@ def look_up_code(
         If the language is unknown or cannot read such textures, or the map does not fit into them.
     """
     speech = Language(language)
-    if made.representation == "irradiance":
+    if made.is_white:
         return _irradiance(made, speech)
     chosen = textures or ("layers" if speech.is_c else "cube-array")
     if (language, chosen) not in _VERSIONS:
@@ -154,7 +154,9 @@ def look_up_code(
 
 def _irradiance(made: "Map", language: Language) -> str:
     """Write the function of irradiance; in C, which takes arrays, without parallax."""
-    text = str(registry.module("irradiance", "shader").irradiance_snippet(made, language.name))
+    text = str(
+        registry.module(made.representation, "shader").irradiance_snippet(made, language.name)
+    )
     if made.info.proxy is None or language.is_c:
         return text
     looked_up = "{ return shrm_irradiance(shrm_box(p, normal)); }"

@@ -54,7 +54,7 @@ def pack(made: "Map") -> tuple[PackedTexture, ...]:
     MapError
         If the map has no shader, or does not fit into such textures.
     """
-    if made.representation == "irradiance":
+    if made.is_white:
         return ()
     source = source_of(made, "layers")
     found = []
