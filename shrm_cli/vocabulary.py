@@ -317,6 +317,9 @@ def _image_layouts() -> tuple[Layout, ...]:
 IMAGE_LAYOUTS: tuple[Layout, ...] = _image_layouts()
 """The layouts that are one image."""
 
+LAYERS = "layers"
+"""What `shrm convert` calls the textures that the code of a map reads, beside layouts."""
+
 LAYOUTS: tuple[Layout, ...] = (
     *IMAGE_LAYOUTS,
     *(name for name, cube in CUBES.items() if cube.in_six_files),

@@ -50,7 +50,7 @@ STOPS = [
     {"export"},
     {"batch", "rooms"},
     {"render"},
-    {"view", "lookdev"},
+    {"view", "lookdev", "convert"},
     {"choose"},
     {"torch"},
     {"analysis"},
@@ -94,7 +94,7 @@ EXTRAS = {
 ASKED_FOR = {"torch"}
 """Stops that import an extra as they are imported, which nothing else of the package does."""
 LIGHT = {
-    "__init__.py", "errors.py", "extras.py", "files/whole.py",
+    "__init__.py", "errors.py", "extras.py", "files/recipe.py", "files/whole.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
     "bytecode.py", "messages.py", "records.py",

@@ -25,9 +25,9 @@ from shrm_cli.cli.usage import (
     Applies,
     check_outputs,
     flags,
-    picture_attributes,
     refuse_inapplicable,
 )
+from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions

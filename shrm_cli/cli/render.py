@@ -52,9 +52,9 @@ from shrm_cli.cli.usage import (
     Applies,
     check_outputs,
     map_stem,
-    picture_attributes,
     refuse_inapplicable,
 )
+from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_FPS
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ import click
 from shrm_cli import settings
 from shrm_cli.cli.options import announce, conclude
 from shrm_cli.cli.terminal import columns, progress_bar
-from shrm_cli.cli.usage import check_outputs, flags, picture_attributes, wrong_usage
+from shrm_cli.cli.usage import check_outputs, flags, wrong_usage
+from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.options import bytes_text, counted, listing
 from shrm_cli.vocabulary import COMPARED, DEFAULT_MAX_SIZE
 

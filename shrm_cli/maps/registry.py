@@ -9,6 +9,7 @@ import importlib
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import (
     AUTOMATIC,
     BRDF_ARGUMENTS,
@@ -278,6 +279,7 @@ def module(representation: str, name: str) -> ModuleType:
 
 def map_class(representation: str) -> "type[Map]":
     """Return the class of the maps of a representation."""
+    description(representation)  # which refuses what is none
     defining = importlib.import_module(f"shrm_cli.maps.{REPRESENTATIONS[representation]}")
     for candidate in vars(defining).values():
         if isinstance(candidate, type) and candidate.__module__ == defining.__name__:
@@ -288,8 +290,19 @@ def map_class(representation: str) -> "type[Map]":
 
 
 def description(representation: str) -> Representation:
-    """Return the description of a representation; ``auto`` has one too, though it is none."""
-    return AUTOMATIC if representation == AUTO else DESCRIPTIONS[representation]
+    """Return the description of a representation; ``auto`` has one too, though it is none.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such representation.
+    """
+    if representation == AUTO:
+        return AUTOMATIC
+    if representation not in DESCRIPTIONS:
+        known = ", ".join(REPRESENTATIONS)
+        raise ArgumentError("to", f"{representation!r} is none of {known}")
+    return DESCRIPTIONS[representation]
 
 
 def descriptions() -> dict[str, Representation]:

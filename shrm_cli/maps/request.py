@@ -22,7 +22,6 @@ from shrm_cli.vocabulary import (
     DEFAULT_EPS,
     DEFAULT_MAX_SIZE,
     EXPANDED,
-    REPRESENTATIONS,
     Domain,
     Frame,
     Sampling,
@@ -204,10 +203,8 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
     ArgumentError
         If the representation is unknown, does not obey an argument, or lacks a BRDF.
     """
-    if to not in (AUTO, *REPRESENTATIONS):
-        raise ArgumentError("to", f"{to!r} is none of {', '.join(REPRESENTATIONS)}")
-    known = registry.descriptions()
     chosen, given = registry.description(to), set(given)
+    known = registry.descriptions()
     for name in sorted(given - chosen.arguments):
         raise _not_for(name, chosen, known)
     if chosen.needs_brdf and "brdf" not in given:
