@@ -22,6 +22,9 @@ COMMANDS = "shrm_cli.commands"
 ENGINES = "shrm_cli.engines"
 """The group of engines, each a subclass of `shrm_cli.export.engine.Engine`."""
 
+FORMS = "shrm_cli.forms"
+"""The group of forms of maps, each a `maps.options.Representation`; see `maps.installed`."""
+
 READERS = "shrm_cli.readers"
 """The group of functions that read probes, by the suffixes of their files; see `probe.reader`."""
 

@@ -20,7 +20,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.shading import surface_options
 from shrm_cli.cli.terminal import echo, progress_bar
-from shrm_cli.cli.types import DIRECTION
+from shrm_cli.cli.types import DIRECTION, Named
 from shrm_cli.cli.usage import (
     Applies,
     check_outputs,
@@ -34,7 +34,7 @@ from shrm_cli.cli.usage import (
 )
 from shrm_cli.files.whole import keeping
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
-from shrm_cli.maps.registry import descriptions
+from shrm_cli.maps.registry import descriptions, installed_names
 from shrm_cli.vocabulary import (
     CONTAINERS,
     FRAMES,
@@ -87,7 +87,7 @@ _plain_options = several(
 @click.command()
 @click.argument("source", metavar="IN", type=click.Path())
 @click.option(
-    "--to", "target", type=click.Choice(_TARGETS), required=True,
+    "--to", "target", type=Named(_TARGETS, installed_names), required=True,
     help="Representation (of a map), layout of the images (of a map or a probe), or layers, the "
     "textures that --shader reads.",
 )  # fmt: skip
@@ -195,7 +195,7 @@ def _rules_of_source(is_map: bool) -> dict[str, Applies]:
 
 def _rules(target: str) -> dict[str, Applies]:
     """Return, for each option, whether it applies to the representation that is converted to."""
-    known = descriptions()
+    known = descriptions(*([] if target in (*LAYOUTS, LAYERS) else [target]))
     of_brdf = [name for name, each in known.items() if each.needs_brdf]
     framed = owners(known, "frame")
     rules = {
@@ -215,7 +215,8 @@ def _rules(target: str) -> dict[str, Applies]:
 
 def _default_name(source: str, target: str) -> str:
     """Return the name of an output after that of its source, without what it was before."""
-    stem = source_stem(source, REPRESENTATIONS if target in REPRESENTATIONS else IMAGE_LAYOUTS)
+    is_form = target not in (*LAYOUTS, LAYERS)
+    stem = source_stem(source, {*REPRESENTATIONS, target} if is_form else IMAGE_LAYOUTS)
     return f"{stem}_%.exr" if target == "faces" else f"{stem}.{target}.exr"
 
 

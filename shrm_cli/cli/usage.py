@@ -90,7 +90,7 @@ def given_options() -> dict[str, str]:
     context = click.get_current_context()
     return {
         param.name: param.opts[0]
-        for param in context.command.params
+        for param in context.command.get_params(context)
         if param.name
         and isinstance(param, click.Option)
         and context.get_parameter_source(param.name) is ParameterSource.COMMANDLINE

@@ -159,7 +159,7 @@ class Map(Displayed, ABC):
     texels_are_series : bool
         Whether texels hold coefficients that are summed up, so that errors of theirs add up, too.
     is_white : bool
-        Whether it is of a white diffuse surface; its code returns irradiance, without 1/pi.
+        Whether it is of a white diffuse surface, whose color is that of the light.
     against_negatives : str
         What a user can do where the map is negative.
     """

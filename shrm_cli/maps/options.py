@@ -192,6 +192,9 @@ class Representation:
         ``offers`` says which. See `shrm_cli.maps.offers`.
     mark : tuple of 2 str
         Color and marker of its maps in charts, as matplotlib takes them.
+    home : str
+        Of a form of an installed package: the module that makes, writes and reads its maps; see
+        `shrm_cli.maps.installed`.
     """
 
     name: str
@@ -203,6 +206,7 @@ class Representation:
     steps: tuple[dict[str, Any], ...] = ()
     is_offered: bool = False
     mark: tuple[str, str] = ("0.5", "x")
+    home: str = ""
 
     @property
     def needs_brdf(self) -> bool:

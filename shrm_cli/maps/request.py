@@ -204,7 +204,7 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
         If the representation is unknown, does not obey an argument, or lacks a BRDF.
     """
     chosen, given = registry.description(to), set(given)
-    known = registry.descriptions()
+    known = registry.descriptions(to)
     for name in sorted(given - chosen.arguments):
         raise _not_for(name, chosen, known)
     if chosen.needs_brdf and "brdf" not in given:

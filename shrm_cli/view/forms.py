@@ -64,7 +64,8 @@ def described_map(
         for each in textures
     ]
     is_brushed = "shrm_brushed_radiance(" in code
-    call = _call(made, is_brushed)
+    is_irradiance = "shrm_irradiance(" in code
+    call = _call(made, is_brushed, is_irradiance)
     facts, light = _facts(made), made.harmonic_light
     facts += [("rounded by", f"{each['error']:.2%}") for each in packed if "error" in each]
     return {
@@ -72,7 +73,7 @@ def described_map(
         "file": file,
         "code": code,
         "call": call,
-        "boxed_call": _call(made, is_brushed, ", p") if "_at(" in code else None,
+        "boxed_call": _call(made, is_brushed, is_irradiance, ", p") if "_at(" in code else None,
         "surface": isinstance(made, LightMap),
         "brushed": brushed,
         "tangents": "view_tangent(" in call,
@@ -83,7 +84,7 @@ def described_map(
     }
 
 
-def _call(made: Map, is_brushed: bool, point: str = "") -> str:
+def _call(made: Map, is_brushed: bool, is_irradiance: bool, point: str = "") -> str:
     """Return the expression of the radiance at a normal n and a view v, in linear Rec.709.
 
     Of brushed maps the code takes the tangent besides. With a point it is looked up in the box of
@@ -97,7 +98,7 @@ def _call(made: Map, is_brushed: bool, point: str = "") -> str:
     if "anisotropy" in made.surface_arguments:
         brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
         call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"
-    if made.is_white:
+    if is_irradiance:
         call = f"shrm_irradiance{at}(n{point}) * 0.3183098861837907"
     matrix = to_rec709(made.info.chromaticities)
     if matrix is None:
