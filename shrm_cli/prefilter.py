@@ -56,7 +56,8 @@ def prefilter(
         without one.
     to : str
         The representation: one of ``shrm``, ``cabral``, ``kautz-mccool``, ``lightfield``,
-        ``principal``, ``irradiance``, ``splitsum`` and ``she``; or ``auto``, the default: the form
+        ``principal``, ``irradiance``, ``splitsum`` and ``she``; that of an installed package; or
+        ``auto``, the default: the form
         of the fewest bytes whose picture is right. With arguments that only SHRMs obey, such as
         `eps`, orders or `frame`, that is an SHRM.
     eps : float, optional

@@ -75,7 +75,7 @@ def test_the_example_is_in_the_help(shell):
     _, found = shell("--help").split("Commands of installed packages:\n")
     assert found == "  mean  Print the mean radiance of a probe.\n"
     assert shell("mean", "--help").startswith("Usage: shrm mean [OPTIONS] PROBE\n")
-    for command in ("export", "prefilter", "convert", "report"):
+    for command in ("export", "prefilter", "convert"):
         assert "|ambient-cube" in "".join(shell(command, "--help").split())
     assert "\n  lommel-seeliger " in shell("brdf")
 
