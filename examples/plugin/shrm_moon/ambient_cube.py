@@ -11,7 +11,6 @@ import shrm_cli as shrm
 from shrm_cli.files.parts import Part
 from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes
 from shrm_cli.maps.base import ReflectionMap
-from shrm_cli.maps.file import image_channels
 from shrm_cli.maps.kinds import FixedMap
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.shader.source import Source
@@ -69,7 +68,8 @@ def report(result):
 
 
 def encode(made):
-    return [Part(image_channels(made.colors[None]), common_header(made, 0))]
+    channels = dict(zip(COLORS, made.colors.T[:, None], strict=True))
+    return [Part(channels, common_header(made, 0))]
 
 
 def decode(file):
