@@ -419,9 +419,14 @@ def test_an_engine_that_fails_is_one_line(install, tmp_path, monkeypatch, name, 
 FORMS = """
 import numpy as np
 import shrm_cli as shrm
+from shrm_cli.files.parts import Part
+from shrm_cli.maps.attributes import common_header, map_info, read_attributes
 from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.kinds import FixedMap
-from shrm_cli.maps.options import SHADER, Option, Representation
+from shrm_cli.maps.options import Option, Representation
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.records import record
 
 def form(name, home="oddments", *options):
     return Representation(name, name, frozenset(), options, why_no_brdf="it is white", home=home)
@@ -442,9 +447,21 @@ def prefilter(probe, request):
     if request.to == "ours":
         raise shrm.MapError("is too dark")
 
-def report(result): ...
-def encode(made): ...
-def decode(file): ...
+    if request.to == "late":
+        info = prefilter_with_facts(probe, "irradiance", {}).map.info
+        return Prefiltered(Late(info))
+
+def report(result): return ["it is late"]
+def encode(made): return [Part({"Y": np.zeros((1, 1))}, common_header(made, 0))]
+def decode(file): return Late(map_info(read_attributes(file.first), file.first))
+
+late = form("late")
+
+@record(eq=False)
+class Late(FixedMap, ReflectionMap):
+    info: shrm.MapInfo
+    representation, center, sampling, size = "late", "normal", "center", 1
+    def radiance(self, normals, views): return np.ones(3) @ np.ones(2)
 """
 BROKEN_FORMS = {
     "gone": ("nowhere_at_all:x", "cannot be loaded: ModuleNotFoundError: No module named"),
@@ -491,6 +508,18 @@ def test_forms_of_shrm_win(forms):
     with pytest.raises(ArgumentError, match=r"'shi' is none of shrm, .*, she, product, shy$"):
         registry.description("shi")
     assert_refused(run("prefilter", "x.exr", "--to", "shi"), 2, "'shi'", "'shy'")
+
+
+def test_a_map_of_a_form_that_fails_is_one_line(forms, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    forms("shrm_cli.forms", {"late": "oddments:late"}, FORMS)
+    done("probe", "furnace", "-o", "white.exr", "--size", 16)
+    assert "it is late" in done("prefilter", "white.exr", "--to", "late")
+    assert "late" in done("info", "white.late.exr")
+    told = "the installed package 'oddments' failed, please report it to its authors (ValueError: "
+    assert_refused(run("render", "white.late.exr", "--size", 16), 1, told)
+    told = "a map of representation late has no shader; look it up by shrm render"
+    assert_refused(run("convert", "white.late.exr", "--to", "layers"), 1, told)
 
 
 def test_a_form_without_a_class_of_its_name(forms):
