@@ -19,11 +19,13 @@ from shrm_cli.maps.options import SHARED, Option, all_options
 from shrm_cli.maps.registry import description, descriptions, is_known
 from shrm_cli.settings import limit_libraries
 from shrm_cli.vocabulary import (
+    AUTO,
     IMAGE_LAYOUTS,
     MAX_SOURCE_HEIGHT,
     ORIENTATIONS,
     PRECISIONS,
     PRIMARIES,
+    REPRESENTATIONS,
     SAMPLINGS,
 )
 
@@ -115,19 +117,15 @@ def _own_options(command: click.Command, words: Sequence[str], is_lenient: bool)
         return []
     named = [second for first, second in pairwise(words) if first == "--to"]
     named += [word.removeprefix("--to=") for word in words if word.startswith("--to=")]
-    held = {each.name for each in command.params}
-    found: dict[str, Any] = {}
-    for name in named:
-        if name in taker.type.choices or not is_known(name):  # type: ignore[attr-defined]
-            continue
-        try:
-            options = description(name).options
-        except PluginError:
-            if is_lenient:
-                continue
-            raise
-        found |= {each.name: _made(each) for each in options if each.name not in held}
-    return list(found.values())
+    shared = {each.name for each in command.params}
+    new = [name for name in named if name not in (AUTO, *REPRESENTATIONS) and is_known(name)]
+    try:
+        options = [option for name in new for option in description(name).options]
+    except PluginError:
+        if is_lenient:
+            return []
+        raise
+    return [_made(each) for each in options if each.name not in shared]
 
 
 def _made(option: Option) -> Any:
