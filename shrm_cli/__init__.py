@@ -33,6 +33,8 @@ _HOMES = {
     "choose": "choose.choose",
     "compare": "analysis.compare",
     "contact_page": "report.contact",
+    "convert": "convert.convert",
+    "describe": "analysis.describe",
     "draw_contacts": "report.contact",
     "dfg": "brdf.environment.dfg",
     "edit_light": "lights.edit",
@@ -103,6 +105,7 @@ if TYPE_CHECKING:
     from shrm_cli._version import version as __version__
     from shrm_cli.analysis.analyze import analyze as analyze
     from shrm_cli.analysis.compare import compare as compare
+    from shrm_cli.analysis.describe import describe as describe
     from shrm_cli.analysis.probe_statistics import probe_statistics as probe_statistics
     from shrm_cli.batch.batch import batch as batch
     from shrm_cli.batch.entry import Entry as Entry
@@ -117,6 +120,7 @@ if TYPE_CHECKING:
     from shrm_cli.choose.choose import choose as choose
     from shrm_cli.choose.offer import Choice as Choice
     from shrm_cli.choose.offer import Offer as Offer
+    from shrm_cli.convert.convert import convert as convert
     from shrm_cli.errors import ArgumentError as ArgumentError
     from shrm_cli.errors import BrdfError as BrdfError
     from shrm_cli.errors import MapError as MapError

@@ -25,6 +25,9 @@ from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
 from shrm_cli.vocabulary import NEGATIVE_SHARE
 
+_FORM = "form"
+"""The heading of the note that says which form was taken and why."""
+
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Choose a form and make its map.
@@ -97,7 +100,7 @@ class _Asked:
         """Make a map of principal functions, or an SHRM where it does as well."""
         most = self.request.allowed
         made = kept_or_best(self.proposals.candidate, self.goal, most, self._made_simple)
-        if made.map.representation == "shrm":
+        if _FORM in dict(made.notes):
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
 
@@ -165,4 +168,4 @@ def _noted_if_bright(made: Prefiltered, why: str) -> Prefiltered | None:
 
 def _noted(made: Prefiltered, why: str) -> Prefiltered:
     """Add the note about the form, before all others."""
-    return replace(made, notes=(("form", why), *made.notes))
+    return replace(made, notes=((_FORM, why), *made.notes))

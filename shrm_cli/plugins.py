@@ -22,8 +22,15 @@ COMMANDS = "shrm_cli.commands"
 ENGINES = "shrm_cli.engines"
 """The group of engines, each a subclass of `shrm_cli.export.engine.Engine`."""
 
+FORMS = "shrm_cli.forms"
+"""The group of forms of maps, each a `maps.options.Representation`; see `maps.installed`."""
+
 READERS = "shrm_cli.readers"
 """The group of functions that read probes, by the suffixes of their files; see `probe.reader`."""
+
+
+_loaded: dict[str, EntryPoint] = {}
+"""An entry point of each package that was loaded, by the name of its outermost module."""
 
 
 def installed(group: str) -> dict[str, EntryPoint]:
@@ -57,7 +64,20 @@ def load(point: EntryPoint) -> object:
     PluginError
         Whatever goes wrong as its modules are imported.
     """
+    _loaded.setdefault(point.module.partition(".")[0], point)
     try:
         return point.load()
     except (Exception, SystemExit) as error:
         raise PluginError(f"{where(point)} cannot be loaded: {explained(error)}") from error
+
+
+def culprit(error: BaseException) -> str:
+    """Return the name of the installed package whose code took part in an error; empty if none."""
+    import traceback  # slow to load, and rarely needed
+
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        name = str(frame.f_globals.get("__name__")).partition(".")[0]
+        if name in _loaded and name != "shrm_cli":
+            package = _loaded[name].dist
+            return name if package is None else package.name
+    return ""

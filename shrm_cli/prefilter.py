@@ -57,9 +57,9 @@ def prefilter(
         without one.
     to : str
         The representation: one of ``shrm``, ``cabral``, ``kautz-mccool``, ``lightfield``,
-        ``principal``, ``irradiance``, ``splitsum`` and ``she``; or ``auto``, the default: the form
-        of the fewest bytes whose picture is right. With arguments that only SHRMs obey, such as
-        `eps`, orders or `frame`, that is an SHRM.
+        ``principal``, ``irradiance``, ``splitsum`` and ``she``, or that of an installed package; or
+        ``auto``, the default: the form of the fewest bytes whose picture is right. With arguments
+        that only SHRMs obey, such as `eps`, orders or `frame`, that is an SHRM.
     eps : float, optional
         The fraction of the BRDF's energy that may be missed, in (0, 1), by default
         `vocabulary.DEFAULT_EPS`. The orders F and P are chosen from it; of ``principal``, the

@@ -67,6 +67,12 @@ AUTO = "auto"
 """What ``--to`` takes in place of a representation: the one whose picture is right in few bytes."""
 AUTO_FORMS = ("shrm", "principal")
 """The representations that ``auto`` may be."""
+EXPANDED = "shrm"
+"""The representation that ``auto`` is where orders are given, or the energy they are chosen by."""
+COMPARED = ("shrm", "principal", "splitsum", "she", "cabral")
+"""The representations that `shrm compare --representations` compares."""
+REPORTED = ("principal",)
+"""The representations that `shrm report` makes where none is given."""
 
 CONTAINERS: dict[str, str] = {".exr": "exr"}
 """Each suffix of files that hold maps, and the module of `shrm_cli.files` that writes them."""
@@ -310,6 +316,9 @@ def _image_layouts() -> tuple[Layout, ...]:
 
 IMAGE_LAYOUTS: tuple[Layout, ...] = _image_layouts()
 """The layouts that are one image."""
+
+LAYERS = "layers"
+"""What `shrm convert` calls the textures that the code of a map reads, beside layouts."""
 
 LAYOUTS: tuple[Layout, ...] = (
     *IMAGE_LAYOUTS,

@@ -49,7 +49,7 @@ STOPS = [
     {"export"},
     {"batch", "rooms"},
     {"render"},
-    {"view", "lookdev"},
+    {"view", "lookdev", "convert"},
     {"choose"},
     {"torch"},
     {"analysis"},
@@ -93,7 +93,7 @@ EXTRAS = {
 ASKED_FOR = {"torch"}
 """Stops that import an extra as they are imported, which nothing else of the package does."""
 LIGHT = {
-    "__init__.py", "errors.py", "extras.py", "files/whole.py",
+    "__init__.py", "errors.py", "extras.py", "files/recipe.py", "files/whole.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
     "bytecode.py", "messages.py", "records.py",
@@ -317,6 +317,75 @@ def test_every_representation_has_its_modules(representation):
     if hasattr(prefilter, "converted"):
         assert list(inspect.signature(prefilter.converted).parameters)[:2] == ["source", "to"]
     assert described.defaults.keys() <= described.arguments
+
+
+FORM_FOLDERS = {module.partition(".")[0] for module in REPRESENTATIONS.values()}
+AMBIGUOUS = {"irradiance", "product", "shrm"}
+"""Forms whose names are other words too: only where values are compared they are a form's."""
+MAKERS = {"Request", "of", "prefilter", "prefilter_with_facts"}
+"""What takes the name of the form that somebody wants a map of."""
+ASK_BY_NAME = {
+    "vocabulary.py": "the names are defined there",
+    "probe/series.py": "irradiance is a quantity, and marks files of maps that are read as light",
+    "probe/light_file.py": "irradiance is a quantity, which a lamp is given by",
+    "export/make.py": "engines read levels and coefficients, as these two forms hold them",
+    "cli/product.py": "it is the command of this form",
+}
+"""Modules outside of maps/ that name a form or its class otherwise, and why they may."""
+
+
+@each_module
+def test_nothing_asks_for_a_form_by_name(path):
+    """Who wants a map of a form names it, as `to`; who has one asks the map and the description of
+    its form what they are.
+    """
+    if stop(path) != "maps":
+        found = forms_asked_for(ast.parse(path.read_text()), imports(path))
+        assert bool(found) == (name(path) in ASK_BY_NAME), found
+
+
+def forms_asked_for(tree, imported):
+    """The names of forms that a module lists or compares, and their classes in `isinstance`."""
+    wanted, compared, classes = set(), set(), set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            wanted |= {id(each.value) for each in node.keywords if each.arg == "to"}
+            wanted |= {id(each) for each in node.args if called in MAKERS}
+            if called == "isinstance":
+                classes |= {each.id for each in ast.walk(node.args[1]) if hasattr(each, "id")}
+        elif isinstance(node, ast.Dict):
+            pairs = zip(node.keys, node.values, strict=True)
+            wanted |= {id(value) for key, value in pairs if getattr(key, "value", "") == "to"}
+        elif isinstance(node, ast.Compare):
+            compared |= {id(each) for each in ast.walk(node)}
+    of_forms = {full.split(".")[-1] for full in imported if FORM_FOLDERS & {*full.split(".")[2:3]}}
+    names = {
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and node.value in REPRESENTATIONS
+        if id(node) not in wanted and (node.value not in AMBIGUOUS or id(node) in compared)
+    }
+    return names | (classes & of_forms)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("map.representation == 'shrm'", {"shrm"}),
+        ("form in ('she', 'irradiance')", {"she", "irradiance"}),
+        ("FORMS = 'she', 'product'", {"she"}),
+        ("prefilter(probe, to='she')", set()),
+        ("Request.of('she', {})", set()),
+        ("arguments = {'to': 'she', 'she': 1}", {"she"}),
+        ("found['irradiance']", set()),
+        ("isinstance(made, Cabral | LightMap)", {"Cabral"}),
+        ("Cabral(images)", set()),
+    ],
+)
+def test_the_parser_finds_forms_that_are_asked_for(text, expected):
+    imported = {"shrm_cli.maps.explicit.cabral.Cabral", "shrm_cli.maps.kinds.LightMap"}
+    assert forms_asked_for(ast.parse(text), imported) == expected
 
 
 @each_module

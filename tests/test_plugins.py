@@ -18,6 +18,7 @@ from shrm_cli import plugins
 from shrm_cli.cli.main import cli
 from shrm_cli.errors import ArgumentError, PluginError
 from shrm_cli.export.engine import engine
+from shrm_cli.maps import installed, registry
 from shrm_cli.probe.open import open_probe
 from tests.cli.helpers import (
     MAIN,
@@ -25,6 +26,7 @@ from tests.cli.helpers import (
     assert_refused,
     done,
     environment,
+    read_exr,
     run,
     write_exr,
     write_package,
@@ -73,13 +75,20 @@ def test_the_example_is_in_the_help(shell):
     _, found = shell("--help").split("Commands of installed packages:\n")
     assert found == "  mean  Print the mean radiance of a probe.\n"
     assert shell("mean", "--help").startswith("Usage: shrm mean [OPTIONS] PROBE\n")
-    assert "|ambient-cube" in "".join(shell("export", "--help").split())
+    for command in ("export", "prefilter", "convert"):
+        assert "|ambient-cube" in "".join(shell(command, "--help").split())
     assert "\n  lommel-seeliger " in shell("brdf")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("line", "offered"), [("shrm mea", "mean"), ("shrm export x --for amb", "ambient-cube")]
+    ("line", "offered"),
+    [
+        ("shrm mea", "mean"),
+        ("shrm export x --for amb", "ambient-cube"),
+        ("shrm prefilter x --to amb", "ambient-cube"),
+        ("shrm prefilter x --to ambient-cube --fit", "--fit"),
+    ],
 )
 def test_the_example_is_completed(shell, line, offered):
     words = {"_SHRM_COMPLETE": "zsh_complete", "COMP_WORDS": line}
@@ -121,6 +130,67 @@ def test_the_engine_of_the_example(shell, tmp_path):
 
 
 @pytest.mark.slow
+def test_the_form_of_the_example(shell, tmp_path):
+    """A white surface reflects 1 + n.y / 3 of that light, and the cube 1 + n.y |n.y| / 3."""
+    y = np.linspace(-1, 1, 100_001)
+    truth, cube = 1 + y / 3, 1 + y * np.abs(y) / 3
+
+    def error(density):
+        shares = np.sqrt(density)
+        return np.linalg.norm(shares * (cube - truth)) / np.linalg.norm(shares * truth)
+
+    file = "dawn.ambient-cube.exr"
+    made = json.loads(shell("prefilter", "dawn.exr", "--to", "ambient-cube", "--json"))
+    assert made["file"] == file
+    assert made["added_error"] == pytest.approx(error(np.ones_like(y)), rel=2e-3)  # of a sphere
+    told = json.loads(shell("info", file, "--json"))
+    assert told["colors"] == pytest.approx(np.array(made["colors"]), rel=1e-6)
+    for axis, value in zip(["x", "x", "+y", "-y", "z", "z"], told["colors"], strict=True):
+        assert value == pytest.approx({"+y": 4 / 3, "-y": 2 / 3}.get(axis, 1) * COLOR, rel=2e-3)
+    shell("render", file, "--size", 65, "-o", "ball.exr")
+    drawn = read_exr(tmp_path / "ball.exr")[1]["G"]
+    for row in 8, 32, 50:
+        height = (32 - row) / (0.9 * 65 / 2)  # a sphere takes nine tenths of the picture
+        expected = (1 + height * abs(height) / 3) * COLOR[1]
+        assert drawn[row, 32] == pytest.approx(expected, rel=2e-3)
+    numbers = "--size", 64, "--no-flip", "--no-picture", "--view", "0,0", "--json"
+    found = json.loads(shell("compare", file, "--probe", "dawn.exr", *numbers))
+    of_disc = error(np.sqrt(1 - y**2))
+    assert found["summary"][0]["relative_rmse"] == pytest.approx(of_disc, rel=0.02)
+    shell("convert", file, "--to", "ambient-cube", "-o", "again.exr")
+    first, again = (read_exr(tmp_path / name)[1]["G"] for name in (file, "again.exr"))
+    assert np.array_equal(first, again)
+
+
+@pytest.mark.slow
+def test_an_option_and_the_code_of_the_form_of_the_example(shell, tmp_path):
+    """The least error over the sphere is of ``1 + c n.y |n.y|``, c = 5 / 12: that of y on y |y|."""
+    options = "--to", "ambient-cube", "--fit", "least", "--shader", "c", "--quiet"
+    code = shell("prefilter", "dawn.exr", *options)
+    shell("view", "dawn.ambient-cube.exr", "-o", "page.html")
+    assert "const vec3 shrm_cube[6]" in (tmp_path / "page.html").read_text()
+    compiler = shutil.which("cc") or pytest.skip("no C compiler")
+    (tmp_path / "cube.c").write_text(f"#include <stdio.h>\n{code}{PRINTS}")
+    subprocess.run([compiler, "cube.c", "-o", "cube", "-lm"], cwd=tmp_path, check=True)
+    out = subprocess.run([tmp_path / "cube"], capture_output=True, text=True, check=True).stdout
+    y = np.array([-1, -0.6, 0.8])
+    expected = (1 + 5 / 12 * y * np.abs(y))[:, None] * COLOR
+    assert [float(each) for each in out.split()] == pytest.approx(expected.ravel(), rel=5e-3)
+
+
+PRINTS = """
+int main(void) {
+    double y[] = {-1.0, -0.6, 0.8}, x[] = {0.0, 0.8, -0.6};
+    for (int i = 0; i < 3; ++i) {
+        shrm_vec3 n = shrm_vec(x[i], y[i], 0.0), light = shrm_radiance(n, n);
+        printf("%.9g %.9g %.9g\\n", light.x, light.y, light.z);
+    }
+    return 0;
+}
+"""
+
+
+@pytest.mark.slow
 def test_the_brdf_of_the_example(shell):
     """A full moon, whose light comes from where it is seen, is as bright everywhere."""
     brdf = "lommel-seeliger:albedo=0.4"
@@ -139,7 +209,7 @@ def test_the_brdf_of_the_example(shell):
 REPORTING = """
 import atexit, sys
 looked = {"importlib.metadata", "shrm_moon.brdf", "shrm_moon.command", "shrm_moon.engine",
-          "shrm_moon.reader"}
+          "shrm_moon.reader", "shrm_moon.form", "shrm_moon.ambient_cube"}
 atexit.register(lambda: print("loaded", *sorted(looked & sys.modules.keys())))
 """
 
@@ -149,7 +219,17 @@ atexit.register(lambda: print("loaded", *sorted(looked & sys.modules.keys())))
     ("arguments", "loaded"),
     [
         ("--help", "importlib.metadata shrm_moon.command"),
-        ("export dawn.exr --for ambient-cube", "importlib.metadata shrm_moon.engine"),
+        ("prefilter --help", "importlib.metadata"),
+        ("prefilter --to ambient-cube --help", "importlib.metadata shrm_moon.form"),
+        (
+            "prefilter dawn.exr --to ambient-cube --quiet",
+            "importlib.metadata shrm_moon.ambient_cube shrm_moon.form",
+        ),
+        ("prefilter dawn.exr --to irradiance --quiet", ""),
+        (
+            "export dawn.exr --for ambient-cube",
+            "importlib.metadata shrm_moon.ambient_cube shrm_moon.engine",
+        ),
         ("brdf lommel-seeliger", "importlib.metadata shrm_moon.brdf"),
         ("export dawn.exr --for json", ""),
         ("info dawn.scan", "importlib.metadata shrm_moon.reader"),
@@ -336,6 +416,127 @@ def test_an_engine_that_fails_is_one_line(install, tmp_path, monkeypatch, name, 
     assert (found.code, found.err) == (1, f"Error: {line}\n")
 
 
+FORMS = """
+import numpy as np
+import shrm_cli as shrm
+from shrm_cli.files.parts import Part
+from shrm_cli.maps.attributes import common_header, map_info, read_attributes
+from shrm_cli.maps.base import ReflectionMap
+from shrm_cli.maps.kinds import FixedMap
+from shrm_cli.maps.options import Option, Representation
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.records import record
+
+def form(name, home="oddments", *options):
+    return Representation(name, name, frozenset(), options, why_no_brdf="it is white", home=home)
+
+number = 3
+other = form("another")
+homeless = form("homeless", "")
+lost = form("lost", "nowhere_at_all")
+bare = form("bare", "shrm_cli.records")
+taking = form("taking", "oddments", Option("eps", "Mine.", "fraction"))
+fails = form("fails")
+empty = form("empty")
+ours = form("ours")
+
+def prefilter(probe, request):
+    if request.to == "fails":
+        1 / 0
+    if request.to == "ours":
+        raise shrm.MapError("is too dark")
+
+    if request.to == "late":
+        info = prefilter_with_facts(probe, "irradiance", {}).map.info
+        return Prefiltered(Late(info))
+
+def report(result): return ["it is late"]
+def encode(made): return [Part({"Y": np.zeros((1, 1))}, common_header(made, 0))]
+def decode(file): return Late(map_info(read_attributes(file.first), file.first))
+
+late = form("late")
+
+@record(eq=False)
+class Late(FixedMap, ReflectionMap):
+    info: shrm.MapInfo
+    representation, center, sampling, size = "late", "normal", "center", 1
+    def radiance(self, normals, views): return np.ones(3) @ np.ones(2)
+"""
+BROKEN_FORMS = {
+    "gone": ("nowhere_at_all:x", "cannot be loaded: ModuleNotFoundError: No module named"),
+    "number": ("oddments:number", "is no Representation; make it one"),
+    "other": ("oddments:other", "calls itself 'another'; give both one name"),
+    "homeless": ("oddments:homeless", "has no home; name the module that makes its maps"),
+    "lost": ("oddments:lost", "cannot be loaded: ModuleNotFoundError: No module named"),
+    "bare": ("oddments:bare", "the form 'bare': shrm_cli.records has no function prefilter"),
+    "taking": ("oddments:taking", "has the option 'eps', which others have; rename it"),
+    "fails": ("oddments:fails", "the form 'fails' failed: ZeroDivisionError"),
+    "empty": ("oddments:empty", "the form 'empty' failed: prefilter() returns None"),
+    "ours": ("oddments:ours", "is too dark"),
+}
+
+
+@pytest.fixture
+def forms(install):
+    installed.description.cache_clear()
+    installed.home.cache_clear()
+    yield install
+    installed.description.cache_clear()
+    installed.home.cache_clear()
+
+
+@pytest.mark.parametrize("name", BROKEN_FORMS)
+def test_a_broken_form_is_one_line(forms, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    value, words = BROKEN_FORMS[name]
+    forms("shrm_cli.forms", {name: value}, FORMS)
+    done("probe", "furnace", "-o", "white.exr", "--size", 16)
+    assert_refused(run("prefilter", "white.exr", "--to", name), 1, words)
+    for command in ("prefilter", "convert"):
+        assert f"|{name}]" in "".join(done(command, "--help").split())
+    done("prefilter", "white.exr", "--to", "irradiance")
+    assert "representation" in done("info", "white.irradiance.exr")
+    line = {"COMP_WORDS": f"shrm prefilter white.exr --to {name} --ep", "COMP_CWORD": "5"}
+    of_shell = {"_SHRM_COMPLETE": "zsh_complete", **line}
+    assert "--eps" in CliRunner().invoke(cli, env=of_shell, prog_name="shrm").output
+
+
+def test_forms_of_shrm_win(forms):
+    forms("shrm_cli.forms", {"she": "nowhere_at_all:x", "shy": "nowhere_at_all:x"}, FORMS)
+    assert registry.description("she").title == "SH exponential"
+    with pytest.raises(ArgumentError, match=r"'shi' is none of shrm, .*, she, product, shy$"):
+        registry.description("shi")
+    assert_refused(run("prefilter", "x.exr", "--to", "shi"), 2, "'shi'", "'shy'")
+
+
+def test_a_map_of_a_form_that_fails_is_one_line(forms, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    forms("shrm_cli.forms", {"late": "oddments:late"}, FORMS)
+    done("probe", "furnace", "-o", "white.exr", "--size", 16)
+    assert "it is late" in done("prefilter", "white.exr", "--to", "late")
+    assert "late" in done("info", "white.late.exr")
+    told = "the installed package 'oddments' failed, please report it to its authors (ValueError: "
+    assert_refused(run("render", "white.late.exr", "--size", 16), 1, told)
+    told = "a map of representation late has no shader; look it up by shrm render"
+    assert_refused(run("convert", "white.late.exr", "--to", "layers"), 1, told)
+
+
+def test_a_form_without_a_class_of_its_name(forms):
+    forms("shrm_cli.forms", {"fails": "oddments:fails"}, FORMS)
+    with pytest.raises(
+        PluginError, match="oddments has no class of maps of representation 'fails'"
+    ):
+        registry.map_class("fails")
+
+
+@pytest.mark.slow
+def test_a_map_of_a_form_that_is_not_installed(shell, tmp_path):
+    shell("prefilter", "dawn.exr", "--to", "ambient-cube")
+    words = "representation 'ambient-cube', which this version cannot read"
+    assert_refused(run("info", tmp_path / "dawn.ambient-cube.exr"), 1, words)
+
+
 READERS = """
 import numpy as np
 import shrm_cli as shrm
@@ -398,4 +599,5 @@ def test_the_page_tells_what_the_example_is():
     for group, named in points.items():
         for name, value in named.items():
             assert f'    [project.entry-points."{group}"]\n    {name} = "{value}"\n' in page
-    assert set(points) == {plugins.BRDFS, plugins.COMMANDS, plugins.ENGINES, plugins.READERS}
+    groups = plugins.BRDFS, plugins.COMMANDS, plugins.ENGINES, plugins.FORMS, plugins.READERS
+    assert set(points) == set(groups)

@@ -15,6 +15,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.choose.offer import Choice
 from shrm_cli.files.whole import replacing
+from shrm_cli.maps.registry import description
 
 _WIDTH, _HEIGHT = 7.0, 4.8  # inches
 _DOTS_PER_INCH = 150
@@ -27,12 +28,6 @@ _CIRCLE = {
 _TRUTH, _MINIMUM, _BRDF, _BOUND = "#111111", "#0072b2", "#d55e00", "#009e73"
 """Colors of the curves; all but the first are from the palette of Okabe and Ito."""
 
-_FORMS = {
-    "principal": ("#d55e00", "o"), "shrm": ("#0072b2", "s"), "splitsum": ("#009e73", "^"),
-    "she": ("#cc79a7", "D"), "cabral": ("#e69f00", "v"), "irradiance": ("#56b4e9", "P"),
-}  # fmt: skip
-"""Color and marker of each form of maps."""
-_OTHER = "0.5", "x"
 _COSTS = {"bytes": "bytes", "look_ups": "look-ups", "multiply_adds": "multiply-adds"}
 """What maps cost, by the names of `Offer`: a chart for each, and the name of its axis."""
 _ROW = 3.1
@@ -223,7 +218,7 @@ def plot_offers(path: str | os.PathLike[str], choices: Sequence[tuple[str, Choic
         names = sorted({each.form for _, choice in choices for each in choice.offers})
         marks = [
             Line2D([], [], color=color, marker=marker, ls="none")
-            for color, marker in (_FORMS.get(name, _OTHER) for name in names)
+            for color, marker in (description(name).mark for name in names)
         ]
         figure.legend(marks, names, loc="outside lower center", ncols=len(names), frameon=False)
         _save(figure, path)
@@ -238,7 +233,7 @@ def _draw_offers(axes: Any, choice: Choice, cost: str) -> None:
     values = np.array([getattr(each, cost) for each in offers], dtype=float)
     on_front = [each.on_front if cost == "bytes" else each.on_cost_front for each in offers]
     for x, y, offer, is_front in zip(values, percent, offers, on_front, strict=True):
-        color, marker = _FORMS.get(offer.form, _OTHER)
+        color, marker = description(offer.form).mark
         style = {"mfc": color if is_front else "none", "mec": color, "mew": 1.2}
         axes.plot([x], [y], marker, ms=6, ls="none", zorder=3, **style)
     front = np.flatnonzero(on_front)

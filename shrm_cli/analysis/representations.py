@@ -25,10 +25,7 @@ from shrm_cli.render.comparison import Difference, measure
 from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import render_sphere
-from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
-
-COMPARED = ("shrm", "principal", "splitsum", "she", "cabral")
-"""Names of the representations that are compared."""
+from shrm_cli.vocabulary import COMPARED, DEFAULT_MAX_SIZE
 
 
 @record

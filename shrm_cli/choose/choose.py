@@ -109,11 +109,11 @@ def _chosen(
         for forms in held:
             known = dict.fromkeys([*_ladder(forms), *_for_goal(forms, goal, most)])
             offers += [_offer(each) for each in known]
-    for wanted in others_of(brdf):
+    for form, setting in others_of(brdf):
         try:
-            offers += made_offers(wanted, probe, brdf, truth, work)
+            offers += made_offers(form, setting, probe, brdf, truth, work)
         except ShrmError as reason:
-            warnings.append(f"{name}: no {wanted.arguments['to']}: {reason}")
+            warnings.append(f"{name}: no {form}: {reason}")
     work.end()
     return decided(probe.name, name, goal, budget, offers, warnings)
 

@@ -9,7 +9,6 @@ from functools import cached_property, partial
 from typing import Any, Protocol
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.choose.cost import Cost, principal_cost, shrm_cost
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.plan import Planner
@@ -18,6 +17,7 @@ from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.principal.sharing import Joint
 from shrm_cli.maps.principal.terms import Wanted, planner_of
 from shrm_cli.maps.request import Request
+from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
 from shrm_cli.maps.shrm.budget import Tried
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.plan import policy

@@ -5,8 +5,8 @@ from dataclasses import field, replace
 from html import escape
 from typing import Any
 
-from shrm_cli.choose.cost import Cost
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.shader.cost import Cost
 from shrm_cli.plan.search import Candidate, Goal, least_wrong
 from shrm_cli.records import record
 
@@ -32,7 +32,7 @@ class Offer:
         Which of ``error`` and ``wrong_share`` are no predictions, but measured at some hundred
         points beside the truth.
     look_ups, multiply_adds : int
-        What its shader takes; see `shrm_cli.choose.cost`.
+        What its shader takes; see `shrm_cli.maps.shader.cost`.
     arguments : dict, optional
         Those of `shrm_cli.prefilter.prefilter` that make it; None where no arguments do.
     make : callable

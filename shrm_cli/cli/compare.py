@@ -32,12 +32,12 @@ from shrm_cli.cli.usage import (
     check_outputs,
     exclude,
     is_quiet,
-    picture_attributes,
     refuse_inapplicable,
     wants_json,
     wrong_usage,
 )
 from shrm_cli.extras import install
+from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS
 
 if TYPE_CHECKING:

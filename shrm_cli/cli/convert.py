@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.conversion import Conversion, convert_map, convert_probe, convert_to_layers
 from shrm_cli.cli.options import (
     COLORS,
     TURNS,
@@ -17,30 +16,32 @@ from shrm_cli.cli.options import (
     reading_rules,
     report_options,
     representation_options,
+    several,
 )
-from shrm_cli.cli.plain import (
-    convert_to_mips,
-    convert_to_view,
-    plain_name,
-    plain_options,
-    plain_rules,
-)
-from shrm_cli.cli.terminal import echo
+from shrm_cli.cli.shading import surface_options
+from shrm_cli.cli.terminal import echo, progress_bar
+from shrm_cli.cli.types import DIRECTION, Named
 from shrm_cli.cli.usage import (
     Applies,
+    check_outputs,
     force_option,
     given_options,
+    map_stem,
     refuse_inapplicable,
+    renamed,
     source_stem,
     wants_json,
 )
 from shrm_cli.files.whole import keeping
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
-from shrm_cli.maps.registry import descriptions
+from shrm_cli.maps.registry import descriptions, installed_names
 from shrm_cli.vocabulary import (
+    CONTAINERS,
     FRAMES,
     IMAGE_LAYOUTS,
+    LAYERS,
     LAYOUTS,
+    LOOKUPS,
     MAX_ORDER_P,
     ORIENTATIONS,
     REPRESENTATIONS,
@@ -51,8 +52,11 @@ from shrm_cli.vocabulary import (
 if TYPE_CHECKING:
     from shrm_cli.vocabulary import Lookup, Orientation, Sampling
 
-_LAYERS = "layers"
-_TARGETS = [*REPRESENTATIONS, *LAYOUTS, _LAYERS]
+_TARGETS = [*REPRESENTATIONS, *LAYOUTS, LAYERS]
+_PLAIN = ("latlong", "openexr")
+"""The layouts of mip-mapped files."""
+_OURS = {"sampling": "to_sampling", "orientation": "to_orientation", "path": "output"}
+"""What the command calls arguments of `shrm_cli.convert`."""
 
 
 def _converts(option: Option) -> bool:
@@ -60,10 +64,30 @@ def _converts(option: Option) -> bool:
     return option.converts
 
 
+_plain_options = several(
+    click.option(
+        "--view", type=DIRECTION,
+        help="With --to latlong, of a map: the light reflected to a distant viewer there, "
+        "degrees, as a plain image.",
+    ),
+    click.option(
+        "--by", type=click.Choice(LOOKUPS),
+        help="With --view, what a pixel's direction is: the mirror direction, or the normal.  "
+        "[default: as the map itself is looked up]",
+    ),
+    surface_options,
+    click.option(
+        "--mips", is_flag=True,
+        help="Of split sums made with --mips, to latlong or openexr: one mip-mapped file.",
+    ),
+)  # fmt: skip
+"""The options of plain images of `shrm convert`."""
+
+
 @click.command()
 @click.argument("source", metavar="IN", type=click.Path())
 @click.option(
-    "--to", "target", type=click.Choice(_TARGETS), required=True,
+    "--to", "target", type=Named(_TARGETS, installed_names), required=True,
     help="Representation (of a map), layout of the images (of a map or a probe), or layers, the "
     "textures that --shader reads.",
 )  # fmt: skip
@@ -82,7 +106,7 @@ def _converts(option: Option) -> bool:
     help="Order P of the SHRM.  [default: as high as IN has it or determines it]",
 )  # fmt: skip
 @representation_options(_converts)
-@plain_options
+@_plain_options
 @click.option(
     "--size", type=click.IntRange(1, 8192),
     help="Texels along a face's edge; height of a lat-long or angular map.  [default: as fine]",
@@ -133,60 +157,34 @@ def convert(
       shrm convert probe.ggx.principal.exr --to latlong --view 30,10 --by normal
       shrm convert probe.splitsum.exr --to latlong --mips
     """
+    from shrm_cli.convert.convert import convert as converted
     from shrm_cli.maps.file import is_map
     from shrm_cli.probe.open import face_paths
 
     is_plain = view is not None or mips
-    named = plain_name(source, target, view) if is_plain else _default_name(source, target)
+    named = _plain_name(source, target, view) if is_plain else _default_name(source, target)
     path = output or named
     reading = make_read_options(values)
     from_map = is_map(source)
     refuse_inapplicable(
-        _rules(target) | _rules_of_source(from_map) | plain_rules(target, from_map, view, mips)
+        _rules(target) | _rules_of_source(from_map) | _plain_rules(target, from_map, view, mips)
     )
+    names = face_paths(path) if target == "faces" else [path]
     if not (output or force):
-        names = face_paths(path) if target == "faces" else [path]
         click.get_current_context().with_resource(keeping(*names))
-    job = Conversion(source, path, target, reading, size, to_orientation, to_sampling, precision)
-    if not from_map:
-        _refuse_targets_of_maps(job)
-        made = convert_probe(job)
-    elif target == _LAYERS:
-        made = convert_to_layers(job, shader)
-    elif view is not None:
-        made = convert_to_view(job, view, by, roughness, f0)
-    elif mips:
-        made = convert_to_mips(job)
-    else:
-        made = convert_map(job, {name: values[name] for name in given_options() if name in values})
-    code = made.result.get("shader")
+    check_outputs(names, files=[source], suffixes=CONTAINERS)
+    own = {name: values[name] for name in given_options() if name in values}
+    with renamed(**_OURS), progress_bar("converting") as progress:
+        made = converted(
+            source, target, size=size, orientation=to_orientation, sampling=to_sampling,
+            shader=shader, view=view, by=by, roughness=roughness, f0=f0, mips=mips,
+            reading=reading, progress=progress, **own,
+        )  # fmt: skip
+        written = made.save(path, precision)
+    code = written.result.get("shader")
     if code is not None and not wants_json():
         echo(code.rstrip("\n"))
-    conclude(made.result, [made.report], made.warnings, err=code is not None)
-
-
-def _refuse_targets_of_maps(job: Conversion) -> None:
-    """Refuse to make of a probe what conversion makes of maps alone.
-
-    Raises
-    ------
-    click.BadParameter
-        If the target is a representation, or layers.
-    ProbeError
-        If the file is no image either.
-    """
-    from shrm_cli.probe.open import open_probe
-
-    if job.target == _LAYERS:
-        raise click.BadParameter(
-            f"{job.source} is no map; make one by shrm prefilter", param_hint="'--to'"
-        )
-    if job.target in REPRESENTATIONS:
-        open_probe(job.source, job.reading)  # raises what is wrong with a file that is no image
-        raise click.BadParameter(
-            f"{job.source} is no map; a probe becomes {job.target} by shrm prefilter",
-            param_hint="'--to'",
-        )
+    conclude(written.result, [written.report], written.warnings, err=code is not None)
 
 
 def _rules_of_source(is_map: bool) -> dict[str, Applies]:
@@ -197,15 +195,16 @@ def _rules_of_source(is_map: bool) -> dict[str, Applies]:
 
 def _rules(target: str) -> dict[str, Applies]:
     """Return, for each option, whether it applies to the representation that is converted to."""
-    known = descriptions()
+    known = descriptions(*([] if target in (*LAYOUTS, LAYERS) else [target]))
     of_brdf = [name for name, each in known.items() if each.needs_brdf]
+    framed = owners(known, "frame")
     rules = {
-        "frame": Applies(target == "shrm", "with --to shrm"),
+        "frame": Applies(target in framed, f"with --to {listing(framed, 'or')}"),
         "order_p": Applies(target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
-        "shader": Applies(target == _LAYERS, f"with --to {_LAYERS}"),
+        "shader": Applies(target == LAYERS, f"with --to {LAYERS}"),
         **dict.fromkeys(
             ("size", "to_orientation", "to_sampling"),
-            Applies(target != _LAYERS, f"to all but --to {_LAYERS}"),
+            Applies(target != LAYERS, f"to all but --to {LAYERS}"),
         ),
     }
     for option in filter(_converts, all_options(known).values()):
@@ -216,5 +215,33 @@ def _rules(target: str) -> dict[str, Applies]:
 
 def _default_name(source: str, target: str) -> str:
     """Return the name of an output after that of its source, without what it was before."""
-    stem = source_stem(source, REPRESENTATIONS if target in REPRESENTATIONS else IMAGE_LAYOUTS)
+    is_form = target not in (*LAYOUTS, LAYERS)
+    stem = source_stem(source, {*REPRESENTATIONS, target} if is_form else IMAGE_LAYOUTS)
     return f"{stem}_%.exr" if target == "faces" else f"{stem}.{target}.exr"
+
+
+def _plain_rules(target: str, is_map: bool, view: object, mips: bool) -> dict[str, Applies]:
+    """Return when the options of plain images apply, and when those of other conversions do not."""
+    seen = view is not None
+    with_view = Applies(seen, "with --view")
+    rules = {
+        "view": Applies(is_map and target == "latlong", "with --to latlong, to maps"),
+        "mips": Applies(
+            is_map and target in _PLAIN and not seen, "to split sums, with --to latlong or openexr"
+        ),
+        **dict.fromkeys(("by", "roughness", "f0"), with_view),
+    }
+    if seen or mips:
+        rules["to_orientation"] = Applies(False, "to cubes; OpenEXR's is written here")
+    if mips and target == "openexr":
+        rules["to_sampling"] = Applies(False, "to lat-longs; cubes have texel centers here")
+        rules["size"] = Applies(False, "to lat-longs; the levels of a cube are copied")
+    return rules
+
+
+def _plain_name(source: str, target: str, view: tuple[float, float] | None) -> str:
+    """Return the default name of a plain image."""
+    if view is None:
+        return f"{map_stem(source)}.{target}.mips.exr"
+    azimuth, elevation = view
+    return f"{map_stem(source)}.latlong.view{azimuth:g}_{elevation:g}.exr"

@@ -17,6 +17,7 @@ from shrm_cli.cli.options import (
     several,
 )
 from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.types import Named
 from shrm_cli.cli.usage import (
     check_outputs,
     flags,
@@ -30,34 +31,16 @@ from shrm_cli.errors import ShrmError
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
 if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
-
     from shrm_cli.export.make import Asked
     from shrm_cli.probe.options import ReadOptions
 
 
-class _EngineChoice(click.Choice):  # type: ignore[type-arg]  # it is generic since 8.2 only
-    """Engines by their names; installed packages are asked only for what `shrm` has not."""
+def _installed() -> list[str]:
+    """Return the engines of installed packages."""
+    from shrm_cli.plugins import ENGINES as GROUP
+    from shrm_cli.plugins import installed
 
-    def _every(self) -> click.Choice:  # type: ignore[type-arg]
-        from shrm_cli.plugins import ENGINES as GROUP
-        from shrm_cli.plugins import installed
-
-        return click.Choice(list(dict.fromkeys([*self.choices, *sorted(installed(GROUP))])))
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the name of an engine, which is loaded later."""
-        return value if value in self.choices else self._every().convert(value, param, ctx)
-
-    def get_metavar(self, *context: Any, **named: Any) -> str | None:
-        """Return all names, for the help."""
-        return self._every().get_metavar(*context, **named)
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Offer all names."""
-        return self._every().shell_complete(ctx, param, incomplete)
+    return sorted(installed(GROUP))
 
 
 texel_options = (
@@ -89,7 +72,7 @@ texel_options = (
 @click.command()
 @click.argument("sources", metavar="PROBE|MAP...", type=click.Path(), nargs=-1, required=True)
 @click.option(
-    "--for", "engines", type=_EngineChoice([*ENGINES, "all"]), multiple=True, required=True,
+    "--for", "engines", type=Named([*ENGINES, "all"], _installed), multiple=True, required=True,
     help="Who loads it; several may be named; all are those of shrm itself.",
 )  # fmt: skip
 @click.option(

@@ -17,7 +17,8 @@ from shrm_cli.cli.options import (
     view_option,
 )
 from shrm_cli.cli.types import COEFFICIENT, DIMMING, RADIANCE, STOPS, TURN
-from shrm_cli.cli.usage import Applies, check_outputs, picture_attributes, refuse_inapplicable
+from shrm_cli.cli.usage import Applies, check_outputs, refuse_inapplicable
+from shrm_cli.files.recipe import picture_attributes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -21,13 +21,8 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import STOPS
-from shrm_cli.cli.usage import (
-    Applies,
-    check_outputs,
-    flags,
-    picture_attributes,
-    refuse_inapplicable,
-)
+from shrm_cli.cli.usage import Applies, check_outputs, flags, refuse_inapplicable
+from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions

@@ -5,23 +5,35 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from shrm_cli import settings
 from shrm_cli.cli.terminal import echo, echo_json, echo_message, has_terminal
-from shrm_cli.cli.types import DIRECTION, NAMED_COLOR, OF_PRIMARIES, STOPS, Spec, click_option
+from shrm_cli.cli.types import (
+    DIRECTION,
+    NAMED_COLOR,
+    OF_PRIMARIES,
+    STOPS,
+    Named,
+    Spec,
+    click_option,
+)
 from shrm_cli.cli.usage import Applies, flags, is_quiet, remember, wants_json
+from shrm_cli.errors import PluginError
 from shrm_cli.maps.options import SHARED, Option, all_options
-from shrm_cli.maps.registry import descriptions
+from shrm_cli.maps.registry import description, descriptions, is_known
 from shrm_cli.settings import limit_libraries
 from shrm_cli.vocabulary import (
+    AUTO,
     IMAGE_LAYOUTS,
     MAX_SOURCE_HEIGHT,
     ORIENTATIONS,
     PRECISIONS,
     PRIMARIES,
+    REPRESENTATIONS,
     SAMPLINGS,
 )
 
@@ -40,6 +52,9 @@ COLORS = ("primaries", "working")
 """The names of the options about colors; they apply to some maps, too."""
 READING_NAMES = ("sampling", *_READING, "fix_nonfinite", "clamp", *COLORS)
 """The names of the options for reading a probe's file."""
+
+
+_OWN = "Options of the form of an installed package"
 
 
 def several(*options: Callable[[Any], Any]) -> Callable[[Command], Command]:
@@ -69,20 +84,67 @@ def command_with_headings(headings: dict[str, list[str]]) -> type[click.Command]
     class WithHeadings(click.Command):
         def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
             ctx.meta["shrm.words"] = list(args)
+            ctx.meta["shrm.own"] = _own_options(self, args, ctx.resilient_parsing)
             return super().parse_args(ctx, args)
+
+        def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+            return [*super().get_params(ctx), *ctx.meta.get("shrm.own", [])]
 
         def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
             rows: dict[str, list[tuple[str, str]]] = {each: [] for each in (*headings, "Running")}
             for param in self.get_params(ctx):
                 record = param.get_help_record(ctx)
                 if isinstance(param, click.Option) and record is not None:
-                    rows[place.get(param.name or "", "Running")].append(record)
+                    is_own = param in ctx.meta.get("shrm.own", [])
+                    heading = _OWN if is_own else place.get(param.name or "", "Running")
+                    rows.setdefault(heading, []).append(record)
             for heading, records in rows.items():
                 if records:
                     with formatter.section(heading):
                         formatter.write_dl(records)
 
     return WithHeadings
+
+
+def _own_options(command: click.Command, words: Sequence[str], is_lenient: bool) -> list[Any]:
+    """Return the options of the installed forms that words of a command line name by ``--to``.
+
+    Parameters
+    ----------
+    command : click.Command
+        It has the options that it shares with other forms already.
+    is_lenient : bool
+        Whether a form that cannot be used has none, because a shell completes.
+
+    Raises
+    ------
+    PluginError
+        If the form cannot be used.
+    """
+    taker = next((each for each in command.params if isinstance(each.type, Named)), None)
+    if taker is None or "--to" not in taker.opts:
+        return []
+    named = [second for first, second in pairwise(words) if first == "--to"]
+    named += [word.removeprefix("--to=") for word in words if word.startswith("--to=")]
+    shared = {each.name for each in command.params}
+    new = [name for name in named if name not in (AUTO, *REPRESENTATIONS) and is_known(name)]
+    try:
+        options = [option for name in new for option in description(name).options]
+    except PluginError:
+        if is_lenient:
+            return []
+        raise
+    return [_made(each) for each in options if each.name not in shared]
+
+
+def _made(option: Option) -> Any:
+    """Return an option itself, which click makes as it decorates a function."""
+
+    def decorated() -> None: ...
+
+    click_option(option)(decorated)
+    (made,) = decorated.__click_params__  # type: ignore[attr-defined]
+    return made
 
 
 def words_of_call() -> list[str]:

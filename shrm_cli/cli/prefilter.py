@@ -19,7 +19,7 @@ from shrm_cli.cli.options import (
     report_options,
 )
 from shrm_cli.cli.terminal import echo, has_terminal, progress_bar
-from shrm_cli.cli.types import BOX, VECTOR
+from shrm_cli.cli.types import BOX, VECTOR, Named
 from shrm_cli.cli.usage import (
     Applies,
     check_outputs,
@@ -40,6 +40,7 @@ from shrm_cli.vocabulary import (
     AUTO_FORMS,
     CONTAINERS,
     DEFAULT_TAPS,
+    EXPANDED,
     REPRESENTATIONS,
     Precision,
 )
@@ -83,7 +84,8 @@ _HEADINGS = {
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @optional_brdf_option
 @click.option(
-    "--to", type=click.Choice([AUTO, *REPRESENTATIONS]), default=AUTO, show_default=True,
+    "--to", type=Named([AUTO, *REPRESENTATIONS], registry.installed_names), default=AUTO,
+    show_default=True,
     help="Representation to write; auto is the one of the fewest bytes whose picture is right, and "
     f"an SHRM with --eps or orders. {_OWN_BRDFS} have their BRDF.",
 )  # fmt: skip
@@ -182,7 +184,7 @@ def prefilter(
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     remarks: Sequence[str] = made.warnings
-    share = summary.get("predicted_wrong_share") if to == "shrm" else None
+    share = summary.get("predicted_wrong_share") if to == EXPANDED else None
     if share is not None and share > policy.WRONG_SHARE:
         instead = _made_by_default(given, source) if has_terminal() else None
         remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error, instead)
@@ -216,7 +218,7 @@ def _why_float(stored: Storage) -> str:
 
 def _rules_of_printing(to: str) -> dict[str, Applies]:
     """Return when the options apply that only ask for more output."""
-    known = registry.descriptions()
+    known = registry.descriptions(*([] if to == AUTO else [to]))
     rules = {}
     for name in _PRINTS:
         if to == AUTO:

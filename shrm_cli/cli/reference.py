@@ -19,7 +19,8 @@ from shrm_cli.cli.options import (
     view_option,
 )
 from shrm_cli.cli.terminal import progress_bar
-from shrm_cli.cli.usage import check_outputs, force_option, keep_other_picture, picture_attributes
+from shrm_cli.cli.usage import check_outputs, force_option, keep_other_picture
+from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT
 

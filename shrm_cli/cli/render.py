@@ -48,13 +48,8 @@ from shrm_cli.cli.stage import (
 )
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import VECTOR, picture_size, within
-from shrm_cli.cli.usage import (
-    Applies,
-    check_outputs,
-    map_stem,
-    picture_attributes,
-    refuse_inapplicable,
-)
+from shrm_cli.cli.usage import Applies, check_outputs, map_stem, refuse_inapplicable
+from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_FPS
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import BYTES, STOPS
 from shrm_cli.cli.usage import PAGES, check_outputs, flags
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPRESENTATIONS
+from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPORTED, REPRESENTATIONS
 
 if TYPE_CHECKING:
     from shrm_cli.report.measure import Measured
@@ -57,7 +57,7 @@ _UNSAID = ("probe", "output")
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @brdfs_option
 @click.option(
-    "--to", type=click.Choice(list(REPRESENTATIONS)), multiple=True, default=["principal"],
+    "--to", type=click.Choice(list(REPRESENTATIONS)), multiple=True, default=REPORTED,
     show_default=True, help="A representation to make. May be repeated.",
 )  # fmt: skip
 @shared_options("eps", "error", "order_f", "order_p", "center")
@@ -148,7 +148,7 @@ def _options() -> dict[str, Any]:
     context = click.get_current_context()
     return {
         each.opts[0]: context.params[each.name]
-        for each in context.command.params
+        for each in context.command.get_params(context)
         if isinstance(each, click.Option)
         and each.name in context.params
         and each.name not in _UNSAID

@@ -11,9 +11,10 @@ import click
 from shrm_cli import settings
 from shrm_cli.cli.options import announce, conclude
 from shrm_cli.cli.terminal import columns, progress_bar
-from shrm_cli.cli.usage import check_outputs, flags, picture_attributes, wrong_usage
+from shrm_cli.cli.usage import check_outputs, flags, wrong_usage
+from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.options import bytes_text, counted, listing
-from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
+from shrm_cli.vocabulary import COMPARED, DEFAULT_MAX_SIZE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -126,8 +127,6 @@ def _facts(plan: Plan, table: RepresentationTable) -> dict[str, Any]:
 
 def _statement(plan: Plan, path: str) -> list[str]:
     """Return lines that say what will be made, and what that takes."""
-    from shrm_cli.analysis.representations import COMPARED
-
     memory, size = plan.memory, plan.size
     pictures = counted(plan.truths, "picture")
     return [

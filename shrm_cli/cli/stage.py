@@ -250,7 +250,6 @@ def open_baked(
     """
     from shrm_cli.lights.split import split_lamps
     from shrm_cli.maps.info import probe_name
-    from shrm_cli.maps.irradiance.irradiance import Irradiance
     from shrm_cli.prefilter import prefilter
     from shrm_cli.render.lit import lit_maps
     from shrm_cli.transfer.file import read_transfer
@@ -273,10 +272,10 @@ def open_baked(
     refuse_window(maps)
     lit, negative = lit_maps(maps, names, probe, window)
     for each, name in zip(lit, names, strict=True):
-        if isinstance(each, Irradiance) and each.order_f < baked.order:
+        if each.is_white and each.info.order_f < baked.order:
             warnings.append(
-                f"{name}: has light of order {each.order_f} for a transfer of order {baked.order}, "
-                "and lamps without sharp shadows; give `probe` in place of the map"
+                f"{name}: has light of order {each.info.order_f} for a transfer of order "
+                f"{baked.order}, and lamps without sharp shadows; give `probe` in place of the map"
             )
     return Baked(baked, lit, list(names), discs, warnings + negative)
 

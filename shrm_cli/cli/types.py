@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -414,6 +414,39 @@ def _numbers(text: str) -> tuple[float, ...]:
     except ValueError:
         return ()
     return numbers if all(math.isfinite(number) for number in numbers) else ()
+
+
+class Named(click.Choice):  # type: ignore[type-arg]  # it is generic since 8.2 only
+    """Names of `shrm`; installed packages are asked only for what it has not.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Those of `shrm`.
+    more : callable
+        Returns those of installed packages.
+    """
+
+    def __init__(self, names: Sequence[str], more: Callable[[], Iterable[str]]) -> None:
+        super().__init__(names)
+        self._more = more
+
+    def _every(self) -> click.Choice:  # type: ignore[type-arg]
+        return click.Choice(list(dict.fromkeys([*self.choices, *self._more()])))
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a name; what has it is loaded later."""
+        return value if value in self.choices else self._every().convert(value, param, ctx)
+
+    def get_metavar(self, *context: Any, **named: Any) -> str | None:
+        """Return all names, for the help."""
+        return self._every().get_metavar(*context, **named)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Offer all names."""
+        return self._every().shell_complete(ctx, param, incomplete)
 
 
 class Spec(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only

@@ -90,7 +90,7 @@ def given_options() -> dict[str, str]:
     context = click.get_current_context()
     return {
         param.name: param.opts[0]
-        for param in context.command.params
+        for param in context.command.get_params(context)
         if param.name
         and isinstance(param, click.Option)
         and context.get_parameter_source(param.name) is ParameterSource.COMMANDLINE
@@ -222,27 +222,6 @@ def check_outputs(
     note(*files, *(path for spec in specs if spec is not None for path in named_files(spec)))
     for target in targets:
         check_target(target, tuple(suffixes))
-
-
-def picture_attributes(
-    recipe: dict[str, Any], primaries: Iterable[tuple[float, ...] | None]
-) -> dict[str, Any]:
-    """Return the attributes of an EXR picture.
-
-    Parameters
-    ----------
-    recipe : dict
-        How it was made. File names stand in it without their folders, because the bytes of the
-        picture must not depend on them.
-    primaries : iterable of tuple of 8 float or None
-        The chromaticities of everything that the picture shows; they are passed on where all are
-        the same.
-    """
-    attributes: dict[str, Any] = {"shrm:recipe": json.dumps(recipe)}
-    known = set(primaries)
-    if len(known) == 1 and None not in known:
-        attributes["chromaticities"] = known.pop()
-    return attributes
 
 
 def keep_other_map(target: str, probe: Probe, request: Request, precision: Precision) -> None:

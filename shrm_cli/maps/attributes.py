@@ -14,6 +14,7 @@ from shrm_cli import __release__
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredPart, sound_primaries
+from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sources import fingerprint
 from shrm_cli.vocabulary import (
@@ -24,7 +25,6 @@ from shrm_cli.vocabulary import (
     MAX_ORDER_F,
     MAX_ORDER_P,
     ORIENTATIONS,
-    REPRESENTATIONS,
     SAMPLINGS,
 )
 
@@ -196,7 +196,7 @@ def read_attributes(part: StoredPart) -> dict[str, Any]:
     version = part.attribute("shrm:version")
     if isinstance(version, int) and version > VERSION:
         raise MapError(f"{path}: written by a newer shrm (format {version}); update shrm")
-    if found not in REPRESENTATIONS:
+    if not registry.is_known(found):
         name = repr(found[:_MOST_NAME])
         raise MapError(f"{path}: a map of representation {name}, which this version cannot read")
     result: dict[str, Any] = {"representation": found}

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 
     from shrm_cli.brdf.base import Color
     from shrm_cli.files.parts import Part
+    from shrm_cli.maps.kinds import HarmonicLight
     from shrm_cli.maps.shrm.shrm import Shrm
 
 
@@ -158,6 +159,8 @@ class Map(Displayed, ABC):
         Whether a parameter of the BRDF may vary over the surface, as `varied_radiance` shows it.
     texels_are_series : bool
         Whether texels hold coefficients that are summed up, so that errors of theirs add up, too.
+    is_white : bool
+        Whether it is of a white diffuse surface, whose color is that of the light.
     against_negatives : str
         What a user can do where the map is negative.
     """
@@ -169,6 +172,7 @@ class Map(Displayed, ABC):
     surface_arguments: tuple[str, ...] = ()
     varies: bool = False
     texels_are_series: ClassVar[bool] = False
+    is_white: ClassVar[bool] = False
     against_negatives: ClassVar[str] = "take `to` auto without `eps` or orders"
 
     if TYPE_CHECKING:
@@ -239,6 +243,11 @@ class Map(Displayed, ABC):
             If the map holds no light.
         """
         return self.shaded().radiance(normals, views)
+
+    @property
+    def harmonic_light(self) -> HarmonicLight | None:
+        """The light itself and what reflects it, where the map holds them apart."""
+        return None
 
     @property
     def roughness_range(self) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, Frame, Sampling
 
 if TYPE_CHECKING:
+    from shrm_cli.maps.product.product import ProductMap
     from shrm_cli.maps.product.window import LightWindow
 
 
@@ -139,6 +140,22 @@ class MaterialMap(FixedMap):
     def shaded(self, *surface: object, **named: object) -> NoReturn:
         """Raise a `MapError`, since nothing is reflected without light."""
         raise MapError(f"{self.what} holds no light; give `probe`")
+
+
+@record(eq=False)
+class HarmonicLight:
+    """Light as harmonics, and a surface that they are multiplied with where it is shaded.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape ((order+1)^2, 3)
+        The light over world axes, index l(l+1)+m.
+    product : ProductMap, optional
+        The surface; None of one that is white and diffuse.
+    """
+
+    coefficients: Array
+    product: "ProductMap | None" = None
 
 
 @record

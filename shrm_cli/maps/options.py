@@ -187,6 +187,14 @@ class Representation:
     steps : tuple of mapping of str to value
         The settings, from the coarsest on, of which an error that is asked for takes the first
         that keeps it; empty where the maker itself chooses. See `shrm_cli.maps.seen`.
+    is_offered : bool
+        Whether `shrm_cli.choose` makes some of its maps to know their errors; the form's module
+        ``offers`` says which. See `shrm_cli.maps.offers`.
+    mark : tuple of 2 str
+        Color and marker of its maps in charts, as matplotlib takes them.
+    home : str
+        Of a form of an installed package: the module that makes, writes and reads its maps; see
+        `shrm_cli.maps.installed`.
     """
 
     name: str
@@ -196,6 +204,9 @@ class Representation:
     why_no_brdf: str = ""
     own_defaults: Mapping[str, Any] = field(default_factory=dict)
     steps: tuple[dict[str, Any], ...] = ()
+    is_offered: bool = False
+    mark: tuple[str, str] = ("0.5", "x")
+    home: str = ""
 
     @property
     def needs_brdf(self) -> bool:

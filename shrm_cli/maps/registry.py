@@ -1,14 +1,16 @@
 """The forms of maps: what each is called and takes, and the modules that make, write and read it.
 
+Those of installed packages are looked for where a name is none of `shrm`; see `maps.installed`.
+
 `shrm --help` reads the descriptions, so that this module loads no numpy. No module of a form is
 loaded before it is needed. All explicit maps share one description, to which each adds options of
 its own.
 """
 
 import importlib
-from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from shrm_cli.errors import PluginError
 from shrm_cli.maps.options import (
     AUTOMATIC,
     BRDF_ARGUMENTS,
@@ -59,6 +61,7 @@ _VIEWS = Option(
     converts=True,
 )
 _TITLES = {"cabral": "Cabral", "kautz-mccool": "Kautz-McCool", "lightfield": "light field"}
+_OFFERED = ("cabral",)
 _OWN = {"kautz-mccool": (_SLICES,), "lightfield": (_VIEWS,)}
 _STEPS = tuple({"eps": eps} for eps in (0.3, 0.1, 0.03, 0.01, 0.003))
 _FORM = Option(
@@ -96,6 +99,7 @@ DESCRIPTIONS = {
             SHADER,
             TEXTURES,
         ),
+        mark=("#0072b2", "s"),
     ),
     **{
         name: Representation(
@@ -104,6 +108,8 @@ DESCRIPTIONS = {
             _EXPLICIT_TAKES,
             (*_OWN.get(name, ()), SHADER, TEXTURES),
             steps=_STEPS,
+            is_offered=name in _OFFERED,
+            mark=("#e69f00", "v"),
         )
         for name, module in REPRESENTATIONS.items()
         if module.startswith("explicit.")
@@ -116,6 +122,8 @@ DESCRIPTIONS = {
         why_no_brdf="irradiance is that of a white Lambertian surface",
         own_defaults={"order_f": 2},  # nine coefficients
         steps=tuple({"order_f": order} for order in (1, 2, 4, 6, 8)),  # cosines lack odd degrees
+        is_offered=True,
+        mark=("#56b4e9", "P"),
     ),
     "splitsum": Representation(
         "splitsum",
@@ -155,6 +163,8 @@ DESCRIPTIONS = {
             ),
         ),
         why_no_brdf="a split sum is of GGX, unless a BRDF is given",
+        is_offered=True,
+        mark=("#009e73", "^"),
     ),
     "principal": Representation(
         "principal",
@@ -180,6 +190,7 @@ DESCRIPTIONS = {
             TEXTURES,
         ),
         own_defaults={"max_size": DEFAULT_MAX_SIZE},
+        mark=("#d55e00", "o"),
     ),
     "product": Representation(
         "product",
@@ -246,41 +257,97 @@ DESCRIPTIONS = {
         ),
         why_no_brdf="an SH exponential is of GGX",
         steps=tuple({"p_order": p, "q_order": q} for p, q in ((2, 1), (4, 2), (6, 4), (8, 6))),
+        is_offered=True,
+        mark=("#cc79a7", "D"),
     ),
 }
 """The description of each representation."""
 
 
-def module(representation: str, name: str) -> ModuleType:
+def module(representation: str, name: str) -> Any:
     """Load a module of a representation's folder, such as ``file``.
 
     Parameters
     ----------
     representation : str
-        One of `vocabulary.REPRESENTATIONS`.
+        One of `vocabulary.REPRESENTATIONS`, or a form of an installed package.
     name : str
         One of the names that the docstring of `shrm_cli.maps.base` lists.
+
+    Raises
+    ------
+    PluginError
+        If the form of an installed package cannot be used.
     """
+    if representation not in REPRESENTATIONS:
+        from shrm_cli.maps import installed
+
+        return installed.module(representation, name)
     folder = REPRESENTATIONS[representation].partition(".")[0]
     return importlib.import_module(f"shrm_cli.maps.{folder}.{name}")
 
 
 def map_class(representation: str) -> "type[Map]":
-    """Return the class of the maps of a representation."""
-    defining = importlib.import_module(f"shrm_cli.maps.{REPRESENTATIONS[representation]}")
+    """Return the class of the maps of a representation.
+
+    Raises
+    ------
+    PluginError
+        If the form of an installed package has none.
+    """
+    if representation in REPRESENTATIONS:
+        defining = importlib.import_module(f"shrm_cli.maps.{REPRESENTATIONS[representation]}")
+    else:
+        from shrm_cli.maps import installed
+
+        defining = installed.home(representation)
     for candidate in vars(defining).values():
         if isinstance(candidate, type) and candidate.__module__ == defining.__name__:
             named: type[Map] = candidate
             if getattr(named, "representation", None) == representation:
                 return named
-    raise LookupError(f"{defining.__name__} has no map of representation {representation!r}")
+    raise PluginError(
+        f"{defining.__name__} has no class of maps of representation {representation!r}; write one"
+    )
 
 
 def description(representation: str) -> Representation:
-    """Return the description of a representation; ``auto`` has one too, though it is none."""
-    return AUTOMATIC if representation == AUTO else DESCRIPTIONS[representation]
+    """Return the description of a representation; ``auto`` has one too, though it is none.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such representation.
+    PluginError
+        If it is a form of an installed package that cannot be used.
+    """
+    if representation == AUTO:
+        return AUTOMATIC
+    if representation in DESCRIPTIONS:
+        return DESCRIPTIONS[representation]
+    from shrm_cli.maps import installed  # rarely needed
+
+    return installed.description(representation)
 
 
-def descriptions() -> dict[str, Representation]:
-    """Return the descriptions of all representations, in the order of the vocabulary."""
-    return {name: DESCRIPTIONS[name] for name in REPRESENTATIONS}
+def is_known(representation: str) -> bool:
+    """Tell whether there is such a representation, in `shrm` or in an installed package."""
+    return representation in REPRESENTATIONS or representation in installed_names()
+
+
+def installed_names() -> list[str]:
+    """Return the names of forms of installed packages; none is loaded."""
+    from shrm_cli.maps import installed
+
+    return installed.names()
+
+
+def descriptions(*more: str) -> dict[str, Representation]:
+    """Return the descriptions of all representations of `shrm`, in the order of the vocabulary.
+
+    Parameters
+    ----------
+    *more : str
+        Representations whose descriptions come after them, such as those of installed packages.
+    """
+    return {name: description(name) for name in dict.fromkeys((*REPRESENTATIONS, *more))}

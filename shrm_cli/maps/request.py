@@ -21,7 +21,7 @@ from shrm_cli.vocabulary import (
     AUTO,
     DEFAULT_EPS,
     DEFAULT_MAX_SIZE,
-    REPRESENTATIONS,
+    EXPANDED,
     Domain,
     Frame,
     Sampling,
@@ -173,7 +173,7 @@ def resolved_form(to: str, given: Mapping[str, Any]) -> str:
         given.
     """
     named = {name for name, value in given.items() if value is not None}
-    return "shrm" if to == AUTO and named - registry.description(AUTO).arguments else to
+    return EXPANDED if to == AUTO and named - registry.description(AUTO).arguments else to
 
 
 def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -203,10 +203,8 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
     ArgumentError
         If the representation is unknown, does not obey an argument, or lacks a BRDF.
     """
-    if to not in (AUTO, *REPRESENTATIONS):
-        raise ArgumentError("to", f"{to!r} is none of {', '.join(REPRESENTATIONS)}")
-    known = registry.descriptions()
     chosen, given = registry.description(to), set(given)
+    known = registry.descriptions(to)
     for name in sorted(given - chosen.arguments):
         raise _not_for(name, chosen, known)
     if chosen.needs_brdf and "brdf" not in given:

@@ -36,7 +36,6 @@ from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.surface import SurfaceMaterial
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
-from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
 from shrm_cli.render.lit import reflectance
 from shrm_cli.render.paint import Paint
@@ -66,7 +65,7 @@ class Shown:
         It replaces that of the mesh's materials.
     f0 : str, optional
         As in a BRDF's specification: ``0.04``, ``1/0.78/0.34`` or ``gold``.
-    irradiance : Irradiance, optional
+    irradiance : Map, optional
         The light of the diffuse part of the mesh's materials.
     brush : {"uv"} or tuple of 3 float, optional
         As `Actor` has it.
@@ -81,7 +80,7 @@ class Shown:
     map: Map | None = None
     roughness: float | None = None
     f0: str | None = None
-    irradiance: Irradiance | None = None
+    irradiance: Map | None = None
     brush: "str | tuple[float, float, float] | None" = None
     vary: str | None = None
     plain: bool = False
@@ -237,8 +236,8 @@ def _actor(
     return shown.actor(moved, None if light is None else light.info.chromaticities, shelf)
 
 
-def as_irradiance(path: str, opened: Callable[[str], Map] = open_map) -> Irradiance:
-    """Return the irradiance map of a file.
+def as_irradiance(path: str, opened: Callable[[str], Map] = open_map) -> Map:
+    """Return the map of a file, which is of a white diffuse surface.
 
     Raises
     ------
@@ -246,7 +245,7 @@ def as_irradiance(path: str, opened: Callable[[str], Map] = open_map) -> Irradia
         If it is another map.
     """
     found = opened(path)
-    if not isinstance(found, Irradiance):
+    if not found.is_white:
         raise MeshError(
             f"{path}: {found.what}, not irradiance; shrm prefilter PROBE --to irradiance makes one"
         )

@@ -13,7 +13,6 @@ from shrm_cli.errors import MapError
 from shrm_cli.geometry.mesh import Mesh, joined
 from shrm_cli.geometry.tangents import UvTangents, brushed_tangents
 from shrm_cli.maps.base import Map, ReflectedLight
-from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.records import record
 from shrm_cli.render.boxed import Vectors, reflected, seen_from
@@ -39,8 +38,9 @@ class Look:
         Perceptual roughness of the GGX surface that maps of light alone are shown as.
     f0 : tuple of 3 float, optional
         Its reflectance at normal incidence, linear RGB.
-    irradiance : Irradiance, optional
-        The light of the diffuse part, which is added to that of maps of light alone.
+    irradiance : Map, optional
+        What a white diffuse surface reflects: the light of the diffuse part, which is added to that
+        of maps of light alone.
     variation : Variation, optional
         What a parameter of the BRDF follows, where the map lets one vary.
     anisotropy : float, optional
@@ -55,7 +55,7 @@ class Look:
     map: Map | None = None
     roughness: float | None = None
     f0: Color | None = None
-    irradiance: Irradiance | None = None
+    irradiance: Map | None = None
     variation: Variation | None = None
     anisotropy: float | None = None
     taps: int | None = None
@@ -100,7 +100,7 @@ class Reflector:
 
     map: Map
     shown: ReflectedLight
-    irradiance: Irradiance | None = None
+    irradiance: Map | None = None
     variation: Variation | None = None
     paint: Paint | None = None
     varied: VariedSurface | None = None

@@ -14,8 +14,7 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import common_brdf
-from shrm_cli.maps.irradiance.irradiance import Irradiance
-from shrm_cli.maps.product.product import LitProduct, ProductTexture
+from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.render.lamps import LampsOnMesh, Points, blended
 from shrm_cli.sphere.directions import normalize
@@ -173,17 +172,19 @@ def vertex_colors(
     BrdfError
         If there are lamps, and the map's BRDF cannot be evaluated.
     """
-    if isinstance(light, Irradiance):
+    held = light.harmonic_light
+    if held is None:
+        raise TransferError(
+            f"{transfer.facts.mesh}: transfer shades by irradiance maps and by product textures, "
+            f"not by a map of the form {light.representation}; make one with shrm prefilter --to "
+            "irradiance"
+        )
+    if held.product is None:
         lamps = _lamps(mesh, discs)
-        return VertexColors(mesh, transfer, light.coefficients, lamps=lamps)
-    if isinstance(light, LitProduct):
-        product = light.product.at(_MIDDLE)
-        brdf = common_brdf({path: product.info}) if discs else None
-        return VertexColors(mesh, transfer, light.lighting, product, _lamps(mesh, discs, brdf))
-    raise TransferError(
-        f"{transfer.facts.mesh}: transfer shades by irradiance maps and by product textures, not "
-        f"by a map of the form {light.representation}; make one with shrm prefilter --to irradiance"
-    )
+        return VertexColors(mesh, transfer, held.coefficients, lamps=lamps)
+    product = held.product.at(_MIDDLE)
+    brdf = common_brdf({path: product.info}) if discs else None
+    return VertexColors(mesh, transfer, held.coefficients, product, _lamps(mesh, discs, brdf))
 
 
 def _lamps(mesh: Mesh, discs: Sequence[Disc], brdf: Brdf | None = None) -> LampsOnMesh | None:

@@ -96,7 +96,7 @@ def number_cells(material: Material, index: int) -> list[Part]:
 
 def _row(material: Material, index: int, made: Made) -> list[Part]:
     said = made.summary
-    order_f = said["order"] if made.form == "product" else said["order_f"]
+    order_f = said.get("order_f", made.map.info.order_f)
     orders = f"F {order_f}"
     if said.get("order_p"):
         orders += f", P {said['order_p']}"

@@ -9,6 +9,7 @@ from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.report.measure import Measured, Plan, measure_maps
 from shrm_cli.report.page import Look, report_page
+from shrm_cli.vocabulary import REPORTED
 
 
 @record(eq=False)
@@ -34,7 +35,7 @@ class ProbeReport:
 def report(
     probe: AnyProbe,
     brdfs: Sequence[str],
-    to: Sequence[str] = ("principal",),
+    to: Sequence[str] = REPORTED,
     *,
     angles: Sequence[tuple[float, float]] = Plan.views,
     picture_size: int = 256,

@@ -8,9 +8,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import spec_of
-from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.kinds import LightMap, MaterialMap
-from shrm_cli.maps.product.product import LitProduct
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.view.blocks import Blocks
@@ -66,26 +64,27 @@ def described_map(
         for each in textures
     ]
     is_brushed = "shrm_brushed_radiance(" in code
-    call = _call(made, is_brushed)
-    facts = _facts(made)
+    is_irradiance = "shrm_irradiance(" in code
+    call = _call(made, is_brushed, is_irradiance)
+    facts, light = _facts(made), made.harmonic_light
     facts += [("rounded by", f"{each['error']:.2%}") for each in packed if "error" in each]
     return {
         "name": name,
         "file": file,
         "code": code,
         "call": call,
-        "boxed_call": _call(made, is_brushed, ", p") if "_at(" in code else None,
+        "boxed_call": _call(made, is_brushed, is_irradiance, ", p") if "_at(" in code else None,
         "surface": isinstance(made, LightMap),
         "brushed": brushed,
         "tangents": "view_tangent(" in call,
         "roughness": list(made.roughness_range),
         "textures": packed,
-        "lighting": made.lighting.ravel().tolist() if isinstance(made, LitProduct) else None,
+        "lighting": light.coefficients.ravel().tolist() if light and light.product else None,
         "facts": facts,
     }
 
 
-def _call(made: Map, is_brushed: bool, point: str = "") -> str:
+def _call(made: Map, is_brushed: bool, is_irradiance: bool, point: str = "") -> str:
     """Return the expression of the radiance at a normal n and a view v, in linear Rec.709.
 
     Of brushed maps the code takes the tangent besides. With a point it is looked up in the box of
@@ -99,7 +98,7 @@ def _call(made: Map, is_brushed: bool, point: str = "") -> str:
     if "anisotropy" in made.surface_arguments:
         brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
         call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"
-    if isinstance(made, Irradiance):
+    if is_irradiance:
         call = f"shrm_irradiance{at}(n{point}) * 0.3183098861837907"
     matrix = to_rec709(made.info.chromaticities)
     if matrix is None:
@@ -112,7 +111,7 @@ def _facts(made: Map) -> list[tuple[str, str]]:
     """Return what the page says of a map, as pairs of a word and a value."""
     info, summary = made.info, made.summary()
     facts = [("form", registry.description(made.representation).title)]
-    if "f0" not in made.surface_arguments and not isinstance(made, Irradiance):
+    if "f0" not in made.surface_arguments and not made.is_white:
         facts.append(("BRDF", _spaced(spec_of(info.brdf))))
     facts.append(("probe", info.probe or "unknown"))
     if made.cube_count:

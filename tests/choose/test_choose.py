@@ -228,8 +228,9 @@ def test_all_taps_share_one_chain(monkeypatch):
         others, "prefilter_with_facts", lambda *asked: made.append(asked) or prefilter(*asked)
     )
     brdf = parse_spec("ggx:roughness=0.8,anisotropy=0.5")
-    (chain,) = others.others_of(brdf)
-    offers = others.made_offers(chain, light(0, 5), brdf, Truth(light(0, 5), brdf))
+    ((form, setting),) = others.others_of(brdf)
+    truth = Truth(light(0, 5), brdf)
+    offers = others.made_offers(form, setting, light(0, 5), brdf, truth)
     assert len(made) == 1
     assert [offer.look_ups for offer in offers] == [14, 18, 24]
     assert len({offer.error for offer in offers}) == 3

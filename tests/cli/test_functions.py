@@ -52,6 +52,12 @@ def test_convert(folder):
     )
     done("convert", "probe.exr", "--to", "hcross", "--size", "8", "-o", "cross.exr",
          "--precision", "float")  # fmt: skip
+    written = shrm.convert("white.exr", "cabral").save("by-function.exr")
+    told = json.loads(
+        done("convert", "white.exr", "--to", "cabral", "-o", "by-command.exr", "--json")
+    )
+    assert {**written.result, "file": "by-command.exr", "warnings": written.warnings} == told
+    assert (folder / "by-function.exr").read_bytes() == (folder / "by-command.exr").read_bytes()
     cross = shrm.to_layout(shrm.open_probe("probe.exr"), "hcross", size=8)
     again = shrm.to_layout(shrm.open_probe("cross.exr"), "hcross", size=8)
     np.testing.assert_allclose(again, cross, rtol=1e-6, atol=1e-6)
@@ -59,10 +65,14 @@ def test_convert(folder):
 
 def test_info(folder):
     told = json.loads(done("info", "white.exr", "--json"))
+    assert {"file": "white.exr", **shrm.describe("white.exr").facts, "warnings": []} == told
     assert shrm.open_map("white.exr").summary().items() <= told.items()
     told = json.loads(done("info", "probe.exr", "--json"))
     found = shrm.probe_statistics(shrm.open_probe("probe.exr")).summary()
     assert json.loads(json.dumps(found))["stops"] == told["stops"]
+    found = shrm.describe("probe.exr")
+    assert json.loads(json.dumps(found.facts))["stops"] == told["stops"]
+    assert (found.is_probe, list(found.warnings)) == (True, told["warnings"])
 
 
 def test_light_edit(folder):

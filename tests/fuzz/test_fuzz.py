@@ -59,7 +59,7 @@ def test_what_goes_wrong_is_found(tmp_path):
     code = f"""
 import argparse, sys, types
 from pathlib import Path
-import shrm_cli.cli.info, shrm_cli.maps.file, tests.fuzz.child as child
+import shrm_cli.analysis.describe, shrm_cli.maps.file, tests.fuzz.child as child
 from shrm_cli.errors import ProbeError
 from tests.fuzz import __main__ as harness
 child.SECONDS = 1
@@ -70,7 +70,7 @@ harness._load_everything = lambda: None
 for number, body in enumerate({list(FAULTS)!r}):
     scope = dict(ProbeError=ProbeError, sys=sys)
     exec("def fault(*_):\\n    " + body, scope)
-    shrm_cli.cli.info._describe_probe = scope["fault"]
+    shrm_cli.analysis.describe._probe = scope["fault"]
     work = Path({str(tmp_path)!r}, str(number))
     work.mkdir()
     options = argparse.Namespace(minutes=0, seed=1, case=0, first=0, kind=None, keep=work / "kept")

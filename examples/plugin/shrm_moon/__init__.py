@@ -1,1 +1,1 @@
-"""A BRDF, a command, an engine and a reader for shrm; each is imported only when it is named."""
+"""A BRDF, a command, an engine, a form and a reader for shrm; each is imported when it is named."""

@@ -2,12 +2,11 @@
 
 import json
 
-import numpy as np
-
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.pixels import TexelFormat
+from shrm_moon.ambient_cube import AXES
 
-AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
+NAMES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 class AmbientCube(Engine):
@@ -23,9 +22,8 @@ class AmbientCube(Engine):
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         if light.irradiance is not None:
-            normals = np.repeat(np.eye(3), 2, axis=0) * np.tile([1, -1], 3)[:, None]
-            values = light.irradiance.irradiance(normals) / np.pi
-            cube = dict(zip(AXES, values.tolist(), strict=True))
+            values = light.irradiance.radiance(AXES, AXES)
+            cube = dict(zip(NAMES, values.tolist(), strict=True))
             made.add_text(f"{light.name}_cube.json", json.dumps(cube, indent=1) + "\n")
             made.told.append("cube: irradiance / pi along each axis; nothing is turned")
             made.loading.append("color = sum of n[i] * n[i] * cube[the side of n[i]]")

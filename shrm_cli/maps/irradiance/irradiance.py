@@ -17,7 +17,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import Window
-from shrm_cli.maps.kinds import FixedMap
+from shrm_cli.maps.kinds import FixedMap, HarmonicLight
 from shrm_cli.maps.size import choose_size
 from shrm_cli.records import record
 from shrm_cli.sphere.extremes import lowest, series_values
@@ -115,6 +115,7 @@ class Irradiance(FixedMap, ReflectionMap):
 
     representation = "irradiance"
     center = "normal"
+    is_white = True
 
     def __post_init__(self) -> None:
         if self.coefficients.shape != ((self.order_f + 1) ** 2, 3):
@@ -127,6 +128,11 @@ class Irradiance(FixedMap, ReflectionMap):
     @property
     def order_f(self) -> int:
         return order_of(len(self.coefficients))
+
+    @property
+    def harmonic_light(self) -> HarmonicLight:
+        """The light, with its window."""
+        return HarmonicLight(self.coefficients)
 
     @property
     def takes_windows(self) -> bool:

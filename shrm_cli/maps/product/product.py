@@ -24,7 +24,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, ReflectionMap
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.kinds import FixedMap, MaterialMap
+from shrm_cli.maps.kinds import FixedMap, HarmonicLight, MaterialMap
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import order_of
@@ -167,6 +167,11 @@ class LitProduct(_Parabolic, ReflectionMap):
     def order(self) -> int:
         """The largest degree of the harmonics."""
         return self.product.order
+
+    @property
+    def harmonic_light(self) -> HarmonicLight:
+        """The light, and the textures that reflect it."""
+        return HarmonicLight(self.lighting, self.product)
 
     @property
     def varies(self) -> bool:  # type: ignore[override]

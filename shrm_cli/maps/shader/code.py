@@ -1,6 +1,6 @@
 """Writing the code of a map in a language, with the textures that it reads laid out in some way."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -126,8 +126,8 @@ def look_up_code(
         If the language is unknown or cannot read such textures, or the map does not fit into them.
     """
     speech = Language(language)
-    if made.representation == "irradiance":
-        return _irradiance(made, speech)
+    if (snippet := whole_code(made)) is not None:
+        return _irradiance(made, snippet, speech)
     chosen = textures or ("layers" if speech.is_c else "cube-array")
     if (language, chosen) not in _VERSIONS:
         raise ArgumentError("textures", f"{language} reads no cube-array; take layers")
@@ -152,9 +152,15 @@ def look_up_code(
     return "\n".join(lines) + "\n"
 
 
-def _irradiance(made: "Map", language: Language) -> str:
+def whole_code(made: "Map") -> Callable[["Map", str], str] | None:
+    """Return what writes the code of a map that holds all numbers: of irradiance."""
+    shader = registry.module(made.representation, "shader")
+    return getattr(shader, "irradiance_snippet", None)
+
+
+def _irradiance(made: "Map", snippet: Callable[["Map", str], str], language: Language) -> str:
     """Write the function of irradiance; in C, which takes arrays, without parallax."""
-    text = str(registry.module("irradiance", "shader").irradiance_snippet(made, language.name))
+    text = snippet(made, language.name)
     if made.info.proxy is None or language.is_c:
         return text
     looked_up = "{ return shrm_irradiance(shrm_box(p, normal)); }"

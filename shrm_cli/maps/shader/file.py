@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, peek, write_parts
-from shrm_cli.maps.shader.code import source_of
+from shrm_cli.maps.shader.code import source_of, whole_code
 from shrm_cli.maps.shader.language import harmless
 from shrm_cli.maps.shader.pages import arrange, drawn
 from shrm_cli.maps.stored import image_channels
@@ -54,7 +54,7 @@ def pack(made: "Map") -> tuple[PackedTexture, ...]:
     MapError
         If the map has no shader, or does not fit into such textures.
     """
-    if made.representation == "irradiance":
+    if whole_code(made) is not None:
         return ()
     source = source_of(made, "layers")
     found = []

@@ -9,6 +9,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.sphere.grid.latlong import latlong_directions, latlong_points
@@ -52,14 +53,16 @@ def mip_sizes(size: int, count: int) -> tuple[int, ...]:
     return tuple(size >> k for k in range(count))
 
 
-def check_mips(split: SplitSum, path: str) -> None:
-    """Check that the levels of a split sum are those of a mip chain.
+def mip_chain(split: Map, path: str) -> SplitSum:
+    """Return a map whose levels are those of a mip chain.
 
     Raises
     ------
     MapError
-        If their sizes do not halve, or their edge texels lie on the edges.
+        If it is no split sum, its sizes do not halve, or its edge texels lie on the edges.
     """
+    if not isinstance(split, SplitSum):
+        raise MapError(f"{path}: {split.what}; mip chains are made of split sums")
     sizes = [level.shape[1] for level in split.levels]
     halving = sizes == [split.size >> k for k in range(len(sizes))]
     if not halving or split.size != power_of_two(split.size) or split.sampling != "center":
@@ -68,6 +71,7 @@ def check_mips(split: SplitSum, path: str) -> None:
             f"{path}: its levels of {told} texels are no mip chain; make it by shrm prefilter "
             "PROBE --to splitsum --mips"
         )
+    return split
 
 
 def cube_mips(split: SplitSum) -> list[Array]:

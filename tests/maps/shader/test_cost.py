@@ -6,8 +6,8 @@ import subprocess
 
 import pytest
 
-from shrm_cli.choose import cost
 from shrm_cli.maps.principal.principal import PrincipalMap
+from shrm_cli.maps.shader import cost
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.vocabulary import TAP_COUNTS
 from tests.maps.scenes import make_info, make_shrm

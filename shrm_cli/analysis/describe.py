@@ -1,0 +1,134 @@
+"""`describe`: what a file is, and what is known of it."""
+
+import os
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+from shrm_cli.analysis.facts import in_words, map_facts, probe_facts
+from shrm_cli.brdf.environment.file import read_table_facts
+from shrm_cli.brdf.measured.table import Table, is_table
+from shrm_cli.brdf.spec import is_measured_file
+from shrm_cli.maps.file import is_map, open_map
+from shrm_cli.maps.shader.file import read_layers_facts
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.records import record
+from shrm_cli.rooms.file import is_grid, read_grid
+from shrm_cli.transfer.file import is_transfer, read_transfer
+
+
+@record(eq=False)
+class Description:
+    """What a file is.
+
+    Attributes
+    ----------
+    what : str
+        In words, after the name of the file: ``is a map``.
+    facts : dict
+        Its ``kind``, and what is known of it, as JSON has it.
+    warnings : tuple of str
+        What the user should know of a probe.
+    has_statistics : bool
+        Whether the facts have those of the pixels of a probe.
+    """
+
+    what: str
+    facts: dict[str, Any]
+    warnings: tuple[str, ...] = ()
+    has_statistics: bool = False
+
+    @property
+    def is_probe(self) -> bool:
+        """Whether it is light, to which the options of reading apply."""
+        return self.what == _PROBE
+
+    @cached_property
+    def words(self) -> dict[str, str]:
+        """What the statistics of a probe say to people, by the names of the facts."""
+        return in_words(self.facts) if self.has_statistics else {}
+
+
+_PROBE = "is a probe"
+
+
+def describe(
+    file: str | os.PathLike[str], reading: ReadOptions | None = None, *, stats: bool = True
+) -> Description:
+    """Tell what a file is: a map or table of shrm, light, a measured BRDF.
+
+    Parameters
+    ----------
+    file : path-like
+    reading : ReadOptions, optional
+        How a probe is read.
+    stats : bool
+        Whether the pixels of a probe are read: range, irradiance, white balance, lamps.
+
+    Raises
+    ------
+    ShrmError
+        If it is damaged, or nothing that is known.
+
+    Examples
+    --------
+    >>> shrm.describe("probes/studio.exr", stats=False).facts["layout"]
+    'latlong'
+    """
+    name = os.fspath(file)
+    for is_one, what, facts in _KINDS:
+        if is_one(name):
+            return Description(what, facts(name))
+    if (table := read_table_facts(name)) is not None:
+        kind = "environment-BRDF table"
+        return Description(f"is an {kind}", {"kind": kind, **table})
+    if (textures := read_layers_facts(name)) is not None:
+        facts_of = {"kind": "textures of --shader", **textures}
+        return Description("holds the textures of a map", facts_of)
+    if is_measured_file(name):
+        return Description("is a measured BRDF", _measured(name))
+    return _probe(name, reading, stats)
+
+
+def _transfer(name: str) -> dict[str, Any]:
+    return {"kind": "precomputed transfer", **read_transfer(name).summary()}
+
+
+def _grid(name: str) -> dict[str, Any]:
+    return {"kind": "grid of probes", **read_grid(name).summary()}
+
+
+def _table(name: str) -> dict[str, Any]:
+    table = Table.open(name)
+    return {
+        "kind": "BRDF table",
+        "nodes": [len(axis) for axis in table.axes],
+        "center": table.center,
+        "includes_cosine": table.includes_cosine,
+        "see": f"shrm brdf {name}",
+    }
+
+
+def _measured(name: str) -> dict[str, Any]:
+    from shrm_cli.brdf.measured import open_measured  # it is slow to load
+
+    found = open_measured(name)
+    return {"kind": "measured BRDF", "format": found.name, "see": f"shrm brdf {name}"}
+
+
+def _probe(name: str, reading: ReadOptions | None, stats: bool) -> Description:
+    """Describe a probe, which a file is that is nothing else."""
+    probe = open_probe(name, reading)
+    facts = probe_facts(probe, stats)
+    lines = probe.report.warnings() if stats else probe.report.notes
+    return Description(_PROBE, facts, tuple(f"{name}: {line}" for line in lines), stats)
+
+
+_KINDS: tuple[tuple[Callable[[str], bool], str, Callable[[str], dict[str, Any]]], ...] = (
+    (is_map, "is a map", lambda name: map_facts(open_map(name))),
+    (is_transfer, "is a precomputed transfer", _transfer),
+    (is_grid, "is a grid of probes", _grid),
+    (is_table, "is a BRDF table", _table),
+)
+"""How files are recognized, what they are, and how their facts are read."""

@@ -1,0 +1,1 @@
+"""Maps and probes made into others, and into plain images and textures, without prefiltering."""

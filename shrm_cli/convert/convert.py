@@ -1,0 +1,188 @@
+"""`convert`: other representations of maps, and other layouts of maps and probes."""
+
+import os
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from shrm_cli.convert.made import Converted, ConvertedMap, ConvertedProbe, Layers
+from shrm_cli.convert.plain import mips_of, seen_from
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps import registry
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.file import is_map, open_map
+from shrm_cli.maps.primaries import declared, in_primaries
+from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.messages import refuse_arguments
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.options import ColorReading, ReadOptions
+from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.resample import to_layout
+from shrm_cli.progress import Progress, using
+from shrm_cli.vocabulary import LAYERS, LAYOUTS, Lookup, Orientation, Sampling, default_orientation
+
+_IMAGES = ("latlong", "openexr")
+"""The layouts of mip-mapped files."""
+
+
+def convert(
+    source: Map | Probe | str | os.PathLike[str],
+    to: str,
+    *,
+    size: int | None = None,
+    orientation: Orientation | None = None,
+    sampling: Sampling | None = None,
+    shader: str | None = None,
+    view: tuple[float, float] | None = None,
+    by: Lookup | None = None,
+    roughness: float | None = None,
+    f0: str | None = None,
+    mips: bool = False,
+    reading: ReadOptions | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Converted:
+    """Make another representation of a map, or another layout of a map or a probe.
+
+    Parameters
+    ----------
+    source : Map, Probe or path-like
+    to : str
+        A representation, of a map; a layout of images; or ``layers``, the textures that the code of
+        a map reads.
+    size : int, optional
+        Texels along a face's edge; the height of a lat-long or an angular map.
+    orientation, sampling : str, optional
+        How the faces of a cube are turned, and where edge pixels lie, in what is made.
+    shader : str, optional
+        Of ``layers``: the language of code that looks the map up in them.
+    view : tuple of 2 float, optional
+        Azimuth and elevation of a distant viewer, degrees: the lat-long is of the light that a map
+        reflects there.
+    by : {"reflection", "normal"}, optional
+        With a view, what the direction of a pixel is.
+    roughness, f0 : float and str, optional
+        With a view, the surface that maps of light alone are shown as.
+    mips : bool
+        Whether the levels of a split sum become mip levels of one file.
+    reading : ReadOptions, optional
+        How the file of a probe is read; maps have their light turned, and their primaries changed.
+    progress : callable, optional
+        Called with the amount of work done and the amount in all.
+    **options
+        Those of the representation that `Map.converted` takes.
+
+    Returns
+    -------
+    Converted
+        Its `save` writes it, and returns what `shrm convert` tells.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument does not apply, or `to` is nothing that the source can become.
+    MapError, ProbeError
+
+    Examples
+    --------
+    >>> white = shrm.prefilter("probes/studio.exr", "lambertian", eps=0.01)
+    >>> shrm.convert(white, "cabral").save("white.exr").result["maps"]
+    12
+    """
+    if view is None:
+        refuse_arguments("what is seen from no `view`", by=by, roughness=roughness, f0=f0)
+    if to != LAYERS:
+        refuse_arguments(f"`to` {to}", shader=shader)
+    reading = reading or ReadOptions()
+    if isinstance(source, Probe) or not (isinstance(source, Map) or is_map(source)):
+        refuse_arguments("probes", view=view, mips=mips or None, **options)
+        return _of_probe(source, to, size, orientation, sampling, reading, progress)
+    name = source.what if isinstance(source, Map) else os.fspath(source)
+    found, notes = _read(source, name, reading)
+    if to == LAYERS:
+        refuse_arguments("`to` layers", size=size, orientation=orientation, sampling=sampling)
+        code = None if shader is None else look_up_code(found, shader, LAYERS)
+        return Layers(found, name, code, notes)
+    if view is None and not mips:
+        return _of_map(found, name, to, size, orientation, sampling, notes, options)
+    if to not in (_IMAGES if view is None else _IMAGES[:1]):
+        raise ArgumentError("to", f"{to} is no plain image; take latlong")
+    refuse_arguments("plain images", orientation=orientation, **options)
+    if view is None:
+        made: Any = mips_of(found, name, to, size, sampling)
+    else:
+        refuse_arguments("a single `view`", mips=mips or None)
+        surface = roughness, f0
+        made = seen_from(found, name, view, by, size, sampling, surface, progress)
+    plain: Converted = replace(made, notes=(*made.notes, *notes))
+    return plain
+
+
+def _read(
+    source: Map | str | os.PathLike[str], name: str, reading: ReadOptions
+) -> tuple[Map, tuple[str, ...]]:
+    """Read a map, turn its light and bring it into other primaries.
+
+    Returns
+    -------
+    found : Map
+    notes : tuple of str
+        What is to be said of its colors.
+    """
+    turn = reading.matrix()
+    found = source if isinstance(source, Map) else open_map(source)
+    colors = ColorReading.of(found.info.chromaticities, reading)
+    if reading.primaries is not None:
+        found = declared(found, colors.own)  # type: ignore[arg-type]
+    if not np.array_equal(turn, np.eye(3)):
+        found = found.turned(turn)
+    if reading.working is not None:
+        found = in_primaries(found, colors.chromaticities)  # type: ignore[arg-type]
+    return found, tuple(f"{name}: {line}" for line in colors.notes)
+
+
+def _of_map(
+    found: Map,
+    name: str,
+    to: str,
+    size: int | None,
+    orientation: Orientation | None,
+    sampling: Sampling | None,
+    notes: tuple[str, ...],
+    options: dict[str, Any],
+) -> ConvertedMap:
+    """Make a map of another representation, or lay the same one out anew."""
+    if to not in LAYOUTS:
+        made = found.converted(to, size, sampling, **options)
+        return ConvertedMap(made, "openexr", orientation or default_orientation("openexr"), notes)
+    if not found.cube_count:
+        words = f"applies to maps with images; {name} holds coefficients and no images"
+        raise ArgumentError("to", f"{to} {words}")
+    refuse_arguments(f"`to` {to}", **options)
+    made = found.resampled(size, sampling)
+    return ConvertedMap(made, to, orientation or default_orientation(to), notes)
+
+
+def _of_probe(
+    source: Probe | str | os.PathLike[str],
+    to: str,
+    size: int | None,
+    orientation: Orientation | None,
+    sampling: Sampling | None,
+    reading: ReadOptions,
+    progress: Progress | None,
+) -> ConvertedProbe:
+    """Lay a probe out anew."""
+    name = source.name if isinstance(source, Probe) else os.fspath(source)
+    if to == LAYERS:
+        raise ArgumentError("to", f"{to}: {name} is no map; make one by shrm prefilter")
+    probe = source if isinstance(source, Probe) else open_probe(source, reading)
+    if to not in LAYOUTS:
+        registry.description(to)  # which refuses what is no form either
+        words = f"{name} is no map; a probe becomes {to} by shrm prefilter"
+        raise ArgumentError("to", f"{to}: {words}")
+    sampled, turned = sampling or "center", orientation or default_orientation(to)
+    with using(progress):
+        image = to_layout(probe, to, turned, size, sampled)
+    return ConvertedProbe(probe, image, to, turned, sampled)

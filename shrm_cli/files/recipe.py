@@ -1,0 +1,26 @@
+"""How a picture was made, as the attributes of its EXR say it."""
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+
+def picture_attributes(
+    recipe: dict[str, Any], primaries: Iterable[tuple[float, ...] | None]
+) -> dict[str, Any]:
+    """Return the attributes of an EXR picture.
+
+    Parameters
+    ----------
+    recipe : dict
+        How it was made. File names stand in it without their folders, because the bytes of the
+        picture must not depend on them.
+    primaries : iterable of tuple of 8 float or None
+        The chromaticities of everything that the picture shows; they are passed on where all are
+        the same.
+    """
+    attributes: dict[str, Any] = {"shrm:recipe": json.dumps(recipe)}
+    known = set(primaries)
+    if len(known) == 1 and None not in known:
+        attributes["chromaticities"] = known.pop()
+    return attributes
