@@ -39,6 +39,9 @@ _HOMES = {
     "examine": "brdf.examine",
     "export": "export.export",
     "capture": "rooms.make",
+    "merge_brackets": "photo.brackets",
+    "unwrap_balls": "photo.ball",
+    "unclip": "photo.unclip",
     "grid": "rooms.make",
     "lookdev": "lookdev.sheet",
     "product": "maps.product.make",
@@ -134,6 +137,9 @@ if TYPE_CHECKING:
     from shrm_cli.maps.file import open_map as open_map
     from shrm_cli.maps.info import MapInfo as MapInfo
     from shrm_cli.maps.product.make import product as product
+    from shrm_cli.photo.ball import unwrap_balls as unwrap_balls
+    from shrm_cli.photo.brackets import merge_brackets as merge_brackets
+    from shrm_cli.photo.unclip import unclip as unclip
     from shrm_cli.prefilter import prefilter as prefilter
     from shrm_cli.probe.lighting import project as project
     from shrm_cli.probe.make import furnace as furnace

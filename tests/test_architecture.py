@@ -44,7 +44,7 @@ STOPS = [
     {"plan"},
     {"maps"},
     {"transfer", "lights"},
-    {"automatic"},
+    {"automatic", "photo"},
     {"prefilter", "naming"},
     {"export"},
     {"batch", "rooms"},

@@ -9,6 +9,7 @@ import click
 
 from shrm_cli.cli.capture import capture
 from shrm_cli.cli.options import several
+from shrm_cli.cli.photo import ball, brackets, unclip
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import DIRECTION, RADIANCE
 from shrm_cli.cli.usage import is_quiet, remember
@@ -53,7 +54,7 @@ output_options = several(
 
 @click.group()
 def probe() -> None:
-    """Make a lat-long light probe: test patterns, a sky, a studio, a place in a room.
+    """Make a light probe: test patterns, a sky, a studio, a place in a room, of photographs.
 
     Angles are in degrees: azimuth 0 is +Z, the centre of the image, and turns towards +X, its
     left quarter; elevation is the height above the horizon. Radiance is linear.
@@ -157,6 +158,8 @@ def studio(size: int, key: float, **written: Any) -> None:
 
 
 probe.add_command(image_options(capture))
+for made_of_photographs in (brackets, ball, unclip):
+    probe.add_command(made_of_photographs)
 
 
 def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: object) -> None:

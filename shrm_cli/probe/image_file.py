@@ -200,6 +200,17 @@ class ImageFile:
         return str(self.path)
 
     @property
+    def is_float(self) -> bool:
+        """Whether all channels that are read are floats."""
+        spec = self._input.spec()
+        return all(str(spec.channelformat(k)) in _FLOAT_FORMATS for k in self.layer.channels)
+
+    def number(self, name: str) -> float | None:
+        """A number of the header, such as Exif's ``ExposureTime``; None where it has none."""
+        value = self._input.spec().getattribute(name)
+        return float(value) if isinstance(value, int | float) else None
+
+    @property
     def chromaticities(self) -> tuple[float, ...] | None:
         """CIE x and y of red, green, blue and white, where the file tells them."""
         return self.encoding.primaries

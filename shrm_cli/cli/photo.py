@@ -1,0 +1,242 @@
+"""`shrm probe brackets`, `ball` and `unclip` make light probes of photographs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.options import conclude, precision_option, report_options, several
+from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.types import CIRCLE, DIRECTION, RADIANCE, TIMES, within
+from shrm_cli.cli.usage import check_outputs, exclude
+from shrm_cli.progress import using
+from shrm_cli.vocabulary import Precision
+
+if TYPE_CHECKING:
+    from shrm_cli.arrays import Array
+
+_DIFFERENT = 0.1
+"""Photographs that differ by more, in the median, show other scenes or are turned otherwise."""
+_photo_options = several(
+    click.option(
+        "-o", "--output", required=True, type=click.Path(), help="OpenEXR file to write."
+    ),
+    precision_option,
+    report_options,
+)  # fmt: skip
+_linearize_option = click.option(
+    "--linearize", is_flag=True, help="Decode integers, as sRGB where a file names no curve."
+)
+
+
+@click.command()
+@click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=click.Path())
+@click.option(
+    "--times", type=TIMES,
+    help="What each let in, such as its shutter's seconds.  [default: what its Exif says of time, "
+    "aperture and sensitivity]",
+)  # fmt: skip
+@click.option(
+    "--linear", is_flag=True,
+    help="Integers are linear, as developers of raw files write them.  [default: find the curve]",
+)  # fmt: skip
+@_photo_options
+def brackets(
+    photos: tuple[str, ...],
+    times: tuple[float, ...] | None,
+    linear: bool,
+    output: str,
+    precision: Precision,
+) -> None:
+    """Merge exposures of a scene that does not move into one linear picture.
+
+    The camera's curve is found from the photographs themselves (Debevec and Malik 1997). Take them
+    from a tripod, with the same white balance and aperture, one to three stops apart.
+
+    \b
+      shrm probe brackets ball_*.jpg -o ball.exr
+      shrm probe brackets a.tif b.tif c.tif --linear --times 1/1000,1/60,1/4 -o ball.exr
+    """
+    from shrm_cli.photo.brackets import merge_brackets
+
+    check_outputs([output], files=photos, suffixes=[".exr"])
+    with progress_bar("merging") as progress, using(progress):
+        made = merge_brackets(photos, times, linear)
+    exposures = made.exposures.tolist()
+    facts = {"exposures": exposures, "clipped": made.clipped}
+    lines = [f"  exposures      {', '.join(f'{each:.3g}' for each in exposures)} of the middle one"]
+    warnings = []
+    if made.clipped:
+        warnings.append(
+            f"{output}: {made.clipped:.2%} of the pixels are white in the shortest exposure, too; "
+            "take a shorter one, or give a reading to shrm probe unclip"
+        )
+    recipe = {"probe": "brackets", "photos": _names(photos), "exposures": exposures}
+    _write(output, made.pixels, precision, made.chromaticities, recipe, facts, lines, warnings)
+
+
+@click.command()
+@click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=click.Path())
+@click.option(
+    "--camera", "cameras", type=DIRECTION, multiple=True,
+    help="Where the camera stood for each, seen from the ball: 90,0 is to the right of 0,0. May be "
+    "repeated.  [default: 0,0 and then every 90 degrees]",
+)  # fmt: skip
+@click.option(
+    "--circle", "circles", type=CIRCLE, multiple=True,
+    help="Middle, from the left and the top, and radius of the ball in each, in pixels. May be "
+    "repeated.  [default: the picture is cropped to the ball]",
+)  # fmt: skip
+@click.option(
+    "--distance", type=within(2, 1e6),
+    help="From the camera to the ball's middle, in radii of the ball.  [default: from afar]",
+)  # fmt: skip
+@click.option(
+    "--size", type=click.IntRange(2, 8192),
+    help="Height of the probe in pixels.  [default: as fine as the ball]",
+)  # fmt: skip
+@_linearize_option
+@_photo_options
+def ball(
+    photos: tuple[str, ...],
+    cameras: tuple[tuple[float, float], ...],
+    circles: tuple[tuple[float, float, float], ...],
+    distance: float | None,
+    size: int | None,
+    linearize: bool,
+    output: str,
+    precision: Precision,
+) -> None:
+    """Unwrap photographs of a mirror ball into a lat-long probe.
+
+    One photograph shows the camera in its middle, and smears what lies behind the ball. Of two, a
+    quarter turn apart, each direction is taken from where it is seen best. Photographs are linear
+    and upright: shrm probe brackets makes them.
+
+    \b
+      shrm probe ball front.exr right.exr -o probe.exr
+      shrm probe ball front.exr --circle 1210,804,522 --distance 12 -o probe.exr
+    """
+    import numpy as np
+
+    from shrm_cli.photo.ball import unwrap_balls
+
+    check_outputs([output], files=photos, suffixes=[".exr"])
+    stood = cameras or tuple((90.0 * k, 0.0) for k in range(len(photos)))
+    with progress_bar("unwrapping") as progress, using(progress):
+        made = unwrap_balls(photos, stood, circles or None, distance or np.inf, size, linearize)
+    facts = {"gains": made.gains.tolist(), "differences": list(made.differences)}
+    lines, warnings = [], []
+    for photo, gain, difference in list(zip(photos, made.gains, made.differences, strict=True))[1:]:
+        gains = ", ".join(f"{each:.3g}" for each in gain)
+        lines.append(f"  {photo}: times {gains}; {difference:.1%} from {photos[0]} in the median")
+        if difference > _DIFFERENT:
+            warnings.append(
+                f"{photo}: differs by {difference:.0%} from {photos[0]} in the median, where both "
+                "see the same; check `camera` and `circle`"
+            )
+    recipe = {"probe": "ball", "photos": _names(photos), "cameras": stood}
+    _write(output, made.pixels, precision, made.chromaticities, recipe, facts, lines, warnings)
+
+
+@click.command()
+@click.argument("source", metavar="PROBE", type=click.Path())
+@click.option(
+    "--irradiance", type=RADIANCE,
+    help="What a surface receives from all light, in the probe's units.",
+)  # fmt: skip
+@click.option(
+    "--card", type=RADIANCE,
+    help="Instead, the radiance of a grey card, photographed as the probe was.",
+)  # fmt: skip
+@click.option(
+    "--albedo", type=within(0.01, 1), default=0.18, show_default=True,
+    help="What the card reflects.",
+)  # fmt: skip
+@click.option(
+    "--ratio", type=within(1, 1e6),
+    help="Instead, the reading of a light meter over its reading in the lamp's shadow.",
+)  # fmt: skip
+@click.option(
+    "--facing", type=DIRECTION, default="0,90", show_default=True,
+    help="Where the card or the meter faced, degrees; 0,90 is up.",
+)  # fmt: skip
+@_photo_options
+def unclip(
+    source: str,
+    irradiance: tuple[float, ...] | None,
+    card: tuple[float, ...] | None,
+    albedo: float,
+    ratio: float | None,
+    facing: tuple[float, float],
+    output: str,
+    precision: Precision,
+) -> None:
+    """Make the sun of a probe, which its camera clipped, as bright as a reading says.
+
+    What a card or a light meter receives from the rest of the probe is known; the remainder is the
+    sun's. The brightest place of the probe is multiplied so that it gives as much.
+
+    \b
+      shrm probe unclip probe.exr --card 3.1,2.9,2.6 -o sunny.exr
+      shrm probe unclip probe.exr --ratio 6.5 -o sunny.exr
+    """
+    import numpy as np
+
+    from shrm_cli.errors import ArgumentError
+    from shrm_cli.photo.unclip import unclip as unclipped
+    from shrm_cli.sphere.directions import from_azimuth_elevation, to_azimuth_elevation
+
+    for one, other in (("irradiance", "card"), ("irradiance", "ratio"), ("card", "ratio")):
+        exclude(one, other)
+    if irradiance is None and card is None and ratio is None:
+        raise ArgumentError("card", "or `ratio` or `irradiance` must be given")
+    check_outputs([output], files=[source], suffixes=[".exr"])
+    received = irradiance if card is None else np.pi / albedo * np.asarray(card)
+    normal = from_azimuth_elevation(*facing)
+    with progress_bar("reading") as progress, using(progress):
+        made = unclipped(source, None if received is None else np.array(received), ratio, normal)
+    azimuth, elevation = to_azimuth_elevation(made.direction)
+    times = ", ".join(f"{each:.4g}" for each in made.factors)
+    facts = {
+        "factors": made.factors.tolist(), "direction": made.direction.tolist(),
+        "solid_angle": made.solid_angle,
+    }  # fmt: skip
+    lines = [
+        f"  lamp           at {azimuth:.1f}, {elevation:.1f}, {made.solid_angle:.3g} sr: "
+        f"times {times}"
+    ]
+    recipe = {"probe": "unclip", "source": Path(source).name, "factors": made.factors.tolist()}
+    _write(
+        output, made.pixels, precision, made.probe.chromaticities, recipe, facts, lines, [],
+    )  # fmt: skip
+
+
+def _names(photos: Sequence[str]) -> list[str]:
+    return [Path(each).name for each in photos]
+
+
+def _write(
+    output: str,
+    pixels: Array,
+    precision: Precision,
+    chromaticities: tuple[float, ...] | None,
+    recipe: dict[str, Any],
+    facts: dict[str, Any],
+    lines: Sequence[str],
+    warnings: Sequence[str],
+) -> None:
+    """Write what was made of photographs, with what it was made of, and tell it."""
+    from shrm_cli.files.image import probe_attributes, write_image
+
+    attributes = {"shrm:recipe": json.dumps(recipe), **probe_attributes(chromaticities)}
+    pixel_type = write_image(output, pixels, precision, attributes)
+    height, width, _ = pixels.shape
+    result = {
+        "file": output, "width": width, "height": height, "precision": pixel_type, **facts,
+    }  # fmt: skip
+    conclude(result, [f"{output}: {width} x {height}, {pixel_type}", *lines], warnings)

@@ -1,0 +1,1 @@
+"""Light probes from photographs: exposures, mirror balls, and lamps that were clipped."""

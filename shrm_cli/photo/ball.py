@@ -1,0 +1,272 @@
+"""Photographs of a mirror ball, unwrapped into a probe.
+
+A ball shows nearly all of its surroundings: what is seen in the direction d is reflected where the
+normal halves the angle between d and the way to the camera. From afar that is at the same distance
+from the middle for all d at the same angle from the camera, and pixels have equal solid angles.
+What lies behind the ball is squeezed to its rim, and the camera stands in its middle: a photograph
+from another side shows both well, and each direction is taken from where it is seen best.
+"""
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.errors import ArgumentError, ProbeError
+from shrm_cli.photo.photograph import open_photograph, pixels_of
+from shrm_cli.probe.image_file import ImageFile
+from shrm_cli.progress import report
+from shrm_cli.records import record
+from shrm_cli.sphere.directions import (
+    from_azimuth_elevation,
+    horizontal_tangents,
+)
+from shrm_cli.sphere.grid.latlong import latlong_points
+
+_PREFERENCE = 4
+"""The power of the squared sine of the angle from the camera by which a photograph is preferred:
+with 1, a tenth of a photographer in the middle of the first shines through, with 4 a thousandth."""
+_TABLE = 2**14
+"""Normals between which those of a near camera are interpolated, to a thousandth of a pixel."""
+_PARTS = 3
+"""Rows and columns of points of each pixel that are looked up, so that small lamps keep energy."""
+LEAST_DISTANCE = 2.0
+"""The least distance of a camera in radii of the ball, from its centre."""
+_SQUARE = 0.02
+"""How far the sides of a picture may differ that a ball fills."""
+_BOTH = 0.3
+"""Where two photographs are both preferred as much, they see the same well enough to compare."""
+_COMPARED = 128
+"""The rows of the lat-longs that are compared."""
+_TINY = 1e-9
+_ROWS = 16
+LARGEST = 8192
+"""The most rows of a probe."""
+Circle = tuple[float, float, float]
+"""Where a ball is: x and y of its middle from the left and the top, and its radius, in pixels."""
+
+
+@record(eq=False)
+class Unwrapped:
+    """A probe of mirror balls.
+
+    Attributes
+    ----------
+    pixels : ndarray of float32, shape (H, 2H, 3)
+        A lat-long.
+    gains : ndarray, shape (n, 3)
+        What each photograph was multiplied with to agree with the first.
+    differences : tuple of float
+        How much each differs from the first where both see well: the median of the relative
+        difference, 0 of the first.
+    chromaticities : tuple of 8 float, optional
+        CIE x and y of red, green, blue and white, where the first tells them.
+    """
+
+    pixels: NDArray[np.float32]
+    gains: Array
+    differences: tuple[float, ...]
+    chromaticities: tuple[float, ...] | None = None
+
+
+def unwrap_balls(
+    paths: Sequence[str | os.PathLike[str]],
+    cameras: Sequence[tuple[float, float]] = ((0.0, 0.0),),
+    circles: Sequence[Circle] | None = None,
+    distance: float = np.inf,
+    size: int | None = None,
+    linearize: bool = False,
+) -> Unwrapped:
+    """Unwrap photographs of a mirror ball into a lat-long probe.
+
+    Parameters
+    ----------
+    paths : sequence of path-like
+        One photograph, or more from different sides, upright and linear.
+    cameras : sequence of (azimuth, elevation)
+        Where the camera stood for each, seen from the ball, degrees. At azimuth 0 it looks along
+        -Z; 90 is to its right.
+    circles : sequence of Circle, optional
+        Where the ball is in each. By default it fills the picture.
+    distance : float
+        How far the camera is from the ball's middle, in radii of the ball. The picture is taken to
+        be as from afar by default.
+    size : int, optional
+        Rows of the probe. By default its pixels are as fine as those of the first ball.
+    linearize : bool
+        Whether to decode integers as the file says, or else as sRGB.
+
+    Raises
+    ------
+    ArgumentError
+        If the numbers do not fit each other.
+    ProbeError
+        If a photograph cannot be read, or the ball is not within it.
+
+    Examples
+    --------
+    >>> made = shrm.unwrap_balls(["probes/studio.exr"], circles=[(64, 64, 60)], size=16)
+    >>> made.pixels.shape
+    (16, 32, 3)
+    """
+    if not paths or len(cameras) != len(paths) or len(circles or paths) != len(paths):
+        raise ArgumentError("cameras", "must be as many as photographs, and circles, too")
+    if not distance > LEAST_DISTANCE:
+        raise ArgumentError("distance", f"must be above {LEAST_DISTANCE:g} radii of the ball")
+    opened = [open_photograph(path, linearize) for path in paths]
+    given: Sequence[Circle | None] = circles or [None] * len(opened)
+    places = [_circle(each, circle) for each, circle in zip(opened, given, strict=True)]
+    # A lat-long's equator has pi / H to a pixel, a ball of radius r has 2 / r.
+    rows = min(max(round(np.pi * places[0][2] / 2), 2), LARGEST) if size is None else size
+    balls = [
+        _Ball(pixels_of(each), circle, from_azimuth_elevation(*camera), distance)
+        for each, circle, camera in zip(opened, places, cameras, strict=True)
+    ]
+    gains, differences = _agreement(balls)
+    pixels = np.empty((rows, 2 * rows, 3), np.float32)
+    for start in range(0, rows, _ROWS):
+        report(start, rows)
+        part = range(start, min(start + _ROWS, rows))
+        seen, trust = _seen_by(balls, part, rows)
+        share = trust / trust.sum(axis=0)
+        pixels[start : part.stop] = np.einsum("khw,khwc,kc->hwc", share, seen, gains, optimize=True)
+    report(rows, rows)
+    return Unwrapped(pixels, gains, differences, opened[0].chromaticities)
+
+
+def ball_points(directions: Array, view: Array, distance: float = np.inf) -> Array:
+    """Return where a ball of radius 1 in a picture shows directions.
+
+    Parameters
+    ----------
+    directions : ndarray, shape (..., 3)
+        Unit, from where the light comes.
+    view : ndarray, shape (3,)
+        Unit, towards the camera.
+    distance : float
+        Of the camera from the ball's middle. The rim has the radius 1 in the picture, whatever the
+        distance is.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        To the right and up.
+    """
+    right = horizontal_tangents(view)
+    flat = directions @ np.stack([right, np.cross(view, right)], axis=1)
+    across = np.hypot(flat[..., 0], flat[..., 1])
+    angles = np.arctan2(across, directions @ view)
+    return flat * (_from_middle(angles, distance) / np.maximum(across, _TINY))[..., None]
+
+
+def _from_middle(angles: Array, distance: float) -> Array:
+    """Return how far from the ball's middle a picture shows directions at angles from the camera.
+
+    Where the normal is at an angle n from the line to the camera, the camera is seen at an angle c
+    beyond it, ``tan c = sin n / (distance - cos n)``, and the light comes from ``2 n + c``.
+    """
+    if not np.isfinite(distance):
+        return np.sin(angles / 2)
+    normals = np.linspace(0, np.arccos(1 / distance), _TABLE)
+    beyond = np.arctan2(np.sin(normals), distance - np.cos(normals))
+    # The rim is where lines from the camera touch the ball.
+    radii = np.tan(beyond) * np.sqrt(distance**2 - 1)
+    return np.interp(angles, 2 * normals + beyond, radii)
+
+
+def _circle(opened: ImageFile, circle: Circle | None) -> Circle:
+    """Return where a ball is: what is given, or what fills the picture.
+
+    Raises
+    ------
+    ProbeError
+    """
+    width, height = opened.width, opened.height
+    if circle is None:
+        if abs(width - height) > _SQUARE * max(width, height):
+            raise ProbeError(
+                f"{opened.path}: {width} x {height} pixels, which a ball does not fill; crop it to "
+                "the ball, or give its `circle`"
+            )
+        return width / 2, height / 2, min(width, height) / 2
+    x, y, radius = circle
+    if not (radius >= 1 and radius <= min(x, y, width - x, height - y) + 1):
+        raise ProbeError(
+            f"{opened.path}: a ball at {x:g}, {y:g} of radius {radius:g} is not within its "
+            f"{width} x {height} pixels; give the `circle` in pixels from the top left"
+        )
+    return circle
+
+
+@record(eq=False)
+class _Ball:
+    """A photograph: its pixels, where the ball is in it, and where the camera stood."""
+
+    image: Array
+    circle: Circle
+    view: Array
+    distance: float
+
+    def seen(self, directions: Array) -> Array:
+        """Return what the ball shows in directions, shape (..., 3)."""
+        x, y, radius = self.circle
+        points = ball_points(directions, self.view, self.distance)
+        # Pixels at the rim show what is beside the ball, too.
+        reach = np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), _TINY)
+        right, up = np.moveaxis(points * np.minimum(1, (1 - 1 / radius) / reach), -1, 0)
+        return _bilinear(self.image, x + radius * right - 0.5, y - radius * up - 0.5)
+
+    def trust(self, directions: Array) -> Array:
+        """Return how far it is preferred in directions, shape (...)."""
+        return np.asarray((1 - (directions @ self.view) ** 2) ** _PREFERENCE + _TINY)
+
+
+def _seen_by(balls: Sequence[_Ball], part: range, rows: int) -> tuple[Array, Array]:
+    """Return what balls show of some rows of a lat-long, and how far each is preferred there.
+
+    Returns
+    -------
+    seen : ndarray, shape (balls, len(part), 2 rows, 3)
+    trust : ndarray, shape (balls, len(part), 2 rows)
+    """
+    steps = (np.arange(_PARTS) + 0.5) / _PARTS
+    down = 2 * (np.array(part)[:, None] + steps) / rows - 1
+    across = (np.arange(2 * rows)[:, None] + steps) / rows - 1
+    directions = latlong_points(across.ravel(), down.reshape(-1, 1))
+    shape = len(part), _PARTS, 2 * rows, _PARTS
+
+    def mean(values: Array) -> Array:
+        return np.asarray(values.reshape(*shape, *values.shape[2:]).mean(axis=(1, 3)))
+
+    seen = np.stack([mean(each.seen(directions)) for each in balls])
+    return seen, np.stack([mean(each.trust(directions)) for each in balls])
+
+
+def _bilinear(image: Array, columns: Array, rows: Array) -> Array:
+    """Look an image up between its pixels; beyond its edge it is as at the edge."""
+    height, width = image.shape[:2]
+    columns, rows = np.clip(columns, 0, width - 1), np.clip(rows, 0, height - 1)
+    left, top = columns.astype(int), rows.astype(int)
+    across, down = (columns - left)[..., None], (rows - top)[..., None]
+    right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+    upper = (1 - across) * image[top, left] + across * image[top, right]
+    lower = (1 - across) * image[below, left] + across * image[below, right]
+    return np.asarray((1 - down) * upper + down * lower)
+
+
+def _agreement(balls: Sequence[_Ball]) -> tuple[Array, tuple[float, ...]]:
+    """Return what makes photographs agree with the first, and how far they differ even so."""
+    seen, trust = _seen_by(balls, range(_COMPARED), _COMPARED)
+    gains, differences = [np.ones(3)], [0.0]
+    for pixels, its in zip(seen[1:], trust[1:], strict=True):
+        both = (np.minimum(its, trust[0]) > _BOTH) & (np.minimum(pixels, seen[0]) > 0).all(axis=-1)
+        if not both.any():
+            gains.append(np.ones(3))
+            differences.append(0.0)
+            continue
+        ratios = seen[0][both] / pixels[both]
+        gains.append(np.median(ratios, axis=0))
+        differences.append(float(np.median(np.abs(ratios / gains[-1] - 1))))
+    return np.array(gains), tuple(differences)

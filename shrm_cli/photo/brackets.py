@@ -1,0 +1,222 @@
+"""Exposures of a scene that does not move, merged into its radiance.
+
+A camera turns what a pixel receives, ``E t``, into a number Z by a curve that its maker keeps to
+himself. Places that several exposures show tell the curve: g, the logarithm of its inverse, has
+``g(Z_ij) = ln E_i + ln t_j``, once for each place i and exposure j. Where exposures are steps of
+the same size apart, any g that repeats itself with each step would do as well, and noise leaves
+more open: of all, the one is taken that bends least beside the curve of sRGB, which cameras vary.
+Each exposure is then an estimate of the radiance, and a mean is taken that trusts the middle of
+the numbers most.
+
+Reference: Debevec and Malik, Recovering High Dynamic Range Radiance Maps from Photographs,
+SIGGRAPH 1997, eq. 3, 4 and 6.
+"""
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.color import srgb_to_linear
+from shrm_cli.errors import ArgumentError, ProbeError
+from shrm_cli.photo.photograph import open_photograph, pixels_of
+from shrm_cli.probe.image_file import ImageFile
+from shrm_cli.progress import report
+from shrm_cli.records import record
+
+LEVELS = 256
+"""The numbers at which the curve is looked for; those of 16-bit files lie between them."""
+_BENDING = 10.0
+"""How much bending counts beside what the places say, all of which together count as 1. Of three
+curves, whose numbers have noise of one, white is 4 % off then, and 24 % with .1."""
+_PATCH = 8
+"""Places are squares of so many pixels an edge, whose mean has little noise."""
+_UNEVEN = 4 / (LEVELS - 1)
+"""A square whose numbers spread by this, root mean square, counts half as much as an even one."""
+WHITE = 1 - 0.5 / (LEVELS - 1)
+"""Where a number is as large as 8 bits can be, which tells no more than that it was brighter."""
+
+
+@record(eq=False)
+class Merged:
+    """A scene's radiance.
+
+    Attributes
+    ----------
+    pixels : ndarray of float32, shape (H, W, 3)
+        Linear. Where the exposure in the middle has half of its largest number, it is .214, as sRGB
+        has it; with linear exposures it is what that one has.
+    exposures : ndarray, shape (n,)
+        What each exposure let in, relative to that one, shortest first.
+    curve : ndarray, shape (LEVELS,), or None
+        ``g``, the same of red, green and blue, so that what is grey stays so; None where pixels
+        are linear.
+    clipped : float
+        The share of pixels that even the shortest exposure shows as white as it can.
+    chromaticities : tuple of 8 float, optional
+        CIE x and y of red, green, blue and white, where the files tell them.
+    """
+
+    pixels: NDArray[np.float32]
+    exposures: Array
+    curve: Array | None
+    clipped: float
+    chromaticities: tuple[float, ...] | None = None
+
+
+def merge_brackets(
+    paths: Sequence[str | os.PathLike[str]],
+    times: Sequence[float] | None = None,
+    linear: bool = False,
+) -> Merged:
+    """Merge exposures of a scene that does not move.
+
+    Parameters
+    ----------
+    paths : sequence of path-like
+        Two photographs or more, in any order: JPEG, PNG or TIFF of 8 or 16 bits; or linear files
+        of floats, whose 1 is as white as the camera can show.
+    times : sequence of float, optional
+        What each let in, such as its shutter's seconds. By default what its Exif says: time,
+        aperture and sensitivity.
+    linear : bool
+        Whether integers are linear, too, as developers of raw files write them. Their curve is not
+        looked for.
+
+    Raises
+    ------
+    ArgumentError
+        If there are too few exposures, or of no use.
+    ProbeError
+        If a file cannot be read, has another size, or does not tell its exposure.
+
+    Examples
+    --------
+    >>> shrm.merge_brackets(["probes/studio.exr", "probes/studio.exr"], times=[1, 4]).curve is None
+    True
+    """
+    opened, exposures = _in_order(paths, times)
+    is_linear = linear or all(each.is_float for each in opened)
+    steps = len(opened) * (1 if is_linear else 2)
+    curve = None
+    if not is_linear:
+        places = []
+        for done, each in enumerate(opened):
+            report(done, steps)
+            places.append(_places(pixels_of(each)))
+        curve = response(np.stack(places), np.log(exposures))
+    total = weights = last = np.zeros((), np.float32)
+    clipped = 0.0
+    for k, (each, exposure) in enumerate(zip(opened, exposures, strict=True)):
+        report(steps - len(opened) + k, steps)
+        values = pixels_of(each)
+        is_white = values >= WHITE
+        light = (_received(values, curve) / exposure).astype(np.float32)
+        trust = np.maximum(np.minimum(values, 1 - values), 0)
+        total = total + trust * light
+        weights = weights + trust
+        # What no exposure shows between black and white is what the last that is not white shows.
+        last = np.where(is_white & (k > 0), last, light)
+        clipped = float(is_white.any(axis=-1).mean()) if k == 0 else clipped
+    report(steps, steps)
+    pixels = np.where(weights > 0, total / np.where(weights > 0, weights, 1), last)
+    return Merged(pixels, exposures, curve, clipped, opened[0].chromaticities)
+
+
+def _in_order(
+    paths: Sequence[str | os.PathLike[str]], times: Sequence[float] | None
+) -> tuple[list[ImageFile], Array]:
+    """Open exposures, and sort them by what they let in, relative to the one in the middle.
+
+    Raises
+    ------
+    ArgumentError, ProbeError
+    """
+    if len(paths) < 2 or (times is not None and len(times) != len(paths)):
+        raise ArgumentError("times", "must be as many as exposures, which must be two at least")
+    opened = [open_photograph(path, as_stored=True) for path in paths]
+    found = np.array([_exposure(each) for each in opened] if times is None else times, dtype=float)
+    if not (np.isfinite(found).all() and found.min() > 0 and found.max() > found.min()):
+        raise ArgumentError("times", "must be positive, and not all the same")
+    for each in opened[1:]:
+        if (each.width, each.height) != (opened[0].width, opened[0].height):
+            raise ProbeError(
+                f"{each.path}: {each.width} x {each.height} pixels, but {opened[0].path} has "
+                f"{opened[0].width} x {opened[0].height}; give exposures of one camera"
+            )
+    order = np.argsort(found, kind="stable")
+    return [opened[k] for k in order], found[order] / found[order[len(order) // 2]]
+
+
+def response(places: Array, logarithms: Array) -> Array:
+    """Find the curve of a camera from places that several exposures show.
+
+    Parameters
+    ----------
+    places : ndarray, shape (exposures, 2, n)
+        The mean of the numbers of each place, 1 is white, and their spread.
+    logarithms : ndarray, shape (exposures,)
+        Natural logarithms of what each exposure let in.
+
+    Returns
+    -------
+    ndarray, shape (LEVELS,)
+        g, which never falls.
+
+    References
+    ----------
+    Debevec and Malik 1997, eq. 3, with squares of the weights of eq. 4. The least squares are
+    solved for each E_i first, so that every place may count.
+    """
+    means, spreads = places[:, 0], places[:, 1].max(axis=0)
+    at = np.rint(means * (LEVELS - 1)).astype(int)
+    trust = np.minimum(means, 1 - means) ** 2 / (1 + (spreads / _UNEVEN) ** 2)
+    sums = np.maximum(trust.sum(axis=0), 1e-12)
+    matrix, target = np.zeros((LEVELS, LEVELS)), np.zeros(LEVELS)
+    middle = logarithms @ trust / sums
+    for level, weight, logarithm in zip(at, trust, logarithms, strict=True):
+        matrix += np.diag(np.bincount(level, weight, LEVELS))
+        target += np.bincount(level, weight * (logarithm - middle), LEVELS)
+        for other, its in zip(at, trust, strict=True):
+            np.subtract.at(matrix, (level, other), weight * its / sums)
+    z = (np.arange(LEVELS) + 0.25 * (np.arange(LEVELS) == 0)) / (LEVELS - 1)
+    usual = np.log(srgb_to_linear(z))
+    bends = np.diff(np.eye(LEVELS), 2, axis=0)
+    whole = matrix / sums.sum() + _BENDING * bends.T @ bends
+    whole[-1, -1] += 1  # any constant may be added
+    curve = np.linalg.solve(whole, (target - matrix @ usual) / sums.sum())
+    return np.maximum.accumulate(usual + curve)
+
+
+def _received(values: Array, curve: Array | None) -> Array:
+    """Return what pixels received: linear ones as they are, others as `Merged` says."""
+    if curve is None:
+        return np.maximum(values, 0)
+    places = np.arange(LEVELS) / (LEVELS - 1)
+    scale = srgb_to_linear(np.array(0.5)) / np.exp(np.interp(0.5, places, curve))
+    return np.interp(values, places, scale * np.exp(curve))
+
+
+def _places(values: Array) -> Array:
+    """Return the means and spreads of squares of an image's channels, shape (2, n)."""
+    edge = max(min(_PATCH, *values.shape[:2]), 1)
+    rows, columns = (size // edge for size in values.shape[:2])
+    squares = values[: rows * edge, : columns * edge].reshape(rows, edge, columns, edge, 3)
+    return np.stack([squares.mean(axis=(1, 3)).ravel(), squares.std(axis=(1, 3)).ravel()])
+
+
+def _exposure(opened: ImageFile) -> float:
+    """Return what an exposure let in, by its Exif: seconds x sensitivity / f-number squared.
+
+    Raises
+    ------
+    ProbeError
+        If it does not say its time. An aperture or a sensitivity that it does not say counts as 1.
+    """
+    time = opened.number("ExposureTime")
+    if time is None:
+        raise ProbeError(f"{opened.path}: its Exif does not say its exposure time; give `times`")
+    aperture = opened.number("FNumber") or 1.0
+    return time * (opened.number("Exif:PhotographicSensitivity") or 1.0) / aperture**2

@@ -1,0 +1,94 @@
+"""`shrm probe brackets`, `ball` and `unclip`: a probe of photographs, up to its sun."""
+
+import json
+
+import numpy as np
+import pytest
+
+from shrm_cli.probe.probe import open_probe
+from shrm_cli.sphere.grid.latlong import latlong_directions
+from tests.cli.helpers import run, write_exr
+from tests.photo.camera import direction, photograph, srgb, write_exposure
+from tests.photo.test_ball import waves
+from tests.photo.test_unclip import irradiance
+
+SIZE, ROWS = 96, 32
+SUN = direction(-50, 35)
+
+
+def light(directions):
+    """Waves and a sun, which no exposure holds."""
+    return waves(directions) + 4000.0 * (directions @ SUN > np.cos(0.05))[:, None]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with three exposures of a mirror ball from two sides."""
+    monkeypatch.chdir(tmp_path)
+    for number, azimuth in enumerate((0, 90)):
+        ball = photograph(light, direction(azimuth), SIZE)
+        for k, time in enumerate((1 / 500, 1 / 60, 1 / 8)):
+            write_exposure(tmp_path / f"{number}{k}.png", ball * 64 / 100, time * 5, srgb, k)
+    return tmp_path
+
+
+def test_a_probe_of_photographs(folder):
+    """From eight bits to a probe whose sun is as bright as it was, by the shortest commands."""
+    for number in (0, 1):
+        photos = [f"{number}{k}.png" for k in range(3)]
+        made = run("probe", "brackets", *photos, "-o", f"{number}.exr", "--json")
+        told = json.loads(made.out)
+        assert 0 < told["clipped"] < 0.01
+        assert f"{number}.exr: " in made.err
+        assert "white in the shortest exposure, too" in made.err
+    made = run("probe", "ball", "0.exr", "1.exr", "-o", "probe.exr", "--size", str(ROWS))
+    assert made.code == 0
+    assert made.err == ""
+    assert "probe.exr: 64 x 32" in made.out
+    assert "1.exr: times " in made.out
+    directions = latlong_directions(2 * ROWS, ROWS)
+    truth = waves(directions.reshape(-1, 3)).reshape(ROWS, 2 * ROWS, 3)
+    found = open_probe("probe.exr").image()
+    scale = np.median(found / truth)
+    is_sky = directions @ SUN < np.cos(0.3)
+    assert np.quantile(np.abs(found / scale / truth - 1)[is_sky], 0.95) < 0.06
+    # A white card of all albedo, facing up, is photographed with the rest.
+    up = np.array([0.0, 1.0, 0.0])
+    flux = 4000.0 * 2 * np.pi * (1 - np.cos(0.05)) * SUN[1]
+    card = scale * (irradiance(truth, up) + flux) * 0.5 / np.pi
+    words = ("--card", ",".join(map(str, card)), "--albedo", "0.5", "-o", "sunny.exr")
+    assert run("probe", "unclip", "probe.exr", *words).code == 0
+    sunny = open_probe("sunny.exr").image()
+    other = np.array([-0.6, 0.64, 0.48])
+    wanted = scale * (irradiance(truth, other) + flux * (SUN @ other) / SUN[1])
+    np.testing.assert_allclose(irradiance(sunny, other), wanted, rtol=0.05)
+    # Without the reading, surfaces that face the sun were far too dark.
+    assert (irradiance(found, other) < 0.7 * wanted).all()
+
+
+def test_photographs_that_differ_are_told(folder):
+    write_exr(folder / "a.exr", photograph(waves, direction(0), SIZE))
+    write_exr(folder / "b.exr", photograph(lambda d: waves(3 * d[:, ::-1]), direction(90), SIZE))
+    made = run("probe", "ball", "a.exr", "b.exr", "-o", "c.exr")
+    assert made.code == 0
+    assert "b.exr: differs by " in made.err
+    assert "check --camera and --circle" in made.err
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("brackets", "00.png", "-o", "x.exr"), "--times must be as many as exposures"),
+        (("brackets", "00.png", "01.png", "--times", "1/0,1", "-o", "x.exr"), "is not a list of"),
+        (("brackets", "00.png", "01.png", "-o", "00.png"), "would overwrite the input"),
+        (("ball", "00.png", "-o", "x.exr"), "give --linearize"),
+        (("ball", "00.png", "--linearize", "--circle", "1,2", "-o", "x.exr"), "not X,Y,RADIUS"),
+        (("unclip", "00.png", "-o", "x.exr"), "--card or --ratio or --irradiance must be given"),
+        (("unclip", "x.exr", "--ratio", "2", "--card", "1", "-o", "y.exr"), "--card"),
+    ],
+)
+def test_wrong_usage_is_one_line(folder, words, line):
+    made = run("probe", *words)
+    assert made.code != 0
+    assert line in made.err
+    assert not (folder / "x.exr").exists()

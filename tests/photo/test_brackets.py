@@ -1,0 +1,116 @@
+"""Exposures by a camera with a curve and noise, and the light that is found of them."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import ArgumentError, ProbeError
+from shrm_cli.photo.brackets import LEVELS, merge_brackets
+from tests.cli.helpers import write_exr
+from tests.photo.camera import contrasty, srgb, write_exposure
+
+TIMES = 4.0 ** np.arange(-2, 3) / 4
+HEIGHT, WIDTH = 96, 128
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Return light over five decades, whose colours differ, shape (HEIGHT, WIDTH, 3)."""
+    x, y = np.meshgrid(np.linspace(-1, 1, WIDTH), np.linspace(-1, 1, HEIGHT))
+    logarithm = 2.5 * x + 1.5 * np.sin(4 * y) + 0.3 * np.cos(9 * x * y)
+    return np.exp(logarithm[..., None] + 0.3 * y[..., None] * np.array([1, 0, -1]))
+
+
+def taken(folder, scene, curve, suffix="png", **camera):
+    paths = [folder / f"{k}.{suffix}" for k in range(len(TIMES))]
+    for k, (path, time) in enumerate(zip(paths, TIMES, strict=True)):
+        write_exposure(path, scene, time, curve, k, **camera)
+    return paths
+
+
+def error_of(pixels, scene):
+    """Relative errors where some exposure is neither black nor white, and the scale."""
+    shown = (scene * 100 / 64 * TIMES[0] < 0.9) & (scene * 100 / 64 * TIMES[-1] > 0.02)
+    ratio = pixels[shown] / scene[shown]
+    scale = np.median(ratio)
+    return np.abs(ratio / scale - 1), scale
+
+
+@pytest.mark.parametrize("curve", [srgb, contrasty, lambda light: light**0.4])
+def test_light_is_found_whatever_the_curve_is(tmp_path, scene, curve):
+    paths = taken(tmp_path, scene, curve)
+    made = merge_brackets(paths[::-1])
+    error, scale = error_of(made.pixels, scene)
+    assert np.median(error) < 0.015
+    assert np.quantile(error, 0.95) < 0.06
+    # The middle of the numbers is where it is of sRGB.
+    light = np.linspace(0, 1, 4001)
+    middle = np.interp(0.5, curve(light), light)
+    assert scale == pytest.approx(100 / 64 * TIMES[2] * 0.2140 / middle, rel=0.03)
+    np.testing.assert_allclose(made.exposures, TIMES / TIMES[2], rtol=1e-5)
+    assert (np.diff(made.curve) >= 0).all()
+    assert made.curve.shape == (LEVELS,)
+    white = (scene * 100 / 64 * TIMES[0] > 1).any(axis=-1).mean()
+    assert made.clipped == pytest.approx(white, abs=0.01)
+    # Colours have no cast, though the curve is only known up to a factor.
+    for channel in range(3):
+        assert error_of(made.pixels[..., channel], scene[..., channel])[1] == pytest.approx(
+            scale, rel=0.02
+        )
+
+
+def test_the_curve_is_that_of_the_camera(tmp_path, scene):
+    made = merge_brackets(taken(tmp_path, scene, contrasty))
+    light = np.linspace(0, 1, 4001)
+    truth = np.log(np.interp(np.arange(LEVELS) / (LEVELS - 1), contrasty(light), light)[12:245])
+    found = made.curve[12:245]
+    np.testing.assert_allclose(found - found[110], truth - truth[110], atol=0.12)
+
+
+def test_linear_integers_need_no_curve(tmp_path, scene):
+    paths = taken(tmp_path, scene, lambda light: light, "tif", bits=16)
+    made = merge_brackets(paths, linear=True)
+    assert made.curve is None
+    error, scale = error_of(made.pixels, scene)
+    assert np.median(error) < 0.015
+    assert scale == pytest.approx(100 / 64 * TIMES[2], rel=0.01)
+
+
+def test_floats_are_linear(tmp_path, scene):
+    """What is white in one exposure is taken from the others, and it is exact."""
+    paths = [tmp_path / f"{k}.exr" for k in range(3)]
+    times = [0.1, 1.0, 5.0]
+    for path, time in zip(paths, times, strict=True):
+        write_exr(path, np.minimum(scene * time, 1).astype(np.float32))
+    made = merge_brackets(paths, times)
+    assert made.curve is None
+    held = scene < 10
+    np.testing.assert_allclose(made.pixels[held], scene[held], rtol=1e-5)
+    # What is white in all is at least as bright as the shortest exposure tells.
+    np.testing.assert_allclose(made.pixels[~held], 10, rtol=1e-5)
+    assert made.clipped == pytest.approx((~held).any(axis=-1).mean(), abs=1e-3)
+
+
+def test_aperture_and_sensitivity_are_exposure(tmp_path, scene):
+    """A quarter of the light enters in the same time, and counts sixteen times as much."""
+    write_exposure(tmp_path / "a.png", scene, 0.25, srgb, 0)
+    write_exposure(tmp_path / "b.png", scene, 0.25, srgb, 1, sensitivity=1600, aperture=16.0)
+    made = merge_brackets([tmp_path / "b.png", tmp_path / "a.png"])
+    np.testing.assert_allclose(made.exposures, [0.25, 1], rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("times", "error", "words"),
+    [
+        ([1.0], ArgumentError, "`times` must be as many as exposures, which must be two"),
+        ([1.0, -1.0], ArgumentError, "`times` must be positive"),
+        ([1.0, np.nan], ArgumentError, "`times` must be positive"),
+        ([2.0, 2.0], ArgumentError, "and not all the same"),
+        (None, ProbeError, r"a\.exr: its Exif does not say its exposure time; give `times`"),
+        ([1.0, 2.0], ProbeError, r"b\.exr: 6 x 4 pixels, but .*a\.exr has 4 x 4"),
+    ],
+)
+def test_exposures_of_no_use_are_refused(tmp_path, times, error, words):
+    write_exr(tmp_path / "a.exr", np.ones((4, 4, 3), np.float32))
+    write_exr(tmp_path / "b.exr", np.ones((4, 6, 3), np.float32))
+    with pytest.raises(error, match=words):
+        merge_brackets([tmp_path / "a.exr", tmp_path / "b.exr"], times)
