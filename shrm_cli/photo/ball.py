@@ -19,10 +19,7 @@ from shrm_cli.photo.photograph import open_photograph, pixels_of
 from shrm_cli.probe.image_file import ImageFile
 from shrm_cli.progress import report
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import (
-    from_azimuth_elevation,
-    horizontal_tangents,
-)
+from shrm_cli.sphere.directions import from_azimuth_elevation, horizontal_tangents
 from shrm_cli.sphere.grid.latlong import latlong_points
 
 _PREFERENCE = 4

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError, ProbeError
 from shrm_cli.lights.pixels import SpherePixels, clusters
-from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize

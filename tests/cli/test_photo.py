@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.open import open_probe
 from shrm_cli.sphere.grid.latlong import latlong_directions
 from tests.cli.helpers import run, write_exr
 from tests.photo.camera import direction, photograph, srgb, write_exposure

@@ -5,7 +5,8 @@ import pytest
 
 from shrm_cli.errors import ArgumentError, ProbeError
 from shrm_cli.photo.unclip import unclip
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.grid.latlong import latlong_directions
 from tests.cli.helpers import ROOT
 
