@@ -11,7 +11,7 @@ import click
 
 from shrm_cli.cli.options import conclude, precision_option, report_options, several
 from shrm_cli.cli.terminal import progress_bar
-from shrm_cli.cli.types import CIRCLE, DIRECTION, RADIANCE, TIMES, within
+from shrm_cli.cli.types import DIRECTION, RADIANCE, Parsed, within
 from shrm_cli.cli.usage import check_outputs, exclude
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import Precision
@@ -19,8 +19,30 @@ from shrm_cli.vocabulary import Precision
 if TYPE_CHECKING:
     from shrm_cli.arrays import Array
 
+_LARGEST = 1e9
 _DIFFERENT = 0.1
 """Photographs that differ by more, in the median, show other scenes or are turned otherwise."""
+
+
+def _circle(text: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 3 or not all(abs(number) < _LARGEST for number in numbers):
+        raise ValueError(f"{text!r} is not X,Y,RADIUS in pixels, such as 960,540,310")
+    return numbers
+
+
+def _times(text: str) -> tuple[float, ...]:
+    from fractions import Fraction  # slow to load, and rarely needed
+
+    try:
+        return tuple(float(Fraction(part.strip())) for part in text.split(","))
+    except (ValueError, ZeroDivisionError, OverflowError):
+        raise ValueError(f"{text!r} is not a list of times such as 1/1000,1/60,0.25") from None
+
+
 _photo_options = several(
     click.option(
         "-o", "--output", required=True, type=click.Path(), help="OpenEXR file to write."
@@ -36,7 +58,7 @@ _linearize_option = click.option(
 @click.command()
 @click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=click.Path())
 @click.option(
-    "--times", type=TIMES,
+    "--times", type=Parsed("T,T,...", _times),
     help="What each let in, such as its shutter's seconds.  [default: what its Exif says of time, "
     "aperture and sensitivity]",
 )  # fmt: skip
@@ -87,7 +109,7 @@ def brackets(
     "repeated.  [default: 0,0 and then every 90 degrees]",
 )  # fmt: skip
 @click.option(
-    "--circle", "circles", type=CIRCLE, multiple=True,
+    "--circle", "circles", type=Parsed("X,Y,RADIUS", _circle), multiple=True,
     help="Middle, from the left and the top, and radius of the ball in each, in pixels. May be "
     "repeated.  [default: the picture is cropped to the ball]",
 )  # fmt: skip

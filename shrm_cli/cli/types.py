@@ -131,33 +131,6 @@ VECTOR = Parsed("X,Y,Z", _vector)
 """A point or a direction: three finite numbers."""
 
 
-def _circle(text: str) -> tuple[float, ...]:
-    numbers = _numbers(text)
-    if len(numbers) != 3 or not numbers[2] > 0:
-        raise ValueError(f"{text!r} is not X,Y,RADIUS in pixels, such as 960,540,310")
-    return numbers
-
-
-CIRCLE = Parsed("X,Y,RADIUS", _circle)
-"""Where a ball is in a picture, in pixels from the left and the top."""
-
-
-def _times(text: str) -> tuple[float, ...]:
-    from fractions import Fraction  # slow to load, and rarely needed
-
-    try:
-        found = tuple(float(Fraction(part.strip())) for part in text.split(","))
-    except (ValueError, ZeroDivisionError, OverflowError):
-        found = ()
-    if not found or min(found) <= 0:
-        raise ValueError(f"{text!r} is not a list of times such as 1/1000,1/60,0.25")
-    return found
-
-
-TIMES = Parsed("T,T,...", _times)
-"""Positive numbers or fractions, one for each photograph."""
-
-
 def _brush(text: str) -> str | tuple[float, ...]:
     if text == "uv":
         return text

@@ -28,10 +28,9 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.color import mix_channels
-from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.errors import MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import Displayed
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import (
@@ -419,7 +418,7 @@ class Map(Displayed, ABC):
         MapError, ArgumentError
             If the map cannot be converted to that representation, or an option does not apply.
         """
-        convert = getattr(registry.module(to, "prefilter"), "converted", unconverted)
+        convert = getattr(registry.module(to, "prefilter"), "converted", registry.unconverted)
         made: Map = convert(self.resampled(size, sampling), to, **options)
         return made
 
@@ -487,21 +486,3 @@ class ReflectionMap(ReflectedLight, Map):
     def shaded(self, *surface: object, **named: object) -> Self:
         """Return the map itself, which is of a surface already."""
         return self
-
-
-def unconverted(source: Map, to: str, **options: Any) -> Map:
-    """Return a map of a form that nothing else becomes, which no option changes.
-
-    Raises
-    ------
-    ArgumentError
-        If it is of another form, or an option is given.
-    """
-    if source.representation != to:
-        raise ArgumentError(
-            "to",
-            f"{to} does not apply to {source.what}; it is made from the probe, by shrm prefilter "
-            f"PROBE --to {to}",
-        )
-    refuse_arguments(f"a map of representation {to}", **options)
-    return source

@@ -2,8 +2,8 @@
 
 A package offers one by an entry point of the group `plugins.FORMS`, which names its description.
 The `home` of that is a module with the class of the maps, and with the functions that the modules
-of a form of `shrm` have: ``prefilter`` and ``report``, ``encode`` and ``decode``, and ``source``,
-where the description has `SHADER`.
+of a form of `shrm` have: ``prefilter`` and ``report``, ``encode`` and ``decode``; ``source``,
+where the description has `SHADER`; and ``converted``, where other maps become such ones.
 """
 
 from collections.abc import Callable
@@ -68,7 +68,7 @@ def module(name: str, part: str) -> SimpleNamespace:
     found = home(name)
     if part == "shader" and not hasattr(found, "source"):
         raise MapError(f"a map of representation {name} has no shader; look it up by shrm render")
-    held = [each for each in (*_NEEDED, "source") if hasattr(found, each)]
+    held = [each for each in (*_NEEDED, "source", "converted") if hasattr(found, each)]
     return SimpleNamespace(**{each: _guarded(name, getattr(found, each)) for each in held})
 
 
@@ -88,9 +88,9 @@ def _guarded(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function of a form, whose faults are said to be the form's."""
 
     @wraps(function)
-    def guarded(*arguments: Any) -> Any:
+    def guarded(*arguments: Any, **options: Any) -> Any:
         try:
-            found = function(*arguments)
+            found = function(*arguments, **options)
         except ShrmError:
             raise
         except Exception as error:

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap, unconverted
+from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.registry import unconverted
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, Frame, Sampling

@@ -10,7 +10,7 @@ its own.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from shrm_cli.errors import PluginError
+from shrm_cli.errors import ArgumentError, PluginError
 from shrm_cli.maps.options import (
     AUTOMATIC,
     BRDF_ARGUMENTS,
@@ -21,6 +21,7 @@ from shrm_cli.maps.options import (
     Option,
     Representation,
 )
+from shrm_cli.messages import refuse_arguments
 from shrm_cli.vocabulary import (
     AUTO,
     DEFAULT_FACTOR_ORDERS,
@@ -351,3 +352,18 @@ def descriptions(*more: str) -> dict[str, Representation]:
         Representations whose descriptions come after them, such as those of installed packages.
     """
     return {name: description(name) for name in dict.fromkeys((*REPRESENTATIONS, *more))}
+
+
+def unconverted(source: "Map", to: str, **options: Any) -> "Map":
+    """Return a map of a form that nothing else becomes, which no option changes.
+
+    Raises
+    ------
+    ArgumentError
+        If it is of another form, or an option is given.
+    """
+    if source.representation != to:
+        why = f"it is made from the probe, by shrm prefilter PROBE --to {to}"
+        raise ArgumentError("to", f"{to} does not apply to {source.what}; {why}")
+    refuse_arguments(f"a map of representation {to}", **options)
+    return source
