@@ -222,11 +222,13 @@ def test_bits_of_light_that_is_noise_are_dearer(rng):
     assert lost[0].rms < lost[1].rms < 1.5 * lost[0].rms
 
 
-def test_bright_light_keeps_more_than_the_rest():
-    blocks = np.ones((3, 16, 4096))
-    blocks[..., :64] = 100
+def test_bright_and_smooth_light_keeps_more_than_the_rest(rng):
+    blocks = np.exp(rng.normal(0, 0.1, (1, 16, 4096))) * np.ones((3, 1, 1))
+    blocks[..., :64] *= 100
+    blocks[..., 64:128] = 1 + 0.05 * (blocks[..., 64:128] - 1)
     prices = rate.starting_prices(blocks)
-    assert prices[0] < prices[-1] / 50
+    assert prices[:64].max() < prices[128:].min() / 50
+    assert prices[64:128].max() < prices[128:].min() / 5
     assert (rate.starting_prices(blocks[..., :1024]) == 0).all()
 
 

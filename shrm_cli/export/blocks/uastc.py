@@ -108,9 +108,9 @@ def encoded(blocks: Array, prices: Floats) -> Found:
     ends = _fitted(texels, relative_weights(texels.light), ends, _ROUNDS)
     prices = prices * ~is_steep(texels)  # lamps keep what they have
     numbers = written(ends, of_channels)
-    data = pack(numbers, _chosen(texels, numbers, prices, 1))
+    data = pack(numbers, _chosen(_relative_errors(texels, numbers), numbers, prices, 1))
     numbers = written(ends, of_channels, prices, bits_of_bytes(data))
-    indices = _chosen(texels, numbers, prices, _PASSES)
+    indices = _chosen(_relative_errors(texels, numbers), numbers, prices, _PASSES)
     return _found(texels, numbers, indices, np.flatnonzero(is_steep(texels)))
 
 
@@ -130,9 +130,10 @@ def prices_of(blocks: Array) -> Floats:
     numbers = written(line(texels, _every(texels), _STEPS), texels.weights.sum(axis=1))
     if not prices.any():
         return prices
+    errors = _relative_errors(texels, numbers)
     of_some, factor = prices[some] * ~is_steep(texels), np.float32(1)
     for _ in range(_TRIES):
-        data = pack(numbers, _chosen(texels, numbers, factor * of_some, _PASSES))
+        data = pack(numbers, _chosen(errors, numbers, factor * of_some, _PASSES))
         factor *= np.float32(max(1.0, 2 ** (_DEARER * (mean_bits(data) - _MOST_BITS))))
     return factor * prices
 
@@ -181,9 +182,13 @@ def _fitted(texels: Texels, weight: Floats, ends: Floats, rounds: int) -> Floats
     return kept
 
 
-def _chosen(texels: Texels, numbers: Whole, prices: Floats, passes: int) -> Whole:
+def _relative_errors(texels: Texels, numbers: Whole) -> Floats:
+    """Return by step and texel what both decoders are off, shape (16, 16, n)."""
+    return _errors(_lights(numbers), texels.light) * relative_weights(texels.light)
+
+
+def _chosen(errors: Floats, numbers: Whole, prices: Floats, passes: int) -> Whole:
     """Return the steps of texels that are cheapest in error and bits, shape (16, n)."""
-    errors = _errors(_lights(numbers), texels.light) * relative_weights(texels.light)
     indices = smallest(errors)
     if prices.any():
         for _ in range(passes):
