@@ -15,7 +15,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.export.blocks.lines import Floats, Members, Texels, Whole
 from shrm_cli.records import record
 
-STARTS = (0.0, 0.3, 0.5, 0.65, 0.8)
+STARTS = tuple(k / 20 for k in range(20))
 """Where on its line the dark end of a try begins."""
 _ROUNDS = 4
 _SHARE = 0.005**2
