@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.export.blocks import astc, bc6h, uastc
+from shrm_cli.export.blocks import astc, bc6h, rate, uastc, uastc_bits
 from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, pack
 from shrm_cli.export.blocks.formats import ALL, BLOCKS
 from shrm_cli.export.blocks.lamps import nearest, refined
@@ -71,9 +71,9 @@ def test_random_blocks_read_as_their_numbers_say(rng, mode):
 
 def random_uastc(rng):
     """Return random ends of every way to write them, and where texels lie between them."""
-    there = np.unique(uastc.NEAR[8])
+    there = np.unique(uastc_bits.NEAR[8])
     numbers = there[rng.integers(0, len(there), (6, 40000))]
-    numbers = numbers[:, (uastc.read(numbers) <= 3967).all(axis=(0, 1))]
+    numbers = numbers[:, (uastc_bits.read(numbers) <= 3967).all(axis=(0, 1))]
     assert numbers.shape[1] > 10000
     return numbers, rng.integers(0, 16, (16, numbers.shape[1]))
 
@@ -82,9 +82,9 @@ def test_arm_reads_the_blocks_of_uastc(rng):
     """All ways to write ends: what Arm's decoder makes of the bits, to the last bit."""
     pytest.importorskip("astc_encoder", reason="the extra astc is not installed")
     numbers, indices = random_uastc(rng)
-    data = uastc.pack(numbers, indices)
+    data = uastc_bits.pack(numbers, indices)
     found = astc.decode(data.tobytes(), 4 * len(data), 4, 4).reshape(-1, 16, 3)
-    first, last = (16 * uastc.read(numbers)).transpose(0, 2, 1)[:, :, None]
+    first, last = (16 * uastc_bits.read(numbers)).transpose(0, 2, 1)[:, :, None]
     weight = np.array([0, 4, 8, 12, 17, 21, 25, 29, 35, 39, 43, 47, 52, 56, 60, 64])[indices.T]
     numbers = (first * (64 - weight[..., None]) + last * weight[..., None] + 32) >> 6
     low = numbers & 2047
@@ -99,7 +99,7 @@ def test_arm_reads_the_blocks_of_uastc(rng):
 
 def test_the_fields_of_uastc_are_read_again(rng):
     numbers, indices = random_uastc(rng)
-    found = uastc.unpack(uastc.pack(numbers, indices))
+    found = uastc_bits.unpack(uastc_bits.pack(numbers, indices))
     assert (found[0] == numbers).all()
     assert (found[1] == indices).all()
 
@@ -109,7 +109,7 @@ def test_ends_of_uastc_lie_within_their_steps(rng, octaves):
     """The further apart the ends, the coarser: by Binomial's bits, which leave a third more."""
     ends = rng.uniform(9 * 2048, 20 * 2048, (1, 3, 5000)).repeat(2, axis=0)
     ends[0] -= rng.uniform(0, octaves * 2048, ends[0].shape)
-    found = 16 * uastc.read(uastc.written(ends, np.ones((3, 5000))))
+    found = 16 * uastc_bits.read(uastc_bits.written(ends, np.ones((3, 5000))))
     off = np.sqrt(((found - ends) ** 2).mean(axis=(0, 1)))
     assert off.max() < 512
     assert np.median(off) < 512 / 3
@@ -175,12 +175,81 @@ def test_the_blocks_of_lamps_are_searched_for_longer(rng, name):
         face += 2e4 * np.exp(-((distance / 1.3) ** 2))[..., None] * [1, 0.8, 0.5]
     coder = {"bc6h": bc6h, "uastc": uastc}[name]
     blocks = faces.reshape(24, 4, 4, 4, 3).transpose(4, 1, 3, 0, 2).reshape(3, 16, -1)
-    plain = coder.encoded(blocks)
+    plain = coder.encoded(blocks, np.zeros(96, np.float32))
     off = [
         loss("", faces, decoded(data.tobytes(), BLOCKS[name], 6, 16)).rms
         for data in (plain.data, BLOCKS[name].pack(faces))
     ]
     assert off[1] < 0.9 * off[0]
+
+
+def light_of(size, rng, noise):
+    """A level of a real probe, about: slopes in all directions, and noise upon them."""
+    at = np.linspace(0, 6, size)
+    waves = np.sin(at[:, None] + rng.uniform(0, 6, (6, 1, 1))) * np.sin(2 * at)
+    hue = np.array([1.0, 0.8, 0.6]) ** (1 + waves[..., None])
+    return np.exp(waves)[..., None] * hue * np.exp(rng.normal(0, noise, (6, size, size, 3)))
+
+
+@pytest.mark.parametrize(("name", "saved"), [("uastc", 0.15), ("bc6h", 0.05)])
+def test_cheap_bits_make_files_smaller_and_errors_hardly_larger(rng, monkeypatch, name, saved):
+    """Zstandard itself counts, and other decoders read; beside the nearest steps and ends."""
+    zstandard = pytest.importorskip("zstandard")
+    faces = light_of(128, rng, 0.01)
+    found = []
+    for price in (0.0, rate.PRICE):
+        monkeypatch.setattr(rate, "PRICE", price)
+        data, _ = encoded(faces, BLOCKS[name], "")
+        lost = loss("", faces, decoded(data, BLOCKS[name], 6, 128))
+        found.append((len(zstandard.ZstdCompressor(level=18).compress(data)), lost))
+    (whole, exact), (packed_bytes, cheap) = found
+    assert packed_bytes < (1 - saved) * whole
+    assert exact.rms < cheap.rms < 1.15 * exact.rms
+    assert cheap.p95 < 1.2 * exact.p95
+
+
+def test_bits_of_light_that_is_noise_are_dearer(rng):
+    """Noise packs badly: an ideal code may take 6.4 bits a byte of it, 12.8 bytes a block."""
+    zstandard = pytest.importorskip("zstandard")
+    faces = light_of(128, rng, 0.2)
+    data, _ = encoded(faces, BLOCKS["uastc"], "")
+    blocks = faces.reshape(192, 4, 32, 4, 3).transpose(4, 1, 3, 0, 2).reshape(3, 16, -1)
+    plain = uastc.encoded(blocks, np.zeros(len(blocks[0, 0]), np.float32)).data.tobytes()
+    pack = zstandard.ZstdCompressor(level=18).compress
+    assert len(pack(plain)) > 0.85 * len(data)
+    assert len(pack(data)) < 6.4 / 8 * len(data)
+    lost = [loss("", faces, decoded(each, BLOCKS["uastc"], 6, 128)) for each in (plain, data)]
+    assert lost[0].rms < lost[1].rms < 1.5 * lost[0].rms
+
+
+def test_bright_and_smooth_light_keeps_more_than_the_rest(rng):
+    blocks = np.exp(rng.normal(0, 0.1, (1, 16, 4096))) * np.ones((3, 1, 1))
+    blocks[..., :64] *= 100
+    blocks[..., 64:128] = 1 + 0.05 * (blocks[..., 64:128] - 1)
+    prices = rate.starting_prices(blocks)
+    assert prices[:64].max() < prices[128:].min() / 50
+    assert prices[64:128].max() < prices[128:].min() / 5
+    assert (rate.starting_prices(blocks[..., :1024]) == 0).all()
+
+
+def test_uastc_suits_both_of_its_decoders(rng):
+    """ASTC and BC6H differ by up to 6 % within an octave. With lines and steps that suit ASTC alone
+    BC6H had 1.35 %, 1.8 times its error."""
+    pytest.importorskip("astc_encoder", reason="the extra astc is not installed")
+    faces = light_of(64, rng, 0.0)
+    data, _ = encoded(faces, BLOCKS["uastc"], "")
+    lost = [
+        loss("", faces, decoded(data, BLOCKS[name], 6, 64)).rms for name in ("uastc", "astc4x4")
+    ]
+    assert max(lost) < 1.4 * min(lost)
+    assert max(lost) < 0.012
+
+
+@pytest.mark.parametrize("count", [16, 256])
+def test_the_smallest_of_errors_is_found(rng, count):
+    errors = rng.uniform(0, 1, (count, 50, 40)).astype(np.float32)
+    found = np.take_along_axis(errors, rate.smallest(errors)[None], axis=0)[0]
+    assert (found <= errors.min(axis=0) * (1 + 2.0**-14)).all()
 
 
 @pytest.mark.parametrize("lines", [1, 2])
@@ -195,7 +264,7 @@ def test_refined_ends_are_nearer_to_the_light(rng, lines):
         found = bc6h.SPACE.light(ends[0][:, None] + at * (ends[1] - ends[0])[:, None])
         return (((found - texels.light) ** 2).sum(axis=0) * members).sum(axis=0)
 
-    start = np.stack(line(texels, members, 8))
+    start = line(texels, members, 8)
     ends = refined(texels, members, start, 8, 0.0)
     assert np.median(left(ends) / left(start)) < 0.8
     others = [left(ends + rng.normal(0, 300, ends.shape).astype(np.float32)) for _ in range(20)]
@@ -249,14 +318,14 @@ def test_ktx2_tells_of_blocks(name, compress):
 
 def test_openimageio_reads_the_cube_of_a_dds(tmp_path):
     oiio = pytest.importorskip("OpenImageIO")
-    faces = smooth(16)
+    faces = smooth(32)
     levels = [encoded(faces[:, ::step, ::step], BLOCKS["bc6h"], "")[0] for step in (1, 2)]
     path = tmp_path / "a.dds"
-    path.write_bytes(dds_cube(levels, 16, BLOCKS["bc6h"]))
+    path.write_bytes(dds_cube(levels, 32, BLOCKS["bc6h"]))
     image = oiio.ImageInput.open(str(path))
     assert image.spec().get_string_attribute("compression") == "BC6HU"
     flags, height, width, pitch = struct.unpack_from("<4I", path.read_bytes(), 8)
-    assert (height, width, pitch) == (16, 16, 16 * 16)
+    assert (height, width, pitch) == (32, 32, 16 * 64)
     assert flags & 0x80008 == 0x80000
     found = image.read_image(0, 0, 0, 3, oiio.FLOAT).reshape(-1, 3)
     # All faces lie in one picture, with black between them.
@@ -279,16 +348,16 @@ def test_what_changes_light_too_much_is_refused_or_passed_over(rng):
     assert lenient.losses[0].rms > 0.05
 
 
-@pytest.mark.parametrize("spread", [0.1, 2.5])
+@pytest.mark.parametrize("spread", [0.1, 1.0])
 def test_lamps_that_the_default_would_change_get_texels_that_do_not(rng, spread):
     """A lamp that is smooth, and one of noise, whose brightest texels stand beside dark ones."""
     level = np.full((6 * 64, 64, 3), 0.01)
-    level[16:32, 16:32] = np.exp(rng.normal(0, spread, (16, 16, 3)))
+    level[16:24, 16:24] = np.exp(rng.normal(0, spread, (8, 8, 3)))
     three, light = engine("three"), Light("a", "a.exr", levels=(level,), roughness=(0.0,))
     chosen = packed(three, light, None, None)
     (found,) = chosen.losses
     assert found.lamp < 0.02
-    is_spare = spread > 1
+    is_spare = spread == 1
     names = {file.name for file in chosen.files}
     assert ("shrm-environment.js" in names) == is_spare
     assert any(line.startswith("uastc changes level 0 by") for line in chosen.told) == is_spare

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, Mode, pack
-from shrm_cli.export.blocks.lamps import STARTS, Found, light_error, nearest, refined
+from shrm_cli.export.blocks.lamps import STARTS, Found, best, light_error, nearest, refined
 from shrm_cli.export.blocks.lines import (
     Floats,
     Space,
@@ -30,10 +30,12 @@ from shrm_cli.export.blocks.lines import (
     between,
     is_steep,
     line,
+    relative_weights,
     scaled,
     squared_error,
     steps,
 )
+from shrm_cli.export.blocks.rate import bits_of_bytes, cheapest, smallest, starting_prices
 
 LARGEST = 65504.0
 """The largest value of a texel."""
@@ -41,6 +43,9 @@ _TRIES = 2
 """Partitions that are tried for each block that gets two lines."""
 _MANY = 16
 """Partitions that are tried for a lamp."""
+_PASSES = 2
+_PLACES = np.arange(16)[:, None] | np.arange(16) << 4
+"""The byte of two texels."""
 _FINE = 0.01**2
 """Where the squared relative error of one line is smaller, two are not tried."""
 
@@ -55,32 +60,57 @@ def _light(numbers: Floats) -> Floats:
     return steps.view(np.float16).astype(np.float32)
 
 
-SPACE = Space(_numbers, _light, 1024 * 64 / 31)
+_FRACTIONS: dict[int, Floats] = {
+    len(weights): np.array(weights, dtype=np.float32) * np.float32(1 / 64)
+    for weights in (
+        [0, 9, 18, 27, 37, 46, 55, 64],
+        [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64],
+    )
+}
+SPACE = Space(_numbers, _light, 1024 * 64 / 31, _FRACTIONS)
 """The bits of half floats, 31/64 of what is interpolated."""
 
 
-def encoded(blocks: Array) -> Found:
-    """Return blocks of shape (3, 16, n), encoded."""
+prices_of = starting_prices
+
+
+def encoded(blocks: Array, prices: Floats) -> Found:
+    """Return blocks of shape (3, 16, n), encoded.
+
+    Parameters
+    ----------
+    prices : ndarray, shape (n,)
+        As `prices_of` returns them.
+    """
     texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
-    found = _with_lines(texels, np.zeros(blocks.shape[-1], dtype=np.int64), 1)
+    every = np.zeros(blocks.shape[-1], dtype=np.int64)
+    prices = prices * ~is_steep(texels)  # lamps keep what they have
+    found = _with_lines(texels, every, 1, prices=prices)
+    bits = bits_of_bytes(found.data)
     coarse = np.flatnonzero(found.error > _FINE)
     if coarse.size:
         harder = texels[coarse]
         for partition in _partitions(harder, _TRIES):
-            found.replace(coarse, _with_lines(harder, partition, 2))
-    return Found(found.data, found.error * texels.scale)
+            tried = _with_lines(harder, partition, 2)
+            tried.error[:] += prices[coarse] * bits[tried.data].sum(axis=1)
+            found.replace(coarse, tried)
+    return found
 
 
 def searched(blocks: Array) -> Found:
     """Return blocks of shape (3, 16, n) encoded as well as may be, which takes its time."""
     texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
-    every = np.arange(blocks.shape[-1])
-    found = Found(np.empty((every.size, 16), np.uint8), np.full(every.size, np.float32(np.inf)))
-    ways = [(np.zeros_like(every), 1), *((each, 2) for each in _partitions(texels, _MANY))]
-    for partition, lines in ways:
-        for start in STARTS:
-            found.replace(every, _with_lines(texels, partition, lines, start))
-    return found
+    count = blocks.shape[-1]
+    partitions = np.concatenate(list(_partitions(texels, _MANY)))
+    found = []
+    for lines, ways in ((1, np.zeros(count, dtype=np.int64)), (2, partitions)):
+        ways = np.tile(ways, len(STARTS))
+        start = np.repeat(STARTS, len(ways) // len(STARTS))
+        every = texels[np.arange(len(ways)) % count]
+        found.append(best(_with_lines(every, ways, lines, start), len(ways) // count))
+    one, two = found
+    one.replace(np.arange(count), two)
+    return one
 
 
 def _partitions(texels: Texels, tries: int) -> Iterator[Whole]:
@@ -114,15 +144,24 @@ def _beside_a_line(sums: Floats) -> Floats:
     return np.maximum(minors, 0) / trace + trace / np.float32(49)
 
 
-def _with_lines(texels: Texels, partition: Whole, lines: int, start: float | None = None) -> Found:
-    """Return blocks of one or two lines; with a start as `lamps.refined` has it, by light."""
+def _with_lines(
+    texels: Texels,
+    partition: Whole,
+    lines: int,
+    start: Array | None = None,
+    prices: Floats | None = None,
+) -> Found:
+    """Return blocks of one line or two; with starts as `lamps.refined` has them, by light.
+
+    Where there are prices, steps on one line are cheap ones, and errors hold what bits cost.
+    """
     count = 16 if lines == 1 else 8
     every = np.arange(len(partition))
     second = PARTITIONS[partition].T & (lines == 2)
     sets, anchors = [~second, second][:lines], [np.zeros_like(partition), ANCHORS[partition]]
     ends = []
     for members, anchor in zip(sets, anchors, strict=False):
-        fitted = np.stack(line(texels, members, count))
+        fitted = line(texels, members, count)
         if start is not None:
             fitted = refined(texels, members, fitted, count, start)
         # The number of the anchor has no highest bit, so it lies in the first half of its line.
@@ -132,18 +171,47 @@ def _with_lines(texels: Texels, partition: Whole, lines: int, start: float | Non
     whole = _unquantized(written, mode)
     near = steps if start is None else nearest
     indices = near(texels, whole[:2], count)
+    if prices is not None and prices.any():
+        indices = _cheap_steps(texels, whole, written, mode, prices)
     if lines == 2:
         indices = np.where(second, near(texels, whole[2:], count), indices)
-    bright = np.flatnonzero(is_steep(texels))
+    is_lamp = is_steep(texels) if start is None else np.ones_like(every, dtype=bool)
+    bright = np.flatnonzero(is_lamp)
     if bright.size:
-        indices[:, bright] = balanced(
-            texels[bright], whole[..., bright], indices[:, bright], second[:, bright], count
-        )
+        ends_there, second_there = whole[..., bright], second[:, bright]
+
+        def light(at: Whole) -> Floats:
+            return SPACE.light(between(ends_there, _FRACTIONS[count][at], second_there))
+
+        indices[:, bright] = balanced(light, texels.light[..., bright], indices[:, bright], count)
     for anchor in anchors[:lines]:
         indices[anchor, every] = np.minimum(indices[anchor, every], count // 2 - 1)
-    found = between(whole, indices, second, count)
-    error = squared_error if start is None else light_error
-    return Found(_packed(written, mode, indices, partition), error(texels, found))
+    values = between(whole, _FRACTIONS[count][indices], second)
+    off = light_error(SPACE.light(values), texels.light)
+    error = squared_error(texels, values) if start is None else off
+    data = _packed(written, mode, indices, partition)
+    if prices is not None:
+        error = error + prices * bits_of_bytes(data)[data].sum(axis=1)
+    return Found(data, error, off)
+
+
+def _cheap_steps(
+    texels: Texels, ends: Floats, written: Whole, mode: Whole, prices: Floats
+) -> Whole:
+    """Return steps of one line that are cheap in error and bits, shape (16, n).
+
+    From the third texel on two fill a byte.
+    """
+    errors = np.empty((16, *texels.light.shape[1:]), dtype=np.float32)
+    for k, at in enumerate(_FRACTIONS[16]):
+        off = SPACE.light(ends[0] + at * (ends[1] - ends[0]))[:, None] - texels.light
+        errors[k] = (off * off).sum(axis=0)
+    errors *= relative_weights(texels.light)
+    indices = smallest(errors)
+    for _ in range(_PASSES):
+        bits = bits_of_bytes(_packed(written, mode, indices, 0 * mode))
+        indices[2:] = cheapest(errors[:, 2:], prices, bits, _PLACES)
+    return indices
 
 
 def one_line(ends: Array, indices: Whole) -> NDArray[np.uint8]:
@@ -157,6 +225,11 @@ def one_line(ends: Array, indices: Whole) -> NDArray[np.uint8]:
         Where texels lie on their line, of 16 steps; the first of each block in the first half.
     """
     return _packed(*_written(ends, 1), indices, np.zeros(indices.shape[-1], dtype=np.int64))
+
+
+def read_line(ends: Floats) -> Floats:
+    """Return the ends of blocks of one line as decoders take them, shape (2, 3, n)."""
+    return _unquantized(*_written(ends, 1))
 
 
 def _packed(written: Whole, mode: Whole, indices: Whole, partition: Whole) -> NDArray[np.uint8]:

@@ -50,14 +50,17 @@ class Mode:
         """Whether all ends are written whole."""
         return self.differences == (self.bits,) * 3
 
-    def places(self) -> Iterator[tuple[int, int, int]]:
-        """Yield the end, the channel and the bit of each bit after the code."""
+    def runs(self) -> Iterator[tuple[int, int, int, int]]:
+        """Yield the end, the channel, the lowest bit and how many bits follow upon each other."""
         for channel, end, first, last in re.findall(
             r"([rgb])([wxyz])\[(\d+):?(\d*)\]", self.layout
         ):
             high, low = int(first), int(last or first)
-            span = range(low, high + 1) if low <= high else range(low, high - 1, -1)
-            yield from (("wxyz".index(end), "rgb".index(channel), bit) for bit in span)
+            of = "wxyz".index(end), "rgb".index(channel)
+            if low <= high:
+                yield *of, low, high - low + 1
+            else:
+                yield from ((*of, bit, 1) for bit in range(low, high - 1, -1))
 
 
 _END = " bx[4:0] bz[1] by[3:0] ry[4:0] bz[2] rz[4:0] bz[3]"
@@ -130,22 +133,26 @@ def pack(mode: Mode, ends: Whole, indices: Whole, partition: Whole) -> NDArray[n
     partition : ndarray of int, shape (n,)
         Which texels lie on the second line, where there are two.
     """
-    code = [mode.code >> bit & 1 for bit in range(2 if mode.code < 2 else 5)]
-    rows = [np.full(len(partition), bit) for bit in code]
-    rows += [ends[end, channel] >> bit & 1 for end, channel, bit in mode.places()]
+    words = np.zeros((2, len(partition)), dtype=np.uint64)
+
+    def put(numbers: Whole, at: int | Whole, length: int) -> None:
+        words[int(np.min(at) >= 64)] |= numbers.astype(np.uint64) << np.asarray(at & 63, np.uint64)
+        if isinstance(at, int) and at < 64 < at + length:
+            words[1] |= numbers.astype(np.uint64) >> np.uint64(64 - at)
+
+    put(np.full_like(partition, mode.code), 0, 5)
+    at = 2 if mode.code < 2 else 5
+    for end, channel, bit, length in mode.runs():
+        put(ends[end, channel] >> bit & (1 << length) - 1, at, length)
+        at += length
     if mode.lines == 2:
-        rows += [partition >> bit & 1 for bit in range(5)]
-    bits = np.zeros((128, len(partition)), dtype=np.uint8)
-    bits[: len(rows)] = rows
+        put(partition, at, 5)
+        at += 5
     length = 4 if mode.lines == 1 else 3
-    # What follows is one long number for each block: later texels move up by a bit for each
-    # anchor that was left a bit shorter.
-    at = np.full(len(partition), len(rows))
-    every = np.arange(len(partition))
+    # Later texels move up by a bit for each anchor that was left a bit shorter.
+    places = np.full_like(partition, at)
     for texel in range(16):
-        for bit in range(length):
-            # The bit of an anchor that is left out is 0; the next texel overwrites it.
-            bits[np.minimum(at + bit, 127), every] |= (indices[texel] >> bit & 1).astype(np.uint8)
+        put(indices[texel], places, length)
         is_anchor = (texel == 0) | ((mode.lines == 2) & (ANCHORS[partition] == texel))
-        at = at + length - is_anchor
-    return np.packbits(bits, axis=0, bitorder="little").T
+        places = places + length - is_anchor
+    return np.ascontiguousarray(words.T, dtype="<u8").view(np.uint8)

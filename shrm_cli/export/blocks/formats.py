@@ -21,11 +21,12 @@ def _ours(name: str, title: str, coder: ModuleType) -> TexelFormat:
         height, width = images.shape[0] * images.shape[1], images.shape[2]
         blocks = images.reshape(height // 4, 4, width // 4, 4, 3)
         blocks = blocks.transpose(4, 1, 3, 0, 2).reshape(3, 16, -1)
-        jobs = [blocks[..., at : at + _CHUNK] for at in range(0, blocks.shape[-1], _CHUNK)]
-        found = list(in_order(coder.encoded, jobs))
-        data, error = (np.concatenate([getattr(each, name) for each in found])
-                       for name in ("data", "error"))  # fmt: skip
-        return with_lamps(blocks, Found(data, error), coder.searched).ravel()
+        prices = coder.prices_of(blocks)
+        jobs = [slice(at, at + _CHUNK) for at in range(0, blocks.shape[-1], _CHUNK)]
+        found = in_order(lambda some: coder.encoded(blocks[..., some], prices[some]), jobs)
+        parts = [one.arrays for one in found]
+        whole = Found(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+        return with_lamps(blocks, whole, coder.searched).ravel()
 
     return TexelFormat(name, title, (coder.LARGEST,) * 3, 16, pack, 4)
 

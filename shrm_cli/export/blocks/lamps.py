@@ -6,15 +6,16 @@ beside a lamp give way to the bright ones.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.export.blocks.lines import Floats, Members, Texels, Whole
 from shrm_cli.records import record
 
-STARTS = (0.0, 0.3, 0.5, 0.65, 0.8)
+STARTS = tuple(k / 20 for k in range(20))
 """Where on its line the dark end of a try begins."""
 _ROUNDS = 4
 _SHARE = 0.005**2
@@ -29,17 +30,32 @@ class Found:
     ----------
     data : ndarray of uint8, shape (n, 16)
     error : ndarray, shape (n,)
-        Squared errors of light.
+        By which blocks are compared.
+    off : ndarray, shape (n,)
+        Squared errors of their light.
     """
 
     data: NDArray[np.uint8]
     error: Floats
+    off: Floats
 
     def replace(self, which: Whole, tried: "Found") -> None:
         """Take those of some blocks that are better."""
         better = tried.error < self.error[which]
-        self.data[which[better]] = tried.data[better]
-        self.error[which[better]] = tried.error[better]
+        for old, new in zip(self.arrays, tried.arrays, strict=True):
+            old[which[better]] = new[better]
+
+    @property
+    def arrays(self) -> tuple[Any, ...]:
+        """All of its arrays."""
+        return self.data, self.error, self.off
+
+
+def best(found: Found, tries: int) -> Found:
+    """Return the best of some tries, of which all blocks of each stand behind each other."""
+    count = len(found.data) // tries
+    which = found.error.reshape(tries, count).argmin(axis=0) * count + np.arange(count)
+    return Found(*(each[which] for each in found.arrays))
 
 
 Encoder = Callable[[Array], Found]
@@ -47,15 +63,21 @@ Encoder = Callable[[Array], Found]
 
 def with_lamps(blocks: Array, found: Found, search: Encoder) -> NDArray[np.uint8]:
     """Return blocks with those of lamps searched for again."""
-    lamps = np.flatnonzero(found.error > _SHARE * (blocks**2).sum())
+    lamps = np.flatnonzero(found.off > _SHARE * (blocks**2).sum())
     if lamps.size:
         found.data[lamps] = search(blocks[..., lamps]).data
     return found.data
 
 
-def light_error(texels: Texels, values: Floats) -> Floats:
-    """Return the squared errors of the texels and the energy of blocks that read as values."""
-    off = texels.space.light(values) - texels.light
+def light_error(light: Floats, wanted: Floats) -> Floats:
+    """Return the squared errors of the texels and the energy of blocks: shape (n,).
+
+    Parameters
+    ----------
+    light, wanted : ndarray, shape (k, 16, n)
+        What is read, and what should be.
+    """
+    off = light - wanted
     error: Floats = (off**2).sum(axis=(0, 1)) + (off.sum(axis=1) ** 2).sum(axis=0)
     return error
 
@@ -70,23 +92,23 @@ def nearest(texels: Texels, ends: Floats, count: int) -> Whole:
         The steps of the line.
     """
     off = np.empty((count, *texels.light.shape[1:]), dtype=np.float32)
-    for k in range(count):
-        light = texels.space.light(ends[0] + np.float32(k / (count - 1)) * (ends[1] - ends[0]))
+    for k, at in enumerate(texels.space.fractions[count]):
+        light = texels.space.light(ends[0] + at * (ends[1] - ends[0]))
         off[k] = ((light[:, None] - texels.light) ** 2).sum(axis=0)
     return off.argmin(axis=0)
 
 
-def refined(texels: Texels, members: Members, ends: Floats, count: int, start: float) -> Floats:
+def refined(texels: Texels, members: Members, ends: Floats, count: int, start: ArrayLike) -> Floats:
     """Return ends whose steps suit the light of the members of a line, by Gauss and Newton.
 
-    The end that is darker begins somewhere on the line.
+    The end that is darker begins somewhere on the line, at one start for all or one for each.
     """
     is_turned = ends[0].sum(axis=0) > ends[1].sum(axis=0)
     ends = np.where(is_turned, ends[::-1], ends)
-    ends = np.stack([ends[0] + np.float32(start) * (ends[1] - ends[0]), ends[1]])
+    ends = np.stack([ends[0] + np.asarray(start, np.float32) * (ends[1] - ends[0]), ends[1]])
     octave = np.float32(texels.space.octave)
     for _ in range(_ROUNDS):
-        at = nearest(texels, ends, count).astype(np.float32) / np.float32(count - 1)
+        at = texels.space.fractions[count][nearest(texels, ends, count)]
         light = texels.space.light(ends[0][:, None] + at * (ends[1] - ends[0])[:, None])
         slope = light * np.float32(np.log(2)) / octave + np.float32(1e-9)
         step = ((texels.light - light) / slope).clip(-octave, octave)

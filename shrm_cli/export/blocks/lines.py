@@ -5,7 +5,7 @@ through its colours, or two lines for the better of some partitions. Ends come f
 components, then from least squares.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +30,14 @@ class Space:
         From light to numbers, and back.
     octave : int
         How much a number grows, about, where the light doubles.
+    fractions : mapping of int to ndarray, shape (count,)
+        Where the steps of a line lie between its ends, by how many there are.
     """
 
     numbers: Callable[[Floats], Floats]
     light: Callable[[Floats], Floats]
     octave: float
+    fractions: Mapping[int, Floats]
 
 
 @record
@@ -57,18 +60,16 @@ class Texels:
     def of(cls, blocks: Array, space: Space) -> "Texels":
         """Return the texels of blocks of light, shape (3, 16, n)."""
         light = blocks.astype(np.float32)
-        norm = np.sqrt((light * light).sum(axis=0)) + np.float32(1e-7)
-        # Bright texels of a block count more: within it, the error is that of the light itself.
-        importance = (norm / norm.mean(axis=0)) ** 2
-        relative = (light / norm) ** 2 + np.float32(1e-5)
-        weights = relative * importance * np.float32((np.log(2) / space.octave) ** 2 / 16)
+        # An octave is a factor of 2: a step of a number is its log(2) / octave of a channel.
+        weights = relative_weights(light) * (light**2 + 1e-5 * (light**2).sum(axis=0) + 1e-20)
+        weights = (weights * (np.log(2) / space.octave) ** 2).astype(np.float32)
         return cls(space, light, space.numbers(light), weights)
 
-    @property
-    def scale(self) -> Floats:
-        """What weighted errors are multiplied with to be those of light, about: shape (n,)."""
-        norm: Floats = np.sqrt((self.light * self.light).sum(axis=0)).mean(axis=0)
-        return 16 * norm**2
+    def by_light(self) -> "Texels":
+        """Return the same, weighted by which errors are those of the light itself."""
+        squares = self.light**2
+        weights = squares + np.float32(1e-6) * squares.mean(axis=(0, 1))
+        return Texels(self.space, self.light, self.values, weights)
 
     def chosen(self, texel: Whole) -> "Texels":
         """Return one texel of each block."""
@@ -85,6 +86,17 @@ class Texels:
         return Texels(self.space, light, values, weights)
 
 
+def relative_weights(light: Floats) -> Floats:
+    """Return by what squared errors of light are multiplied, shape (16, n).
+
+    This is halfway between errors that are relative to the light of each texel, and those that
+    are relative to the mean of the block: bright texels of a block count more.
+    """
+    norm = np.sqrt((light * light).sum(axis=0)) + np.float32(1e-7)
+    weights: Floats = 1 / (16 * norm * norm.mean(axis=0))
+    return weights
+
+
 def scaled(texels: Texels) -> tuple[Floats, Floats, Floats]:
     """Return weights of texels, mean weights of channels, and values by their roots."""
     of_texel = texels.weights.sum(axis=0)
@@ -93,8 +105,8 @@ def scaled(texels: Texels) -> tuple[Floats, Floats, Floats]:
     return of_texel, root, texels.values * root[:, None]
 
 
-def line(texels: Texels, members: Members, count: int) -> tuple[Floats, Floats]:
-    """Return the ends of the best line through the texels of a set: shape (3, n) each."""
+def line(texels: Texels, members: Members, count: int) -> Floats:
+    """Return the ends of the best line through the texels of a set: shape (2, 3, n)."""
     weight, root, values = scaled(texels)
     weight = weight * members
     weight = weight / np.maximum(weight.sum(axis=0), np.float32(1e-12))
@@ -112,31 +124,35 @@ def line(texels: Texels, members: Members, count: int) -> tuple[Floats, Floats]:
     along = (off * axis[:, None]).sum(axis=0)
     low = np.where(members, along, np.float32(np.inf)).min(axis=0)
     high = np.where(members, along, np.float32(-np.inf)).max(axis=0)
-    first, last = (middle + axis * low) / root, (middle + axis * high) / root
+    ends = np.stack([(middle + axis * each) / root for each in (low, high)]).astype(np.float32)
     for _ in range(2):
-        first, last = _by_least_squares(texels, members, count, first, last)
-    return first, last
+        at = texels.space.fractions[count][steps(texels, ends, count)]
+        ends = solved(texels.values, texels.weights * members, at, ends)
+    return ends
 
 
-def _by_least_squares(
-    texels: Texels, members: Members, count: int, first: Floats, last: Floats
-) -> tuple[Floats, Floats]:
-    """Return the ends that suit the texels best where they lie now."""
-    near = np.clip(along(texels, first[:, None], last[:, None]), 0, 1) * (count - 1)
-    at = np.rint(near).astype(np.float32) / np.float32(count - 1)
-    weight = texels.weights * members / (texels.weights * members).sum(axis=1, keepdims=True)
-    far = weight * at
-    a, c = (weight * (1 - at) ** 2).sum(axis=1), (far * at).sum(axis=1)
+def solved(values: Floats, weights: Floats, at: Floats, ends: Floats) -> Floats:
+    """Return the ends of lines that suit values best, by least squares: shape (2, 3, n).
+
+    Parameters
+    ----------
+    values, weights : ndarray, shape (3, 16, n)
+    at : ndarray, shape (16, n)
+        Where the values lie: 0 at the first end, 1 at the last.
+    ends : ndarray, shape (2, 3, n)
+        What stays where all values lie at one place.
+    """
+    weights = weights / weights.sum(axis=1, keepdims=True)
+    far = weights * at
+    a, c = (weights * (1 - at) ** 2).sum(axis=1), (far * at).sum(axis=1)
     b = far.sum(axis=1) - c
-    y = (far * texels.values).sum(axis=1)
-    x = (weight * texels.values).sum(axis=1) - y
+    y = (far * values).sum(axis=1)
+    x = (weights * values).sum(axis=1) - y
     determinant = a * c - b * b
     is_sound = determinant > 1e-4
     divisor = np.where(is_sound, determinant, np.float32(1))
-    return (
-        np.where(is_sound, (c * x - b * y) / divisor, first).clip(0, 65535),
-        np.where(is_sound, (a * y - b * x) / divisor, last).clip(0, 65535),
-    )
+    moved = np.stack([c * x - b * y, a * y - b * x]) / divisor
+    return np.where(is_sound, moved, ends).clip(0, 65535)
 
 
 def along(texels: Texels, first: Floats, last: Floats) -> Floats:
@@ -159,20 +175,22 @@ def is_steep(texels: Texels) -> NDArray[np.bool_]:
     return green.max(axis=0) - green.min(axis=0) > 3 * texels.space.octave
 
 
-def balanced(texels: Texels, ends: Floats, indices: Whole, on_second: Members, count: int) -> Whole:
+def balanced(light: Callable[[Whole], Floats], wanted: Floats, indices: Whole, count: int) -> Whole:
     """Return the steps of texels, some moved by one so that blocks keep their light and energy.
 
     The steps of a steep line are coarse, and what its bright texels lose to rounding is a part of
     a lamp. Of all moves by one, the one is taken that leaves the least.
+
+    Parameters
+    ----------
+    light : callable
+        What decoders make of steps of shape (16, n): shape (k, 16, n).
+    wanted : ndarray, shape (k, 16, n)
     """
-
-    def off(at: Whole) -> Floats:
-        return texels.space.light(between(ends, at, on_second, count)) - texels.light
-
     every = np.arange(indices.shape[-1])
     for _ in range(_MOVES):
         moved = [np.clip(indices + step, 0, count - 1) for step in (0, -1, 1)]
-        here, *others = (off(at) for at in moved)
+        here, *others = (light(at) - wanted for at in moved)
         whole = here.sum(axis=1, keepdims=True)
         added = []  # by each move to the squared errors of texels and of the energy
         for each in (here, *others):
@@ -191,9 +209,16 @@ def squared_error(texels: Texels, values: Floats) -> Floats:
     return error
 
 
-def between(ends: Floats, indices: Whole, on_second: Members, count: int) -> Floats:
-    """Return the values of texels by their steps: ends of one line or two, shape (2 or 4, 3, n)."""
+def between(ends: Floats, at: Floats, on_second: Members) -> Floats:
+    """Return the values of texels, by where they lie between the ends of one line or two.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (2 or 4, 3, n)
+    at : ndarray, shape (16, n)
+        0 at the first end of a line, 1 at its last.
+    """
     first = np.where(on_second, ends[-2][:, None], ends[0][:, None])
     last = np.where(on_second, ends[-1][:, None], ends[1][:, None])
-    values: Floats = first + indices.astype(np.float32) / np.float32(count - 1) * (last - first)
+    values: Floats = first + at * (last - first)
     return values
