@@ -49,12 +49,16 @@ light_options = several(
         help="How much of the light is that of --blend-to, in the last frame.  [default: 1]",
     ),
     click.option(
+        "--irradiance-to", type=click.Path(dir_okay=False), metavar="MAP",
+        help="Irradiance map that --irradiance becomes with --blend-to.",
+    ),
+    click.option(
         "--background-to", type=click.Path(), metavar="PROBE",
         help="Light probe that --background becomes with --blend-to.",
     ),
 )  # fmt: skip
 """The options of light that moves."""
-LIGHT_MOVES = ("turn_light", "blend_to", "blend", "background_to")
+LIGHT_MOVES = ("turn_light", "blend_to", "blend", "irradiance_to", "background_to")
 """Their names."""
 
 
@@ -149,16 +153,29 @@ def open_others(paths: Sequence[str], maps: Sequence[Map]) -> list[Map]:
     return others
 
 
-def refuse_fixed_light(stage: Stage, values: dict[str, Any]) -> None:
-    """Refuse to blend the light of MAP where objects have light besides, which would stay.
+def open_other_light(stage: Stage, values: dict[str, Any]) -> Stage:
+    """Return the stage under the irradiance that its own becomes, the same one where it has none.
 
     Raises
     ------
     click.UsageError
-        If an object of a scene has a map of its own, or --irradiance is given.
+        If light besides that of MAP would stay as it is, or --irradiance-to does not apply.
+    MapError
+        If its map is no irradiance, or cannot be what the first one becomes.
     """
-    if values["blend_to"] and (values["irradiance"] or stage.has_own_light):
+    from shrm_cli.render.moving import check_blend
+    from shrm_cli.render.scene_file import as_irradiance
+
+    blends, first, second = (values[k] for k in ("blend_to", "irradiance", "irradiance_to"))
+    with_both = Applies(bool(blends and first), "with --blend-to and --irradiance")
+    refuse_inapplicable({"irradiance_to": with_both})
+    if second is not None:
+        other = as_irradiance(second)
+        check_blend(as_irradiance(first), other, second)
+        return stage.under_irradiance(other)
+    if blends and stage.has_own_light:
         raise click.UsageError(
             "--blend-to applies to meshes of which all light is that of MAP; leave the maps of "
-            "objects and --irradiance out"
+            "objects out, and give --irradiance-to beside --irradiance"
         )
+    return stage

@@ -16,8 +16,8 @@ from shrm_cli.cli.moving import (
     light_options,
     max_memory_option,
     moments,
+    open_other_light,
     open_others,
-    refuse_fixed_light,
     scene_keys,
 )
 from shrm_cli.cli.options import (
@@ -246,10 +246,12 @@ def _on_mesh(
 
     plain = values["plain"] or baked is not None  # its albedo is baked
     stage, warnings = open_stage(mesh, lit.maps, lit.names, {**values, "plain": plain})
-    refuse_fixed_light(stage, values)
-    drawn = None
+    other = open_other_light(stage, values)
+    drawn: tuple[list[Any], list[Any]] | None = None
     if baked is not None:
         drawn = baked.drawn(stage), baked.with_maps(lit.others).drawn(stage)
+    elif other is not stage:
+        drawn = [*map(stage.reflectors, lit.maps)], [*map(other.reflectors, lit.others)]
     drawing = on_stage(lit, stage, size, moments, values, drawn)
     given = {name: values[name] for name in (*OF_SURFACES, "transfer")}
     said = {
@@ -300,6 +302,8 @@ def _write_pictures(
 def _files(maps: Sequence[str], mesh: str | None, values: dict[str, Any]) -> list[str]:
     """Return all files that are read, besides those of probes."""
     others = [path for path in (mesh, values["vary"]) if path not in (None, "vertex")]
+    if values["irradiance_to"] is not None:
+        others.append(values["irradiance_to"])
     return [*maps, *values["blend_to"], *others]
 
 
@@ -326,4 +330,6 @@ def _attributes(
     }
     if moment.share:
         recipe["blend_to"] = [Path(path).name for path in settings["blend_to"]]
+        if "irradiance_to" in settings:
+            recipe["irradiance_to"] = Path(settings["irradiance_to"]).name
     return picture_attributes(recipe, (each.chromaticities for each in maps))

@@ -104,7 +104,11 @@ def smooth_points(mesh: "Mesh", faces: Integers, weights: Array, normals: Array)
 
     From the flat triangles themselves, rays of low lamps would meet their neighbours, and the edge
     of the light would show the triangles (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing
-    Gems II, chapter 4).
+    Gems II, chapter 4). There points are moved onto a mean of their corners' tangent planes, which
+    is twice as high above a triangle as the sphere that touches these planes: ``sum_i w_i sum_j
+    w_j |e_ij|^2 / 2R`` beside ``sum_i<j w_i w_j |e_ij|^2 / 2R``, with edges e_ij. From so high they
+    look over what shadows them. Here they are moved half as far, and a plane below a point, as
+    where the surface turns from convex to concave, counts against one above it.
 
     Parameters
     ----------
@@ -121,8 +125,11 @@ def smooth_points(mesh: "Mesh", faces: Integers, weights: Array, normals: Array)
     """
     corners = mesh.faces[faces]
     points = mesh.interpolated(mesh.vertices, faces, weights)
+    flat = face_normals(mesh.vertices, corners)
+    flat *= np.where(np.einsum("nv,nv->n", flat, normals) < 0, -1.0, 1.0)[:, None]
+    # With a normal turned round, both factors change their signs, and so the height does not.
     own = mesh.normals[corners]
-    own = own * np.where(np.einsum("ncv,nv->nc", own, normals) < 0, -1.0, 1.0)[..., None]
-    below = np.einsum("ncv,ncv->nc", points[:, None] - mesh.vertices[corners], own)
-    moved: Array = points + np.einsum("nc,nc,ncv->nv", weights, np.maximum(-below, 0), own)
+    above = np.einsum("ncv,ncv->nc", mesh.vertices[corners] - points[:, None], own)
+    height = np.einsum("nc,nc,ncv,nv->n", weights, above, own, flat) / 2
+    moved: Array = points + np.maximum(height, 0)[:, None] * flat
     return moved

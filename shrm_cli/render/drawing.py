@@ -176,7 +176,8 @@ def on_stage(
         ``fov``, ``target`` and ``distance`` of the camera, None for the defaults; and
         ``no_box``, whether the boxes of maps are left out.
     drawn : tuple of 2 list, optional
-        Its materials under the maps and under the others, where they have their own shadows.
+        Its materials under the maps and under the others, where these are not those of the stage
+        under each: with their own shadows, or beside other light that moves.
     """
     lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
     viewers = [each.viewer for each in moments]

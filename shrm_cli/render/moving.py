@@ -146,7 +146,7 @@ class MovedMap(ReflectedLight):
         normals, tangents, views = (
             np.asarray(each) @ self.turn for each in (normals, tangents, views)
         )
-        return self._blend(lambda each: _seen(each, normals, tangents, views))
+        return self._blend(lambda each: each.brushed_radiance(normals, tangents, views))
 
     def varied_radiance(
         self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
@@ -178,13 +178,6 @@ class _Behind:
             return self.first.radiance(places)
         second = self.second.radiance(places)
         return (1 - self.share) * self.first.radiance(places) + self.share * second
-
-
-def _seen(found: Any, normals: Array, tangents: Array, views: Array) -> Array:
-    """Return what a map reflects; those about the tangent are looked up by it alone."""
-    if getattr(found, "center", "") == "tangent" and hasattr(found, "central_radiance"):
-        return np.asarray(found.central_radiance(tangents, views))
-    return np.asarray(found.brushed_radiance(normals, tangents, views))
 
 
 def moving_light(

@@ -1,7 +1,7 @@
 """What stands before the camera: meshes in one, and what each triangle is made of."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
@@ -244,6 +244,14 @@ class Stage:
     def has_own_light(self) -> bool:
         """Whether looks name a map, or irradiance."""
         return any(look.map is not None or look.irradiance is not None for look in self.looks)
+
+    def under_irradiance(self, irradiance: Map) -> "Stage":
+        """Return the stage with another light of diffuse parts, where there is some."""
+        looks = [
+            look if look.irradiance is None else replace(look, irradiance=irradiance)
+            for look in self.looks
+        ]
+        return replace(self, looks=tuple(looks))
 
     def lacks_diffuse(self, maps: Sequence[Map]) -> bool:
         """Whether a material has a diffuse part, and no light for it, under one of some maps."""

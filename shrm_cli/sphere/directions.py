@@ -196,16 +196,19 @@ def local_frame(theta: ArrayLike, phi: ArrayLike) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def central_directions(center: Center, normals: Array, views: Array) -> Array:
+def central_directions(
+    center: Center, normals: Array, views: Array, tangents: Array | None = None
+) -> Array:
     """Compute the central directions C of points of a surface.
 
     Parameters
     ----------
     center : {"reflection", "normal", "tangent"}
-        The mirror direction of the view, the normal, or the tangent. A surface that is known by
-        its normals alone has the horizontal tangent.
+        The mirror direction of the view, the normal, or the tangent.
     normals, views : ndarray, shape (..., 3), broadcastable
         Unit vectors in world axes.
+    tangents : ndarray, shape (..., 3), optional
+        Unit vectors in world axes; horizontal by default.
 
     Returns
     -------
@@ -214,4 +217,6 @@ def central_directions(center: Center, normals: Array, views: Array) -> Array:
     """
     if center == "reflection":
         return reflect(views, normals)
-    return normals if center == "normal" else horizontal_tangents(normals)
+    if center == "normal":
+        return normals
+    return horizontal_tangents(normals) if tangents is None else tangents

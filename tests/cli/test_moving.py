@@ -183,6 +183,23 @@ def test_textured_surfaces_turn_their_light_too(folder):
     scale = np.sqrt(np.mean(expected**2))
     assert np.sqrt(np.mean((moved - expected) ** 2)) < 0.002 * scale
     assert np.sqrt(np.mean((rest - expected) ** 2)) > 0.02 * scale
+    to = ("--blend-to", "turned.splitsum.exr", "--irradiance-to", "turned.irradiance.exr")
+    done(*still, *camera, *to, "--blend", "0.25", "-o", "part.exr")
+    blend = 0.75 * rest + 0.25 * expected
+    np.testing.assert_allclose(read("part.exr"), blend, atol=2e-3 * blend.max())
+    assert recipe("part.exr")["irradiance_to"] == "turned.irradiance.exr"
+    done(*still, *camera, *to, "--frames", "3", "-o", "f%02d.exr")
+    ends = rest, (rest + expected) / 2, expected
+    for frame, truth in enumerate(ends, start=1):
+        np.testing.assert_allclose(read(f"f{frame:02d}.exr"), truth, atol=2e-3 * truth.max())
+    for given, said in (
+        (to[:2], "give --irradiance-to beside --irradiance"),
+        (to[2:], "--irradiance-to applies with --blend-to and --irradiance"),
+        ((*to[:2], "--irradiance-to", "turned.splitsum.exr"), "not irradiance"),
+    ):
+        result = run("render", *still, *camera, *given, "-o", "no.exr")
+        assert result.code != 0
+        assert said in result.err, result.err
 
 
 def test_glossy_transfer_under_a_turned_light_is_that_under_the_turned_probe(folder):

@@ -9,8 +9,7 @@ from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.disc import Disc, disc_coefficients
-from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.resample import coarse_probe
+from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.lamps import LampsOnMesh
 from shrm_cli.render.mesh import MeshSubject
@@ -138,8 +137,7 @@ def studio():
 
 def path_traced(mitsuba, mesh, probe, viewer, aim):
     """The picture of a diffuse mesh of albedo 0.5 by Mitsuba, and where its pixels are full."""
-    rows = min(probe.height, 256)
-    coarse = coarse_probe(probe, rows)
+    rows = 2048  # so fine that Mitsuba's interpolation does not widen the lamps
     grey = {"type": "rgb", "value": [0.5] * 3}
     material = {"type": "twosided", "inner": {"type": "diffuse", "reflectance": grey}}
     shape = shape_of(mitsuba, mesh, material)
@@ -165,7 +163,7 @@ def path_traced(mitsuba, mesh, probe, viewer, aim):
         {
             "type": "scene",
             "shape": shape,
-            "light": environment(mitsuba, lambda d: np.asarray(coarse.radiance(d)), rows),
+            "light": environment(mitsuba, lambda d: np.asarray(probe.radiance(d)), rows),
             "camera": sensor,
             "way": {"type": "path", "max_depth": 2, "hide_emitters": True},
         }
@@ -176,18 +174,26 @@ def path_traced(mitsuba, mesh, probe, viewer, aim):
 
 @pytest.mark.proof
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["bumps", "bunny"])
-def test_a_mesh_in_a_studio_beside_mitsuba(name, shared):
-    """The lamps' shadows are there: without them the picture is several times as far off."""
+@pytest.mark.parametrize(
+    ("name", "most"), [("bumps", 0.018), ("bunny.obj", 0.027), ("dragon.ply", 0.045)]
+)
+def test_a_mesh_in_a_studio_beside_mitsuba(name, most, shared):
+    """The lamps' shadows are there: without them the picture is several times as far off.
+
+    Mitsuba lights by the triangles what a smooth surface lights by its normals, and turns normals
+    round that face away from the viewer. Of a dragon of few triangles this is most of the error.
+    """
     mitsuba = pytest.importorskip("mitsuba", reason="mitsuba is not installed")
     mitsuba.set_variant("scalar_rgb")
     from shrm_cli.geometry.load import load_mesh
 
-    path = shared / "meshes" / "bunny.obj"
-    if name == "bunny" and not path.exists():
-        pytest.skip("the bunny is not among the real meshes beside the project")
-    mesh = load_mesh(path) if name == "bunny" else meshes.bumps(40)
-    probe = Probe.from_array(studio())
+    if name == "bumps":
+        mesh, probe = meshes.bumps(40), Probe.from_array(studio())
+    else:
+        path, light = shared / "meshes" / name, shared / "probes" / "studio.exr"
+        if not (path.exists() and light.exists()):
+            pytest.skip(f"{name} or a real studio is not beside the project")
+        mesh, probe = load_mesh(path), Probe.from_array(open_probe(light).image())
     viewer, lens = Viewer(20, 10), Lens(SIZE, SIZE, DEFAULT_FOV)
     aim = aimed(mesh.vertices, [viewer], lens, None, None)
     truth, inside = path_traced(mitsuba, mesh, probe, viewer, aim)
@@ -205,5 +211,6 @@ def test_a_mesh_in_a_studio_beside_mitsuba(name, shared):
         errors[kind] = np.sqrt(
             np.mean((picture - truth[inside]) ** 2) / np.mean(truth[inside] ** 2)
         )
-    assert errors["apart"] < 0.03, errors
+    print(errors)
+    assert errors["apart"] < most, errors
     assert errors["apart"] < errors["blurred"] / 2, errors

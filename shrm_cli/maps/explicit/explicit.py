@@ -294,6 +294,11 @@ class ExplicitMap(ReflectionMap):
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
         return self.central_radiance(central_directions(self.center, normals, views), views)
 
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate it for known tangents, by which hair is looked up; see `ReflectedLight`."""
+        given = (np.asarray(each, dtype=float) for each in (normals, views, tangents))
+        return self.central_radiance(central_directions(self.center, *given), views)
+
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate the radiance for central directions instead of normals; else as `radiance`."""
         centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)

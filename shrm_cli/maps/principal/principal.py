@@ -339,7 +339,7 @@ class PrincipalMap(ReflectionMap):
         )
         result = np.zeros(normals.shape)
         for lobe, sampler in zip(self.lobes, self._samplers, strict=True):
-            centers = central_directions(lobe.center, normals, views)
+            centers = central_directions(lobe.center, normals, views, tangents)
             result += lobe.radiance(sampler, centers, views, tangents)
         return result
 

@@ -165,6 +165,10 @@ class CompressedShrm(ReflectionMap):
         """Evaluate the reflected radiance, shape (..., 3), as `Shrm.radiance` does."""
         return self._expanded.radiance(normals, views)
 
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the radiance, shape (..., 3), as `Shrm.brushed_radiance` does."""
+        return self._expanded.brushed_radiance(normals, tangents, views)
+
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate the radiance, shape (..., 3), as `Shrm.central_radiance` does."""
         return self._expanded.central_radiance(centers, views)
