@@ -31,6 +31,8 @@ pytestmark = [
 def two():
     """Return two workers of a scheduler that gives a task up when its second worker dies."""
     dask = pytest.importorskip("dask")
+    import distributed  # noqa: F401  (adds its settings, which would go with ours at the end)
+
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 1}),
         cluster_executor("local", 2) as workers,
