@@ -118,6 +118,10 @@ def brackets(
     help="From the camera to the ball's middle, in radii of the ball.  [default: from afar]",
 )  # fmt: skip
 @click.option(
+    "--reflectance", type=within(0.01, 1), default=1.0, show_default=True,
+    help="The part of the light that the ball reflects; chrome has about 0.6.",
+)  # fmt: skip
+@click.option(
     "--size", type=click.IntRange(2, 8192),
     help="Height of the probe in pixels.  [default: as fine as the ball]",
 )  # fmt: skip
@@ -128,6 +132,7 @@ def ball(
     cameras: tuple[tuple[float, float], ...],
     circles: tuple[tuple[float, float, float], ...],
     distance: float | None,
+    reflectance: float,
     size: int | None,
     linearize: bool,
     output: str,
@@ -150,7 +155,9 @@ def ball(
     check_outputs([output], files=photos, suffixes=[".exr"])
     stood = cameras or tuple((90.0 * k, 0.0) for k in range(len(photos)))
     with progress_bar("unwrapping") as progress, using(progress):
-        made = unwrap_balls(photos, stood, circles or None, distance or np.inf, size, linearize)
+        made = unwrap_balls(
+            photos, stood, circles or None, distance or np.inf, size, linearize, reflectance
+        )
     facts = {"gains": made.gains.tolist(), "differences": list(made.differences)}
     lines, warnings = [], []
     for photo, gain, difference in list(zip(photos, made.gains, made.differences, strict=True))[1:]:

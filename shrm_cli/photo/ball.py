@@ -75,6 +75,7 @@ def unwrap_balls(
     distance: float = np.inf,
     size: int | None = None,
     linearize: bool = False,
+    reflectance: float = 1.0,
 ) -> Unwrapped:
     """Unwrap photographs of a mirror ball into a lat-long probe.
 
@@ -94,6 +95,8 @@ def unwrap_balls(
         Rows of the probe. By default its pixels are as fine as those of the first ball.
     linearize : bool
         Whether to decode integers as the file says, or else as sRGB.
+    reflectance : float
+        The part of the light that the ball reflects, by which its picture is divided.
 
     Raises
     ------
@@ -110,6 +113,8 @@ def unwrap_balls(
     """
     if not paths or len(cameras) != len(paths) or len(circles or paths) != len(paths):
         raise ArgumentError("cameras", "must be as many as photographs, and circles, too")
+    if not 0 < reflectance <= 1:
+        raise ArgumentError("reflectance", "must be above 0, and 1 at most")
     if not distance > LEAST_DISTANCE:
         raise ArgumentError("distance", f"must be above {LEAST_DISTANCE:g} radii of the ball")
     opened = [open_photograph(path, linearize) for path in paths]
@@ -130,6 +135,7 @@ def unwrap_balls(
         share = trust / trust.sum(axis=0)
         pixels[start : part.stop] = np.einsum("khw,khwc,kc->hwc", share, seen, gains, optimize=True)
     report(rows, rows)
+    pixels /= reflectance
     return Unwrapped(pixels, gains, differences, opened[0].chromaticities)
 
 

@@ -110,6 +110,8 @@ def test_a_ball_may_be_a_part_of_the_picture(tmp_path):
     np.testing.assert_allclose(found.pixels[toward > -0.9], alone.pixels[toward > -0.9], rtol=1e-5)
     # What is beside the ball does not shine over its rim.
     assert found.pixels.max() < 3
+    dim = unwrap_balls([path], size=ROWS, reflectance=0.5)
+    np.testing.assert_allclose(dim.pixels, 2 * alone.pixels, rtol=1e-6)
 
 
 def test_pixels_are_as_fine_as_those_of_the_ball(tmp_path):
@@ -123,6 +125,7 @@ def test_pixels_are_as_fine_as_those_of_the_ball(tmp_path):
         ({"cameras": ()}, ArgumentError, "`cameras` must be as many as photographs"),
         ({"circles": [(8, 8, 8)] * 2}, ArgumentError, "`cameras` must be as many"),
         ({"distance": 1.5}, ArgumentError, "`distance` must be above 2 radii of the ball"),
+        ({"reflectance": 0.0}, ArgumentError, "`reflectance` must be above 0"),
         ({"distance": np.nan}, ArgumentError, "`distance` must be above 2"),
         ({"circles": [(8, 8, 40)]}, ProbeError, "is not within its 24 x 16 pixels"),
         ({"circles": [(-80, 8, 4)]}, ProbeError, "is not within its 24 x 16 pixels"),
