@@ -9,7 +9,8 @@ from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.disc import Disc, disc_coefficients
-from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.lamps import LampsOnMesh
 from shrm_cli.render.mesh import MeshSubject
