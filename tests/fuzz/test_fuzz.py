@@ -41,12 +41,12 @@ FAULTS = {
     "raise KeyError('x')": "internal error",
     "print('half'); raise ProbeError('a: b')": "an error after half the output",
     "print('libpng error', file=sys.stderr); raise ProbeError('a: b')": "2 lines of error",
-    "print('noise', file=sys.stderr); return {'kind': 'probe'}, []": "noise on stderr",
-    "print('\\x1b[31m'); return {'kind': 'probe'}, []": "control characters printed",
-    "print('NaN'); return {'kind': 'probe'}, []": "invalid JSON",
-    "open('left.tmp', 'w').close(); return {'kind': 'probe'}, []": "left ['left.tmp']",
-    "import os; os.mkdir('half'); return {'kind': 'probe'}, []": "left ['half']",
-    "open('bad.pfm', 'w').close(); return {'kind': 'probe'}, []": "an input was changed",
+    "print('noise', file=sys.stderr); return found": "noise on stderr",
+    "print('\\x1b[31m'); return found": "control characters printed",
+    "print('NaN'); return found": "invalid JSON",
+    "open('left.tmp', 'w').close(); return found": "left ['left.tmp']",
+    "import os; os.mkdir('half'); return found": "left ['half']",
+    "open('bad.pfm', 'w').close(); return found": "an input was changed",
     "bytes(2**33)": "asks for too much memory",
     "while True: pass": "takes too long",
 }
@@ -59,16 +59,16 @@ def test_what_goes_wrong_is_found(tmp_path):
     code = f"""
 import argparse, sys, types
 from pathlib import Path
-import shrm_cli.analysis.describe, shrm_cli.maps.file, tests.fuzz.child as child
+import shrm_cli.analysis.describe, tests.fuzz.child as child
 from shrm_cli.errors import ProbeError
 from tests.fuzz import __main__ as harness
 child.SECONDS = 1
 seed = harness.Seed("PFM", "a.pfm", ("info FILE --json",))
 harness.make_seeds = lambda folder: (folder / "a.pfm").write_bytes(b"PF 1 1") and [seed]
 harness.copy_sound = lambda source, target: None
-harness._load_everything = lambda: None
 for number, body in enumerate({list(FAULTS)!r}):
-    scope = dict(ProbeError=ProbeError, sys=sys)
+    found = shrm_cli.analysis.describe.Description("is a probe", {{"kind": "probe"}})
+    scope = dict(ProbeError=ProbeError, sys=sys, found=found)
     exec("def fault(*_):\\n    " + body, scope)
     shrm_cli.analysis.describe._probe = scope["fault"]
     work = Path({str(tmp_path)!r}, str(number))
