@@ -319,6 +319,8 @@ IMAGE_LAYOUTS: tuple[Layout, ...] = _image_layouts()
 
 LAYERS = "layers"
 """What `shrm convert` calls the textures that the code of a map reads, beside layouts."""
+MIP_LAYOUTS: tuple[Layout, ...] = ("latlong", "openexr")
+"""The layouts of mip-mapped files."""
 
 LAYOUTS: tuple[Layout, ...] = (
     *IMAGE_LAYOUTS,

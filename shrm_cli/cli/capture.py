@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
@@ -59,7 +58,8 @@ def capture(
     """
     import numpy as np
 
-    from shrm_cli.files.image import probe_attributes, write_image
+    from shrm_cli.files.image import write_image
+    from shrm_cli.files.recipe import picture_attributes
     from shrm_cli.probe.proxy import ProxyBox, box_attributes
     from shrm_cli.rooms.bake import IN_WALLS
     from shrm_cli.rooms.capture import captured
@@ -81,9 +81,7 @@ def capture(
         "albedo": dict(albedo), "emit": dict(emit), "noise": round(found.noise, 5),
         **({} if probe is None else {"surroundings": Path(probe).name}),
     }  # fmt: skip
-    attributes = {
-        "shrm:recipe": json.dumps(recipe), **probe_attributes(colors), **box_attributes(proxy),
-    }  # fmt: skip
+    attributes = picture_attributes(recipe, [colors]) | box_attributes(proxy)
     pixel_type = write_image(output, found.pixels, precision, attributes)
     warnings = textures_left_out(mesh, opened.textured)
     if found.behind > IN_WALLS:

@@ -43,6 +43,7 @@ from shrm_cli.vocabulary import (
     LAYOUTS,
     LOOKUPS,
     MAX_ORDER_P,
+    MIP_LAYOUTS,
     ORIENTATIONS,
     REPRESENTATIONS,
     SAMPLINGS,
@@ -53,8 +54,6 @@ if TYPE_CHECKING:
     from shrm_cli.vocabulary import Lookup, Orientation, Sampling
 
 _TARGETS = [*REPRESENTATIONS, *LAYOUTS, LAYERS]
-_PLAIN = ("latlong", "openexr")
-"""The layouts of mip-mapped files."""
 _OURS = {"sampling": "to_sampling", "orientation": "to_orientation", "path": "output"}
 """What the command calls arguments of `shrm_cli.convert`."""
 
@@ -227,7 +226,8 @@ def _plain_rules(target: str, is_map: bool, view: object, mips: bool) -> dict[st
     rules = {
         "view": Applies(is_map and target == "latlong", "with --to latlong, to maps"),
         "mips": Applies(
-            is_map and target in _PLAIN and not seen, "to split sums, with --to latlong or openexr"
+            is_map and target in MIP_LAYOUTS and not seen,
+            "to split sums, with --to latlong or openexr",
         ),
         **dict.fromkeys(("by", "roughness", "f0"), with_view),
     }

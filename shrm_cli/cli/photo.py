@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ import click
 
 from shrm_cli.cli.options import conclude, precision_option, report_options, several
 from shrm_cli.cli.terminal import progress_bar
-from shrm_cli.cli.types import DIRECTION, RADIANCE, Parsed, within
+from shrm_cli.cli.types import CIRCLE, DIRECTION, RADIANCE, Parsed, within
 from shrm_cli.cli.usage import check_outputs, exclude
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import Precision
@@ -19,19 +18,8 @@ from shrm_cli.vocabulary import Precision
 if TYPE_CHECKING:
     from shrm_cli.arrays import Array
 
-_LARGEST = 1e9
 _DIFFERENT = 0.1
 """Photographs that differ by more, in the median, show other scenes or are turned otherwise."""
-
-
-def _circle(text: str) -> tuple[float, ...]:
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) != 3 or not all(abs(number) < _LARGEST for number in numbers):
-        raise ValueError(f"{text!r} is not X,Y,RADIUS in pixels, such as 960,540,310")
-    return numbers
 
 
 def _times(text: str) -> tuple[float, ...]:
@@ -50,9 +38,6 @@ _photo_options = several(
     precision_option,
     report_options,
 )  # fmt: skip
-_linearize_option = click.option(
-    "--linearize", is_flag=True, help="Decode integers, as sRGB where a file names no curve."
-)
 
 
 @click.command()
@@ -109,7 +94,7 @@ def brackets(
     "repeated.  [default: 0,0 and then every 90 degrees]",
 )  # fmt: skip
 @click.option(
-    "--circle", "circles", type=Parsed("X,Y,RADIUS", _circle), multiple=True,
+    "--circle", "circles", type=CIRCLE, multiple=True,
     help="Middle, from the left and the top, and radius of the ball in each, in pixels. May be "
     "repeated.  [default: the picture is cropped to the ball]",
 )  # fmt: skip
@@ -125,7 +110,9 @@ def brackets(
     "--size", type=click.IntRange(2, 8192),
     help="Height of the probe in pixels.  [default: as fine as the ball]",
 )  # fmt: skip
-@_linearize_option
+@click.option(
+    "--linearize", is_flag=True, help="Decode integers, as sRGB where a file names no curve."
+)
 @_photo_options
 def ball(
     photos: tuple[str, ...],
@@ -260,9 +247,10 @@ def _write(
     warnings: Sequence[str],
 ) -> None:
     """Write what was made of photographs, with what it was made of, and tell it."""
-    from shrm_cli.files.image import probe_attributes, write_image
+    from shrm_cli.files.image import write_image
+    from shrm_cli.files.recipe import picture_attributes
 
-    attributes = {"shrm:recipe": json.dumps(recipe), **probe_attributes(chromaticities)}
+    attributes = picture_attributes(recipe, [chromaticities])
     pixel_type = write_image(output, pixels, precision, attributes)
     height, width, _ = pixels.shape
     result = {

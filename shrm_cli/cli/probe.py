@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -174,11 +173,12 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
         What made the image.
     """
     from shrm_cli.files.image import write_image
+    from shrm_cli.files.recipe import picture_attributes
 
     height, width, _ = pixels.shape
     command = click.get_current_context().info_name
-    recipe = json.dumps({"probe": command, "size": height, **parameters})
-    output, attributes = written["output"], {"shrm:recipe": recipe}
+    attributes = picture_attributes({"probe": command, "size": height, **parameters}, [])
+    output = written["output"]
     pixel_type = write_image(output, pixels, written["precision"], attributes)
     if not is_quiet():
         echo(f"{output}: {width} x {height}, {pixel_type}")

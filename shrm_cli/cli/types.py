@@ -84,6 +84,7 @@ def within(low: float, high: float) -> Parsed:
 
 _LARGEST = 1e30
 """The largest coordinate, as meshes have it."""
+_MOST_PIXELS = 1e9
 
 STOPS = within(-32, 32)
 """An exposure value, in stops."""
@@ -129,6 +130,17 @@ def _vector(text: str) -> tuple[float, ...]:
 
 VECTOR = Parsed("X,Y,Z", _vector)
 """A point or a direction: three finite numbers."""
+
+
+def _circle(text: str) -> tuple[float, ...]:
+    numbers = _numbers(text)
+    if len(numbers) != 3 or not all(abs(number) < _MOST_PIXELS for number in numbers):
+        raise ValueError(f"{text!r} is not X,Y,RADIUS in pixels, such as 960,540,310")
+    return numbers
+
+
+CIRCLE = Parsed("X,Y,RADIUS", _circle)
+"""Where a ball is in a picture: its middle from the left and the top, and its radius."""
 
 
 def _brush(text: str) -> str | tuple[float, ...]:

@@ -20,10 +20,15 @@ from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_layout
 from shrm_cli.progress import Progress, using
-from shrm_cli.vocabulary import LAYERS, LAYOUTS, Lookup, Orientation, Sampling, default_orientation
-
-_IMAGES = ("latlong", "openexr")
-"""The layouts of mip-mapped files."""
+from shrm_cli.vocabulary import (
+    LAYERS,
+    LAYOUTS,
+    MIP_LAYOUTS,
+    Lookup,
+    Orientation,
+    Sampling,
+    default_orientation,
+)
 
 
 def convert(
@@ -106,7 +111,7 @@ def convert(
         return Layers(found, name, code, notes)
     if view is None and not mips:
         return _of_map(found, name, to, size, orientation, sampling, notes, options)
-    if to not in (_IMAGES if view is None else _IMAGES[:1]):
+    if to not in (MIP_LAYOUTS if view is None else ("latlong",)):
         raise ArgumentError("to", f"{to} is no plain image; take latlong")
     refuse_arguments("plain images", orientation=orientation, **options)
     if view is None:

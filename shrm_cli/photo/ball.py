@@ -265,11 +265,7 @@ def _agreement(balls: Sequence[_Ball]) -> tuple[Array, tuple[float, ...]]:
     gains, differences = [np.ones(3)], [0.0]
     for pixels, its in zip(seen[1:], trust[1:], strict=True):
         both = (np.minimum(its, trust[0]) > _BOTH) & (np.minimum(pixels, seen[0]) > 0).all(axis=-1)
-        if not both.any():
-            gains.append(np.ones(3))
-            differences.append(0.0)
-            continue
-        ratios = seen[0][both] / pixels[both]
+        ratios = seen[0][both] / pixels[both] if both.any() else np.ones((1, 3))
         gains.append(np.median(ratios, axis=0))
         differences.append(float(np.median(np.abs(ratios / gains[-1] - 1))))
     return np.array(gains), tuple(differences)

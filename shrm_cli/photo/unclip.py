@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError, ProbeError
+from shrm_cli.lights.lamp import Light
 from shrm_cli.lights.pixels import SpherePixels, clusters
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import normalize
 from shrm_cli.vocabulary import LUMINANCE
 
 PLATEAU = 0.95
@@ -90,12 +90,9 @@ def unclip(
         raise ArgumentError("irradiance", "or `ratio` must be given, and not both")
     probe = as_probe(probe)
     image, grid = to_grid(probe, probe.grid), probe.grid
-    numbers = _lamp(probe, image)
-    pixels = SpherePixels(grid)
-    directions, areas = pixels.directions(numbers), pixels.areas(numbers)
-    light = image.reshape(-1, 3)[numbers].astype(float)
+    numbers, lamp = _lamp(probe, image)
     facing = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
-    own = (areas * np.maximum(directions @ facing, 0)) @ light
+    own = (lamp.areas * np.maximum(lamp.directions @ facing, 0)) @ lamp.radiance
     cosines = np.maximum(grid.directions() @ facing, 0) * grid.weights()
     rest = np.einsum("hw,hwc->c", cosines, image, dtype=float) - own
     if own.min() <= 0:
@@ -117,13 +114,12 @@ def unclip(
             f"{(own + rest) @ LUMINANCE / (rest @ LUMINANCE):.4g}); check its units, its albedo "
             "and where it faced",
         )
-    image.reshape(-1, 3)[numbers] = light * factors
-    axis = normalize((areas * light.sum(axis=1)) @ directions)
-    return Unclipped(probe, image, axis, float(areas.sum()), factors)
+    image.reshape(-1, 3)[numbers] = lamp.radiance * factors
+    return Unclipped(probe, image, lamp.axis, float(lamp.areas.sum()), factors)
 
 
-def _lamp(probe: Probe, image: Array) -> NDArray[np.intp]:
-    """Return the numbers of the pixels about as bright as the brightest one, and next to it.
+def _lamp(probe: Probe, image: Array) -> tuple[NDArray[np.intp], Light]:
+    """Return the pixels about as bright as the brightest one, and next to it: numbers and light.
 
     Raises
     ------
@@ -134,10 +130,13 @@ def _lamp(probe: Probe, image: Array) -> NDArray[np.intp]:
     numbers = np.flatnonzero(brightness >= PLATEAU * brightness.max())
     pixels = SpherePixels(probe.grid)
     areas = pixels.areas(numbers)
-    if areas.sum() <= LARGEST:
-        labels = clusters(pixels.directions(numbers), 2 * pixels.pitch)
-        return numbers[labels == labels[np.argmax(brightness[numbers])]]
-    raise ProbeError(
-        f"{probe.name}: no lamp stands out of its light, of which {areas.sum():.3g} sr is about as "
-        "bright as its brightest pixel"
-    )
+    if areas.sum() > LARGEST:
+        raise ProbeError(
+            f"{probe.name}: no lamp stands out of its light, of which {areas.sum():.3g} sr is "
+            "about as bright as its brightest pixel"
+        )
+    radiance = image.reshape(-1, 3)[numbers].astype(float)
+    light = Light(pixels.directions(numbers), radiance, areas)
+    labels = clusters(light.directions, 2 * pixels.pitch)
+    near = labels == labels[np.argmax(brightness[numbers])]
+    return numbers[near], light.where(near)

@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, Mode, pack
-from shrm_cli.export.blocks.lamps import STARTS, Found, best, light_error, nearest, refined
+from shrm_cli.export.blocks.lamps import (
+    STARTS,
+    Found,
+    best,
+    light_error,
+    nearest,
+    refined,
+    step_errors,
+)
 from shrm_cli.export.blocks.lines import (
     Floats,
     Space,
@@ -35,7 +43,7 @@ from shrm_cli.export.blocks.lines import (
     squared_error,
     steps,
 )
-from shrm_cli.export.blocks.rate import bits_of_bytes, cheapest, smallest, starting_prices
+from shrm_cli.export.blocks.rate import bits_of_bytes, cheap_steps, starting_prices
 
 LARGEST = 65504.0
 """The largest value of a texel."""
@@ -43,7 +51,6 @@ _TRIES = 2
 """Partitions that are tried for each block that gets two lines."""
 _MANY = 16
 """Partitions that are tried for a lamp."""
-_PASSES = 2
 _PLACES = np.arange(16)[:, None] | np.arange(16) << 4
 """The byte of two texels."""
 _FINE = 0.01**2
@@ -202,16 +209,12 @@ def _cheap_steps(
 
     From the third texel on two fill a byte.
     """
-    errors = np.empty((16, *texels.light.shape[1:]), dtype=np.float32)
-    for k, at in enumerate(_FRACTIONS[16]):
-        off = SPACE.light(ends[0] + at * (ends[1] - ends[0]))[:, None] - texels.light
-        errors[k] = (off * off).sum(axis=0)
-    errors *= relative_weights(texels.light)
-    indices = smallest(errors)
-    for _ in range(_PASSES):
-        bits = bits_of_bytes(_packed(written, mode, indices, 0 * mode))
-        indices[2:] = cheapest(errors[:, 2:], prices, bits, _PLACES)
-    return indices
+    errors = step_errors(texels, ends, 16) * relative_weights(texels.light)
+
+    def packed(indices: Whole) -> NDArray[np.uint8]:
+        return _packed(written, mode, indices, 0 * mode)
+
+    return cheap_steps(errors, prices, packed, _PLACES, first=2)
 
 
 def one_line(ends: Array, indices: Whole) -> NDArray[np.uint8]:

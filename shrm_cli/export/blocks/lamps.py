@@ -91,11 +91,16 @@ def nearest(texels: Texels, ends: Floats, count: int) -> Whole:
     count : int
         The steps of the line.
     """
+    return step_errors(texels, ends, count).argmin(axis=0)
+
+
+def step_errors(texels: Texels, ends: Floats, count: int) -> Floats:
+    """Return the squared errors of light of each step of a line at each texel: (count, 16, n)."""
     off = np.empty((count, *texels.light.shape[1:]), dtype=np.float32)
     for k, at in enumerate(texels.space.fractions[count]):
         light = texels.space.light(ends[0] + at * (ends[1] - ends[0]))
         off[k] = ((light[:, None] - texels.light) ** 2).sum(axis=0)
-    return off.argmin(axis=0)
+    return off
 
 
 def refined(texels: Texels, members: Members, ends: Floats, count: int, start: ArrayLike) -> Floats:

@@ -5,6 +5,8 @@ frequent bytes take fewer bits. Of the steps that suit a texel nearly as well as
 taken whose bytes are frequent in their neighbourhood, and so they become more frequent still.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,8 @@ texel that is right otherwise."""
 _SMOOTH = 0.02
 """Where light differs by less within a block bits are worth less: in a sky that is otherwise smooth
 an error of 1 % shows as squares."""
+PASSES = 2
+"""How often steps are chosen by what their bytes take, which this changes."""
 _FEW = 2048
 """Levels of fewer blocks take few bytes, and keep what they have."""
 
@@ -51,18 +55,48 @@ def mean_bits(data: NDArray[np.uint8]) -> float:
     return float(bits_of_bytes(data)[data].mean())
 
 
-def cheapest(errors: Floats, price: Floats, bits: Floats, places: Whole) -> Whole:
+def cheap_steps(
+    errors: Floats,
+    prices: Floats,
+    packed: Callable[[Whole], NDArray[np.uint8]],
+    places: Whole,
+    passes: int = PASSES,
+    first: int = 0,
+) -> Whole:
+    """Return steps of texels that are cheap in error and bits, shape (16, n).
+
+    Parameters
+    ----------
+    errors : ndarray, shape (16, 16, n)
+        By step and texel.
+    prices : ndarray, shape (n,)
+        The error that a bit is worth.
+    packed : callable
+        The blocks of steps, of which it is counted how frequent bytes are.
+    places : ndarray of int, shape (16, 16)
+        The byte that two steps are, of a texel and of the next one.
+    passes : int
+        How often they are chosen.
+    first : int
+        The texel from which on two fill a byte; those before it have the steps of least error.
+    """
+    indices = smallest(errors)
+    if prices.any():
+        for _ in range(passes):
+            bits = bits_of_bytes(packed(indices))
+            indices[first:] = _cheapest(errors[:, first:], prices, bits, places)
+    return indices
+
+
+def _cheapest(errors: Floats, price: Floats, bits: Floats, places: Whole) -> Whole:
     """Return steps of texels that leave the least of error and bits together: shape (k, n).
 
     Parameters
     ----------
     errors : ndarray, shape (16, k, n)
         By step and texel; k is even.
-    price : ndarray, shape (n,)
-        The error that a bit is worth.
-    bits : ndarray, shape (256,)
-    places : ndarray of int, shape (16, 16)
-        The byte that two steps are, of a texel and of the next one.
+    price, bits, places
+        As of `cheap_steps`; bits are those of each of the 256 bytes.
     """
     found = np.empty(errors.shape[1:], dtype=np.int64)
     costs = (bits[places][..., None] * price).astype(np.float32)

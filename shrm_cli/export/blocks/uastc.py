@@ -33,8 +33,9 @@ from shrm_cli.export.blocks.lines import (
     solved,
 )
 from shrm_cli.export.blocks.rate import (
+    PASSES,
     bits_of_bytes,
-    cheapest,
+    cheap_steps,
     mean_bits,
     smallest,
     starting_prices,
@@ -48,8 +49,6 @@ _STEPS = 16
 _ROUNDS = 2
 _MANY_ROUNDS = 4
 """How often a line is fitted to both decoders, and that of a lamp."""
-_PASSES = 2
-"""How often steps are chosen by what their bytes take, which this changes."""
 _SAMPLE = 2048
 """About so many blocks are tried to find what a bit is worth."""
 _MOST_BITS = 6.4
@@ -110,7 +109,7 @@ def encoded(blocks: Array, prices: Floats) -> Found:
     numbers = written(ends, of_channels)
     data = pack(numbers, _chosen(_relative_errors(texels, numbers), numbers, prices, 1))
     numbers = written(ends, of_channels, prices, bits_of_bytes(data))
-    indices = _chosen(_relative_errors(texels, numbers), numbers, prices, _PASSES)
+    indices = _chosen(_relative_errors(texels, numbers), numbers, prices)
     return _found(texels, numbers, indices, np.flatnonzero(is_steep(texels)))
 
 
@@ -125,15 +124,15 @@ def prices_of(blocks: Array) -> Floats:
     blocks : ndarray, shape (3, 16, n)
     """
     prices = starting_prices(blocks)
+    if not prices.any():
+        return prices
     some = slice(None, None, max(1, prices.size // _SAMPLE))
     texels = Texels.of(np.minimum(blocks[..., some], LARGEST), SPACE)
     numbers = written(line(texels, _every(texels), _STEPS), texels.weights.sum(axis=1))
-    if not prices.any():
-        return prices
     errors = _relative_errors(texels, numbers)
     of_some, factor = prices[some] * ~is_steep(texels), np.float32(1)
     for _ in range(_TRIES):
-        data = pack(numbers, _chosen(errors, numbers, factor * of_some, _PASSES))
+        data = pack(numbers, _chosen(errors, numbers, factor * of_some))
         factor *= np.float32(max(1.0, 2 ** (_DEARER * (mean_bits(data) - _MOST_BITS))))
     return factor * prices
 
@@ -187,13 +186,9 @@ def _relative_errors(texels: Texels, numbers: Whole) -> Floats:
     return _errors(_lights(numbers), texels.light) * relative_weights(texels.light)
 
 
-def _chosen(errors: Floats, numbers: Whole, prices: Floats, passes: int) -> Whole:
-    """Return the steps of texels that are cheapest in error and bits, shape (16, n)."""
-    indices = smallest(errors)
-    if prices.any():
-        for _ in range(passes):
-            indices = cheapest(errors, prices, bits_of_bytes(pack(numbers, indices)), PLACES)
-    return indices
+def _chosen(errors: Floats, numbers: Whole, prices: Floats, passes: int = PASSES) -> Whole:
+    """Return the steps of texels that are cheap in error and bits, shape (16, n)."""
+    return cheap_steps(errors, prices, lambda at: pack(numbers, at), PLACES, passes)
 
 
 def _lights(numbers: Whole) -> Floats:
