@@ -19,6 +19,13 @@ negative in the last. Where a third one is dark, too, so is one of 32 MB: a lamp
 FINER = 2**-0.5
 """The ratio of the errors that are tried one after the other, until what is seen is good. The bytes
 of glossy maps double with each, so that hardly half of them can be too many."""
+CLOSE = 2**0.125
+"""The ratio of two tried errors between which no other one is tried, after one of both kept what is
+asked and the other one missed it."""
+SPARED = 1.25
+"""How many times the bytes of the map that misses what is asked the one that keeps it must have,
+for errors between theirs to be tried. Of ten glossy maps under real probes six became smaller, by
+a fifth to nineteen twentieths, and in no more time, because smaller ones are made faster."""
 LEAST_ERROR = 0.004
 """The least error that is tried. About the truth that `shrm compare` sums up is no closer."""
 SIMPLE_TIMES = 4

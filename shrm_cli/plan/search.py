@@ -10,7 +10,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import field
 from functools import cached_property
-from math import inf
+from math import inf, sqrt
 from operator import itemgetter
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -230,14 +230,37 @@ def rising(propose: Propose, goal: Goal) -> Iterator[Candidate[Any]]:
 
     They end where bytes, or the degrees that are known, allow no less error.
     """
-    error = goal.error
+    error, missed = goal.error, None
     while True:
-        found = propose(error)
+        found = last = propose(error)
+        is_kept = found.keeps(goal)
+        if is_kept and missed is not None:
+            found = _between(propose, goal, missed, found)
+        missed = None if is_kept else found
         yield found
         # Exact errors may miss what is asked by a little, which is not the end of the bytes.
-        if found.total_error > policy.NEARLY_BEST * error or error <= policy.LEAST_ERROR:
+        if last.total_error > policy.NEARLY_BEST * error or error <= policy.LEAST_ERROR:
             return
-        error = max(min(error, found.total_error) * policy.FINER, policy.LEAST_ERROR)
+        error = max(min(error, last.total_error) * policy.FINER, policy.LEAST_ERROR)
+
+
+def _between(
+    propose: Propose, goal: Goal, missed: Candidate[Any], kept: Candidate[Any]
+) -> Candidate[Any]:
+    """Return the candidate of the fewest bytes that keeps a goal, of errors between two others'.
+
+    The first misses the goal, the second keeps it. The ratio of their errors is halved again and
+    again, as long as that can save bytes that are worth the time.
+    """
+    least, most = kept.total_error, missed.total_error
+    while kept.bytes > policy.SPARED * missed.bytes and most > policy.CLOSE * least:
+        error = sqrt(least * most)
+        found = propose(error)
+        if found.keeps(goal):
+            kept, least = found, error
+        else:
+            missed, most = found, error
+    return kept
 
 
 def first_kept(propose: Propose, goal: Goal) -> tuple[list[Candidate[Any]], bool]:

@@ -145,7 +145,64 @@ def test_errors_fall_until_what_is_seen_is_good():
     assert is_kept
     assert (tried[-1].wrong_share, tried[-1].bytes) == (0.05, 800)
     # The next error is asked for in terms of what was found, not of what was asked.
-    np.testing.assert_allclose(asked, [0.05, 0.04 * policy.FINER, 0.02 * policy.FINER])
+    np.testing.assert_allclose(asked[:3], [0.05, 0.04 * policy.FINER, 0.02 * policy.FINER])
+
+
+def test_between_what_misses_and_what_keeps_bytes_are_saved():
+    """Of maps of every error, whose bytes double with each step, the first good one is met."""
+    for bound in np.geomspace(0.006, 0.049, 40):
+        asked = []
+
+        def propose(error, bound=bound, asked=asked):
+            asked.append(error)
+            bytes_, is_seen = round(1e6 / error**2), error <= bound
+            return Candidate("made", bytes_, 1, error, lambda: 0.0 if is_seen else 0.9, int)
+
+        tried, is_kept = first_kept(propose, Goal(0.05, 0.05))
+        assert is_kept
+        assert bound / policy.CLOSE <= tried[-1].total_error <= bound
+        assert len(asked) == len(tried) + 2
+
+
+def test_where_no_less_error_is_to_be_had_the_bytes_are_no_more_than_needed():
+    """The last map is proposed in place of all errors below its own, in all the bytes."""
+
+    def propose(error):
+        found, bytes_ = (error, round(1 / error)) if error > 0.026 else (0.0245, 30_000)
+        return Candidate("made", bytes_, 1, found, lambda: 0.0 if found <= 0.03 else 0.06, int)
+
+    tried, is_kept = first_kept(propose, Goal(0.05, 0.05))
+    assert (is_kept, len(tried)) == (True, 3)
+    assert tried[-1].bytes < 40
+
+
+def test_what_was_found_between_is_no_end():
+    """Whoever looks on, because something is negative, gets maps of less error."""
+    found = list(
+        rising(
+            lambda error: Candidate(
+                "made", round(1 / error**2), 1, error, lambda: 0.0 if error < 0.03 else 0.9, int
+            ),
+            Goal(0.05, 0.05),
+        )
+    )
+    errors = [each.total_error for each in found]
+    assert 0.025 < errors[2] < 0.03
+    np.testing.assert_allclose(errors[3:6], 0.025 * policy.FINER ** np.arange(1, 4))
+
+
+@pytest.mark.parametrize(("more", "count"), [(1.24, 2), (1.26, 4)])
+def test_what_would_save_few_bytes_is_not_looked_for(more, count):
+    asked = []
+
+    def propose(error):
+        asked.append(error)
+        is_kept = error < 0.05
+        bytes_ = round(1000 * more) if is_kept else 1000
+        return Candidate("made", bytes_, 1, error, lambda: 0.0 if is_kept else 0.9, int)
+
+    first_kept(propose, Goal(0.05, 0.05))
+    assert len(asked) == count
 
 
 def test_errors_alone_may_be_the_goal():
