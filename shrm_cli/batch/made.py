@@ -30,18 +30,12 @@ NOT_THERE = "not there"
 
 @record
 class Difference:
-    """In what a file differs from the map that a run would write.
-
-    Attributes
-    ----------
-    why : str
-        A part of a sentence such as ``it is for another BRDF``.
-    is_ours : bool
-        Whether it is an earlier state of the same output, which a batch makes anew.
-    """
+    """In what a file differs from the map that a run would write."""
 
     why: str
+    """A part of a sentence such as ``it is for another BRDF``."""
     is_ours: bool = True
+    """Whether it is an earlier state of the same output, which a batch makes anew."""
 
     @property
     def is_damage(self) -> bool:

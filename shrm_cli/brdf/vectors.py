@@ -46,20 +46,15 @@ NORMAL_REFLECTANCE = Parameter(
 
 
 class Half(NamedTuple):
-    """The half vector H = (L + V) / |L + V| of many pairs of light and view.
-
-    Attributes
-    ----------
-    x, y, z : ndarray, shape (...)
-        Its components in the frame of the normal; z is the cosine N.H.
-    cosine : ndarray, shape (...)
-        ``L.H = V.H``, in 0 .. 1.
-    """
+    """The half vector H = (L + V) / |L + V| of many pairs of light and view."""
 
     x: Array
     y: Array
     z: Array
+    """`x`, `y` and `z`: its components in the frame of the normal; z is the cosine N.H, shape
+    (...)."""
     cosine: Array
+    """``L.H = V.H``, in 0 .. 1, shape (...)."""
 
     @property
     def square_sine(self) -> Array:

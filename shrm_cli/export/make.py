@@ -53,26 +53,17 @@ TABLE_SIZE = 128
 
 @record
 class Source:
-    """What is exported: a probe, or a split sum, an irradiance map, or both.
-
-    Attributes
-    ----------
-    name : str
-        What the names of the files begin with.
-    title : str
-        The names of the files it comes from, for the README.
-    probe : Probe, optional
-    split, irradiance : SplitSum, Irradiance, optional
-    path : str
-        The file of the split sum, for messages.
-    """
+    """What is exported: a probe, or a split sum, an irradiance map, or both."""
 
     name: str
+    """What the names of the files begin with."""
     title: str
+    """The names of the files it comes from, for the README."""
     probe: Probe | None = None
     split: SplitSum | None = None
     irradiance: Irradiance | None = None
     path: str = ""
+    """The file of the split sum, for messages."""
 
     @classmethod
     def of_maps(cls, name: str, maps: Sequence[tuple[str, Map]]) -> "Source":

@@ -36,20 +36,13 @@ lamps, a forest whose sun of a degree holds 7 %, a studio with 75 % in lamps of 
 
 @record(eq=False)
 class Beside:
-    """The lamps that are put beside a map, and what that does to the reflected light.
-
-    Attributes
-    ----------
-    split : LampSplit
-    left : float
-        The RMS of what is reflected of the residual, over that of all light.
-    error : float
-        What discs in place of the lamps' pixels change, in the same measure.
-    """
+    """The lamps that are put beside a map, and what that does to the reflected light."""
 
     split: LampSplit
     left: float
+    """The RMS of what is reflected of the residual, over that of all light."""
     error: float
+    """What discs in place of the lamps' pixels change, in the same measure."""
 
 
 def split_for(probe: Probe, brdf: Brdf) -> Beside:

@@ -33,21 +33,14 @@ face they are 1.27 times as far apart as on average."""
 
 @record(eq=False)
 class Region:
-    """The pixels of a lamp.
-
-    Attributes
-    ----------
-    numbers : ndarray of int, shape (n,)
-        Of the pixels, in row-major order.
-    level : float
-        The brightness that they exceed.
-    irradiance : float
-        That of what exceeds the level, mean of the channels, of a surface that faces it.
-    """
+    """The pixels of a lamp."""
 
     numbers: Indices
+    """Of the pixels, in row-major order, shape (n,)."""
     level: float
+    """The brightness that they exceed."""
     irradiance: float
+    """That of what exceeds the level, mean of the channels, of a surface that faces it."""
 
 
 def brightness_of(image: Array) -> Array:

@@ -21,21 +21,15 @@ _VALUES_AT_ONCE = 2**22
 
 @record(eq=False)
 class Filled:
-    """The place of a lamp without the lamp.
-
-    Attributes
-    ----------
-    numbers : ndarray of int, shape (n,)
-        Pixels, in row-major order.
-    values : ndarray, shape (n, 3)
-        Their radiance without the lamp.
-    excess : ndarray, shape (n, 3)
-        What is taken out of each pixel. Single values may be negative, at dark rims; no sum is.
-    """
+    """The place of a lamp without the lamp."""
 
     numbers: Indices
+    """Pixels, in row-major order, shape (n,)."""
     values: Array
+    """Their radiance without the lamp, shape (n, 3)."""
     excess: Array
+    """What is taken out of each pixel, shape (n, 3). Single values may be negative, at dark rims;
+    no sum is."""
 
 
 def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices]) -> list[Filled]:

@@ -50,32 +50,21 @@ _UNKNOWN = 0.02
 
 @record(eq=False)
 class Expansion:
-    """A BRDF and the light of a probe in the frequency domain, and the orders of their map.
-
-    Attributes
-    ----------
-    brdf : Brdf
-    orders : Orders
-        The orders F and P that the tolerance asks for, or that were given.
-    coefficients : BrdfCoefficients
-        The coefficients of the BRDF, to at least the orders that are kept.
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    size : int
-        Texels along a face's edge of the map.
-    band : Band
-        The degrees of the light that the map keeps.
-    views : Band
-        The degrees of the view that it keeps, 0 to P.
-    """
+    """A BRDF and the light of a probe in the frequency domain, and the orders of their map."""
 
     brdf: Brdf
     orders: Orders
+    """The orders F and P that the tolerance asks for, or that were given."""
     coefficients: BrdfCoefficients
+    """The coefficients of the BRDF, to at least the orders that are kept."""
     lighting: Lighting
+    """The light, to at least the order of the coefficients."""
     size: int
+    """Texels along a face's edge of the map."""
     band: Band
+    """The degrees of the light that the map keeps."""
     views: Band
+    """The degrees of the view that it keeps, 0 to P."""
 
     @cached_property
     def error(self) -> float:

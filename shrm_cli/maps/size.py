@@ -193,18 +193,12 @@ the percentile rose as often as it fell."""
 
 @record
 class Band:
-    """Degrees from 0 on, of which the last may be weakened.
-
-    Attributes
-    ----------
-    whole : int
-        The largest degree that is kept as it is.
-    last : int
-        The largest degree that is kept at all.
-    """
+    """Degrees from 0 on, of which the last may be weakened."""
 
     whole: int
+    """The largest degree that is kept as it is."""
     last: int
+    """The largest degree that is kept at all."""
 
     @classmethod
     def exact(cls, order: int) -> "Band":

@@ -64,12 +64,7 @@ class ProbeImage(Protocol):
 
 @record(eq=False)
 class ImageOfImage:
-    """An image that reads the pixels of another one, and is that image in all else.
-
-    Attributes
-    ----------
-    image : ProbeImage
-    """
+    """An image that reads the pixels of another one, and is that image in all else."""
 
     image: ProbeImage
 
@@ -116,16 +111,11 @@ class ImageOfImage:
 
 @record(eq=False)
 class ConvertedImage(ImageOfImage):
-    """An image in other primaries.
-
-    Attributes
-    ----------
-    matrix : ndarray, shape (3, 3)
-        From linear RGB of the image to that of this one. Colors outside the new primaries have
-        negative channels.
-    """
+    """An image in other primaries."""
 
     matrix: Array
+    """From linear RGB of the image to that of this one, shape (3, 3). Colors outside the new
+    primaries have negative channels."""
 
     def read(self, start: int, stop: int) -> Array:
         """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
@@ -135,18 +125,12 @@ class ConvertedImage(ImageOfImage):
 
 @record(eq=False)
 class ArrayImage:
-    """An image in memory.
-
-    Attributes
-    ----------
-    pixels : ndarray of float32, shape (H, W, 3) or (H, W)
-        Linear radiance. One channel serves as three.
-    name : str
-        What messages call the image.
-    """
+    """An image in memory."""
 
     pixels: NDArray[np.float32]
+    """Linear radiance, shape (H, W, 3) or (H, W). One channel serves as three."""
     name: str
+    """What messages call the image."""
 
     path = None
     file_format = "array"

@@ -30,19 +30,13 @@ Place = tuple[float, float, float]
 
 @record
 class ProxyBox:
-    """A box whose faces run along the world axes, around the place of a probe.
-
-    Attributes
-    ----------
-    at : tuple of 3 float
-        Where the probe was captured, within the box.
-    low, high : tuple of 3 float
-        The least and the largest coordinates.
-    """
+    """A box whose faces run along the world axes, around the place of a probe."""
 
     at: Place
+    """Where the probe was captured, within the box."""
     low: Place
     high: Place
+    """`low` and `high`: the least and the largest coordinates."""
 
     @classmethod
     def of(cls, low: ArrayLike, high: ArrayLike, at: ArrayLike | None = None) -> "ProxyBox":

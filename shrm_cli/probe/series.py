@@ -61,21 +61,14 @@ _FILAMENT = "pre-scaled base"
 
 @record(eq=False)
 class Series:
-    """The coefficients of a light.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape ((order+1)^2, 3)
-        Of radiance over the real harmonics of world axes, index l(l+1)+m.
-    chromaticities : tuple of 8 float, optional
-        Their primaries, where the file tells them.
-    notes : tuple of str
-        What a user should know, a line each.
-    """
+    """The coefficients of a light."""
 
     coefficients: Array
+    """Of radiance over the real harmonics of world axes, index l(l+1)+m, shape ((order+1)^2, 3)."""
     chromaticities: tuple[float, ...] | None = None
+    """Their primaries, where the file tells them, 8 numbers."""
     notes: tuple[str, ...] = ()
+    """What a user should know, a line each."""
 
 
 def holds_series(name: str) -> bool:

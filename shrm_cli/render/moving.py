@@ -29,20 +29,13 @@ Drawn = TypeVar("Drawn")
 
 @record(eq=False)
 class Moment:
-    """A frame: where the viewer stands, and what has become of the light.
-
-    Attributes
-    ----------
-    viewer : Viewer
-    turn : ndarray, shape (3, 3), optional
-        The rotation of the light; None where it is at rest.
-    share : float
-        How much of the light, 0 .. 1, is that of the second map.
-    """
+    """A frame: where the viewer stands, and what has become of the light."""
 
     viewer: Viewer
     turn: Array | None = None
+    """The rotation of the light; None where it is at rest, shape (3, 3)."""
     share: float = 0.0
+    """How much of the light, 0 .. 1, is that of the second map."""
 
     def record(self) -> dict[str, Any]:
         """Return what the recipe of a picture says of its light; nothing of light at rest."""
@@ -95,22 +88,16 @@ class Moment:
 
 @record(eq=False)
 class MovedMap(ReflectedLight):
-    """A map, or one with a surface, under light that has moved.
-
-    Attributes
-    ----------
-    first, second : ReflectedLight or VariedSurface
-        Under the light at rest, and under the one that it becomes; None where it becomes no other.
-    share : float
-        How much of the light is that of the second one.
-    turn : ndarray, shape (3, 3)
-        The rotation of the light.
-    """
+    """A map, or one with a surface, under light that has moved."""
 
     first: Any
     second: Any
+    """`first` and `second`: under the light at rest, and under the one that it becomes; None where
+    it becomes no other. Each is a ReflectedLight or a VariedSurface."""
     share: float
+    """How much of the light is that of the second one."""
     turn: Array
+    """The rotation of the light, shape (3, 3)."""
 
     @property
     def info(self) -> MapInfo:

@@ -30,22 +30,16 @@ _LINES = 8
 
 @record
 class SheetLayout:
-    """Where the tiles of a sheet lie, in pixels.
-
-    Attributes
-    ----------
-    count, columns : int
-        How many tiles there are, and how many of them stand beside each other.
-    tile : int
-        Width of a tile.
-    tall : int, optional
-        Height of a tile; by default tiles are square.
-    """
+    """Where the tiles of a sheet lie, in pixels."""
 
     count: int
     columns: int
+    """`count` and `columns`: how many tiles there are, and how many of them stand beside each
+    other."""
     tile: int
+    """Width of a tile."""
     tall: int | None = None
+    """Height of a tile; by default tiles are square."""
 
     @property
     def tile_height(self) -> int:
@@ -150,18 +144,12 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
 
 @record
 class Grid:
-    """Where the cells of a sheet lie that has names of rows and columns, in pixels.
-
-    Attributes
-    ----------
-    rows, columns : int
-    tile : int
-        Width and height of a cell.
-    """
+    """Where the cells of a sheet lie that has names of rows and columns, in pixels."""
 
     rows: int
     columns: int
     tile: int
+    """Width and height of a cell."""
 
     @property
     def gap(self) -> int:

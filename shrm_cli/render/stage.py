@@ -165,42 +165,27 @@ class Reflector:
 
 @record
 class Actor:
-    """A mesh in its place, and how it looks.
-
-    Attributes
-    ----------
-    mesh : Mesh
-        In world axes.
-    looks : sequence of Look
-        That of triangles without a material, and then one for each of the mesh's materials.
-    brush : {"uv"} or tuple of 3 float, optional
-        What the tangents follow: texture coordinates, or a direction in world axes. By default
-        they run around +Y.
-    """
+    """A mesh in its place, and how it looks."""
 
     mesh: Mesh
+    """In world axes."""
     looks: Sequence[Look]
+    """That of triangles without a material, and then one for each of the mesh's materials."""
     brush: "str | tuple[float, float, float] | None" = None
+    """What the tangents follow: texture coordinates, or a direction in world axes. By default they
+    run around +Y. It is "uv" or a direction."""
 
 
 @record(eq=False)
 class Stage:
-    """All meshes of a picture as one.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    looks : tuple of Look
-    face_looks : ndarray of int64, shape (m,)
-        Which look each triangle has.
-    tangents : ndarray, shape (n, 3), optional
-        Of the vertices; None where nothing is brushed.
-    """
+    """All meshes of a picture as one."""
 
     mesh: Mesh
     looks: tuple[Look, ...]
     face_looks: NDArray[np.int64]
+    """Which look each triangle has, shape (m,)."""
     tangents: Array | None = field(default=None, repr=False)
+    """Of the vertices; None where nothing is brushed, shape (n, 3)."""
 
     @classmethod
     def of(cls, actors: Iterable[Actor]) -> "Stage":

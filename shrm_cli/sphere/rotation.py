@@ -388,18 +388,12 @@ class _WholeTurn:
 
 @record(eq=False)
 class _SplitTurn:
-    """The same by the parts of that matrix that are not zero, a quarter of it.
-
-    Attributes
-    ----------
-    blocks : pair of pairs of ndarray
-        As `right_angle_blocks` yields them.
-    weights : ndarray, shape (l+1, 1)
-        The factors between ``d_mn`` and real harmonics, of m and of n alike.
-    """
+    """The same by the parts of that matrix that are not zero, a quarter of it."""
 
     blocks: tuple[tuple[Array, Array], tuple[Array, Array]]
+    """As `right_angle_blocks` yields them."""
     weights: Array
+    """The factors between ``d_mn`` and real harmonics, of m and of n alike, shape (l+1, 1)."""
 
     def applied(self, block: Array, backwards: bool = False) -> Array:
         degree = len(block) // 2

@@ -33,24 +33,16 @@ _MOMENTS = 2
 
 @record
 class Meaning:
-    """The texts that say in a file's attributes what a kind of table holds.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The names of the channels.
-    channels : str
-        What the channels hold.
-    reflectance : str
-        The formula of what a surface reflects of a uniform environment of radiance 1.
-    mean : str, optional
-        The formula of the mean direction that this reflected light comes from.
-    """
+    """The texts that say in a file's attributes what a kind of table holds."""
 
     names: tuple[str, ...]
+    """The names of the channels."""
     channels: str
+    """What the channels hold."""
     reflectance: str
+    """The formula of what a surface reflects of a uniform environment of radiance 1."""
     mean: str = ""
+    """The formula of the mean direction that this reflected light comes from."""
 
 
 MEANINGS: dict[Kind, Meaning] = {

@@ -62,21 +62,14 @@ _TINY = 1e-12
 
 @record
 class TableSettings:
-    """What a table's values mean.
-
-    Attributes
-    ----------
-    center : {"reflection", "normal", "tangent"}
-    includes_cosine, has_horizon : bool
-        The attributes of that name of a `Brdf`.
-    made_from : str
-        What the table was computed from; empty if it is not known.
-    """
+    """What a table's values mean."""
 
     center: Center = "reflection"
     includes_cosine: bool = False
     has_horizon: bool = True
+    """`includes_cosine` and `has_horizon`: the attributes of that name of a `Brdf`."""
     made_from: str = ""
+    """What the table was computed from; empty if it is not known."""
 
 
 _ORDINARY = TableSettings()

@@ -90,28 +90,20 @@ def matrix_constants() -> tuple[float, float, float, float, float]:
 
 @record(eq=False)
 class Irradiance(FixedMap, ReflectionMap):
-    """The irradiance of a surface as a function of its normal.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape ((F+1)^2, 3)
-        Lighting coefficients L_lm (eq. 4.13) times the window's factors, index l(l+1)+m.
-    info : MapInfo
-        How the map was made.
-    size : int, optional
-        Texels along a face's edge of the cube that is written with the coefficients;
-        `choose_size` chooses it by default.
-    sampling : {"center", "border"}
-        Where the samples of that cube lie.
-    window : Window
-        The factors that the coefficients were multiplied with.
-    """
+    """The irradiance of a surface as a function of its normal."""
 
     coefficients: Array
+    """Lighting coefficients L_lm (eq. 4.13) times the window's factors, index l(l+1)+m, shape
+    ((F+1)^2, 3)."""
     info: MapInfo
+    """How the map was made."""
     size: int = 0
+    """Texels along a face's edge of the cube that is written with the coefficients; `choose_size`
+    chooses it by default."""
     sampling: Sampling = "center"
+    """Where the samples of that cube lie."""
     window: Window = field(default_factory=Window)
+    """The factors that the coefficients were multiplied with."""
 
     representation = "irradiance"
     center = "normal"

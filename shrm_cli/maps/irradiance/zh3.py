@@ -48,21 +48,14 @@ _LEAST = 1e-6
 
 @record(eq=False)
 class Zh3(Irradiance):
-    """An irradiance map whose degree 2 is zonal; `coefficients` hold it as five numbers too.
-
-    Attributes
-    ----------
-    form : {"zh3", "zh3-channel", "zh3-hallucinated"}
-        See the module.
-    axes : ndarray, shape (3, 3)
-        The unit axis of each channel in world axes, a row each.
-    zonal : ndarray, shape (3,)
-        The zonal coefficient z of each channel.
-    """
+    """An irradiance map whose degree 2 is zonal; `coefficients` hold it as five numbers too."""
 
     form: str = "zh3"
+    """See the module. One of "zh3", "zh3-channel" and "zh3-hallucinated"."""
     axes: Array = field(default_factory=lambda: np.tile([0.0, 0.0, 1.0], (3, 1)))
+    """The unit axis of each channel in world axes, a row each, shape (3, 3)."""
     zonal: Array = field(default_factory=lambda: np.zeros(3))
+    """The zonal coefficient z of each channel, shape (3,)."""
 
     def windowed(self, window: Window, info: MapInfo) -> "Zh3":
         """Return the map with a window; see `Irradiance.windowed`.

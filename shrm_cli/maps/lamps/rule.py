@@ -60,18 +60,12 @@ _TINY = 1e-12
 
 @record
 class DiscRule:
-    """Where a BRDF is evaluated to integrate it over discs.
-
-    Attributes
-    ----------
-    width : float
-        w, radians.
-    steps : int
-        Longitudes where the horizon does not cut the disc, and latitudes on each of them.
-    """
+    """Where a BRDF is evaluated to integrate it over discs."""
 
     width: float
+    """w, radians."""
     steps: int
+    """Longitudes where the horizon does not cut the disc, and latitudes on each of them."""
 
     def longitudes(self, is_cut: bool) -> int:
         """Return how many there are: more where the horizon cuts the disc."""

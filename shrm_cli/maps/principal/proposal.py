@@ -56,22 +56,14 @@ _SMALL = 16
 
 @record(eq=False)
 class Proposal:
-    """The form of each term of a map, and what the map would be.
-
-    Attributes
-    ----------
-    terms : tuple of Term
-    info : MapInfo
-        The record of the map, with its errors.
-    sampling : {"center", "border"}
-    notes : Notes
-        How centers were chosen.
-    """
+    """The form of each term of a map, and what the map would be."""
 
     terms: tuple[Term, ...]
     info: MapInfo
+    """The record of the map, with its errors."""
     sampling: Sampling
     notes: Notes
+    """How centers were chosen."""
 
     @property
     def bytes(self) -> int:

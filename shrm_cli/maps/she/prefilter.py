@@ -82,22 +82,16 @@ class _Factors:
 
 @record(eq=False)
 class Problem:
-    """The n samples of one channel that k coefficients are fitted to.
-
-    Attributes
-    ----------
-    rows, variances : ndarray, shape (n, k)
-        The exponent of coefficients x is ``rows @ x - variances @ x^2``.
-    target : ndarray, shape (n,)
-        The value that the exponential should have at each sample.
-    weights : ndarray, shape (n,)
-        The weight of each sample's squared error.
-    """
+    """The n samples of one channel that k coefficients are fitted to."""
 
     rows: Array
     variances: Array
+    """`rows` and `variances`: the exponent of coefficients x is ``rows @ x - variances @ x^2``,
+    shape (n, k)."""
     target: Array
+    """The value that the exponential should have at each sample, shape (n,)."""
     weights: Array
+    """The weight of each sample's squared error, shape (n,)."""
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:

@@ -65,19 +65,13 @@ class Choice:
 
 @record
 class Form:
-    """What a map holds that is made from an SHRM of order P.
-
-    Attributes
-    ----------
-    images : callable
-        Returns the number of RGB cubes of a map of order P.
-    check : callable, optional
-        Called with the size and the number of cubes before the work starts; it may refuse them by
-        raising an error.
-    """
+    """What a map holds that is made from an SHRM of order P."""
 
     images: Callable[[int], int]
+    """Returns the number of RGB cubes of a map of order P."""
     check: Callable[[int, int], object] | None = None
+    """Called with the size and the number of cubes before the work starts; it may refuse them by
+    raising an error."""
 
     def largest_p(self, max_size: int) -> int:
         """Return the largest P whose cubes fit at the least size; any P where none fits."""

@@ -35,29 +35,20 @@ _VALUES_AT_ONCE = 2**25
 
 @record(eq=False)
 class Shrm(ReflectionMap):
-    """A spherical harmonic reflection map.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape (6N, N, (P+1)^2, 3)
-        Coefficients over the real harmonics of the view, index p(p+1)+q, at each texel of an
-        OpenEXR cube of central directions.
-    frame : {"global", "local"}
-        Whether the coefficients belong to the view in world axes (eq. 5.11) or in the local frame
-        of the texel's direction (eq. 5.10).
-    center : {"reflection", "normal", "tangent"}
-        What the central direction is.
-    info : MapInfo
-        How the map was made.
-    sampling : {"center", "border"}
-        Where the edge texels of the cube lie.
-    """
+    """A spherical harmonic reflection map."""
 
     coefficients: Array
+    """Coefficients over the real harmonics of the view, index p(p+1)+q, at each texel of an OpenEXR
+    cube of central directions, shape (6N, N, (P+1)^2, 3)."""
     frame: Frame
+    """Whether the coefficients belong to the view in world axes (eq. 5.11) or in the local frame of
+    the texel's direction (eq. 5.10)."""
     center: Center
+    """What the central direction is."""
     info: MapInfo
+    """How the map was made."""
     sampling: Sampling = "center"
+    """Where the edge texels of the cube lie."""
 
     representation = "shrm"
     texels_are_series = True

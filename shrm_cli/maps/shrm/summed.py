@@ -47,17 +47,12 @@ class SummedShrm(ReflectionMap):
 
     A diffuse term, for example, needs few coefficients about the normal, but many about the mirror
     direction.
-
-    Attributes
-    ----------
-    terms : tuple of Shrm or CompressedShrm
-        The terms, which may differ in centre, size and orders.
-    info : MapInfo
-        How the sum was made, with the largest orders and the combined error of the terms.
     """
 
     terms: tuple[Shrm | CompressedShrm, ...]
+    """The terms, which may differ in centre, size and orders."""
     info: MapInfo
+    """How the sum was made, with the largest orders and the combined error of the terms."""
 
     representation = "shrm"
     texels_are_series = True

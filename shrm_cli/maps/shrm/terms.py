@@ -38,20 +38,13 @@ from shrm_cli.reflected import predicted_error, reflected_rms
 
 @record(eq=False)
 class Term:
-    """A term of a sum with its orders.
-
-    Attributes
-    ----------
-    brdf : Brdf
-    coefficients : BrdfCoefficients
-        The coefficients of the term, to orders at least as high as those of the choice.
-    choice : Choice
-        The orders that are kept, and the size of the map.
-    """
+    """A term of a sum with its orders."""
 
     brdf: Brdf
     coefficients: BrdfCoefficients
+    """The coefficients of the term, to orders at least as high as those of the choice."""
     choice: Choice
+    """The orders that are kept, and the size of the map."""
 
     @property
     def needs(self) -> float:
@@ -67,27 +60,18 @@ class Term:
 
 @record(eq=False)
 class Plan:
-    """A BRDF that is split into terms whose combined error is at most that of the whole.
-
-    Attributes
-    ----------
-    terms : tuple of Term
-    whole : Term
-        The whole BRDF, with the orders that it would have as one map.
-    light : Projection
-        The light of the probe that the plan was made for.
-    request : Request
-        What is asked of the whole.
-    is_closer : bool
-        Whether the whole falls short of its tolerance within these bytes, and the terms make less
-        error.
-    """
+    """A BRDF that is split into terms whose combined error is at most that of the whole."""
 
     terms: tuple[Term, ...]
     whole: Term
+    """The whole BRDF, with the orders that it would have as one map."""
     light: Projection
+    """The light of the probe that the plan was made for."""
     request: Request
+    """What is asked of the whole."""
     is_closer: bool = False
+    """Whether the whole falls short of its tolerance within these bytes, and the terms make less
+    error."""
 
     @property
     def count(self) -> int:

@@ -226,24 +226,16 @@ def _facts(made: SplitSum) -> dict[str, Any]:
 
 @record
 class LevelLobe:
-    """The lobe of a level, and how the level is to be made.
-
-    Attributes
-    ----------
-    lobe : NormalLobe
-    coefficients : BrdfCoefficients
-        The lobe's zonal coefficients, to order 512.
-    order : int
-        The least order that keeps the error in white light within what was asked for; 513 where
-        order 512 does not. It is 256 at most for broad lobes (`_KINK`).
-    in_frequency : bool
-        Whether the level is expanded to that order, and not integrated directly.
-    """
+    """The lobe of a level, and how the level is to be made."""
 
     lobe: NormalLobe
     coefficients: BrdfCoefficients
+    """The lobe's zonal coefficients, to order 512."""
     order: int
+    """The least order that keeps the error in white light within what was asked for; 513 where
+    order 512 does not. It is 256 at most for broad lobes (`_KINK`)."""
     in_frequency: bool
+    """Whether the level is expanded to that order, and not integrated directly."""
 
 
 def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:

@@ -35,41 +35,30 @@ class SplitSum(LightMap):
 
     They may be those of any other isotropic BRDF that has a roughness, such as cloth.
 
-    Attributes
-    ----------
-    levels : tuple of ndarray, shape (6 N_k, N_k, 3)
-        OpenEXR cubes over the mirror direction R; each texel is a mean of the light. No cube is
-        larger than the one before it. Levels that were made from truncated expansions may be
-        slightly negative beside very bright light.
-    roughness : tuple of float
-        The perceptual roughness of each level, rising.
-    mapping : {"linear", "filament", "unreal"}
-        How levels are mixed; see `shrm_cli.maps.splitsum.roughness`.
-    info : MapInfo
-        How the map was made, for all levels together.
-    sampling : {"center", "border"}
-        Where the samples of the cubes lie.
-    level_info : tuple of MapInfo
-        Orders, domain and predicted error of each level; it is `info` for all by default.
-    center : {"reflection", "normal"}
-        The direction that the cubes are looked up with, which is the normal for BRDFs about it.
-    given : Brdf, optional
-        The BRDF of another lobe than GGX's, where the map was made in this process. Files hold the
-        record of it, which tells nothing of a class of the user's.
-
     References
     ----------
     Karis 2013, Real shading in Unreal Engine 4; Silvennoinen et al. 2025, section 3.2.
     """
 
     levels: tuple[Array, ...]
+    """OpenEXR cubes over the mirror direction R; each texel is a mean of the light, of shape (6
+    N_k, N_k, 3) each. No cube is larger than the one before it. Levels that were made from
+    truncated expansions may be slightly negative beside very bright light."""
     roughness: tuple[float, ...]
+    """The perceptual roughness of each level, rising."""
     mapping: LevelMapping
+    """How levels are mixed; see `shrm_cli.maps.splitsum.roughness`."""
     info: MapInfo
+    """How the map was made, for all levels together."""
     sampling: Sampling = "center"
+    """Where the samples of the cubes lie."""
     level_info: tuple[MapInfo, ...] = ()
+    """Orders, domain and predicted error of each level; it is `info` for all by default."""
     center: Center = "reflection"
+    """The direction that the cubes are looked up with, which is the normal for BRDFs about it."""
     given: Brdf | None = None
+    """The BRDF of another lobe than GGX's, where the map was made in this process. Files hold the
+    record of it, which tells nothing of a class of the user's."""
 
     representation = "splitsum"
 
