@@ -14,16 +14,12 @@ from shrm_cli.files.openimageio import image_of
 
 
 def decoded(data: bytes, texels: TexelFormat, count: int, size: int) -> Array:
-    """Return the light of packed images as a decoder sees it.
+    """Return the light of packed images as a decoder sees it, shape (count, size, size, 3).
 
     Parameters
     ----------
     count, size : int
         The number of images, which are squares, and the texels along their edges.
-
-    Returns
-    -------
-    ndarray, shape (count, size, size, 3)
     """
     if texels.name in ("bc6h", "uastc"):
         data = uastc.to_bc6h(data) if texels.name == "uastc" else data

@@ -69,7 +69,7 @@ class Mesh:
         return self.vertices[self.faces[np.asarray(faces)]]
 
     def interpolated(self, values: Array, faces: ArrayLike, barycentric: Array) -> Array:
-        """Interpolate values at the vertices to points of triangles.
+        """Interpolate values at the vertices to points of triangles, shape (k, channels).
 
         Parameters
         ----------
@@ -77,10 +77,6 @@ class Mesh:
         faces : array_like of int, shape (k,)
         barycentric : ndarray, shape (k, 3)
             Weights of the three corners of each triangle.
-
-        Returns
-        -------
-        ndarray, shape (k, channels)
         """
         return np.einsum("kc,kcv->kv", barycentric, values[self.faces[np.asarray(faces)]])
 

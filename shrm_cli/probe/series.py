@@ -122,7 +122,7 @@ def read_series(
 
 
 def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array:
-    """Return coefficients of radiance in our basis.
+    """Return coefficients of radiance in our basis, shape (n, 3).
 
     Parameters
     ----------
@@ -130,10 +130,6 @@ def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array
         With n = 1, 4, 9, 16, ...
     basis, of
         As `read_series` takes them.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
 
     Raises
     ------

@@ -309,7 +309,7 @@ class DirectionalAlbedo:
         return total - bias, bias
 
     def __call__(self, cosines: ArrayLike, f0: ArrayLike) -> Array:
-        """Interpolate the directional albedo, ``f0 * scale + bias``.
+        """Interpolate the directional albedo, ``f0 * scale + bias``, shape (..., 3).
 
         Parameters
         ----------
@@ -317,10 +317,6 @@ class DirectionalAlbedo:
             N.V.
         f0 : array_like, shape (3,)
             Reflectance at normal incidence, linear RGB.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
         """
         scale, bias = self.scale_bias(cosines)
         return scale[..., None] * np.asarray(f0, dtype=float) + bias[..., None]

@@ -236,16 +236,12 @@ class Integral(Protocol):
     """What `tabulate` needs of an integral in the angular domain, or of another map."""
 
     def central_radiance(self, centers: Array, views: Array) -> Array:
-        """Evaluate the radiance for central directions and views.
+        """Evaluate the radiance for central directions and views, shape (..., 3).
 
         Parameters
         ----------
         centers, views : ndarray, shape (..., 3), broadcastable
             Unit vectors in world axes.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
         """
 
     def zonal_radiance(self, centers: Array, view_theta: float) -> Array:
