@@ -155,8 +155,6 @@ def prefilter_with_facts(
         The representation.
     given : mapping of str to value
         The other arguments of `prefilter` by name. An argument that is None counts as not given.
-    progress : callable, optional
-        Called with the amount of work done and the amount in all.
 
     Raises
     ------

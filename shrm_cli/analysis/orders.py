@@ -84,8 +84,6 @@ def energy_grid(
     order_f, order_p : int, optional
         The largest orders of the grid; by default 32 and 8, or more if a tolerance needs them. A
         zonal BRDF has P = 0 only.
-    progress : callable, optional
-        Called with the work done, and in all.
 
     Raises
     ------
@@ -120,11 +118,6 @@ def material_energies(
     progress: Progress | None = None,
 ) -> Array:
     """Compute the energy that F = `order_f` and P = 0 .. `order_p` capture of several BRDFs.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the number of BRDFs done and the number of all BRDFs.
 
     Returns
     -------

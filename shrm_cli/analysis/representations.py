@@ -185,8 +185,6 @@ def compare_representations(plan: Plan, progress: Progress | None = None) -> Rep
     ----------
     plan : Plan
         What `plan_comparison` returns.
-    progress : callable, optional
-        Called with the amount done and the amount in all, from the start on.
 
     Raises
     ------

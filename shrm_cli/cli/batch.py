@@ -184,7 +184,8 @@ def batch(
     found = checked([job for entry in entries for job in entry.jobs(left_out)])
     chunks = by_probe(found) if found else _without_jobs(entries, left_out)
     if left_out and not is_quiet():
-        echo(_not_probes(left_out), err=True)
+        made = f"{counted(len(set(left_out)), 'file')} that shrm made of probes"
+        echo(f"{made}, such as {left_out[0]}: left out of the patterns", err=True)
     written = [commands, openjd] if commands or openjd else [collect, contact_page, log]
     check_others([each for each in written if each is not None], chunks)
     if commands or openjd:
@@ -241,12 +242,6 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
             engines=engines,
         )
     ]  # fmt: skip
-
-
-def _not_probes(names: list[str]) -> str:
-    """Return a line about files that patterns match, and that are no probes."""
-    files = counted(len(set(names)), "file")
-    return f"{files} that shrm made of probes, such as {names[0]}: left out of the patterns"
 
 
 def _without_jobs(entries: list[Entry], left_out: list[str]) -> list[Chunk]:

@@ -129,8 +129,6 @@ def make_column(
     ----------
     reading : ReadOptions
         How the probe is read.
-    progress : callable, optional
-        Called with the amount of work done and the amount in all.
 
     Returns
     -------

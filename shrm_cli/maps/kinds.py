@@ -48,24 +48,12 @@ class FixedMap(Map):
         return self.with_info(info)
 
     def converted(self, to: str, *given: Any, **options: Any) -> Map:
-        """Return the map itself, `resampled` where that is asked; it has no other representation.
-
-        Raises
-        ------
-        ArgumentError
-            If another representation is asked for, or an argument does not apply.
-        """
+        """Return the map itself, `resampled` where that is asked: it has no other form."""
         unconverted(self, to)
         return super().converted(to, *given, **options)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
-        """Return the map itself, because what it holds cannot be filtered.
-
-        Raises
-        ------
-        ArgumentError
-            If a size or a sampling is asked for.
-        """
+        """Return the map itself: what it holds cannot be filtered to another size."""
         refuse_arguments(self.what, size=size, sampling=sampling)
         return self
 

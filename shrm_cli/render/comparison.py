@@ -214,8 +214,7 @@ def compare_spheres(
     size : int
         Width and height of each picture, pixels.
     progress : callable, optional
-        Called with the number of pictures done and the number of all, (1 + M) V. The first V
-        pictures are the baseline's.
+        Called with the pictures done and all, (1 + M) V; the first V are those of the baseline.
     primaries : tuple of 8 float, optional
         Of the light of all of them; None is Rec.709.
     """

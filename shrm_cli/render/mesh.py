@@ -114,8 +114,6 @@ class MeshSubject:
             One for each of the stage's looks.
         background : ndarray, shape (H, W, 3), optional
             Linear picture behind the mesh; black by default.
-        progress : callable, optional
-            Called with the number of rows done and the number of all rows.
 
         Returns
         -------

@@ -94,11 +94,6 @@ class Scene(Generic[Material]):
     def picture(self, viewer: Viewer, progress: Progress | None = None) -> Picture:
         """Draw the picture that the viewer sees.
 
-        Parameters
-        ----------
-        progress : callable, optional
-            Called with the amount done and the amount in all.
-
         Returns
         -------
         ndarray of float32, shape (*shape, 3)

@@ -145,11 +145,6 @@ class Measured:
 def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> Measured:
     """Make all maps, and compare each with the truth.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the amount of work done and the amount in all.
-
     Returns
     -------
     Measured

@@ -86,8 +86,6 @@ def report_page(
     ----------
     statistics : ProbeStatistics
         Of the same probe.
-    progress : callable, optional
-        Called with the views that are done and their number.
 
     Raises
     ------

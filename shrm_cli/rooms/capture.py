@@ -57,8 +57,6 @@ def captured(
         Paths through each pixel; an odd number is one more.
     surroundings : Probe, optional
         What is seen past the room, with its compact lamps.
-    progress : callable, optional
-        Called with the work done, and in all.
     """
     stages = Stages(progress, 3)
     brightness = Brightness(room, Rays(room.mesh), room.size / _PATCHES, stages.within)

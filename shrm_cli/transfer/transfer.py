@@ -82,11 +82,6 @@ class Transfer:
         """The largest degree of the harmonics."""
         return order_of(self.vectors.shape[1])
 
-    @property
-    def is_glossy(self) -> bool:
-        """Whether there are matrices."""
-        return self.matrices is not None
-
     def at(self, mesh: Mesh, values: Array, faces: NDArray[np.integer], weights: Array) -> Array:
         """Return values of all rows at points of the mesh, shape (k, channels).
 
@@ -177,6 +172,6 @@ class Transfer:
             "order": self.order,
             "coefficients": size,
             "channels": channels,
-            "matrices": self.is_glossy,
+            "matrices": self.matrices is not None,
             **vars(self.facts),
         }

@@ -117,8 +117,6 @@ def make_scene(
     max_size : int, optional
         The most bytes of the blocks, in base64. The probe behind the shape gets fewer rows to keep
         it. By default there is no limit.
-    progress : callable, optional
-        Called with the points of the truth that are done and their number.
     is_rounded : bool
         Whether textures of light are rounded, by a percent or so, to make a page small.
 
@@ -245,8 +243,6 @@ def _truth_pictures(
         Pixels along the square around the sphere.
     brush : list of 3 float, optional
         A direction that tangents follow. A sphere has no texture coordinates to follow.
-    progress : callable, optional
-        Called with the points done and the points of all pictures.
 
     Returns
     -------

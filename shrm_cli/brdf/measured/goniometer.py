@@ -76,13 +76,7 @@ class Goniometer(MeasuredBrdf):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Goniometer":
-        """Read a file of spectral samples; this takes about a second.
-
-        Raises
-        ------
-        BrdfError
-            If the file cannot be read or is damaged.
-        """
+        """Read a file of spectral samples; this takes about a second."""
         wavelengths, rows = _read(Path(path))
         try:
             colors = to_linear_srgb(wavelengths, rows[:, 4:])

@@ -68,13 +68,7 @@ class Merl(MeasuredBrdf):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Merl":
-        """Read a file.
-
-        Raises
-        ------
-        BrdfError
-            If it cannot be read, or is not a whole MERL file.
-        """
+        """Read a file; one that is not whole is refused."""
         path = check_file(path)
         with readable(path, "copy it again") as stream:
             cells = _read_cells(stream, path)

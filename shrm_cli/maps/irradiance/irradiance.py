@@ -178,13 +178,7 @@ class Irradiance(FixedMap, ReflectionMap):
         return replace(self, size=cube.shape[1], sampling=sampling, info=info)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> "Irradiance":
-        """Return the map with another size or sampling; the coefficients make its cube anew.
-
-        Raises
-        ------
-        MapError
-            If the cube would be too large.
-        """
+        """Return the map with another size or sampling; the coefficients make its cube anew."""
         if size is not None and size > MAX_CUBE_SIZE:
             raise MapError(f"a map of size {size} is larger than {MAX_CUBE_SIZE}; lower `size`")
         return replace(self, size=size or self.size, sampling=sampling or self.sampling)

@@ -58,13 +58,7 @@ class Zh3(Irradiance):
     """The zonal coefficient z of each channel, shape (3,)."""
 
     def windowed(self, window: Window, info: MapInfo) -> "Zh3":
-        """Return the map with a window; see `Irradiance.windowed`.
-
-        Raises
-        ------
-        MapError
-            If the zonal coefficients are to follow from the others, which a window undoes.
-        """
+        """Return the map with a window, unless its zonal coefficients follow from the others."""
         if not self.takes_windows:
             raise MapError("`window` does not apply to `form` zh3-hallucinated; take `form` zh3")
         made = super().windowed(window, info)
@@ -75,13 +69,7 @@ class Zh3(Irradiance):
         return replace(super().turned(matrix), axes=self.axes @ np.asarray(matrix).T)  # type: ignore[return-value,call-arg]
 
     def mixed(self, matrix: Array, info: MapInfo) -> "Zh3":
-        """Return the map with other channels; see `maps.primaries`.
-
-        Raises
-        ------
-        MapError
-            If the channels have axes of their own.
-        """
+        """Return the map with other channels, unless these have axes of their own."""
         if self.form == "zh3-channel":
             raise MapError(
                 f"{self.what} and `form` zh3-channel has an axis for each channel, which cannot be "

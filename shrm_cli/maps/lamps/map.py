@@ -148,12 +148,7 @@ class LampMap(ReflectionMap):
         return replace(self, map=self.map.resampled(size, sampling))
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
-        """Refuse to lose the lamps.
-
-        Raises
-        ------
-        MapError
-        """
+        """Refuse to lose the lamps."""
         raise MapError(f"{self.what} has lamps beside it, which an SHRM does not hold")
 
     def converted(self, to: str, *given: Any, **options: Any) -> LampMap:
@@ -161,12 +156,7 @@ class LampMap(ReflectionMap):
         return replace(self, map=self.map.converted(to, *given, **options))
 
     def mixed(self, matrix: Array, info: MapInfo) -> LampMap:
-        """Refuse other primaries, in which a BRDF with colors would not be the same.
-
-        Raises
-        ------
-        MapError
-        """
+        """Refuse other primaries, in which a BRDF with colors would not be the same."""
         raise MapError(
             f"{self.what} has lamps beside it, whose BRDF is in the primaries of the map; "
             "prefilter its probe with `working`"

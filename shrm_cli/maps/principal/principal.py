@@ -252,13 +252,7 @@ class PrincipalMap(ReflectionMap):
         return [lobe.cubes.reshape(*lobe.cubes.shape[:2], -1) for lobe in self.lobes]
 
     def mixed(self, matrix: Array, info: MapInfo) -> Map:
-        """Return the map with other channels; see `maps.primaries`.
-
-        Raises
-        ------
-        MapError
-            If its functions of the view differ between the channels.
-        """
+        """Return the map with other channels, if its functions of the view are the same in all."""
         tables = [each for lobe in self.lobes for each in (lobe.functions, lobe.albedo)]
         for table in tables:
             if table is not None and np.ptp(table, axis=-1).max() > _GREY * np.abs(table).max():

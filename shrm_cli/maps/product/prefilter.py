@@ -174,7 +174,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     Parameters
     ----------
-    probe : Probe
     request : Request
         Its own options are ``order`` and ``texels``, as `product_texture` takes them, and
         ``window``, as `ProductMap.window` takes it. Of so few orders a lamp may make black spots,

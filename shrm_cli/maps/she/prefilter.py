@@ -99,16 +99,11 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     Parameters
     ----------
-    probe : Probe
     request : Request
         Its own options are the orders ``p_order`` and ``q_order`` of the two factors, the range of
         perceptual ``roughness`` to fit, by default that of the paper, whose alpha begins at 0.2,
         and the ``law``: how the degrees are attenuated, and how they are fitted. ``paper`` is the
         linear least-squares fit in log space of Silvennoinen et al. 2025.
-
-    Returns
-    -------
-    Prefiltered
 
     Raises
     ------

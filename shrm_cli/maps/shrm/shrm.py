@@ -192,13 +192,7 @@ class Shrm(ReflectionMap):
         return cast(Shrm, moved).to_frame(self.frame)
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
-        """Return the map itself, or of a lower order P or in another frame.
-
-        Raises
-        ------
-        MapError
-            If `order_p` is higher than that of the map.
-        """
+        """Return the map itself, or of a lower order P or in another frame."""
         if order_p is not None and order_p > self.order_p:
             raise MapError(
                 f"an SHRM of order P = {self.order_p} has nothing of order {order_p}; lower "

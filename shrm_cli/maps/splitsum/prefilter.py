@@ -86,7 +86,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     Parameters
     ----------
-    probe : Probe
     request : Request
         Its own options are ``levels``, their number or their perceptual roughnesses, by default
         the number that `DEFAULT_LEVELS` has for the mapping; ``mapping``, which roughnesses a
@@ -97,10 +96,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         The size is that of the first level, by default as many texels as the probe holds, but at
         most 256. That of the others follows from their orders; none is larger than the one before.
         The error is the one that each level may have.
-
-    Returns
-    -------
-    Prefiltered
 
     Raises
     ------

@@ -174,13 +174,7 @@ class SplitSum(LightMap):
             ) from error
 
     def mixed(self, matrix: Array, info: MapInfo) -> "SplitSum":
-        """Return the map in other primaries, as long as its BRDF has no colors.
-
-        Raises
-        ------
-        MapError
-            If it has, because these are in the primaries that they were given in.
-        """
+        """Return the map in other primaries, unless its BRDF has colors, which stay in theirs."""
         values = self.level_info[-1].brdf.get("parameters")
         is_colored = isinstance(values, dict) and any(isinstance(v, list) for v in values.values())
         if is_colored and not self.is_ggx:
