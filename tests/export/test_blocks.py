@@ -8,15 +8,14 @@ import pytest
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export.blocks import astc, bc6h, rate, uastc, uastc_bits
 from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, pack
-from shrm_cli.export.blocks.formats import ALL, BLOCKS
 from shrm_cli.export.blocks.lamps import nearest, refined
 from shrm_cli.export.blocks.lines import Texels, line
+from shrm_cli.export.cubes import decoded
 from shrm_cli.export.dds import dds_cube, dds_image
-from shrm_cli.export.decode import decoded
 from shrm_cli.export.engine import Light, engine
 from shrm_cli.export.ktx import ktx2_cube
 from shrm_cli.export.loss import loss
-from shrm_cli.export.packing import packed
+from shrm_cli.export.packing import ALL, BLOCKS, packed
 from shrm_cli.export.pixels import encoded
 from shrm_cli.files.openimageio import image_of
 

@@ -6,8 +6,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from shrm_cli.export.blocks.formats import ALL
 from shrm_cli.export.ktx import ktx2_cube
+from shrm_cli.export.packing import ALL
 from shrm_cli.export.pixels import encoded
 from tests.web.browser import MODULES
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Value
-from shrm_cli.brdf.half_angles import half_angles
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
+from shrm_cli.brdf.vectors import half_angles
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.sphere.directions import from_angles

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Value
-from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import check_file, file_values, readable
+from shrm_cli.brdf.vectors import from_half_angles, half_angles
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
 

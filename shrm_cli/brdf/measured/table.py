@@ -38,10 +38,10 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import check_file, file_values
+from shrm_cli.brdf.vectors import from_half_angles, half_angles
 from shrm_cli.errors import BrdfError, MapError, OutputError
 from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
