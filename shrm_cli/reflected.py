@@ -277,7 +277,7 @@ def _coupled(parts: Array) -> Array:
 
 
 def filtered_parts(parts: Array, factors: Array) -> Array:
-    """Return the parts of cubes over R each of whose own degrees is multiplied with a factor.
+    """Return the parts of cubes whose degrees are multiplied by factors, (F+1, p+1, n, 3).
 
     A look-up blurs the numbers of a cube, which are those of world axes. About the mirror direction
     that takes from the functions of one azimuthal order, and adds to those of others.
@@ -287,10 +287,6 @@ def filtered_parts(parts: Array, factors: Array) -> Array:
     parts : ndarray, shape (F+1, p+1, n, 3)
         As `cube_energies` takes them.
     factors : ndarray, shape (>= F+p+1,)
-
-    Returns
-    -------
-    ndarray, shape (F+1, p+1, n, 3)
     """
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
     own = np.abs(np.arange(order + 1)[:, None] + np.arange(-p, p + 1, 2))

@@ -84,7 +84,7 @@ class ReflectedLight(ABC):
     def varied_radiance(
         self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
     ) -> Array:
-        """Evaluate the radiance of a surface over which a parameter of the BRDF varies.
+        """Evaluate the radiance where a parameter of the BRDF varies, shape (..., 3).
 
         Where nothing varies, this is `brushed_radiance`.
 
@@ -94,10 +94,6 @@ class ReflectedLight(ABC):
             As `brushed_radiance` takes them.
         shares : array_like, shape (...), broadcastable with them
             The parameter as a share of the way from its least to its largest value, 0 .. 1.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
         """
         return self.brushed_radiance(normals, tangents, views)
 

@@ -305,7 +305,7 @@ def clear_unused(image: Array, layout: Layout) -> None:
 
 
 def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array:
-    """An image of any arrangement of a cube as a stacked cube of OpenEXR's orientation.
+    """An image of any arrangement as a stacked cube of OpenEXR's, shape (6N, N, channels).
 
     Parameters
     ----------
@@ -315,10 +315,6 @@ def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array
         One of a cube.
     orientation : {"openexr", "gl"}
         Of the faces in the image.
-
-    Returns
-    -------
-    ndarray, shape (6N, N, channels)
     """
     from shrm_cli.sphere.cube import reorient
 

@@ -71,7 +71,7 @@ class PixelPolicy:
     hue."""
 
     def apply(self, pixels: Array, weights: Array, report: PixelReport) -> Array:
-        """Finite pixels without negative radiance, clamped if asked.
+        """Finite pixels without negative radiance, clamped if asked, shape (rows, columns, 3).
 
         Parameters
         ----------
@@ -81,10 +81,6 @@ class PixelPolicy:
             Solid angles.
         report : PixelReport
             What is added to.
-
-        Returns
-        -------
-        ndarray, shape (rows, columns, 3)
         """
         if pixels.size and pixels.min() < 0:
             below = pixels < 0

@@ -101,7 +101,7 @@ def _reduced(probe: Probe, height: int) -> tuple[Array, Array]:
 
 
 def latlong_light(probe: Probe, height: int) -> Array:
-    """Return radiance times solid angle of a probe's pixels on a lat-long in world axes.
+    """Return a probe's radiance times solid angle on a lat-long, shape (height, 2 height, 3).
 
     Parameters
     ----------
@@ -109,10 +109,6 @@ def latlong_light(probe: Probe, height: int) -> Array:
         It is averaged down, or interpolated, if it is no such lat-long itself.
     height : int
         Rows of the lat-long.
-
-    Returns
-    -------
-    ndarray, shape (height, 2 height, 3)
 
     Raises
     ------

@@ -113,7 +113,7 @@ def _check_size(shape: tuple[int, int], smaller: str) -> None:
 
 
 def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[str]) -> Picture:
-    """Put tiles on a dark grey sheet with their labels in white.
+    """Put tiles on a dark grey sheet, their labels in white, shape (*layout.shape, 3).
 
     Parameters
     ----------
@@ -121,10 +121,6 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
         Linear and already exposed; the paper and the labels are not exposed.
     labels : sequence of str
         A label is shortened in its middle if it is wider than its tile.
-
-    Returns
-    -------
-    ndarray of float32, shape (*layout.shape, 3)
 
     Raises
     ------
@@ -196,7 +192,7 @@ def draw_grid(
     sides: Sequence[str],
     tiles: Iterable[tuple[int, int, Picture | str]],
 ) -> Picture:
-    """Put pictures on dark grey paper, with names above columns and, upright, beside rows.
+    """Put pictures on dark grey, names above columns and beside rows, shape (*grid.shape, 3).
 
     Parameters
     ----------
@@ -205,10 +201,6 @@ def draw_grid(
     tiles : iterable of (int, int, ndarray or str)
         Row and column of a cell, and its picture, shape (tile, tile, 3), linear and exposed, or
         why there is none.
-
-    Returns
-    -------
-    ndarray of float32, shape (*grid.shape, 3)
 
     Raises
     ------

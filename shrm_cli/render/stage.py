@@ -278,7 +278,7 @@ class Stage:
 def transformation(
     translate: ArrayLike = (0, 0, 0), rotate: ArrayLike = (0, 0, 0), scale: ArrayLike = 1.0
 ) -> Array:
-    """Return the matrix that scales, then rotates about x, y and z in turn, and then translates.
+    """Return the matrix that scales, rotates about x, y and z, and translates, shape (4, 4).
 
     Parameters
     ----------
@@ -286,10 +286,6 @@ def transformation(
     rotate : array_like, shape (3,)
         Degrees, counterclockwise as seen from the end of the axis.
     scale : array_like, shape () or (3,)
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
     """
     matrix = np.eye(4)
     matrix[:3, :3] = np.diag(np.broadcast_to(np.asarray(scale, dtype=float), (3,)))

@@ -20,17 +20,13 @@ class Product(Protocol):
 
 
 def fitted(lighting: ArrayLike, count: int) -> Array:
-    """Return coefficients of light to another order: cut off, or followed by zeros.
+    """Return coefficients to another order, cut off or followed by 0, shape (count, 3).
 
     Parameters
     ----------
     lighting : array_like, shape (m, 3)
     count : int
         How many coefficients are asked for.
-
-    Returns
-    -------
-    ndarray, shape (count, 3)
     """
     lighting = np.asarray(lighting, dtype=float)
     result = np.zeros((count, 3))

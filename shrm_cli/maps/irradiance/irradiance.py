@@ -31,7 +31,7 @@ POLYNOMIAL_ORDER = 2
 
 
 def lambert_factors(order: int) -> Array:
-    """Return the factors A_l of the clamped cosine, with which ``E_lm = A_l L_lm``.
+    """Return the factors A_l of the clamped cosine, ``E_lm = A_l L_lm``, shape (order+1,).
 
     They are pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
 
@@ -39,10 +39,6 @@ def lambert_factors(order: int) -> Array:
     ----------
     order : int
         The largest degree l.
-
-    Returns
-    -------
-    ndarray, shape (order+1,)
 
     References
     ----------
@@ -62,16 +58,12 @@ def lambert_factors(order: int) -> Array:
 
 
 def irradiance_energies(power: ArrayLike) -> Array:
-    """Return ``A_l^2 sum_m L_lm^2``, whose sum over l is the integral of E^2 (Parseval).
+    """Return ``A_l^2 sum_m L_lm^2``; their sum is the integral of E^2, shape (order+1, 3).
 
     Parameters
     ----------
     power : array_like, shape (order+1, 3)
         ``sum_m L_lm^2`` of each degree and channel.
-
-    Returns
-    -------
-    ndarray, shape (order+1, 3)
     """
     power = np.asarray(power)
     return lambert_factors(len(power) - 1)[:, None] ** 2 * power

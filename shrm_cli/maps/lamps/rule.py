@@ -98,7 +98,7 @@ def integrals(
     radius: float,
     tangents: Array,
 ) -> Array:
-    """Integrate the transfer function of a BRDF over a disc.
+    """Integrate the transfer function of a BRDF over a disc, shape (..., 3).
 
     Parameters
     ----------
@@ -110,10 +110,6 @@ def integrals(
         Of the disc, radians.
     tangents : ndarray, shape (..., 3)
         Those of the surface, for which isotropic BRDFs do not care.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
     """
     shape = np.broadcast_shapes(normals.shape, views.shape, axes.shape)
     points = [

@@ -239,7 +239,7 @@ class ProductTexture(ProductMap):
         return self
 
     def values(self, local_views: ArrayLike, linear: bool = False) -> Array:
-        """Look up the coefficients of the product functions of views.
+        """Look up the product functions of views, shape (..., (order+1)^2, channels).
 
         Parameters
         ----------
@@ -249,10 +249,6 @@ class ProductTexture(ProductMap):
         linear : bool
             Filter as graphics hardware does, which is four times as fast, instead of by a cubic
             filter.
-
-        Returns
-        -------
-        ndarray, shape (..., (order+1)^2, channels)
         """
         look_up = self._sampler.linear if linear else self._sampler
         flat = look_up(local_views)

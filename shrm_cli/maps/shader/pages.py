@@ -124,7 +124,7 @@ def _arranged(stacks: Sequence[tuple[int, int]], width: int, height: int) -> Pag
 
 
 def with_rims(stack: Array, sampling: Sampling) -> Array:
-    """Put a rim of one texel around the faces of cubes.
+    """Put a rim of one texel around the faces of cubes, shape (6, N+2, N+2, K, 3).
 
     Parameters
     ----------
@@ -133,10 +133,6 @@ def with_rims(stack: Array, sampling: Sampling) -> Array:
     sampling : {"center", "border"}
         Where the edge texels lie. Border-sampled faces hold their edges, so that filtering never
         gives the rim a weight.
-
-    Returns
-    -------
-    ndarray, shape (6, N+2, N+2, K, 3)
     """
     size = stack.shape[1]
     faces = stack.reshape(6, size, size, *stack.shape[2:])

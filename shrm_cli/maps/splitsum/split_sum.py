@@ -195,7 +195,7 @@ class SplitSum(LightMap):
         return "ggx" if self.is_ggx else str(self.level_info[-1].brdf["name"])
 
     def prefiltered(self, roughness: float, directions: ArrayLike) -> Array:
-        """Return prefiltered light, mixed from two levels and filtered between their texels.
+        """Return light mixed of two levels, filtered between their texels, shape (..., 3).
 
         Parameters
         ----------
@@ -203,10 +203,6 @@ class SplitSum(LightMap):
             Perceptual roughness.
         directions : array_like, shape (..., 3)
             Mirror directions R in world axes, or normals where they are the center.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
         """
         low, weight = blend(roughness, self.roughness, self.mapping)
         value = self.sampled(low, directions)
