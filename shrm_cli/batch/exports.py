@@ -45,12 +45,7 @@ _MOST_RECORD = 2**20
 
 
 def checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of an export, checked against what its engine takes.
-
-    Raises
-    ------
-    ArgumentError
-    """
+    """Return the arguments of an export, checked against what its engine takes."""
     known = {option.name: option for option in OPTIONS}
     for name in given:
         if name not in known:

@@ -15,7 +15,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.export.blocks import astc, uastc
 from shrm_cli.export.dds import dds_image
 from shrm_cli.export.engine import Package
-from shrm_cli.export.ktx import can_compress, ktx2_cube
+from shrm_cli.export.ktx import can_compress, ktx2
 from shrm_cli.export.loss import loss
 from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.extras import install
@@ -102,7 +102,8 @@ def ktx2_file(
     compress = reads_zstd and can_compress()
     if reads_zstd and not compress and _LARGE not in made.told:
         made.told.append(_LARGE)
-    made.add_bytes(name, ktx2_cube(packed, levels[0].shape[1], texels, compress))
+    size = levels[0].shape[1]
+    made.add_bytes(name, ktx2(packed, (size, size, 0), texels, compress, faces=6))
 
 
 def packed_levels(

@@ -277,12 +277,7 @@ def _readme(engine: Engine, light: Light, package: Package) -> str:
 
 
 def check(engine: Engine, asked: Asked) -> None:
-    """Refuse what an engine has not, before work begins.
-
-    Raises
-    ------
-    ArgumentError
-    """
+    """Refuse what an engine has not, before work begins."""
     if asked.max_error is not None and not engine.formats:
         raise ArgumentError("max_error", f"does not apply; {engine.title} has one format")
     formats = [*engine.formats, *(["auto"] if engine.formats else [])]

@@ -91,10 +91,6 @@ def check_amount(file: StoredFile) -> None:
 
     The number is estimated from the first part, so that a huge file is refused before its other
     parts are looked at.
-
-    Raises
-    ------
-    MapError
     """
     first = file.first
     values = file.part_count * len(first.channel_names) * first.width * first.height

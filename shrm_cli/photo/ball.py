@@ -172,12 +172,7 @@ def _from_middle(angles: Array, distance: float) -> Array:
 
 
 def _circle(opened: ImageFile, circle: Circle | None) -> Circle:
-    """Return where a ball is: what is given, or what fills the picture.
-
-    Raises
-    ------
-    ProbeError
-    """
+    """Return where a ball is: what is given, or what fills the picture."""
     width, height = opened.width, opened.height
     if circle is None:
         if abs(width - height) > _SQUARE * max(width, height):

@@ -119,12 +119,7 @@ def merge_brackets(
 def _in_order(
     paths: Sequence[str | os.PathLike[str]], times: Sequence[float] | None
 ) -> tuple[list[ImageFile], Array]:
-    """Open exposures, and sort them by what they let in, relative to the one in the middle.
-
-    Raises
-    ------
-    ArgumentError, ProbeError
-    """
+    """Open exposures, and sort them by what they let in, relative to the one in the middle."""
     if len(paths) < 2 or (times is not None and len(times) != len(paths)):
         raise ArgumentError("times", "must be as many as exposures, which must be two at least")
     opened = [open_photograph(path, as_stored=True) for path in paths]

@@ -257,10 +257,6 @@ def check_shape(name: str, layout: Layout, width: int, height: int, images: int 
         Of each image.
     images : int
         1, or 6 where each face is an image of its own.
-
-    Raises
-    ------
-    ProbeError
     """
     columns, rows = proportions(layout, images)
     size = width // columns

@@ -146,12 +146,7 @@ def refuse_nonfinite(name: str, report: PixelReport) -> None:
 
 
 def refuse_overflow(name: str, numbers: Array) -> None:
-    """Raise if numbers that follow from the light of a probe are beyond 32-bit floats.
-
-    Raises
-    ------
-    ProbeError
-    """
+    """Raise if numbers that follow from the light of a probe are beyond 32-bit floats."""
     if not (np.abs(numbers) <= np.finfo(np.float32).max).all():  # which no NaN is, either
         raise ProbeError(f"{name}: its light is beyond 32-bit floats; dim it, or give `clamp`")
 

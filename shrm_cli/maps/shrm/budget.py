@@ -309,10 +309,6 @@ def refuse_large(size: int, images: int, max_size: int | None) -> None:
         The number of RGB cubes.
     max_size : int, optional
         The most bytes that were asked for. None refuses nothing.
-
-    Raises
-    ------
-    ArgumentError
     """
     stored = stored_bytes(size, images)
     if max_size is not None and stored > max_size:

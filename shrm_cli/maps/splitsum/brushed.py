@@ -35,7 +35,7 @@ TURNS = {"total": (-1.06, 1.354), "bias": (0.964, 0.286)}
 
 @record
 class BrushedSplitSum(Shaded):
-    """A brushed GGX surface under the light of a split sum, as `shrm_brushed` of its code shows it.
+    """A brushed GGX surface under the light of a split sum, as `shrm_brushed` of its code has it.
 
     Attributes
     ----------
