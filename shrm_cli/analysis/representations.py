@@ -258,13 +258,7 @@ def _make(
     path: Path,
     progress: Progress,
 ) -> float:
-    """Write the map that `shrm prefilter` would make for surfaces.
-
-    Returns
-    -------
-    float
-        The seconds that it took to make it, without writing.
-    """
+    """Write the map that `shrm prefilter` would make; return its seconds, without writing."""
     given: dict[str, Any] = {}
     if representation.needs_brdf:
         given = {"brdf": surfaces[0], "eps": plan.eps}

@@ -56,17 +56,12 @@ def checked(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
-    """Say in what the folder of a job differs from what this program would write.
+    """Say in what a job's folder differs from what this program would write, or return None.
 
     Parameters
     ----------
     sources : str
         The fingerprint of the program.
-
-    Returns
-    -------
-    Difference or None
-        None where nothing differs.
     """
     folder = Path(job.output)
     if not os.path.lexists(folder):

@@ -53,7 +53,7 @@ def difference(
     precision: Precision,
     sources: str = "",
 ) -> Difference | None:
-    """Say in what a file differs from the map that a run would write.
+    """Say in what a file differs from the map that a run would write, or return None.
 
     Parameters
     ----------
@@ -61,11 +61,6 @@ def difference(
         A file that exists.
     sources : str
         The fingerprint of the program that must have written the file; any, where it is empty.
-
-    Returns
-    -------
-    Difference or None
-        None where nothing differs.
     """
     to, brdf = request.to, request.brdf
     found = recorded(path)

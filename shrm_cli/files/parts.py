@@ -107,17 +107,12 @@ class StoredPart(ABC):
 
 
 def sound_primaries(value: Any) -> tuple[float, ...] | None:
-    """Return the chromaticities of an attribute: CIE x and y of red, green, blue and white.
+    """Return the primaries and white of an attribute, if it is eight finite numbers, or None.
 
     Parameters
     ----------
     value : object
         The value of the attribute, or None.
-
-    Returns
-    -------
-    tuple of 8 float or None
-        None if the value is anything else than eight finite numbers.
     """
     if not isinstance(value, tuple) or len(value) != 8:
         return None
@@ -144,17 +139,12 @@ class StoredFile(ABC):
 def write_parts(
     path: str | os.PathLike[str], parts: Sequence[Part], precision: Precision = "auto"
 ) -> PixelType:
-    """Write a file, whole or not at all, in the container format of its suffix.
+    """Write a file, whole or not at all, as its suffix says, and return the pixel type.
 
     Parameters
     ----------
     precision : {"auto", "half", "float"}
         ``auto`` is half unless a value exceeds its range, or light is so dim that it loses digits.
-
-    Returns
-    -------
-    {"half", "float"}
-        The pixel type written.
 
     Raises
     ------

@@ -93,7 +93,7 @@ def _wrong(lamp: Lamp, order: int) -> Array:
 
 
 def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
-    """Put the lamps of a probe beside the map of what is left of it.
+    """Put the lamps of a probe beside the map of the rest; errors become relative to all.
 
     Parameters
     ----------
@@ -101,11 +101,6 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
         The map of the residual. Where there are no lamps, it is of the probe.
     brdf : Brdf
         What the map was made for.
-
-    Returns
-    -------
-    Prefiltered
-        Its errors are relative to all of the reflected light.
     """
     split, left = beside.split, beside.left
     info = replace(made.map.info, probe=probe_name(split.probe), probe_sha256=split.probe.digest())

@@ -59,7 +59,7 @@ def typical_brightness(brightness: Array, areas: Array) -> float:
 
 
 def find_regions(image: Array, pixels: SpherePixels, least: float) -> list[Region]:
-    """Find the lamps of an image.
+    """Find the lamps of an image, that of the most light first. They share no pixel.
 
     Parameters
     ----------
@@ -68,11 +68,6 @@ def find_regions(image: Array, pixels: SpherePixels, least: float) -> list[Regio
         Its cells.
     least : float
         The least irradiance of a lamp, mean of the channels.
-
-    Returns
-    -------
-    list of Region
-        The one with the most light first. No pixel is in two of them.
     """
     flat = brightness_of(image).ravel()
     floor = _FLOOR * _background(flat, pixels)

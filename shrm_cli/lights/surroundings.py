@@ -33,7 +33,7 @@ class Filled:
 
 
 def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices]) -> list[Filled]:
-    """Take lamps out of an image.
+    """Take lamps out of an image, one for each region. They share no pixel.
 
     Parameters
     ----------
@@ -41,11 +41,6 @@ def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices])
         It is left as it is.
     regions : sequence of ndarray of int
         Numbers of the pixels of each lamp; no pixel is in two of them.
-
-    Returns
-    -------
-    list of Filled
-        One for each region. No pixel is in two of them.
     """
     flat = image.reshape(-1, 3)
     owner = np.full(len(flat), -1, dtype=np.int16)

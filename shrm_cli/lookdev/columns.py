@@ -123,17 +123,12 @@ def metered(probe: Probe) -> float:
 def make_column(
     path: str, reading: ReadOptions, wanted: Wanted, progress: Progress | None = None
 ) -> Column:
-    """Make the maps of a probe.
+    """Make the maps of a probe. Where it cannot be used, all cells say why.
 
     Parameters
     ----------
     reading : ReadOptions
         How the probe is read.
-
-    Returns
-    -------
-    Column
-        Where the probe cannot be used, all its cells say why.
     """
     count = len(wanted.specs)
     try:

@@ -230,7 +230,7 @@ def predicted_wrong_share(expansions: Sequence[Expansion]) -> float:
 
 
 def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
-    """Return the share of sample points whose luminance is wrong by more than `WRONG`.
+    """Return the share of points whose luminance is wrong by more than `WRONG`, in 0 .. 1.
 
     Parameters
     ----------
@@ -238,11 +238,6 @@ def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
         The light, to at least the order of the lobes.
     lobes : sequence of Lobes
         Those of each term; they reflect their light at the same points.
-
-    Returns
-    -------
-    float
-        In 0 .. 1.
     """
     if not any(each.error.any() for each in lobes):
         return 0.0

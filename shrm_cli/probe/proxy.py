@@ -94,18 +94,13 @@ class ProxyBox:
         return ProxyBox.of(corners.min(axis=0), corners.max(axis=0), exact @ self.at)
 
     def directions(self, points: ArrayLike, directions: ArrayLike) -> Array:
-        """Return where the probe saw what rays meet of the box, shape (..., 3).
+        """Return where the probe saw what rays meet of the box: unit, shape (..., 3).
 
         Parameters
         ----------
         points : array_like, shape (..., 3)
             Where the rays begin, in world axes. What lies outside the box is moved to it.
         directions : array_like, shape (..., 3), broadcastable
-            Unit vectors.
-
-        Returns
-        -------
-        ndarray
             Unit vectors.
         """
         rays = np.asarray(directions, dtype=float)

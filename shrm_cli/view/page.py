@@ -67,17 +67,12 @@ def sources() -> tuple[str, str]:
 
 
 def page(scene: Scene, urls: Sequence[str] | None = None) -> str:
-    """Return a scene as a whole page.
+    """Return a scene as a whole page: HTML, to be written as UTF-8.
 
     Parameters
     ----------
     urls : sequence of str, optional
         As `section` takes them.
-
-    Returns
-    -------
-    str
-        HTML, to be written as UTF-8.
     """
     parts = section(scene, urls)
     return html_page(

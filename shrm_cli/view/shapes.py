@@ -24,7 +24,7 @@ _FRAMED = 20000
 def described_shapes(
     mesh: Mesh | None, blocks: Blocks, is_brushed: bool = False
 ) -> list[dict[str, Any]]:
-    """Describe the shapes for the page, and keep their triangles.
+    """Describe the shapes for the page, the sphere first, and keep their triangles.
 
     Parameters
     ----------
@@ -34,11 +34,6 @@ def described_shapes(
         Vertices, normals and indices are added to these.
     is_brushed : bool
         Whether a map cares for tangents: those along texture coordinates are added then, too.
-
-    Returns
-    -------
-    list of dict
-        The sphere first, which has no triangles.
 
     Raises
     ------

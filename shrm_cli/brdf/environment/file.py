@@ -99,7 +99,7 @@ def write_dfg(
     precision: Precision = "auto",
     brdf: str = "ggx",
 ) -> str:
-    """Write a table of `environment_table` or `moments_table`, whole or not at all.
+    """Write a table of `environment_table` or `moments_table`, whole; return the pixel type.
 
     The file is an image with the attribute ``shrm:table`` and others that say what its axes and
     channels are; it is not a map. A table of the channels R and G gets a channel B of zeros, for
@@ -115,11 +115,6 @@ def write_dfg(
         The pixel type to write.
     brdf : str
         The specification of the BRDF.
-
-    Returns
-    -------
-    str
-        The pixel type written, ``"half"`` or ``"float"``.
 
     Raises
     ------

@@ -165,13 +165,7 @@ def _shared(
     lighting: Lighting,
     request: Request,
 ) -> tuple[Term, ...] | None:
-    """Share the bytes of a map among terms: each has what it needs, or as much as the others.
-
-    Returns
-    -------
-    tuple of Term or None
-        None where a term does not fit at all.
-    """
+    """Share the bytes of a map among terms, as each needs or alike; None if one does not fit."""
     pairs = zip(terms, coefficients, strict=True)
     made = [_least_term(brdf, each, request.eps, request.size) for brdf, each in pairs]
     order = sorted(range(len(made)), key=lambda index: made[index].needs)
