@@ -114,11 +114,6 @@ def plan_terms(
     Plan or None
         None if there is nothing to split, or the terms cannot reach the error of the whole within
         the bytes.
-
-    Raises
-    ------
-    OrderError, BrdfError, ProbeError
-        If the whole BRDF cannot be expanded, or the probe cannot be read.
     """
     eps, allowed = request.eps, request.allowed
     terms = split(request.brdf)
