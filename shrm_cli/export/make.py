@@ -210,8 +210,6 @@ def export(
     source : Source
     engine : Engine
     asked : Asked
-    progress : callable, optional
-        Called with the work done, and in all.
 
     Returns
     -------

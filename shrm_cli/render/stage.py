@@ -28,38 +28,26 @@ _DIELECTRIC = 0.04
 
 @record
 class Look:
-    """How a surface reflects: a map, and the parameters that maps of light alone need.
-
-    Attributes
-    ----------
-    map : Map, optional
-        None for the map that the picture is drawn of.
-    roughness : float, optional
-        Perceptual roughness of the GGX surface that maps of light alone are shown as.
-    f0 : tuple of 3 float, optional
-        Its reflectance at normal incidence, linear RGB.
-    irradiance : Map, optional
-        What a white diffuse surface reflects: the light of the diffuse part, which is added to that
-        of maps of light alone.
-    variation : Variation, optional
-        What a parameter of the BRDF follows, where the map lets one vary.
-    anisotropy : float, optional
-        That of glTF, of the GGX surface that split sums are shown as.
-    taps : {3, 5, 8}, optional
-        How many directions the light of such a surface is looked up in.
-    paint : Paint, optional
-        What the surface is made of from point to point. It replaces the roughness, and the f0 that
-        is not given.
-    """
+    """How a surface reflects: a map, and the parameters that maps of light alone need."""
 
     map: Map | None = None
+    """None for the map that the picture is drawn of."""
     roughness: float | None = None
+    """Perceptual roughness of the GGX surface that maps of light alone are shown as."""
     f0: Color | None = None
+    """Its reflectance at normal incidence, linear RGB."""
     irradiance: Map | None = None
+    """What a white diffuse surface reflects: the light of the diffuse part, which is added to that
+    of maps of light alone."""
     variation: Variation | None = None
+    """What a parameter of the BRDF follows, where the map lets one vary."""
     anisotropy: float | None = None
+    """That of glTF, of the GGX surface that split sums are shown as."""
     taps: int | None = None
+    """How many directions the light of such a surface is looked up in. One of 3, 5 and 8."""
     paint: Paint | None = None
+    """What the surface is made of from point to point. It replaces the roughness, and the f0 that
+    is not given."""
 
     def of(self, given: Map | None) -> "Reflector":
         """Return the surface under the light of its map, or of the given map where it has none.

@@ -45,17 +45,11 @@ _LEAST_TOLERANCE = 1e-4
 
 @record
 class Choice:
-    """The orders and the size of an SHRM, and what they cost.
-
-    Attributes
-    ----------
-    orders : Orders
-    size : int
-        Texels along a face's edge.
-    """
+    """The orders and the size of an SHRM, and what they cost."""
 
     orders: Orders
     size: int
+    """Texels along a face's edge."""
 
     @property
     def bytes(self) -> int:
