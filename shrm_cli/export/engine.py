@@ -57,7 +57,7 @@ class Light:
     """The environment BRDF: scale and bias of f0, N.V across, roughness down from 0, shape (N, N,
     2)."""
     chromaticities: tuple[float, ...] | None = None
-    """The primaries of the light, 8 numbers."""
+    """The primaries of the light."""
     asset: Asset | None = None
     """A glTF file that the light is to be in."""
     discs: tuple[Disc, ...] = ()

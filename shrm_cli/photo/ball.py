@@ -57,7 +57,7 @@ class Unwrapped:
     """How much each differs from the first where both see well: the median of the relative
     difference, 0 of the first."""
     chromaticities: tuple[float, ...] | None = None
-    """CIE x and y of red, green, blue and white, where the first tells them, 8 numbers."""
+    """CIE x and y of red, green, blue and white, where the first tells them."""
 
 
 def unwrap_balls(

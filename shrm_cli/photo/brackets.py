@@ -54,7 +54,7 @@ class Merged:
     clipped: float
     """The share of pixels that even the shortest exposure shows as white as it can."""
     chromaticities: tuple[float, ...] | None = None
-    """CIE x and y of red, green, blue and white, where the files tell them, 8 numbers."""
+    """CIE x and y of red, green, blue and white, where the files tell them."""
 
 
 def merge_brackets(

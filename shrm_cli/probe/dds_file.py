@@ -42,7 +42,7 @@ class DdsFile:
     """`width` and `height`: of the picture, which is one face wide and six high where it is a
     cube."""
     envmap: str
-    """One of "cube" and ""."""
+    """What it says that it is: ``cube``, or nothing."""
     _dtype: str
     _start: int
     _levels: int

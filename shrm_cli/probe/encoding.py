@@ -47,7 +47,7 @@ class RadianceHeader:
     applied: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """By what red, green and blue were multiplied: the product of all EXPOSURE and COLORCORR."""
     primaries: tuple[float, ...] | None = None
-    """CIE x and y of red, green, blue and white, 8 numbers."""
+    """CIE x and y of red, green, blue and white."""
     pixel_aspect: float = 1.0
     """Height of a pixel over its width, as PIXASPECT has it."""
     gamma: float = 1.0
@@ -127,7 +127,7 @@ class Encoding:
     applied: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """By what red, green and blue were multiplied before they were stored."""
     primaries: tuple[float, ...] | None = None
-    """CIE x and y of red, green, blue and white, 8 numbers."""
+    """CIE x and y of red, green, blue and white."""
     pixel_aspect: float = 1.0
     """What the file says of the shape of its pixels; 1 is square."""
     notes: tuple[str, ...] = ()

@@ -60,7 +60,7 @@ class ImageFile:
     file is an environment map, the display window of other files (what a data window leaves out is
     black)."""
     envmap: str
-    """What the file's own attribute says that it is. One of "latlong", "cube" and ""."""
+    """What its own attribute says that it is: ``latlong``, ``cube`` or nothing."""
     border_sampled: bool
     """Whether edge pixels lie on the poles, the seam and the cube's edges."""
     file_format: str

@@ -240,9 +240,9 @@ class ColorReading:
     """How the colors of a probe are understood."""
 
     chromaticities: tuple[float, ...] | None
-    """Of the light as it leaves the probe; None where nobody tells them, 8 numbers."""
+    """Of the light as it leaves the probe; None where nobody tells them."""
     own: tuple[float, ...] | None = None
-    """Of the numbers of the images, 8 numbers."""
+    """Of the numbers of the images."""
     matrix: Array | None = None
     """From the numbers of the images to that light; None where they are the same, shape (3, 3)."""
     notes: tuple[str, ...] = ()

@@ -66,7 +66,7 @@ class Series:
     coefficients: Array
     """Of radiance over the real harmonics of world axes, index l(l+1)+m, shape ((order+1)^2, 3)."""
     chromaticities: tuple[float, ...] | None = None
-    """Their primaries, where the file tells them, 8 numbers."""
+    """Their primaries, where the file tells them."""
     notes: tuple[str, ...] = ()
     """What a user should know, a line each."""
 

@@ -44,7 +44,7 @@ class Drawing:
     seen: list[MapInfo]
     """How the maps were made, in the primaries of the picture."""
     primaries: tuple[float, ...] | None
-    """Those of the picture, 8 numbers."""
+    """Those of the picture."""
     rows: int
     """Of a lat-long that is fine enough to be its background."""
     said: dict[str, Any]

@@ -38,11 +38,11 @@ class Key:
     frame: int
     """From 1."""
     turn: tuple[float, ...] | None = None
-    """Yaw, pitch and roll of the light, degrees, 3 numbers."""
+    """Yaw, pitch and roll of the light, degrees."""
     blend: float | None = None
     """How much of the light, 0 .. 1, is that of the second map."""
     view: tuple[float, ...] | None = None
-    """Azimuth and elevation of the viewer, degrees, 2 numbers."""
+    """Azimuth and elevation of the viewer, degrees."""
 
 
 def read_keys(path: str | os.PathLike[str]) -> list[Key]:

@@ -23,7 +23,7 @@ class Recolored(ReflectedLight):
     matrix: Array
     """From the map's linear RGB to that which is wanted, shape (3, 3)."""
     primaries: tuple[float, ...] | None
-    """Of that; None is Rec.709, 8 numbers."""
+    """Of that; None is Rec.709."""
 
     @cached_property
     def info(self) -> MapInfo:

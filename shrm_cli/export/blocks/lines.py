@@ -41,7 +41,7 @@ class Texels:
     light: Floats
     values: Floats
     weights: Floats
-    """`values` and `weights`: A difference squared, times its weight, is an error squared relative
+    """`values` and `weights`: a difference squared, times its weight, is an error squared relative
     to the texel's light, shape (3, 16, n)."""
 
     @classmethod
