@@ -223,19 +223,7 @@ class ProductFunctions:
         return sum(max(rule.along * rule.around for rule in rules) for _, rules in self.terms)
 
     def coefficients(self, views: Array, order: int) -> Array:
-        """Project the product functions of views onto the harmonics.
-
-        Parameters
-        ----------
-        views : ndarray, shape (n, 3)
-            Directions to the viewer, unit, in the frame of the surface.
-        order : int
-            The largest degree l.
-
-        Returns
-        -------
-        ndarray, shape (n, (order+1)^2, channels)
-            Index l(l+1)+m; one channel for grey BRDFs, else three.
+        """Project the functions of all terms, as `ProductQuadrature.coefficients` does of one.
 
         Raises
         ------
