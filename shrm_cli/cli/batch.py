@@ -414,15 +414,17 @@ def _conclude(totals: Totals, log: str | None, predictions: list[dict[str, Any]]
 
 
 def _prediction_line(facts: dict[str, Any]) -> str:
-    """Return what outputs will be like, in words."""
+    """Return what outputs will be like, in words; not all forms have orders, or texels."""
     brdf = f", {facts['brdf']}" if facts["brdf"] else ""
     what = f"{facts['outputs']:,} of {facts['to']}{brdf}"
     if "engine" in facts:
         return f"{what} for {facts['engine']}"
     if "error" in facts:
         return f"{what}: {flags(facts['error'])}"
-    orders = f"F = {facts['order_f']}" + (f", P = {facts['order_p']}" if facts["brdf"] else "")
-    return (
-        f"{what}: {orders}, {facts['size']} texels, at most {facts['bytes']:,} bytes each, "
-        f"RMS error {facts['predicted_error']:.2%} (as of {facts['probe']})"
-    )
+    orders = [("F", "order_f"), *([("P", "order_p")] if facts["brdf"] else [])]
+    said = [f"{sign} = {facts[name]}" for sign, name in orders if name in facts]
+    said += [f"{facts['size']} texels"] if "size" in facts else []
+    said.append(f"at most {facts['bytes']:,} bytes each")
+    if facts.get("predicted_error") is not None:
+        said.append(f"RMS error {facts['predicted_error']:.2%}")
+    return f"{what}: {', '.join(said)} (as of {facts['probe']})"
