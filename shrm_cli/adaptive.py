@@ -63,27 +63,19 @@ _TINY = 1e-30
 
 @record
 class Points:
-    """Points whose light is summed at once: neighbors, each by one cut through the pyramid.
-
-    Attributes
-    ----------
-    rows : ndarray, shape (k, points, 3)
-        Vectors whose cosines with the directions to the light `evaluate` needs.
-    evaluate : callable
-        From cosines, shape (1, k, points, m), to the transfer function, (1, points, m, 3).
-    caps : list of Cap
-        Each point is lit from within all its caps.
-    centers : ndarray, shape (points, 3)
-        Central directions.
-    core : (float, float)
-        The width of the core of their lobes and how far from the center it reaches, radians.
-    """
+    """Points whose light is summed at once: neighbors, each by one cut through the pyramid."""
 
     rows: Array
+    """Vectors whose cosines with the directions to the light `evaluate` needs, shape (k, points,
+    3)."""
     evaluate: Callable[[Array], Array]
+    """From cosines, shape (1, k, points, m), to the transfer function, (1, points, m, 3)."""
     caps: list[Cap]
+    """Each point is lit from within all its caps."""
     centers: Array
+    """Central directions, shape (points, 3)."""
     core: tuple[float, float]
+    """The width of the core of their lobes and how far from the center it reaches, radians."""
 
     def transfer(self, directions: Array) -> Array:
         """The transfer function of light from directions, (m, 3): (channels, points, m).

@@ -37,10 +37,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     Prefiltered
         With a note that says which form was taken and why. Where no form keeps what is asked for,
         the best one, and a warning that says by how much and what would.
-
-    Raises
-    ------
-    ArgumentError, ProbeError, BrdfError
     """
     asked = _Asked(Projection(shared(probe)), request)
     return asked.made_of_single_cubes() or asked.of_functions()
@@ -50,10 +46,6 @@ def automatic_choice(probe: Probe, request: Request) -> str:
     """Say what would be made, without making it.
 
     It leaves out whether the map would be negative anywhere, for which one of more bytes is made.
-
-    Raises
-    ------
-    ArgumentError, ProbeError, BrdfError
     """
     asked = _Asked(Projection(shared(probe)), request)
     best = asked.of_single_cubes()

@@ -38,17 +38,12 @@ STORES = {
 
 
 def install(extra: str) -> str:
-    """Return the command that installs the packages of an extra.
+    """Return the command that installs an extra, such as "pip install trimesh embreex".
 
     Parameters
     ----------
     extra : str
         A key of `EXTRAS`.
-
-    Returns
-    -------
-    str
-        Such as "pip install trimesh embreex".
     """
     return " ".join(("pip install", *EXTRAS[extra]))
 

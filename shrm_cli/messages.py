@@ -20,17 +20,12 @@ ARGUMENT = re.compile(r"`([a-z][a-z0-9_]*)(=False)?`")
 
 
 def as_keys(message: object) -> str:
-    """Return a message about arguments as one about the keys of a file that gave them.
+    """Return a message about arguments as one about keys of TOML, 'size' or 'split = false'.
 
     Parameters
     ----------
     message : object
         An error of the library, or its text. It names `size` and `split=False` in backticks.
-
-    Returns
-    -------
-    str
-        The text with 'size' and 'split = false', as TOML has them.
     """
     return ARGUMENT.sub(
         lambda found: f"'{found[1]} = false'" if found[2] else f"'{found[1]}'", str(message)

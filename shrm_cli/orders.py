@@ -43,22 +43,15 @@ _FIRST_ORDER_P = 8
 
 @record
 class Orders:
-    """The orders of a map: the largest l and p that it keeps.
-
-    Attributes
-    ----------
-    order_f, order_p : int
-        The largest l and the largest p, inclusive.
-    eps : float
-        The fraction of the BRDF's energy that the orders were allowed to miss.
-    captured : float
-        The fraction of the BRDF's energy that the orders capture.
-    """
+    """The orders of a map: the largest l and p that it keeps."""
 
     order_f: int
     order_p: int
+    """`order_f` and `order_p`: the largest l and the largest p, inclusive."""
     eps: float
+    """The fraction of the BRDF's energy that the orders were allowed to miss."""
     captured: float
+    """The fraction of the BRDF's energy that the orders capture."""
 
 
 def choose_orders(

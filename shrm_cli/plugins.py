@@ -26,7 +26,7 @@ FORMS = "shrm_cli.forms"
 """The group of forms of maps, each a `maps.options.Representation`; see `maps.installed`."""
 
 READERS = "shrm_cli.readers"
-"""The group of functions that read probes, by the suffixes of their files; see `probe.reader`."""
+"""The group of functions that read probes, by the suffixes of their files; see `probe.open`."""
 
 
 _loaded: dict[str, EntryPoint] = {}

@@ -155,13 +155,6 @@ def prefilter_with_facts(
         The representation.
     given : mapping of str to value
         The other arguments of `prefilter` by name. An argument that is None counts as not given.
-    progress : callable, optional
-        Called with the amount of work done and the amount in all.
-
-    Raises
-    ------
-    ArgumentError, BrdfError, ProbeError, OrderError, MapError
-        For the same reasons as `prefilter`.
     """
     return make(probe, Request.of(to, given, probe), progress)
 

@@ -232,7 +232,7 @@ class Reference:
     def _integrate(
         self, rows: Array, lobes: tuple[Array, Array], caps: list[Cap], evaluate: Evaluate
     ) -> Array:
-        """Sum over the source at every point.
+        """Sum over the source at every point, shape (points, 3).
 
         Parameters
         ----------
@@ -246,10 +246,6 @@ class Reference:
             From cosines, shape (pairs, k, group, m), and the indices of their points, (pairs,
             group), to the transfer function, (pairs, group, m, 3); a pair is one of a group of
             points and a tile of m pixels.
-
-        Returns
-        -------
-        ndarray, shape (points, 3)
         """
         result = np.zeros((len(rows), 3))
         if len(rows) == 0:

@@ -40,7 +40,7 @@ def predicted_error(
     order_p: int,
     factors: Array | None = None,
 ) -> float:
-    """Predict the relative RMS error of the reflected light, uniformly over all R and V.
+    """Predict the relative RMS error of the reflected light, over all R and V; 0 if black.
 
     R is the central direction. Sums over normals instead of mirror directions weigh grazing views
     more, and come out about twice as large for the same map.
@@ -58,11 +58,6 @@ def predicted_error(
         The largest l and p that are kept.
     factors : ndarray, shape (order_f + 1, order_p + 1), optional
         What the map multiplies each l <= F and p <= P with; 1 by default.
-
-    Returns
-    -------
-    float
-        The error, which is 0 for black light.
     """
     light = weighted_power(lighting, coefficients.order_f)
     whole = np.sum(light * coefficients.degree_energy) + energy_beyond(lighting, coefficients)
@@ -277,7 +272,7 @@ def _coupled(parts: Array) -> Array:
 
 
 def filtered_parts(parts: Array, factors: Array) -> Array:
-    """Return the parts of cubes over R each of whose own degrees is multiplied with a factor.
+    """Return the parts of cubes whose degrees are multiplied by factors, (F+1, p+1, n, 3).
 
     A look-up blurs the numbers of a cube, which are those of world axes. About the mirror direction
     that takes from the functions of one azimuthal order, and adds to those of others.
@@ -287,10 +282,6 @@ def filtered_parts(parts: Array, factors: Array) -> Array:
     parts : ndarray, shape (F+1, p+1, n, 3)
         As `cube_energies` takes them.
     factors : ndarray, shape (>= F+p+1,)
-
-    Returns
-    -------
-    ndarray, shape (F+1, p+1, n, 3)
     """
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
     own = np.abs(np.arange(order + 1)[:, None] + np.arange(-p, p + 1, 2))
@@ -357,7 +348,7 @@ def fine_places(lighting: Lighting, lobe: Array) -> Array | None:
 def truncated_lobe_error(
     lighting: Lighting, coefficients: BrdfCoefficients, tail: BrdfCoefficients
 ) -> float:
-    """Return the relative RMS error of leaving out the outer part of the BRDF's lobe.
+    """Return the relative RMS error of leaving out a lobe's outer part; 0 for black light.
 
     The integral is that of `predicted_error`, but the error is the light that the missing part
     of the lobe would reflect, instead of what lies beyond some orders.
@@ -368,11 +359,6 @@ def truncated_lobe_error(
         The light, to at least the order of the coefficients.
     coefficients, tail : BrdfCoefficients
         The coefficients of the whole BRDF and of the part that is missing, to the same order_f.
-
-    Returns
-    -------
-    float
-        The error, which is 0 for black light.
     """
     whole = reflected_rms(lighting, coefficients)
     return reflected_rms(lighting, tail) / whole if whole > 0 else 0.0

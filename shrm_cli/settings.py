@@ -31,20 +31,14 @@ FOLDER_VARIABLE = "SHRM_CACHE_DIR"
 
 @record
 class Settings:
-    """What `current` returns.
-
-    Attributes
-    ----------
-    threads : int, optional
-        The most threads of every pool that integrates or writes images; None for as many as
-        there are processors.
-    cache : bool or Path
-        Whether coefficients of BRDFs are kept on disk, and in which folder: False for not at
-        all, True for the folder that the environment or the user's system names.
-    """
+    """What `current` returns."""
 
     threads: int | None = None
+    """The most threads of every pool that integrates or writes images; None for as many as there
+    are processors."""
     cache: bool | Path = True
+    """Whether coefficients of BRDFs are kept on disk, and in which folder: False for not at all,
+    True for the folder that the environment or the user's system names."""
 
     def __post_init__(self) -> None:
         if self.threads is not None and self.threads < 1:

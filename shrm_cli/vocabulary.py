@@ -225,27 +225,19 @@ GRIDS = {
 
 @record
 class CubeArrangement:
-    """Where the faces of a cube lie in an image.
-
-    Attributes
-    ----------
-    columns, rows : int
-        The size of the image, in faces.
-    places : tuple of (int, int, bool)
-        For each face of `FACES`: the column and the row where it lies, and whether it is turned
-        by half a turn there.
-    orientation : {"openexr", "gl"}
-        How the faces are turned in a file that does not tell.
-    in_six_files : bool
-        Whether each face is a file of its own. The arrangement is then that of the six images
-        together.
-    """
+    """Where the faces of a cube lie in an image."""
 
     columns: int
     rows: int
+    """`columns` and `rows`: the size of the image, in faces."""
     places: tuple[tuple[int, int, bool], ...]
+    """For each face of `FACES`: the column and the row where it lies, and whether it is turned by
+    half a turn there."""
     orientation: Orientation
+    """How the faces are turned in a file that does not tell."""
     in_six_files: bool
+    """Whether each face is a file of its own. The arrangement is then that of the six images
+    together."""
 
     @classmethod
     def drawn(

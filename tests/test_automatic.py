@@ -6,7 +6,7 @@ import pytest
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import prefiltered
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.principal import wrong_share
+from shrm_cli.maps.principal import proposal as principal_proposal
 from shrm_cli.maps.shrm import proposal
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
@@ -174,7 +174,7 @@ def counting(monkeypatch, owner, name):
 def test_nothing_is_found_out_twice(probe, monkeypatch):
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     dark = counting(monkeypatch, prefiltered, "negative_share")
-    wrong = counting(monkeypatch, wrong_share, "predicted_wrong_share")
+    wrong = counting(monkeypatch, principal_proposal, "predicted_wrong_share")
     expanded = counting(monkeypatch, proposal, "choose_orders")
     found = made(probe, brdf=SKIN)
     judged = len(wrong)

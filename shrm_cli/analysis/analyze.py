@@ -29,26 +29,17 @@ _LEAST_ROWS = 128
 
 @record(eq=False)
 class Analysis:
-    """What orders capture.
-
-    Attributes
-    ----------
-    brdf : Brdf
-    grid : EnergyGrid
-        The part of the BRDF's energy that each pair of orders captures.
-    curve : AccuracyCurve, optional
-        The accuracy of the light that is reflected of a probe, against F.
-    pictures : OrderPictures, optional
-        Spheres for P = 0 .. 5 beside exact ones.
-    source_height : int, optional
-        Rows that the probe was averaged down to for the exact ones.
-    """
+    """What orders capture."""
 
     brdf: Brdf
     grid: EnergyGrid
+    """The part of the BRDF's energy that each pair of orders captures."""
     curve: AccuracyCurve | None = None
+    """The accuracy of the light that is reflected of a probe, against F."""
     pictures: OrderPictures | None = None
+    """Spheres for P = 0 .. 5 beside exact ones."""
     source_height: int | None = None
+    """Rows that the probe was averaged down to for the exact ones."""
 
 
 def analyze(

@@ -24,30 +24,20 @@ from shrm_cli.render.primaries import in_same_primaries
 
 @record(eq=False)
 class Compared:
-    """Maps beside the truth, or beside the first of them.
-
-    Attributes
-    ----------
-    comparison : Comparison
-        The pictures, and the numbers of each.
-    names : tuple of str
-        The maps that are compared with the truth or the first map.
-    truth : Reference, optional
-        None where there is no truth.
-    brdf : dict
-        The BRDF of the truth, or of the first map, as files record it.
-    surface : dict
-        The surface that maps of light alone are shown as; empty where there are none.
-    warnings : list of str
-        About the probe, the maps, and whether these were made alike.
-    """
+    """Maps beside the truth, or beside the first of them."""
 
     comparison: Comparison
+    """The pictures, and the numbers of each."""
     names: tuple[str, ...]
+    """The maps that are compared with the truth or the first map."""
     truth: Reference | None
+    """None where there is no truth."""
     brdf: dict[str, Any]
+    """The BRDF of the truth, or of the first map, as files record it."""
     surface: dict[str, Any]
+    """The surface that maps of light alone are shown as; empty where there are none."""
     warnings: list[str]
+    """About the probe, the maps, and whether these were made alike."""
 
     def flips(self, progress: Progress | None = None) -> list[list[FlipError | None]]:
         """Return HDR-FLIP of each view and, in that, of each map."""

@@ -20,24 +20,16 @@ from shrm_cli.transfer.file import is_transfer, read_transfer
 
 @record(eq=False)
 class Description:
-    """What a file is.
-
-    Attributes
-    ----------
-    what : str
-        In words, after the name of the file: ``is a map``.
-    facts : dict
-        Its ``kind``, and what is known of it, as JSON has it.
-    warnings : tuple of str
-        What the user should know of a probe.
-    has_statistics : bool
-        Whether the facts have those of the pixels of a probe.
-    """
+    """What a file is."""
 
     what: str
+    """In words, after the name of the file: ``is a map``."""
     facts: dict[str, Any]
+    """Its ``kind``, and what is known of it, as JSON has it."""
     warnings: tuple[str, ...] = ()
+    """What the user should know of a probe."""
     has_statistics: bool = False
+    """Whether the facts have those of the pixels of a probe."""
 
     @property
     def is_probe(self) -> bool:

@@ -58,21 +58,14 @@ def default_max_memory() -> int:
 
 @record
 class Memory:
-    """The memory of a comparison.
-
-    Attributes
-    ----------
-    needed : int
-        Bytes that the process is estimated to take at most.
-    limit : int
-        Bytes that it may take.
-    max_size : int
-        The most bytes of a map in half precision.
-    """
+    """The memory of a comparison."""
 
     needed: int
+    """Bytes that the process is estimated to take at most."""
     limit: int
+    """Bytes that it may take."""
     max_size: int
+    """The most bytes of a map in half precision."""
 
     @property
     def is_reduced(self) -> bool:

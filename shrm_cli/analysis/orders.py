@@ -50,21 +50,14 @@ _HIGHER = 2
 
 @record(eq=False)
 class EnergyGrid:
-    """The fraction of a BRDF's energy in every pair of orders (eq. 5.18).
-
-    Attributes
-    ----------
-    captured : ndarray, shape (F+1, P+1)
-        Fractions of the energy of all colour channels together.
-    orders : tuple of Orders
-        The least orders that meet each tolerance.
-    coefficients : BrdfCoefficients
-        Coefficients to the same P and a much higher F, where the reflected light counts as known.
-    """
+    """The fraction of a BRDF's energy in every pair of orders (eq. 5.18)."""
 
     captured: Array
+    """Fractions of the energy of all colour channels together, shape (F+1, P+1)."""
     orders: tuple[Orders, ...]
+    """The least orders that meet each tolerance."""
     coefficients: BrdfCoefficients
+    """Coefficients to the same P and a much higher F, where the reflected light counts as known."""
 
     @property
     def order_f(self) -> int:
@@ -91,8 +84,6 @@ def energy_grid(
     order_f, order_p : int, optional
         The largest orders of the grid; by default 32 and 8, or more if a tolerance needs them. A
         zonal BRDF has P = 0 only.
-    progress : callable, optional
-        Called with the work done, and in all.
 
     Raises
     ------
@@ -128,11 +119,6 @@ def material_energies(
 ) -> Array:
     """Compute the energy that F = `order_f` and P = 0 .. `order_p` capture of several BRDFs.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the number of BRDFs done and the number of all BRDFs.
-
     Returns
     -------
     ndarray, shape (BRDFs, P+1)
@@ -159,29 +145,21 @@ class AccuracyCurve:
     """Accuracy of the reflected light against F, and estimates of it (figure 5.5).
 
     All curves are fractions of energy, ``1 - eps``; eps is the square of a relative RMS error.
-
-    Attributes
-    ----------
-    order_p : int
-        P, the same for all F.
-    truth_order_f : int
-        The F at which the reflected light counts as known.
-    accuracy : ndarray, shape (F+1,)
-        Accuracy of the reflected light over all orientations and views, by Parseval's theorem.
-    estimate_minimum : ndarray, shape (F+1,)
-        Estimate from the lesser of the errors of the light and of the BRDF.
-    estimate_brdf : ndarray, shape (F+1,)
-        Estimate from the error of the BRDF alone.
-    estimate_bound : ndarray, shape (F+1,)
-        Estimate from the bound of the residual energy (eq. 5.19).
     """
 
     order_p: int
+    """P, the same for all F."""
     truth_order_f: int
+    """The F at which the reflected light counts as known."""
     accuracy: Array
+    """Accuracy of the reflected light over all orientations and views, by Parseval's theorem, shape
+    (F+1,)."""
     estimate_minimum: Array
+    """Estimate from the lesser of the errors of the light and of the BRDF, shape (F+1,)."""
     estimate_brdf: Array
+    """Estimate from the error of the BRDF alone, shape (F+1,)."""
     estimate_bound: Array
+    """Estimate from the bound of the residual energy (eq. 5.19), shape (F+1,)."""
 
 
 def accuracy_curve(
@@ -232,30 +210,20 @@ def _missing(degrees: Array, total: Array) -> Array:
 
 @record(eq=False)
 class OrderPictures:
-    """Spheres drawn from maps of different P, and as they truly are (figure 5.6).
-
-    Attributes
-    ----------
-    views : sequence of Viewer
-    order_f : int
-        F of all maps.
-    captured : ndarray, shape (P+1,)
-        Fraction of the BRDF's energy that each P captures.
-    predicted_errors : ndarray, shape (P+1,)
-        Relative RMS error of the reflected light over all orientations and views, by Parseval's
-        theorem.
-    pictures : ndarray, shape (P+1, views, size, size, 3)
-        Linear, premultiplied by the coverage of the sphere.
-    truth : ndarray, shape (views, size, size, 3), optional
-        Exact pictures in the same form.
-    """
+    """Spheres drawn from maps of different P, and as they truly are (figure 5.6)."""
 
     views: Sequence[Viewer]
     order_f: int
+    """F of all maps."""
     captured: Array
+    """Fraction of the BRDF's energy that each P captures, shape (P+1,)."""
     predicted_errors: Array
+    """Relative RMS error of the reflected light over all orientations and views, by Parseval's
+    theorem, shape (P+1,)."""
     pictures: Picture
+    """Linear, premultiplied by the coverage of the sphere, shape (P+1, views, size, size, 3)."""
     truth: Picture | None
+    """Exact pictures in the same form, shape (views, size, size, 3)."""
 
     def error(self, order_p: int, view: int) -> float | None:
         """Return the relative RMS error over the sphere; None if the truth is not known."""

@@ -42,59 +42,42 @@ _MOST_PLATEAU = 0.2
 
 @record(eq=False)
 class ProbeStatistics:
-    """Numbers about the light of a probe. Radiance has the probe's unit, irradiance that times sr.
-
-    Attributes
-    ----------
-    minimum, maximum, mean : ndarray, shape (3,)
-        Radiance of the pixels; the mean is over the sphere.
-    mean_luminance : float
-        Of the mean, with the weights of the probe's primaries.
-    stops : float
-        Between the luminances that 1 % and 99.9 % of the sphere are below, black pixels left out.
-    stops_whole : float
-        Between the least luminance above 0 and the largest one.
-    irradiance : ndarray, shape (6, 3)
-        Of surfaces whose normals are `AXES`; that of +Y is what the ground gets.
-    chromaticity : tuple of 2 float, optional
-        CIE x and y of the mean.
-    temperature, duv : float, optional
-        Correlated colour temperature of the mean in kelvin, and its distance from the black body.
-        None where it has none.
-    white_balance : ndarray, shape (3,), optional
-        The mean over its green. None of light without green.
-    direction : ndarray, shape (3,)
-        Unit, world axes: where the light comes from, by the linear harmonics of the luminance.
-        0 of light without a direction.
-    directionality : float
-        The length of that vector over the mean: 0 of constant light, 1 of light from one point.
-    clipped : str
-        Why the maximum is suspected to be clipped; empty if it is not.
-    primaries : str
-        Their name.
-    lamps : tuple of Lamp
-        The brightest, see `shrm_cli.lights`.
-    lamp_shares : tuple of float
-        The part of the luminance of all light that each of them holds.
-    """
+    """Numbers about the light of a probe: radiance in its unit, irradiance in that times sr."""
 
     minimum: Array
     maximum: Array
     mean: Array
+    """`minimum`, `maximum` and `mean`: radiance of the pixels; the mean is over the sphere, shape
+    (3,)."""
     mean_luminance: float
+    """Of the mean, with the weights of the probe's primaries."""
     stops: float
+    """Between the luminances that 1 % and 99.9 % of the sphere are below, black pixels left out."""
     stops_whole: float
+    """Between the least luminance above 0 and the largest one."""
     irradiance: Array
+    """Of surfaces whose normals are `AXES`; that of +Y is what the ground gets, shape (6, 3)."""
     chromaticity: tuple[float, float] | None
+    """CIE x and y of the mean."""
     temperature: float | None
     duv: float | None
+    """`temperature` and `duv`: correlated colour temperature of the mean in kelvin, and its
+    distance from the black body. None where it has none."""
     white_balance: Array | None
+    """The mean over its green, shape (3,). None of light without green."""
     direction: Array
+    """Unit, world axes: where the light comes from, by the linear harmonics of the luminance. 0 of
+    light without a direction, shape (3,)."""
     directionality: float
+    """The length of that vector over the mean: 0 of constant light, 1 of light from one point."""
     clipped: str
+    """Why the maximum is suspected to be clipped; empty if it is not."""
     primaries: str
+    """Their name."""
     lamps: tuple[Lamp, ...]
+    """The brightest, see `shrm_cli.lights`."""
     lamp_shares: tuple[float, ...]
+    """The part of the luminance of all light that each of them holds."""
 
     @property
     def advice(self) -> str:

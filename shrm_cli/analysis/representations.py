@@ -30,34 +30,22 @@ from shrm_cli.vocabulary import COMPARED, DEFAULT_MAX_SIZE
 
 @record
 class Plan:
-    """What a comparison will make.
-
-    Attributes
-    ----------
-    probe : Probe
-    surfaces : tuple of Ggx
-        Surfaces of one f0, in order of their roughness.
-    eps : float
-        The fraction of a BRDF's energy that orders may miss, for representations made for a BRDF.
-    viewers : tuple of V Viewer
-    size : int
-        Width and height of each picture, pixels.
-    source_height : int, optional
-        Rows that the probe is averaged down to for the truth; by default it is not averaged.
-    exact : bool
-        Whether the truth is the full sum over the pixels of the probe.
-    memory : Memory
-        The memory that it takes, and the most bytes of a map.
-    """
+    """What a comparison will make."""
 
     probe: Probe
     surfaces: tuple[Ggx, ...]
+    """Surfaces of one f0, in order of their roughness."""
     eps: float
+    """The fraction of a BRDF's energy that orders may miss, for representations made for a BRDF."""
     viewers: tuple[Viewer, ...]
     size: int
+    """Width and height of each picture, pixels."""
     source_height: int | None
+    """Rows that the probe is averaged down to for the truth; by default it is not averaged."""
     memory: Memory
+    """The memory that it takes, and the most bytes of a map."""
     exact: bool = False
+    """Whether the truth is the full sum over the pixels of the probe."""
 
     @property
     def truths(self) -> int:
@@ -72,33 +60,22 @@ class Plan:
 
 @record
 class RepresentationResult:
-    """The costs and the errors of a representation.
-
-    Attributes
-    ----------
-    representation : Representation
-    files, stored : int
-        How many files were written, and their bytes in all.
-    seconds : float
-        Wall-clock time of making the maps, which includes reading the probe for each.
-    differences : tuple of Difference or None
-        The pictures of each surface compared with the truth; None where no map was made.
-    difference : Difference or None
-        All pictures of all surfaces compared with the truth; None if any map was not made.
-    failures : tuple of str
-        The reasons why maps were not made.
-    pictures : tuple of ndarray of float32, shape (V, S, S, 3), or None
-        Pictures of each surface; None where no map was made.
-    """
+    """The costs and the errors of a representation."""
 
     representation: Representation
     files: int
     stored: int
+    """`files` and `stored`: how many files were written, and their bytes in all."""
     seconds: float
+    """Wall-clock time of making the maps, which includes reading the probe for each."""
     differences: tuple[Difference | None, ...]
+    """The pictures of each surface compared with the truth; None where no map was made."""
     difference: Difference | None
+    """All pictures of all surfaces compared with the truth; None if any map was not made."""
     failures: tuple[str, ...]
+    """The reasons why maps were not made."""
     pictures: tuple[Picture | None, ...]
+    """Pictures of each surface; None where no map was made, of shape (V, S, S, 3) each."""
 
     @property
     def errors(self) -> tuple[float | None, ...]:
@@ -113,22 +90,14 @@ class RepresentationResult:
 
 @record
 class RepresentationTable:
-    """The results of all representations, and the truth.
-
-    Attributes
-    ----------
-    surfaces : tuple of Ggx
-        Surfaces of one f0, in order of their roughness.
-    truth : ndarray of float32, shape (surfaces, V, S, S, 3)
-        Pictures by angular integration.
-    truth_errors : tuple of float or None
-        What they may be wrong by, see `Reference.error`.
-    results : tuple of RepresentationResult
-    """
+    """The results of all representations, and the truth."""
 
     surfaces: tuple[Ggx, ...]
+    """Surfaces of one f0, in order of their roughness."""
     truth: Picture
+    """Pictures by angular integration, float32 of shape (surfaces, V, S, S, 3)."""
     truth_errors: tuple[float | None, ...]
+    """What they may be wrong by, see `Reference.error`."""
     results: tuple[RepresentationResult, ...]
 
     def sheet(self, exposure: float = 0.0) -> Picture:
@@ -216,8 +185,6 @@ def compare_representations(plan: Plan, progress: Progress | None = None) -> Rep
     ----------
     plan : Plan
         What `plan_comparison` returns.
-    progress : callable, optional
-        Called with the amount done and the amount in all, from the start on.
 
     Raises
     ------
@@ -291,13 +258,7 @@ def _make(
     path: Path,
     progress: Progress,
 ) -> float:
-    """Write the map that `shrm prefilter` would make for surfaces.
-
-    Returns
-    -------
-    float
-        The seconds that it took to make it, without writing.
-    """
+    """Write the map that `shrm prefilter` would make; return its seconds, without writing."""
     given: dict[str, Any] = {}
     if representation.needs_brdf:
         given = {"brdf": surfaces[0], "eps": plan.eps}

@@ -65,30 +65,21 @@ class Gathered(Protocol):
 
 @record(eq=False)
 class Collection:
-    """The coefficients of many probes.
-
-    Attributes
-    ----------
-    names : list of str
-        The paths or URLs of the probes; those of URLs without passwords.
-    digests : list of str
-        SHA-256 of each probe's bytes, in hexadecimal digits.
-    coefficients : ndarray, shape (N, (order+1)^2, 3)
-        Of each probe over the real harmonics of world axes, index l(l+1)+m.
-    what : {"radiance", "irradiance"}
-        Of what they are coefficients, see `lighting_of`.
-    order : int
-        The largest degree.
-    window : str
-        The window that they were multiplied with, as it was asked for.
-    """
+    """The coefficients of many probes."""
 
     names: Sequence[str]
+    """The paths or URLs of the probes; those of URLs without passwords."""
     digests: Sequence[str]
+    """SHA-256 of each probe's bytes, in hexadecimal digits."""
     coefficients: Array
+    """Of each probe over the real harmonics of world axes, index l(l+1)+m, shape (N, (order+1)^2,
+    3)."""
     what: What
+    """Of what they are coefficients, see `lighting_of`."""
     order: int
+    """The largest degree."""
     window: str = "none"
+    """The window that they were multiplied with, as it was asked for."""
 
     def __post_init__(self) -> None:
         count = len(self.names)

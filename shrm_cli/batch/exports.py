@@ -45,12 +45,7 @@ _MOST_RECORD = 2**20
 
 
 def checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of an export, checked against what its engine takes.
-
-    Raises
-    ------
-    ArgumentError
-    """
+    """Return the arguments of an export, checked against what its engine takes."""
     known = {option.name: option for option in OPTIONS}
     for name in given:
         if name not in known:
@@ -61,17 +56,12 @@ def checked(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
-    """Say in what the folder of a job differs from what this program would write.
+    """Say in what a job's folder differs from what this program would write, or return None.
 
     Parameters
     ----------
     sources : str
         The fingerprint of the program.
-
-    Returns
-    -------
-    Difference or None
-        None where nothing differs.
     """
     folder = Path(job.output)
     if not os.path.lexists(folder):

@@ -9,69 +9,44 @@ from shrm_cli.vocabulary import Precision
 
 @record
 class Recipe:
-    """How a map is made of any probe.
-
-    Attributes
-    ----------
-    to : str
-        The representation, or ``export``.
-    brdf : str, optional
-        The specification of the BRDF; None for representations that need none.
-    arguments : mapping of str to value
-        The other arguments of `shrm_cli.prefilter.prefilter` that are given, by name; of exports
-        those that `batch.exports` names.
-    precision : {"auto", "half", "float"}
-        The pixel type of the file.
-    runs_code : bool
-        Whether the specification may name a Python file, which is run.
-    """
+    """How a map is made of any probe."""
 
     to: str
+    """The representation, or ``export``."""
     brdf: str | None
+    """The specification of the BRDF; None for representations that need none."""
     arguments: Mapping[str, Any]
+    """The other arguments of `shrm_cli.prefilter.prefilter` that are given, by name; of exports
+    those that `batch.exports` names."""
     precision: Precision = "auto"
+    """The pixel type of the file."""
     runs_code: bool = False
+    """Whether the specification may name a Python file, which is run."""
 
 
 @record
 class Job:
-    """One output: a probe, what is made of it, and the file.
-
-    Attributes
-    ----------
-    probe : str
-        The path of the probe, or its URL.
-    reading : mapping of str to value
-        Keywords of `shrm_cli.probe.open.open_probe`.
-    recipe : Recipe
-        Jobs share the recipes that they have in common.
-    output : str
-        The path of the map, or its URL; of an export its folder.
-    """
+    """One output: a probe, what is made of it, and the file."""
 
     probe: str
+    """The path of the probe, or its URL."""
     reading: Mapping[str, Any]
+    """Keywords of `shrm_cli.probe.open.open_probe`."""
     recipe: Recipe
+    """Jobs share the recipes that they have in common."""
     output: str
+    """The path of the map, or its URL; of an export its folder."""
 
 
 @record
 class Chunk:
-    """Jobs of the same probe, read in the same way, which a worker does one after the other.
-
-    Attributes
-    ----------
-    probe : str
-    reading : mapping of str to value
-    jobs : tuple of Job
-    collects : bool
-        Whether the coefficients of the probe are gathered too.
-    """
+    """Jobs of the same probe, read in the same way, which a worker does one after the other."""
 
     probe: str
     reading: Mapping[str, Any]
     jobs: tuple[Job, ...]
     collects: bool = False
+    """Whether the coefficients of the probe are gathered too."""
 
     def parts(self, size: int) -> "list[Chunk]":
         """Cut the chunk into parts of `size` jobs; the first one collects."""

@@ -25,33 +25,23 @@ _MOST_FAILURES = 1000
 
 @dataclass
 class Totals:
-    """What has become of the jobs of a run so far.
-
-    Attributes
-    ----------
-    jobs : int
-        All that are to be done.
-    made, skipped, failed, waiting : int
-        Waiting are those of a run that only looks.
-    warned : int
-        Outputs that have warnings.
-    bytes : int
-        Of the outputs that were made.
-    failures : list of dict
-        The first records of what failed.
-    anew : Counter of str
-        How many outputs that were there are made anew, or would be, for each reason.
-    """
+    """What has become of the jobs of a run so far."""
 
     jobs: int
+    """All that are to be done."""
     made: int = 0
     skipped: int = 0
     failed: int = 0
     waiting: int = 0
+    """`made`, `skipped`, `failed` and `waiting`: waiting are those of a run that only looks."""
     warned: int = 0
+    """Outputs that have warnings."""
     bytes: int = 0
+    """Of the outputs that were made."""
     failures: list[Record] = field(default_factory=list)
+    """The first records of what failed."""
     anew: Counter[str] = field(default_factory=Counter)
+    """How many outputs that were there are made anew, or would be, for each reason."""
 
     @property
     def done(self) -> int:

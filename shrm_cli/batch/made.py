@@ -30,18 +30,12 @@ NOT_THERE = "not there"
 
 @record
 class Difference:
-    """In what a file differs from the map that a run would write.
-
-    Attributes
-    ----------
-    why : str
-        A part of a sentence such as ``it is for another BRDF``.
-    is_ours : bool
-        Whether it is an earlier state of the same output, which a batch makes anew.
-    """
+    """In what a file differs from the map that a run would write."""
 
     why: str
+    """A part of a sentence such as ``it is for another BRDF``."""
     is_ours: bool = True
+    """Whether it is an earlier state of the same output, which a batch makes anew."""
 
     @property
     def is_damage(self) -> bool:
@@ -59,7 +53,7 @@ def difference(
     precision: Precision,
     sources: str = "",
 ) -> Difference | None:
-    """Say in what a file differs from the map that a run would write.
+    """Say in what a file differs from the map that a run would write, or return None.
 
     Parameters
     ----------
@@ -67,11 +61,6 @@ def difference(
         A file that exists.
     sources : str
         The fingerprint of the program that must have written the file; any, where it is empty.
-
-    Returns
-    -------
-    Difference or None
-        None where nothing differs.
     """
     to, brdf = request.to, request.brdf
     found = recorded(path)

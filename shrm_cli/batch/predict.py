@@ -24,11 +24,6 @@ def predictions(chunks: Sequence[Chunk], progress: Progress | None = None) -> li
     Orders that a tolerance of the BRDF's energy chooses are the same for all probes. Where an
     error of the reflected light chooses them, those of other probes may differ.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the number of recipes done, and the number of all.
-
     Returns
     -------
     list of dict

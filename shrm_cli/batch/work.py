@@ -47,20 +47,13 @@ _materials: dict[tuple[Any, ...], Brdf] = {}
 
 @record
 class Gathering:
-    """The coefficients that are gathered of all probes.
-
-    Attributes
-    ----------
-    order : int
-        The largest degree.
-    what : {"radiance", "irradiance"}
-    window : str
-        As irradiance takes it.
-    """
+    """The coefficients that are gathered of all probes."""
 
     order: int
+    """The largest degree."""
     what: What
     window: str
+    """As irradiance takes it."""
 
 
 @record
@@ -87,39 +80,25 @@ class Terms:
 
 @record(eq=False)
 class Result:
-    """What a worker hands back of one probe.
-
-    Attributes
-    ----------
-    probe : str
-    records : list of dict
-        One for each job, in order.
-    coefficients : ndarray, shape ((order+1)^2, 3), optional
-        Where they are gathered.
-    digest : str
-        SHA-256 of the probe's bytes, where its coefficients are gathered.
-    error : str
-        Why there are no coefficients, where they should be gathered.
-    """
+    """What a worker hands back of one probe."""
 
     probe: str
     records: list[Record]
+    """One for each job, in order."""
     coefficients: Array | None = None
+    """Where they are gathered, shape ((order+1)^2, 3)."""
     digest: str = ""
+    """SHA-256 of the probe's bytes, where its coefficients are gathered."""
     error: str = ""
+    """Why there are no coefficients, where they should be gathered."""
 
 
 def bake(task: Task, terms: Terms) -> list[Result]:
-    """Do the jobs of some probes.
+    """Do the jobs of some probes, and return the result of each chunk, in order.
 
     Parameters
     ----------
     task : tuple of Chunk
-
-    Returns
-    -------
-    list of Result
-        One for each chunk, in order.
     """
     with settings.using(threads=1, cache=terms.cache):
         return [_of_probe(chunk, terms) for chunk in task]

@@ -266,11 +266,6 @@ class Brdf(ABC):
         """The same model with one of its parameters changed."""
         return type(self)(**{**self.values, key: value})
 
-    @property
-    def has_roughness(self) -> bool:
-        """Whether the model has parameters of roughness that are numbers."""
-        return all(isinstance(self.values.get(name), int | float) for name in self.roughness_names)
-
     def at_roughness(self, perceptual: float) -> Self:
         """The same material of another roughness.
 
@@ -285,7 +280,8 @@ class Brdf(ABC):
         BrdfError
             If the model has no parameter of roughness.
         """
-        if not self.has_roughness:
+        given = [self.values.get(name) for name in self.roughness_names]
+        if not all(isinstance(value, int | float) for value in given):
             wanted = " and ".join(self.roughness_names)
             raise BrdfError(f"{self!r}: it has no roughness that could vary (a number {wanted})")
         roughness = perceptual**self.roughness_power

@@ -38,19 +38,13 @@ Waves = NDArray[np.intp]
 
 @record
 class Azimuths:
-    """Even azimuths of views, over the part of the turn that tells all.
-
-    Attributes
-    ----------
-    steps : int
-        Their number in a quarter turn.
-    quarters : int
-        The number of quarter turns, as `quarters_that_differ` returns it. Where it is 1, real parts
-        are even about both ends of the quarter, and imaginary ones odd.
-    """
+    """Even azimuths of views, over the part of the turn that tells all."""
 
     steps: int
+    """Their number in a quarter turn."""
     quarters: int
+    """The number of quarter turns, as `quarters_that_differ` returns it. Where it is 1, real parts
+    are even about both ends of the quarter, and imaginary ones odd."""
 
     @property
     def is_mirrored(self) -> bool:

@@ -116,22 +116,15 @@ def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]
 
 @record
 class _Kind(Generic[Content]):
-    """A kind of entries: a dataclass of arrays of floats, and of what JSON holds exactly.
-
-    Attributes
-    ----------
-    content : type
-        The dataclass.
-    most_values : callable
-        Takes two orders; no entry of theirs has more numbers in its arrays than what it returns, so
-        that no more is read.
-    fits : callable
-        Whether an entry that was read has the two orders that are wanted.
-    """
+    """A kind of entries: a dataclass of arrays of floats, and of what JSON holds exactly."""
 
     content: type[Content]
+    """The dataclass."""
     most_values: Callable[[int, int], int]
+    """Takes two orders; no entry of theirs has more numbers in its arrays than what it returns, so
+    that no more is read."""
     fits: Callable[[Content, int, int], bool]
+    """Whether an entry that was read has the two orders that are wanted."""
 
 
 _COEFFICIENTS = _Kind(

@@ -49,31 +49,23 @@ class Sampled:
 
 @record(eq=False)
 class BrdfCoefficients(Sampled):
-    """Coefficients of a transfer function up to the orders F and P, and its whole energy.
-
-    Attributes
-    ----------
-    values : ndarray, shape (F+1, P+1, P+1, 3)
-        rho_hat_lpq for q >= 0, indexed [l, p, q, channel]; zero where q > min(l, p).
-    total_energy : ndarray, shape (3,)
-        ``2 pi int int int rho_hat^2 sin(theta_i) sin(theta_o) dtheta_i dtheta_o dphi`` of each
-        channel, the right side of eq. 5.18.
-    degree_energy : ndarray, shape (F+1, 3)
-        The part of that energy in each l, with every p but azimuthal orders up to P. It is
-        known without expanding the dependence on theta_o.
-    samples : tuple of int
-        The largest numbers of nodes in theta_i, theta_o and phi.
-    accuracy, asked : float
-        The part of the energy that the sampling is estimated to miss, and the part that it was
-        allowed to miss.
-    """
+    """Coefficients of a transfer function up to the orders F and P, and its whole energy."""
 
     values: Array
+    """rho_hat_lpq for q >= 0, indexed [l, p, q, channel]; zero where q > min(l, p), shape (F+1,
+    P+1, P+1, 3)."""
     total_energy: Array
+    """``2 pi int int int rho_hat^2 sin(theta_i) sin(theta_o) dtheta_i dtheta_o dphi`` of each
+    channel, the right side of eq. 5.18, shape (3,)."""
     degree_energy: Array
+    """The part of that energy in each l, with every p but azimuthal orders up to P, shape (F+1, 3).
+    It is known without expanding the dependence on theta_o."""
     samples: tuple[int, int, int]
+    """The largest numbers of nodes in theta_i, theta_o and phi."""
     accuracy: float = 0.0
     asked: float = 1.0
+    """`accuracy` and `asked`: the part of the energy that the sampling is estimated to miss, and
+    the part that it was allowed to miss."""
 
     def __post_init__(self) -> None:
         order_f, order_p = self.order_f, self.order_p

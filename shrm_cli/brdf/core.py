@@ -26,27 +26,19 @@ _PEAK = 0.75
 
 @record
 class Core:
-    """How narrow the peak of a lobe is, and how far from the central direction C it reaches.
-
-    Attributes
-    ----------
-    views : ndarray, shape (n,)
-        Angles from C to the view, radians, rising.
-    widths : ndarray, shape (n,)
-        The least distance from the peak, of any azimuth about C, to where the lobe falls below half
-        of it, radians.
-    reaches : ndarray, shape (n,)
-        The largest angle from C at which that peak is above half, radians. Where more than
-        `MOST_CELLS` would be needed to cover so much, widths are larger than they are; of most
-        BRDFs that is within some degrees of the edge of a surface.
-    cells : float
-        How many cells of radii of `PART` of the width cover the core: the median of all views.
-    """
+    """How narrow the peak of a lobe is, and how far from the central direction C it reaches."""
 
     views: Array
+    """Angles from C to the view, radians, rising, shape (n,)."""
     widths: Array
+    """The least distance from the peak, of any azimuth about C, to where the lobe falls below half
+    of it, radians, shape (n,)."""
     reaches: Array
+    """The largest angle from C at which that peak is above half, radians, shape (n,). Where more
+    than `MOST_CELLS` would be needed to cover so much, widths are larger than they are; of most
+    BRDFs that is within some degrees of the edge of a surface."""
     cells: float
+    """How many cells of radii of `PART` of the width cover the core: the median of all views."""
 
     @classmethod
     def of(cls, brdf: Brdf) -> "Core":

@@ -31,30 +31,23 @@ _Rule = Callable[[float, int, slice], tuple[Array, Array]]
 
 @record(eq=False)
 class Examination:
-    """What `examine` finds; arrays of three are linear RGB.
-
-    Attributes
-    ----------
-    smallest, largest : ndarray, shape (3,)
-        The range of f_r (1/sr) over light and view up to 80 degrees from the normal. For a
-        BRDF about the tangent it is the range of rho_hat over all directions.
-    albedo : ndarray, shape (6, 3)
-        The integral of rho_hat over the light, for views at `ANGLES` from the normal, or from
-        the tangent. A reciprocal BRDF reflects that fraction of the light from there.
-    furnace_albedo, furnace_angle : float
-        The largest albedo of any channel at angles up to 88 degrees, and that angle in degrees.
-        If it is above 1, the surface glows in a white furnace.
-    reciprocity_error : float
-        The root mean square of f(L, V) - f(V, L) relative to that of f, over random pairs, half
-        of which are near the mirror direction. It is 0 for real surfaces.
-    """
+    """What `examine` finds; arrays of three are linear RGB."""
 
     smallest: Array
     largest: Array
+    """`smallest` and `largest`: the range of f_r (1/sr) over light and view up to 80 degrees from
+    the normal, shape (3,). For a BRDF about the tangent it is the range of rho_hat over all
+    directions."""
     albedo: Array
+    """The integral of rho_hat over the light, for views at `ANGLES` from the normal, or from the
+    tangent, shape (6, 3). A reciprocal BRDF reflects that fraction of the light from there."""
     furnace_albedo: float
     furnace_angle: float
+    """`furnace_albedo` and `furnace_angle`: the largest albedo of any channel at angles up to 88
+    degrees, and that angle in degrees. If it is above 1, the surface glows in a white furnace."""
     reciprocity_error: float
+    """The root mean square of f(L, V) - f(V, L) relative to that of f, over random pairs, half of
+    which are near the mirror direction. It is 0 for real surfaces."""
 
     @property
     def gains_energy(self) -> bool:

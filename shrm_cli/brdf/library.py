@@ -41,17 +41,12 @@ _DIRECTIONS = np.array(
 
 
 def module_names(package: str) -> list[str]:
-    """Names of the BRDFs of a package, in the order of the alphabet.
+    """Names of the BRDFs of a package in alphabetical order: its modules, with hyphens.
 
     Parameters
     ----------
     package : str
         Its full name; packages within it are left out.
-
-    Returns
-    -------
-    list of str
-        The names of the modules, with hyphens in the place of underscores.
     """
     return list(_module_names(tuple(importlib.import_module(package).__path__)))
 

@@ -95,24 +95,18 @@ def squared_lobes(brdf: Brdf, theta: Array, phi: Array, from_normal: Array) -> t
 
 @record(eq=False)
 class Expansion:
-    """Lobes of several views as harmonics, with estimates of what their sampling misses.
-
-    Attributes
-    ----------
-    values : ndarray, shape (max_q+1, F+1, n, channels)
-        ``2 pi`` times the integrals of ``rho_hat f_lq(theta_i) cos(q phi)`` over the light; one
-        channel for a grey BRDF, else three. Of an anisotropic BRDF those with ``sin(q phi)``
-        follow, shape (2 max_q + 2, ...).
-    energy : ndarray, shape (n, channels)
-        ``2 pi`` times the integrals of ``rho_hat^2``.
-    error_theta, error_phi : ndarray, shape (n,)
-        The energy that the rules in theta_i and phi are estimated to miss, of all channels.
-    """
+    """Lobes of several views as harmonics, with estimates of what their sampling misses."""
 
     values: Array
+    """``2 pi`` times the integrals of ``rho_hat f_lq(theta_i) cos(q phi)`` over the light; one
+    channel for a grey BRDF, else three, shape (max_q+1, F+1, n, channels). Of an anisotropic BRDF
+    those with ``sin(q phi)`` follow, shape (2 max_q + 2, ...)."""
     energy: Array
+    """``2 pi`` times the integrals of ``rho_hat^2``, shape (n, channels)."""
     error_theta: Array
     error_phi: Array
+    """`error_theta` and `error_phi`: the energy that the rules in theta_i and phi are estimated to
+    miss, of all channels, shape (n,)."""
 
 
 class LobeExpander:
@@ -289,22 +283,18 @@ class _Sums:
 
     The second half of the last axis of `waved` and `squares` is what changes if only every third
     azimuth counts.
-
-    Attributes
-    ----------
-    waved : ndarray, shape (count, n, channels, 2 (max_q+1))
-        The integrals with waves, at all nodes of theta_i.
-    coarse : ndarray, shape (count / 3, n, channels, max_q+1)
-        Those of the rule with a third of the nodes in theta_i.
-    squares : ndarray, shape (count, n, channels, 2)
-        The integrals of the squares.
-    coarse_squares : ndarray, shape (count / 3, n, channels)
     """
 
     waved: Array
+    """The integrals with waves, at all nodes of theta_i, shape (count, n, channels, 2
+    (max_q+1))."""
     coarse: Array
+    """Those of the rule with a third of the nodes in theta_i, shape (count / 3, n, channels,
+    max_q+1)."""
     squares: Array
+    """The integrals of the squares, shape (count, n, channels, 2)."""
     coarse_squares: Array
+    """Shape (count / 3, n, channels)."""
 
     @classmethod
     def zeros(cls, count: int, views: int, channels: int, waves: int) -> "_Sums":

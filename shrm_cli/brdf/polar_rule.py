@@ -43,15 +43,11 @@ class PolarRule:
 
     The parameter is ``s(theta) = e theta + (1 - e) 2 atan(tan(theta / 2) / focus)``, with the part
     e of the nodes that is even. The other part is even after a Moebius transform of the sphere.
-
-    Attributes
-    ----------
-    focus : float
-        The angle from C, radians, within which about a third of the nodes lie; 1 spreads all of
-        them evenly over the angle.
     """
 
     focus: float = 1.0
+    """The angle from C, radians, within which about a third of the nodes lie; 1 spreads all of them
+    evenly over the angle."""
 
     def parameter(self, theta: ArrayLike) -> Array:
         """The parameter s of angles theta, both in 0 .. pi."""
@@ -84,14 +80,10 @@ class SplitRule:
 
     Each side has Fejer's rule over the cosine, of which the nodes are dense at both ends. The
     parameter s has ``cos(theta) = (1 + cos(s)) / 2`` above the horizon.
-
-    Attributes
-    ----------
-    below : bool
-        Whether half of the nodes are below the horizon.
     """
 
     below: bool = False
+    """Whether half of the nodes are below the horizon."""
     focus: float = 1.0
 
     def parameter(self, theta: ArrayLike) -> Array:

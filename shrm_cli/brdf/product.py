@@ -38,21 +38,14 @@ _LEAST_NODES = 12, 24
 
 @record
 class _Effort:
-    """How many nodes a rule may have.
-
-    Attributes
-    ----------
-    most : int
-        The most nodes.
-    good : float
-        The relative residual with which a rule of many nodes will do.
-    good_most : int
-        The most nodes of such a rule.
-    """
+    """How many nodes a rule may have."""
 
     most: int
+    """The most nodes."""
     good: float
+    """The relative residual with which a rule of many nodes will do."""
     good_most: int
+    """The most nodes of such a rule."""
 
 
 _MODELS = _Effort(2**15, 6e-4, 2**12)
@@ -74,24 +67,16 @@ _SCOUT_EDGE = 0.005
 
 @record
 class ProductQuadrature:
-    """A rule with enough nodes for a BRDF, and what it still misses.
-
-    Attributes
-    ----------
-    brdf : Brdf
-    rule : LightRule
-    along, around : int
-        The numbers of nodes along the radius and around it.
-    residual : float
-        The relative RMS change of the coefficients when the nodes were last doubled in number,
-        which is more than what the rule misses.
-    """
+    """A rule with enough nodes for a BRDF, and what it still misses."""
 
     brdf: Brdf
     rule: LightRule
     along: int
     around: int
+    """`along` and `around`: the numbers of nodes along the radius and around it."""
     residual: float
+    """The relative RMS change of the coefficients when the nodes were last doubled in number, which
+    is more than what the rule misses."""
 
     @classmethod
     def converged(cls, brdf: Brdf, views: Array, order: int, accuracy: float = ACCURACY) -> Self:
@@ -204,15 +189,10 @@ class ProductQuadrature:
 
 @record
 class ProductFunctions:
-    """The product functions of any BRDF, also of a sum, with rules that suffice for them.
-
-    Attributes
-    ----------
-    terms : tuple of (float, tuple of ProductQuadrature)
-        The weight of each term of a sum, and its rules for the bands of `_BANDS`.
-    """
+    """The product functions of any BRDF, also of a sum, with rules that suffice for them."""
 
     terms: tuple[tuple[float, tuple[ProductQuadrature, ...]], ...]
+    """The weight of each term of a sum, and its rules for the bands of `_BANDS`."""
 
     @classmethod
     def of(cls, brdf: Brdf, order: int, accuracy: float = ACCURACY) -> Self:
@@ -243,19 +223,7 @@ class ProductFunctions:
         return sum(max(rule.along * rule.around for rule in rules) for _, rules in self.terms)
 
     def coefficients(self, views: Array, order: int) -> Array:
-        """Project the product functions of views onto the harmonics.
-
-        Parameters
-        ----------
-        views : ndarray, shape (n, 3)
-            Directions to the viewer, unit, in the frame of the surface.
-        order : int
-            The largest degree l.
-
-        Returns
-        -------
-        ndarray, shape (n, (order+1)^2, channels)
-            Index l(l+1)+m; one channel for grey BRDFs, else three.
+        """Project the functions of all terms, as `ProductQuadrature.coefficients` does of one.
 
         Raises
         ------

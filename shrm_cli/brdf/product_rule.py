@@ -30,21 +30,14 @@ _LEAST_COSINE = 1e-3
 
 @record
 class LightRule:
-    """Nodes over the light for any view.
-
-    Attributes
-    ----------
-    center : {"reflection", "normal", "tangent"}
-        What the nodes crowd about.
-    width : float
-        The angle from it within which about half of a BRDF's energy lies, radians.
-    has_horizon : bool
-        Whether the nodes are above the horizon only.
-    """
+    """Nodes over the light for any view."""
 
     center: str
+    """What the nodes crowd about. One of "reflection", "normal" and "tangent"."""
     width: float
+    """The angle from it within which about half of a BRDF's energy lies, radians."""
     has_horizon: bool
+    """Whether the nodes are above the horizon only."""
 
     @classmethod
     def of(cls, brdf: Brdf) -> "LightRule":

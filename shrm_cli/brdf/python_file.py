@@ -24,21 +24,14 @@ _TERM = re.compile(r"(?P<path>.+?\.py)(:(?P<name>[^:]*))?(:(?P<values>.*))?")
 
 @record
 class FileTerm:
-    """A term that names a class in a Python file.
-
-    Attributes
-    ----------
-    path : Path
-        The file, which need not exist.
-    name : str
-        The class; empty if it is left out.
-    values : str, optional
-        What follows the second colon; None if there is none.
-    """
+    """A term that names a class in a Python file."""
 
     path: Path
+    """The file, which need not exist."""
     name: str
+    """The class; empty if it is left out."""
     values: str | None
+    """What follows the second colon; None if there is none."""
 
     @property
     def label(self) -> str:

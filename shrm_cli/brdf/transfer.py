@@ -63,40 +63,30 @@ _SCALE = 1000
 
 @record(eq=False)
 class TransferFunctions(Sampled):
-    """The lobes of a BRDF for all views, as harmonics of the light about the central direction.
-
-    Attributes
-    ----------
-    values : ndarray, shape (max_q+1, F+1, n, 3)
-        rho_hat_lq(theta_o) for q >= 0, indexed [q, l, node, channel]: ``2 pi`` times the integral
-        over the light of ``rho_hat f_lq(theta_i) cos(q phi)``, for views at azimuth 0. It is zero
-        where q > l, and the same for -q. Then
-        ``rho_hat_lpq = sum over nodes of weights f_pq(theta_o) values``.
-    theta_o, weights : ndarray, shape (n,)
-        The angles of the views from C, radians, ascending, and weights for the integral over
-        ``sin(theta_o) dtheta_o``. They are dense where views graze the surface.
-    total_energy : ndarray, shape (3,)
-        ``2 pi int int int rho_hat^2 sin(theta_i) sin(theta_o) dtheta_i dtheta_o dphi`` of each
-        channel, the right side of eq. 5.18.
-    samples : tuple of 3 int
-        The largest numbers of nodes in theta_i, theta_o and phi (over half a turn).
-    accuracy : float
-        The part of the energy that the sampling is estimated to miss.
-    asked : float
-        The accuracy that was asked for.
-    azimuths : ndarray, shape (n,)
-        Of an anisotropic BRDF the azimuths of the views from the tangent; see
-        `shrm_cli.brdf.brushed_transfer`. Empty for an isotropic one.
-    """
+    """The lobes of a BRDF for all views, as harmonics of the light about the central direction."""
 
     values: Array
+    """rho_hat_lq(theta_o) for q >= 0, indexed [q, l, node, channel]: ``2 pi`` times the integral
+    over the light of ``rho_hat f_lq(theta_i) cos(q phi)``, for views at azimuth 0, shape (max_q+1,
+    F+1, n, 3). It is zero where q > l, and the same for -q. Then ``rho_hat_lpq = sum over nodes of
+    weights f_pq(theta_o) values``."""
     theta_o: Array
     weights: Array
+    """`theta_o` and `weights`: the angles of the views from C, radians, ascending, and weights for
+    the integral over ``sin(theta_o) dtheta_o``, shape (n,). They are dense where views graze the
+    surface."""
     total_energy: Array
+    """``2 pi int int int rho_hat^2 sin(theta_i) sin(theta_o) dtheta_i dtheta_o dphi`` of each
+    channel, the right side of eq. 5.18, shape (3,)."""
     samples: tuple[int, int, int]
+    """The largest numbers of nodes in theta_i, theta_o and phi (over half a turn)."""
     accuracy: float
+    """The part of the energy that the sampling is estimated to miss."""
     asked: float
+    """The accuracy that was asked for."""
     azimuths: Array = field(default_factory=lambda: np.zeros(0))
+    """Of an anisotropic BRDF the azimuths of the views from the tangent; see
+    `shrm_cli.brdf.brushed_transfer`, shape (n,). Empty for an isotropic one."""
 
     def __post_init__(self) -> None:
         count = len(self.theta_o)

@@ -32,28 +32,18 @@ ASKED = Request("principal", error=policy.LEAST_ERROR)
 
 @record(eq=False)
 class Known:
-    """A map that could be made, and what is known of it before its errors are looked at closely.
-
-    Attributes
-    ----------
-    bytes : int
-    total_error : float
-        Its relative RMS error, roughly for maps of principal functions.
-    find : callable
-        Returns it as the planner knows it, with exact errors and the share of wrong pixels.
-    what : str
-        Its cubes in words.
-    cost : Cost
-    arguments : dict, optional
-        Those of `shrm_cli.prefilter.prefilter`; None where no arguments make it.
-    """
+    """A map that could be made, and what is known of it before its errors are looked at closely."""
 
     bytes: int
     total_error: float
+    """Its relative RMS error, roughly for maps of principal functions."""
     find: Callable[[], Candidate[Prefiltered]]
+    """Returns it as the planner knows it, with exact errors and the share of wrong pixels."""
     what: str
+    """Its cubes in words."""
     cost: Cost
     arguments: Mapping[str, Any] | None
+    """Those of `shrm_cli.prefilter.prefilter`; None where no arguments make it."""
 
     @cached_property
     def candidate(self) -> Candidate[Prefiltered]:

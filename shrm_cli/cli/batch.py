@@ -184,7 +184,8 @@ def batch(
     found = checked([job for entry in entries for job in entry.jobs(left_out)])
     chunks = by_probe(found) if found else _without_jobs(entries, left_out)
     if left_out and not is_quiet():
-        echo(_not_probes(left_out), err=True)
+        made = f"{counted(len(set(left_out)), 'file')} that shrm made of probes"
+        echo(f"{made}, such as {left_out[0]}: left out of the patterns", err=True)
     written = [commands, openjd] if commands or openjd else [collect, contact_page, log]
     check_others([each for each in written if each is not None], chunks)
     if commands or openjd:
@@ -241,12 +242,6 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
             engines=engines,
         )
     ]  # fmt: skip
-
-
-def _not_probes(names: list[str]) -> str:
-    """Return a line about files that patterns match, and that are no probes."""
-    files = counted(len(set(names)), "file")
-    return f"{files} that shrm made of probes, such as {names[0]}: left out of the patterns"
 
 
 def _without_jobs(entries: list[Entry], left_out: list[str]) -> list[Chunk]:
@@ -419,15 +414,17 @@ def _conclude(totals: Totals, log: str | None, predictions: list[dict[str, Any]]
 
 
 def _prediction_line(facts: dict[str, Any]) -> str:
-    """Return what outputs will be like, in words."""
+    """Return what outputs will be like, in words; not all forms have orders, or texels."""
     brdf = f", {facts['brdf']}" if facts["brdf"] else ""
     what = f"{facts['outputs']:,} of {facts['to']}{brdf}"
     if "engine" in facts:
         return f"{what} for {facts['engine']}"
     if "error" in facts:
         return f"{what}: {flags(facts['error'])}"
-    orders = f"F = {facts['order_f']}" + (f", P = {facts['order_p']}" if facts["brdf"] else "")
-    return (
-        f"{what}: {orders}, {facts['size']} texels, at most {facts['bytes']:,} bytes each, "
-        f"RMS error {facts['predicted_error']:.2%} (as of {facts['probe']})"
-    )
+    orders = [("F", "order_f"), *([("P", "order_p")] if facts["brdf"] else [])]
+    said = [f"{sign} = {facts[name]}" for sign, name in orders if name in facts]
+    said += [f"{facts['size']} texels"] if "size" in facts else []
+    said.append(f"at most {facts['bytes']:,} bytes each")
+    if facts.get("predicted_error") is not None:
+        said.append(f"RMS error {facts['predicted_error']:.2%}")
+    return f"{what}: {', '.join(said)} (as of {facts['probe']})"

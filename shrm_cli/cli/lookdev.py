@@ -102,7 +102,7 @@ def lookdev(
     from shrm_cli.lookdev.sheet import lookdev as made_of
     from shrm_cli.maps.request import check_arguments
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.frames import turntable
+    from shrm_cli.render.moving import turntable
     from shrm_cli.render.sheet import Grid
 
     suffix = Path(output).suffix.lower()

@@ -219,15 +219,9 @@ def _one_line(error: BaseException, arguments: list[str]) -> str:
     told = "internal error, please report it"
     if named and named not in _COMMANDS:
         told = f"the installed command {named!r} failed, please report it to its authors"
-    elif "shrm_cli.plugins" in sys.modules and (package := _culprit(error)):
+    elif (plugins := sys.modules.get("shrm_cli.plugins")) and (package := plugins.culprit(error)):
         told = f"the installed package {package!r} failed, please report it to its authors"
     return f"{told} ({what}); shrm --debug ... tells more"
-
-
-def _culprit(error: BaseException) -> str:
-    from shrm_cli.plugins import culprit
-
-    return culprit(error)
 
 
 def _command(arguments: list[str]) -> str:

@@ -72,7 +72,7 @@ def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str
         none, or the other way round.
     """
     from shrm_cli.files.animation import check_animation, is_animated
-    from shrm_cli.render.frames import check_one_file, frame_paths
+    from shrm_cli.render.moving import check_one_file, frame_paths
 
     moving = is_animated(output)
     refuse_inapplicable({"fps": Applies(moving, "to moving pictures, .apng, .gif and .mp4")})
@@ -111,8 +111,7 @@ def moments(
         If an option does not apply.
     """
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.frames import turntable
-    from shrm_cli.render.moving import Moment, moving_light
+    from shrm_cli.render.moving import Moment, moving_light, turntable
 
     blends = Applies(bool(values["blend_to"]), "with --blend-to")
     refuse_inapplicable({"blend": blends, "background_to": blends})

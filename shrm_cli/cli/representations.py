@@ -143,8 +143,8 @@ def _values(result: RepresentationResult) -> dict[str, Any]:
         "files": result.files,
         "bytes": result.stored,
         "seconds": result.seconds,
-        "relative_rmse": [_finite(each) for each in result.errors],
-        "relative_rmse_of_all": _finite(result.error),
+        "relative_rmse": result.errors,
+        "relative_rmse_of_all": result.error,
         **_seen(result),
         "failures": [flags(each) for each in result.failures],
     }
@@ -155,16 +155,11 @@ def _seen(result: RepresentationResult) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for key in ("median_relative_error", "p95_relative_error", "wrong_share", "negative_share"):
         *each, whole = [
-            None if found is None else _finite(getattr(found, key))
+            None if found is None else getattr(found, key)
             for found in (*result.differences, result.difference)
         ]
         values |= {key: each, f"{key}_of_all": whole}
     return values
-
-
-def _finite(value: float | None) -> float | None:
-    # JSON has no infinity.
-    return None if value is None or not math.isfinite(value) else value
 
 
 def _report(table: RepresentationTable, path: str) -> str:

@@ -86,12 +86,7 @@ def brushed_rules(maps: Sequence[Map]) -> dict[str, Applies]:
 
 
 def refuse_surface(maps: Sequence[Map]) -> None:
-    """Refuse the options of a surface that none of the maps needs.
-
-    Raises
-    ------
-    click.UsageError
-    """
+    """Refuse the options of a surface that none of the maps needs."""
     refuse_inapplicable(surface_rules(maps))
     if asked := [each.surface_arguments for each in maps if each.surface_arguments]:
         is_ggx = any("f0" in each for each in asked)
@@ -106,12 +101,7 @@ window_option = click.option(
 
 
 def refuse_window(maps: Sequence[Map]) -> None:
-    """Refuse --window where no map needs light.
-
-    Raises
-    ------
-    click.UsageError
-    """
+    """Refuse --window where no map needs light."""
     refuse_inapplicable({"window": to_unlit(maps)})
 
 

@@ -181,22 +181,14 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None) -> None:
 
 @dataclass(frozen=True)
 class Baked:
-    """A transfer, and the light that it is drawn under.
-
-    Attributes
-    ----------
-    transfer : Transfer
-    maps, names : list
-        The maps that pictures are drawn of, lit, and their files' names.
-    discs : tuple of Disc
-        Lamps that the maps' light lacks.
-    warnings : list of str
-    """
+    """A transfer, and the light that it is drawn under."""
 
     transfer: Transfer
     maps: list[Map]
     names: list[str]
+    """`maps` and `names`: the maps that pictures are drawn of, lit, and their files' names."""
     discs: tuple[Disc, ...]
+    """Lamps that the maps' light lacks."""
     warnings: list[str]
 
     def drawn(self, stage: Stage) -> list[list[Any]]:

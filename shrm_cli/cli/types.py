@@ -39,14 +39,14 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # click's type is gene
     """
 
     def __init__(self, name: str, parse: Callable[[str], Any], offered: Iterable[str] = ()) -> None:
-        self.name, self._parse, self._offered = name, parse, offered
+        self.name, self.parse, self._offered = name, parse, offered
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the value of a text; what is wrong with it becomes wrong usage of the option."""
         if not isinstance(value, str):
             return value
         try:
-            return self._parse(value)
+            return self.parse(value)
         except ValueError as error:
             self.fail(str(error), param, ctx)
 
@@ -84,7 +84,6 @@ def within(low: float, high: float) -> Parsed:
 
 _LARGEST = 1e30
 """The largest coordinate, as meshes have it."""
-_MOST_PIXELS = 1e9
 
 STOPS = within(-32, 32)
 """An exposure value, in stops."""
@@ -121,32 +120,30 @@ OF_PRIMARIES = Parsed("NAME|RX,RY,...", _primaries, PRIMARIES)
 """Primaries and white: a name such as ``acescg``, or eight finite numbers ``RX,RY,GX,GY,...``."""
 
 
-def _vector(text: str) -> tuple[float, ...]:
-    numbers = _numbers(text)
-    if len(numbers) != 3 or not all(abs(number) <= _LARGEST for number in numbers):
-        raise ValueError(f"{text!r} is not three numbers X,Y,Z such as 0,1,0")
-    return numbers
+def _several(name: str, wanted: str, largest: float = _LARGEST) -> Parsed:
+    """Return the type of as many numbers as its name has, none of which is too large."""
+
+    def parse(text: str) -> tuple[float, ...]:
+        numbers = _numbers(text)
+        if len(numbers) != name.count(",") + 1 or max(map(abs, numbers)) > largest:
+            raise ValueError(f"{text!r} is not {wanted}")
+        return numbers
+
+    return Parsed(name, parse)
 
 
-VECTOR = Parsed("X,Y,Z", _vector)
+VECTOR = _several("X,Y,Z", "three numbers X,Y,Z such as 0,1,0")
 """A point or a direction: three finite numbers."""
-
-
-def _circle(text: str) -> tuple[float, ...]:
-    numbers = _numbers(text)
-    if len(numbers) != 3 or not all(abs(number) < _MOST_PIXELS for number in numbers):
-        raise ValueError(f"{text!r} is not X,Y,RADIUS in pixels, such as 960,540,310")
-    return numbers
-
-
-CIRCLE = Parsed("X,Y,RADIUS", _circle)
+CIRCLE = _several("X,Y,RADIUS", "X,Y,RADIUS in pixels, such as 960,540,310", 1e9)
 """Where a ball is in a picture: its middle from the left and the top, and its radius."""
+BOX = _several("X0,Y0,Z0,X1,Y1,Z1", "six numbers X0,Y0,Z0,X1,Y1,Z1")
+"""Two corners of a box."""
 
 
 def _brush(text: str) -> str | tuple[float, ...]:
     if text == "uv":
         return text
-    direction = _vector(text)
+    direction: tuple[float, ...] = VECTOR.parse(text)
     if not any(direction):
         raise ValueError("0,0,0 is no direction")
     return direction
@@ -272,17 +269,6 @@ def _counts(text: str) -> tuple[int, ...]:
 
 COUNTS = Parsed("NX,NY,NZ", _counts)
 """Three whole numbers, 1 at least."""
-
-
-def _box(text: str) -> tuple[float, ...]:
-    numbers = _numbers(text)
-    if len(numbers) != 6 or not all(abs(number) <= _LARGEST for number in numbers):
-        raise ValueError(f"{text!r} is not six numbers X0,Y0,Z0,X1,Y1,Z1")
-    return numbers
-
-
-BOX = Parsed("X0,Y0,Z0,X1,Y1,Z1", _box)
-"""Two corners of a box."""
 
 
 def _components(text: str) -> int | float:

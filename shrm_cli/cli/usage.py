@@ -32,18 +32,12 @@ if TYPE_CHECKING:
 
 @record
 class Applies:
-    """Whether an option applies.
-
-    Attributes
-    ----------
-    holds : bool
-        Whether the option applies in this run.
-    words : str
-        Where the option applies, for the error message: ``with --probe`` or ``to maps``.
-    """
+    """Whether an option applies."""
 
     holds: bool
+    """Whether the option applies in this run."""
     words: str
+    """Where the option applies, for the error message: ``with --probe`` or ``to maps``."""
 
 
 def flags(message: str, typed: Iterable[str] | None = None) -> str:

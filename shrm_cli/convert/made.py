@@ -41,19 +41,12 @@ _ERRORS = {
 
 @record
 class Written:
-    """What is told of a conversion that was written.
-
-    Attributes
-    ----------
-    result : dict
-        As JSON has it.
-    report : str
-        As text.
-    warnings : list of str
-    """
+    """What is told of a conversion that was written."""
 
     result: dict[str, Any]
+    """As JSON has it."""
     report: str
+    """As text."""
     warnings: list[str]
 
 
@@ -78,21 +71,13 @@ def kept_precision(made: Map, precision: Precision) -> Precision:
 
 @record(eq=False)
 class ConvertedMap(Converted):
-    """A map of another representation, or the same one in another layout, or turned.
-
-    Attributes
-    ----------
-    map : Map
-    layout : Layout
-    orientation : {"openexr", "gl"}
-    notes : tuple of str
-        What is to be said of its colors.
-    """
+    """A map of another representation, or the same one in another layout, or turned."""
 
     map: Map
     layout: Layout
     orientation: Orientation
     notes: tuple[str, ...] = ()
+    """What is to be said of its colors."""
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
         """Write the map; see `Converted.save`."""
@@ -136,21 +121,13 @@ def _map_report(result: dict[str, Any]) -> str:
 
 @record(eq=False)
 class Layers(Converted):
-    """The textures that the code of a map reads.
-
-    Attributes
-    ----------
-    map : Map
-    name : str
-        What messages call the map.
-    code : str, optional
-        The code that reads them.
-    notes : tuple of str
-    """
+    """The textures that the code of a map reads."""
 
     map: Map
     name: str
+    """What messages call the map."""
     code: str | None
+    """The code that reads them."""
     notes: tuple[str, ...] = ()
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
@@ -182,21 +159,12 @@ class Layers(Converted):
 
 @record(eq=False)
 class ConvertedProbe(Converted):
-    """A probe in another layout.
-
-    Attributes
-    ----------
-    probe : Probe
-        The one that it was made of.
-    image : ndarray of float32, shape (rows, columns, 3)
-        As `to_layout` returns it.
-    layout : Layout
-    orientation : {"openexr", "gl"}
-    sampling : {"center", "border"}
-    """
+    """A probe in another layout."""
 
     probe: Probe
+    """The one that it was made of."""
     image: Array
+    """As `to_layout` returns it, float32 of shape (rows, columns, 3)."""
     layout: Layout
     orientation: Orientation
     sampling: Sampling

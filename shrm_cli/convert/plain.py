@@ -30,25 +30,15 @@ a dim map of few texels, a material has finer detail than its map."""
 
 @record(eq=False)
 class Seen(Converted):
-    """The light that a map reflects to a distant viewer, as a lat-long.
-
-    Attributes
-    ----------
-    map : Map
-    name : str
-        The file of the map.
-    picture : ndarray of float32, shape (rows, 2 rows, 3)
-    said : dict
-        The view, what a pixel's direction is, and the surface.
-    sampling : {"center", "border"}
-    warnings : tuple of str
-    notes : tuple of str
-    """
+    """The light that a map reflects to a distant viewer, as a lat-long."""
 
     map: Map
     name: str
+    """The file of the map."""
     picture: Array
+    """Float32 of shape (rows, 2 rows, 3)."""
     said: dict[str, Any]
+    """The view, what a pixel's direction is, and the surface."""
     sampling: Sampling
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -118,26 +108,15 @@ def seen_from(
 
 @record(eq=False)
 class Mips(Converted):
-    """The levels of a split sum as one mip-mapped file.
-
-    Attributes
-    ----------
-    map : Map
-    name : str
-        The file of the map.
-    levels : sequence of ndarray
-        All mip levels, down to one pixel.
-    roughness : list of float
-        Perceptual, of each.
-    layout : {"openexr", "latlong"}
-    sampling : {"center", "border"}
-    notes : tuple of str
-    """
+    """The levels of a split sum as one mip-mapped file."""
 
     map: Map
     name: str
+    """The file of the map."""
     levels: Sequence[Array]
+    """All mip levels, down to one pixel."""
     roughness: list[float]
+    """Perceptual, of each."""
     layout: Layout
     sampling: Sampling
     notes: tuple[str, ...] = ()

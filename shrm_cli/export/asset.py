@@ -39,21 +39,14 @@ _TYPES = {
 
 @record
 class Asset:
-    """A glTF file with all that it needs.
-
-    Attributes
-    ----------
-    path : str
-        The path of the file.
-    tree : dict
-        Its JSON, in which all views are of one buffer.
-    data : bytes
-        This buffer.
-    """
+    """A glTF file with all that it needs."""
 
     path: str
+    """The path of the file."""
     tree: Json
+    """Its JSON, in which all views are of one buffer."""
     data: bytes
+    """This buffer."""
 
     @property
     def scenes(self) -> int:

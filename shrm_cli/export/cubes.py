@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.export.decode import decoded
+from shrm_cli.export.blocks import astc, uastc
+from shrm_cli.export.dds import dds_image
 from shrm_cli.export.engine import Package
-from shrm_cli.export.ktx import can_compress, ktx2_cube
+from shrm_cli.export.ktx import can_compress, ktx2
 from shrm_cli.export.loss import loss
 from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.extras import install
+from shrm_cli.files.openimageio import image_of
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.sphere.cube import face_axes, turned_face
 from shrm_cli.vocabulary import FACES
@@ -100,7 +102,8 @@ def ktx2_file(
     compress = reads_zstd and can_compress()
     if reads_zstd and not compress and _LARGE not in made.told:
         made.told.append(_LARGE)
-    made.add_bytes(name, ktx2_cube(packed, levels[0].shape[1], texels, compress))
+    size = levels[0].shape[1]
+    made.add_bytes(name, ktx2(packed, (size, size, 0), texels, compress, faces=6))
 
 
 def packed_levels(
@@ -120,3 +123,34 @@ def packed_levels(
     made.tell_clipped(name, texels, clips)
     made.tell_lost(name, losses)
     return packed
+
+
+def decoded(data: bytes, texels: TexelFormat, count: int, size: int) -> Array:
+    """Return the light of packed images as a decoder sees it, shape (count, size, size, 3).
+
+    Other code than what packs them reads them: of BC6H this is OpenImageIO, of ASTC Arm's decoder.
+    UASTC HDR is rewritten as BC6H first, which has coarser ends.
+
+    Parameters
+    ----------
+    count, size : int
+        The number of images, which are squares, and the texels along their edges.
+    """
+    if texels.name in ("bc6h", "uastc"):
+        data = uastc.to_bc6h(data) if texels.name == "uastc" else data
+        image = image_of(dds_image(data, count * size, size), ".dds")
+        return image.reshape(count, size, size, 3)
+    if texels.edge > 1:
+        each = len(data) // count
+        images = (data[at : at + each] for at in range(0, len(data), each))
+        return np.stack([astc.decode(image, size, size, texels.edge) for image in images])
+    if texels.name == "rgba16f":
+        values = np.frombuffer(data, "<f2").reshape(count, size, size, 4)[..., :3]
+        return values.astype(float)
+    words = np.frombuffer(data, "<u4").reshape(count, size, size)
+    if texels.name == "rgb9e5":
+        mantissas = np.stack([words >> shift & 511 for shift in (0, 9, 18)], axis=-1)
+        return np.ldexp(mantissas.astype(float), (words >> 27).astype(int)[..., None] - 24)
+    # Unsigned floats are half floats without a sign and without their last bits.
+    channels = [(words & 2047) << 4, (words >> 11 & 2047) << 4, (words >> 22) << 5]
+    return np.stack(channels, axis=-1).astype(np.uint16).view(np.float16).astype(float)

@@ -32,51 +32,36 @@ from shrm_cli.vocabulary import ENGINES, TEXEL_FORMATS, LevelMapping
 
 @record
 class Light:
-    """Light as an engine asked for it, in world axes. What is not known is None.
-
-    Attributes
-    ----------
-    name : str
-        What the names of the files begin with.
-    source : str
-        The names of the files that it comes from, for the README.
-    levels : tuple of ndarray, shape (6 N_k, N_k, 3)
-        OpenEXR cubes of the split sum, of the engine's own sizes and roughnesses.
-    roughness : tuple of float
-        The perceptual roughness of each level.
-    lobe : str
-        The BRDF whose lobes the levels are of.
-    irradiance : Irradiance, optional
-        Nine coefficients of the light at most, windowed as was asked for: for harmonics.
-    diffuse : Irradiance, optional
-        As many coefficients as are known: for cubes of E.
-    skybox : ndarray, shape (6 N, N, 3), optional
-        The light itself, averaged over texels.
-    latlong : ndarray, shape (N, 2 N, 3), optional
-        The same as a lat-long, centre +Z, the left quarter +X.
-    table : ndarray, shape (N, N, 2), optional
-        The environment BRDF: scale and bias of f0, N.V across, roughness down from 0.
-    chromaticities : tuple of 8 float, optional
-        The primaries of the light.
-    asset : Asset, optional
-        A glTF file that the light is to be in.
-    discs : tuple of Disc
-        Lamps that all else is without.
-    """
+    """Light as an engine asked for it, in world axes. What is not known is None."""
 
     name: str
+    """What the names of the files begin with."""
     source: str
+    """The names of the files that it comes from, for the README."""
     levels: tuple[Array, ...] = ()
+    """OpenEXR cubes of the split sum, of the engine's own sizes and roughnesses, of shape (6 N_k,
+    N_k, 3) each."""
     roughness: tuple[float, ...] = ()
+    """The perceptual roughness of each level."""
     lobe: str = "ggx"
+    """The BRDF whose lobes the levels are of."""
     irradiance: Irradiance | None = None
+    """Nine coefficients of the light at most, windowed as was asked for: for harmonics."""
     diffuse: Irradiance | None = None
+    """As many coefficients as are known: for cubes of E."""
     skybox: Array | None = None
+    """The light itself, averaged over texels, shape (6 N, N, 3)."""
     latlong: Array | None = None
+    """The same as a lat-long, centre +Z, the left quarter +X, shape (N, 2 N, 3)."""
     table: Array | None = None
+    """The environment BRDF: scale and bias of f0, N.V across, roughness down from 0, shape (N, N,
+    2)."""
     chromaticities: tuple[float, ...] | None = None
+    """The primaries of the light."""
     asset: Asset | None = None
+    """A glTF file that the light is to be in."""
     discs: tuple[Disc, ...] = ()
+    """Lamps that all else is without."""
 
     def nine(self) -> Array | None:
         """Return the lighting coefficients L_lm of degrees 0 to 2, shape (9, 3), if known."""
@@ -97,31 +82,20 @@ class OutputFile:
 
 @dataclass
 class Package:
-    """The files of an export, and what is said about them.
-
-    Attributes
-    ----------
-    files : list of OutputFile
-    told : list of str
-        What was turned, scaled or packed, one sentence each, for the terminal and the README.
-    loading : list of str
-        Lines of the engine's code that load the files.
-    warnings : list of str
-    facts : dict
-        More for ``--json``.
-    losses : list of Loss
-        What packing loses of the levels of all files.
-    limit : float
-        The least brightness at which texels were clipped; infinite where none were.
-    """
+    """The files of an export, and what is said about them."""
 
     files: list[OutputFile] = field(default_factory=list)
     told: list[str] = field(default_factory=list)
+    """What was turned, scaled or packed, one sentence each, for the terminal and the README."""
     loading: list[str] = field(default_factory=list)
+    """Lines of the engine's code that load the files."""
     warnings: list[str] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
+    """More for ``--json``."""
     losses: list[Loss] = field(default_factory=list)
+    """What packing loses of the levels of all files."""
     limit: float = math.inf
+    """The least brightness at which texels were clipped; infinite where none were."""
 
     def add_bytes(self, name: str, data: bytes) -> None:
         """Add a file of some bytes."""
@@ -147,61 +121,46 @@ class Package:
 
 
 class Engine(ABC):
-    """An engine or viewer that light is exported for.
-
-    Attributes
-    ----------
-    name, title : str
-        As ``--for`` takes it, and as it is called.
-    default_size : int
-        Texels along an edge of level 0; for engines without levels, rows of the lat-long, where 0
-        is as many as the light has.
-    formats : tuple of str
-        The names of the texel formats that it reads, the default first; empty where there is no
-        choice.
-    spare : str, optional
-        Texels for light whose lamps its default changes by more than `packing.MAX_LAMP`.
-    auto : tuple of str
-        Those of its formats that ``auto`` chooses from, the smallest first: what every machine
-        that it runs on reads, which for desktops is not ASTC.
-    mapping : {"linear", "filament"}, optional
-        The `shrm_cli.maps.splitsum.roughness` law of its levels; None for a law of its own.
-    least : int
-        Texels along an edge of its last level.
-    wants_levels, wants_irradiance, wants_diffuse, wants_latlong : bool
-        Which attributes of `Light` it is given: levels of a split sum, nine coefficients, the
-        irradiance for cubes, the light as a lat-long.
-    lobes : tuple of str
-        The BRDFs whose split sums it reads.
-    default_skybox : int
-        Texels along an edge of the sharp cube that it is given by default, at most; 0 for none.
-    takes_skybox, takes_table, takes_asset : bool
-        Whether ``--skybox``, ``--dfg`` and ``--into`` apply.
-    lamps : int
-        The most directional lights that it shades with, where ``--sun split`` has lines for it.
-    sampler : Sampler, optional
-        How it filters a panorama, where that is known; ``--firefly-safe`` applies then.
-    """
+    """An engine or viewer that light is exported for."""
 
     name: ClassVar[str]
     title: ClassVar[str]
+    """`name` and `title`: as ``--for`` takes it, and as it is called."""
     default_size: ClassVar[int] = 256
+    """Texels along an edge of level 0; for engines without levels, rows of the lat-long, where 0 is
+    as many as the light has."""
     formats: ClassVar[tuple[str, ...]] = ()
+    """The names of the texel formats that it reads, the default first; empty where there is no
+    choice."""
     spare: ClassVar[str | None] = None
+    """Texels for light whose lamps its default changes by more than `packing.MAX_LAMP`."""
     auto: ClassVar[tuple[str, ...]] = ("bc6h", "rgb9e5", "r11g11b10", "rgba16f")
+    """Those of its formats that ``auto`` chooses from, the smallest first: what every machine that
+    it runs on reads, which for desktops is not ASTC."""
     mapping: ClassVar[LevelMapping | None] = None
+    """The `shrm_cli.maps.splitsum.roughness` law of its levels; None for a law of its own."""
     lobes: ClassVar[tuple[str, ...]] = ("ggx",)
+    """The BRDFs whose split sums it reads."""
     least: ClassVar[int] = 1
+    """Texels along an edge of its last level."""
     wants_levels: ClassVar[bool] = True
     wants_irradiance: ClassVar[bool] = True
     wants_diffuse: ClassVar[bool] = False
     wants_latlong: ClassVar[bool] = False
+    """`wants_levels`, `wants_irradiance`, `wants_diffuse` and `wants_latlong`: which attributes of
+    `Light` it is given: levels of a split sum, nine coefficients, the irradiance for cubes, the
+    light as a lat-long."""
     default_skybox: ClassVar[int] = 0
+    """Texels along an edge of the sharp cube that it is given by default, at most; 0 for none."""
     takes_skybox: ClassVar[bool] = False
     takes_table: ClassVar[bool] = False
     takes_asset: ClassVar[bool] = False
+    """`takes_skybox`, `takes_table` and `takes_asset`: whether ``--skybox``, ``--dfg`` and
+    ``--into`` apply."""
     lamps: ClassVar[int] = 0
+    """The most directional lights that it shades with, where ``--sun split`` has lines for it."""
     sampler: ClassVar[Sampler | None] = None
+    """How it filters a panorama, where that is known; ``--firefly-safe`` applies then."""
 
     def boxed(self, box: ProxyBox) -> list[str]:
         """Return lines of code by which the engine looks light up in a box; none if it cannot."""

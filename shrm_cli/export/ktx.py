@@ -104,51 +104,27 @@ def can_compress() -> bool:
     return find_spec("zstandard") is not None
 
 
-def ktx2_volume(
-    data: bytes, shape: tuple[int, int, int], texels: TexelFormat, compress: bool
-) -> bytes:
-    """Return a KTX 2 file of a volume without mips.
-
-    Parameters
-    ----------
-    data : bytes
-        The encoded texels; x runs fastest, then y, then z.
-    shape : tuple of 3 int
-        Texels along x, y and z.
-    compress : bool
-        As `ktx2_cube` takes it.
-    """
-    return _ktx2([data], shape, texels, compress, 1)
-
-
-def ktx2_cube(
-    levels: Sequence[bytes], size: int, texels: TexelFormat, compress: bool, faces: int = 6
-) -> bytes:
-    """Return a KTX 2 file of a cube.
-
-    Parameters
-    ----------
-    levels : sequence of bytes
-        The encoded faces of each mip, in the order +X -X +Y -Y +Z -Z; each mip has half the size
-        of the one before.
-    size : int
-        Texels along an edge of the first mip.
-    compress : bool
-        Whether each mip is compressed by Zstandard, which needs the extra ``export``.
-    faces : int
-        6 of a cube, and 1 of a square picture.
-    """
-    return _ktx2(levels, (size, size, 0), texels, compress, faces)
-
-
-def _ktx2(
+def ktx2(
     levels: Sequence[bytes],
     shape: tuple[int, int, int],
     texels: TexelFormat,
     compress: bool,
-    faces: int,
+    faces: int = 1,
 ) -> bytes:
-    """Return a KTX 2 file of mips; a depth of 0 is that of pictures and cubes."""
+    """Return a KTX 2 file of a cube, a picture or a volume.
+
+    Parameters
+    ----------
+    levels : sequence of bytes
+        The encoded texels of each mip, which has half the size of the one before: the faces of a
+        cube in the order +X -X +Y -Y +Z -Z; of a volume x runs fastest, then y, then z.
+    shape : tuple of 3 int
+        Texels along x, y and z of the first mip. The depth of pictures and cubes is 0.
+    compress : bool
+        Whether each mip is compressed by Zstandard, which needs the extra ``export``.
+    faces : int
+        6 of a cube.
+    """
     number, type_size, samples = _VULKAN[texels.name]
     stored = [_compressed(mip) for mip in levels] if compress else list(levels)
     descriptor = _descriptor(samples, texels)

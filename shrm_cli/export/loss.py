@@ -15,24 +15,16 @@ _LAMP = 0.01
 
 @record
 class Loss:
-    """The differences between a level and what is read of it again, as parts of 1.
-
-    Attributes
-    ----------
-    what : str
-        The level, such as ``"level 0"``.
-    rms : float
-        Root mean square of the differences, relative to that of the light.
-    p95 : float
-        95 % of the texels differ by less, relative to their own light.
-    lamp : float
-        The largest change of the energy of a lamp; 0 without lamps.
-    """
+    """The differences between a level and what is read of it again, as parts of 1."""
 
     what: str
+    """The level, such as ``"level 0"``."""
     rms: float
+    """Root mean square of the differences, relative to that of the light."""
     p95: float
+    """95 % of the texels differ by less, relative to their own light."""
     lamp: float
+    """The largest change of the energy of a lamp; 0 without lamps."""
 
     @property
     def worst(self) -> float:

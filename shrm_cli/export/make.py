@@ -53,26 +53,17 @@ TABLE_SIZE = 128
 
 @record
 class Source:
-    """What is exported: a probe, or a split sum, an irradiance map, or both.
-
-    Attributes
-    ----------
-    name : str
-        What the names of the files begin with.
-    title : str
-        The names of the files it comes from, for the README.
-    probe : Probe, optional
-    split, irradiance : SplitSum, Irradiance, optional
-    path : str
-        The file of the split sum, for messages.
-    """
+    """What is exported: a probe, or a split sum, an irradiance map, or both."""
 
     name: str
+    """What the names of the files begin with."""
     title: str
+    """The names of the files it comes from, for the README."""
     probe: Probe | None = None
     split: SplitSum | None = None
     irradiance: Irradiance | None = None
     path: str = ""
+    """The file of the split sum, for messages."""
 
     @classmethod
     def of_maps(cls, name: str, maps: Sequence[tuple[str, Map]]) -> "Source":
@@ -219,8 +210,6 @@ def export(
     source : Source
     engine : Engine
     asked : Asked
-    progress : callable, optional
-        Called with the work done, and in all.
 
     Returns
     -------
@@ -286,12 +275,7 @@ def _readme(engine: Engine, light: Light, package: Package) -> str:
 
 
 def check(engine: Engine, asked: Asked) -> None:
-    """Refuse what an engine has not, before work begins.
-
-    Raises
-    ------
-    ArgumentError
-    """
+    """Refuse what an engine has not, before work begins."""
     if asked.max_error is not None and not engine.formats:
         raise ArgumentError("max_error", f"does not apply; {engine.title} has one format")
     formats = [*engine.formats, *(["auto"] if engine.formats else [])]

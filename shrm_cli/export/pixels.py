@@ -24,52 +24,36 @@ Words = NDArray[np.unsignedinteger]
 
 @record
 class TexelFormat:
-    """A packed format of RGB texels.
-
-    Attributes
-    ----------
-    name : str
-        One of `vocabulary.TEXEL_FORMATS`.
-    title : str
-        The name that graphics interfaces give it.
-    largest : tuple of 3 float
-        The largest finite value of red, green and blue.
-    size : int
-        Bytes of a texel, or of a block of texels.
-    pack : callable
-        From values within range, shape (..., 3), to words of the machine's byte order: uint32 of
-        shape (...), or uint16 of shape (..., 4); bytes of blocks.
-    edge : int
-        Texels along an edge of a block.
-    """
+    """A packed format of RGB texels."""
 
     name: str
+    """One of `vocabulary.TEXEL_FORMATS`."""
     title: str
+    """The name that graphics interfaces give it."""
     largest: tuple[float, float, float]
+    """The largest finite value of red, green and blue."""
     size: int
+    """Bytes of a texel, or of a block of texels."""
     pack: Callable[[Array], Words]
+    """From values within range, shape (..., 3), to words of the machine's byte order: uint32 of
+    shape (...), or uint16 of shape (..., 4); bytes of blocks."""
     edge: int = 1
+    """Texels along an edge of a block."""
 
 
 @record
 class Clipped:
-    """What a format could not hold of one image.
-
-    Attributes
-    ----------
-    what : str
-        The image, such as ``"level 0"``.
-    above, below : int
-        Texels with a channel above the largest value, and with a negative one.
-    most, least : float
-        The largest and the least value that there was.
-    """
+    """What a format could not hold of one image."""
 
     what: str
+    """The image, such as ``"level 0"``."""
     above: int
     below: int
+    """`above` and `below`: texels with a channel above the largest value, and with a negative
+    one."""
     most: float
     least: float
+    """`most` and `least`: the largest and the least value that there was."""
 
 
 def limited(image: Array, chosen: TexelFormat, what: str) -> tuple[Array, Clipped]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import OutputError
-from shrm_cli.export.ktx import ktx2_cube
+from shrm_cli.export.ktx import ktx2
 from shrm_cli.export.pixels import FORMATS, TexelFormat
 from shrm_cli.files.png import write_png
 from shrm_cli.files.whole import replacing
@@ -60,10 +60,10 @@ def _write_ktx2(path: str | os.PathLike[str], values: Array, precision: Precisio
     """Write RGBA, whose alpha is 1."""
     is_float = precision == "float"
     texels = _FLOAT if is_float else FORMATS["rgba16f"]
-    words = texels.pack(values)
+    words, size = texels.pack(values), len(values)
     data = words.astype(words.dtype.newbyteorder("<")).tobytes()
     with replacing(path) as temporary:
-        temporary.write_bytes(ktx2_cube([data], len(values), texels, compress=False, faces=1))
+        temporary.write_bytes(ktx2([data], (size, size, 0), texels, compress=False))
     return "float" if is_float else "half"
 
 

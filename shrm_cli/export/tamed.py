@@ -20,27 +20,19 @@ _LEAST = 0.01
 
 @record
 class Sampler:
-    """How an engine filters a panorama.
-
-    Attributes
-    ----------
-    edge : int
-        Texels along an edge of the cube that it makes of the panorama.
-    radius : float
-        Of the discs, in degrees: what its sharpest level resolves.
-    roughness : tuple of float
-        The perceptual roughness of its levels.
-    bare, spread : tuple of float
-        How much of its reflection a level is off by under one lamp alone, of a pixel, and spread
-        over a disc: the RMS of the differences to GGX's lobe, relative to that of the lobe.
-        `tests/export/test_tamed.py` runs the filter, written out again.
-    """
+    """How an engine filters a panorama."""
 
     edge: int
+    """Texels along an edge of the cube that it makes of the panorama."""
     radius: float
+    """Of the discs, in degrees: what its sharpest level resolves."""
     roughness: tuple[float, ...]
+    """The perceptual roughness of its levels."""
     bare: tuple[float, ...]
     spread: tuple[float, ...]
+    """`bare` and `spread`: how much of its reflection a level is off by under one lamp alone, of a
+    pixel, and spread over a disc: the RMS of the differences to GGX's lobe, relative to that of the
+    lobe. `tests/export/test_tamed.py` runs the filter, written out again."""
 
     @property
     def rows(self) -> int:

@@ -35,7 +35,7 @@ def html_page(
     network: str = "'none'",
     framed: tuple[str, str] = ("", ""),
 ) -> str:
-    """Return a page.
+    """Return a page: HTML, to be written as UTF-8.
 
     Parameters
     ----------
@@ -50,11 +50,6 @@ def html_page(
     framed : tuple of (str, str)
         Digests of scripts and styles of pages that are framed in it: they obey its policy besides
         their own.
-
-    Returns
-    -------
-    str
-        HTML, to be written as UTF-8.
     """
     scripts = " ".join(filter(None, [digest(script) if script else "", framed[0]])) or "'none'"
     styles = " ".join(filter(None, [digest(style), framed[1]]))

@@ -18,7 +18,7 @@ def write_image(
     precision: Precision = "auto",
     attributes: Mapping[str, Any] | None = None,
 ) -> PixelType:
-    """Write an RGB image, whole or not at all.
+    """Write an RGB image, whole or not at all, and return the pixel type.
 
     Parameters
     ----------
@@ -28,11 +28,6 @@ def write_image(
         ``auto`` is half unless a value exceeds its range.
     attributes : mapping, optional
         Attributes of the file by name.
-
-    Returns
-    -------
-    str
-        The pixel type written, ``"half"`` or ``"float"``.
 
     Raises
     ------
@@ -49,7 +44,7 @@ def write_images(
     precision: Precision = "auto",
     attributes: Mapping[str, Any] | None = None,
 ) -> PixelType:
-    """Write images that belong together, all with the same pixel type, or none of them.
+    """Write images of the same pixel type, which is returned, or none of them.
 
     Parameters
     ----------
@@ -59,11 +54,6 @@ def write_images(
         Scene-linear values; all images have the same shape.
     precision, attributes
         As in `write_image`.
-
-    Returns
-    -------
-    str
-        The pixel type written, ``"half"`` or ``"float"``.
 
     Raises
     ------

@@ -27,7 +27,7 @@ _BRACKETS = re.compile(r"[][{}]")
 
 
 def parse_json(text: object, most_depth: int = _MOST_DEPTH) -> Any:
-    """Return the value of a text in JSON.
+    """Return the value of a text in JSON: numbers are finite, and texts can be encoded.
 
     Parameters
     ----------
@@ -35,11 +35,6 @@ def parse_json(text: object, most_depth: int = _MOST_DEPTH) -> Any:
         The value of an attribute, which may be no text at all.
     most_depth : int
         The most lists and objects within each other.
-
-    Returns
-    -------
-    dict, list, str, float, int, bool or None
-        Numbers are finite, and texts can be encoded.
 
     Raises
     ------

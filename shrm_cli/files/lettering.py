@@ -13,17 +13,12 @@ _ELLIPSIS = "..."  # the font has no single character for an ellipsis
 
 
 def shorten(text: str, fits: Callable[[str], bool]) -> str:
-    """Shorten a text in its middle as far as it must be to fit.
+    """Shorten a text in its middle until it fits, to nothing if not even the ellipsis does.
 
     Parameters
     ----------
     fits : callable
         Whether a text is short enough.
-
-    Returns
-    -------
-    str
-        Empty if not even the ellipsis fits.
     """
     if fits(text):
         return text

@@ -26,7 +26,7 @@ def write_mipmap(
     precision: Precision = "auto",
     attributes: Mapping[str, Any] | None = None,
 ) -> PixelType:
-    """Write a tiled, mip-mapped RGB image with ZIP compression, whole or not at all.
+    """Write a tiled, mip-mapped RGB image with ZIP compression, whole; return the pixel type.
 
     Parameters
     ----------
@@ -36,11 +36,6 @@ def write_mipmap(
     attributes : mapping, optional
         Texts, numbers and ``chromaticities`` by name. ``envmap`` of ``latlong`` marks a
         border-sampled lat-long, as texture systems want it.
-
-    Returns
-    -------
-    {"half", "float"}
-        The pixel type written.
 
     Raises
     ------

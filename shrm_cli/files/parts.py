@@ -38,41 +38,27 @@ LARGE = 2**20
 
 @record(eq=False)
 class Part:
-    """One part of a file to write.
-
-    Attributes
-    ----------
-    channels : dict of str to ndarray, shape (H, W)
-        Channels by name.
-    header : dict
-        Attributes by name: numbers, text or tuples of numbers. ``name`` is the name of the part,
-        which every part of a file with several parts must have. ``envmap`` says that the image is
-        a border-sampled environment map, and is its layout: ``"openexr"`` or ``"latlong"``.
-        ``displayWindow`` is the width and height of the canvas that parts of different sizes
-        share.
-    is_table : bool
-        Whether it holds numbers of about 1 that images are multiplied with, which half always
-        holds well enough, instead of an image.
-    """
+    """One part of a file to write."""
 
     channels: dict[str, Array]
+    """Channels by name."""
     header: dict[str, Any] = field(default_factory=dict)
+    """Attributes by name: numbers, text or tuples of numbers. ``name`` is the name of the part,
+    which every part of a file with several parts must have. ``envmap`` says that the image is a
+    border-sampled environment map, and is its layout: ``"openexr"`` or ``"latlong"``.
+    ``displayWindow`` is the width and height of the canvas that parts of different sizes share."""
     is_table: bool = False
+    """Whether it holds numbers of about 1 that images are multiplied with, which half always holds
+    well enough, instead of an image."""
 
 
 @record
 class Storage:
-    """How values are stored.
-
-    Attributes
-    ----------
-    pixel_type : {"half", "float"}
-    half_error : float
-        The relative RMS error that half makes, or would make; infinite where it would overflow.
-    """
+    """How values are stored."""
 
     pixel_type: PixelType
     half_error: float
+    """The relative RMS error that half makes, or would make; infinite where it would overflow."""
 
     @property
     def error(self) -> float:
@@ -82,28 +68,19 @@ class Storage:
 
 
 class StoredPart(ABC):
-    """One part of an opened file.
-
-    Attributes
-    ----------
-    path : str
-        Name of the file, for messages.
-    name : str
-        Name of the part; empty if it has none.
-    width, height : int
-        Pixels.
-    channel_names : tuple of str
-    border_sampled : bool
-        Whether the file says that the pixels at the edge of the image lie on the poles, the seam
-        or the cube's edges.
-    """
+    """One part of an opened file."""
 
     path: str
+    """Name of the file, for messages."""
     name: str
+    """Name of the part; empty if it has none."""
     width: int
     height: int
+    """`width` and `height`: pixels."""
     channel_names: tuple[str, ...]
     border_sampled: bool
+    """Whether the file says that the pixels at the edge of the image lie on the poles, the seam or
+    the cube's edges."""
 
     @abstractmethod
     def attribute(self, name: str) -> Any:
@@ -130,17 +107,12 @@ class StoredPart(ABC):
 
 
 def sound_primaries(value: Any) -> tuple[float, ...] | None:
-    """Return the chromaticities of an attribute: CIE x and y of red, green, blue and white.
+    """Return the primaries and white of an attribute, if it is eight finite numbers, or None.
 
     Parameters
     ----------
     value : object
         The value of the attribute, or None.
-
-    Returns
-    -------
-    tuple of 8 float or None
-        None if the value is anything else than eight finite numbers.
     """
     if not isinstance(value, tuple) or len(value) != 8:
         return None
@@ -149,21 +121,14 @@ def sound_primaries(value: Any) -> tuple[float, ...] | None:
 
 
 class StoredFile(ABC):
-    """An opened file.
-
-    Attributes
-    ----------
-    path : str
-    part_count : int
-        The number of parts according to the beginning of the file. It is known before the parts
-        themselves are read.
-    first : StoredPart
-        The first part.
-    """
+    """An opened file."""
 
     path: str
     part_count: int
+    """The number of parts according to the beginning of the file. It is known before the parts
+    themselves are read."""
     first: StoredPart
+    """The first part."""
 
     @cached_property
     @abstractmethod
@@ -174,17 +139,12 @@ class StoredFile(ABC):
 def write_parts(
     path: str | os.PathLike[str], parts: Sequence[Part], precision: Precision = "auto"
 ) -> PixelType:
-    """Write a file, whole or not at all, in the container format of its suffix.
+    """Write a file, whole or not at all, as its suffix says, and return the pixel type.
 
     Parameters
     ----------
     precision : {"auto", "half", "float"}
         ``auto`` is half unless a value exceeds its range, or light is so dim that it loses digits.
-
-    Returns
-    -------
-    {"half", "float"}
-        The pixel type written.
 
     Raises
     ------

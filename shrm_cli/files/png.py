@@ -16,17 +16,12 @@ _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 
 
 def encode_srgb(pixels: ArrayLike) -> NDArray[np.uint8]:
-    """Encode linear Rec.709 values as 8-bit sRGB, after clipping them to 0 .. 1.
+    """Encode linear Rec.709 values as 8-bit sRGB, clipped to 0 .. 1, of the same shape.
 
     Parameters
     ----------
     pixels : array_like
         Of any shape.
-
-    Returns
-    -------
-    ndarray of uint8
-        Of the same shape.
 
     References
     ----------

@@ -43,8 +43,7 @@ def matching(pattern: str) -> list[str]:
     RemoteError
         If the place cannot be listed.
     """
-    with _errors(pattern):
-        system, path = _opened(pattern)
+    with _reached(pattern) as (system, path):
         found = system.glob(path, detail=True)
         files = sorted(name for name, facts in found.items() if facts["type"] == "file")
         return [_url_of(pattern, path, name, system) for name in files]
@@ -58,8 +57,7 @@ def exists(url: str) -> bool:
     RemoteError
         If the place cannot be asked.
     """
-    with _errors(url):
-        system, path = _opened(url)
+    with _reached(url) as (system, path):
         try:
             return system.info(path)["type"] == "file"
         except FileNotFoundError:
@@ -86,8 +84,7 @@ def fetched(
         If the file cannot be fetched, has more bytes, or ends before its stated size.
     """
     with scratch_folder(folder) as own:
-        with _errors(url):
-            system, path = _opened(url)
+        with _reached(url) as (system, path):
             copy = own / _name_of(url)
             _download(system, path, copy, shown(url), most_bytes)
         yield copy
@@ -133,8 +130,7 @@ def publish(local: str | os.PathLike[str], url: str) -> None:
     RemoteError
         If the file cannot be uploaded.
     """
-    with _errors(url):
-        system, path = _opened(url)
+    with _reached(url) as (system, path):
         if not _renames(system):
             system.put_file(os.fspath(local), path)
             return
@@ -249,14 +245,14 @@ def _name_of(url: str) -> str:
 
 
 @contextlib.contextmanager
-def _errors(url: str) -> Iterator[None]:
-    """Turn whatever a file system raises into a RemoteError of one line.
+def _reached(url: str) -> Iterator[tuple[Any, str]]:
+    """Yield the file system of a URL and the path in it; what it raises becomes a RemoteError.
 
     Each package has exceptions of its own: those of network libraries, of missing credentials and
     of servers' refusals have no base class in common but Exception.
     """
     try:
-        yield
+        yield _opened(url)
     except RemoteError:
         raise
     except FileNotFoundError as error:  # which fsspec also raises for web servers that are away

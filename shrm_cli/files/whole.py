@@ -201,8 +201,9 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         with open(temporary, "rb+") as stream:
             os.fsync(stream.fileno())
-        if str(target) in _kept.get() and target.exists():
-            _check_same(temporary, target)
+        is_kept = str(target) in _kept.get() and target.exists()
+        if is_kept and not filecmp.cmp(temporary, target, shallow=False):
+            raise kept(target, "other inputs or options made it")
         waiting = _together.get()
         if waiting is None:
             os.replace(temporary, target)
@@ -255,11 +256,6 @@ def together() -> Iterator[None]:
 def cut_off() -> OSError:
     """Return the error of a file that has no end, though the library that wrote it reports none."""
     return OSError(0, "it was not written whole; is the disk full?")
-
-
-def _check_same(temporary: Path, target: Path) -> None:
-    if not filecmp.cmp(temporary, target, shallow=False):
-        raise kept(target, "other inputs or options made it")
 
 
 def kept(target: str | os.PathLike[str], why: str) -> OutputError:

@@ -27,51 +27,37 @@ _SINGULAR = 1e-30
 
 @record(eq=False)
 class Mesh:
-    """Triangles that share vertices.
-
-    Attributes
-    ----------
-    name : str
-        The name of its file, for messages.
-    vertices : ndarray, shape (n, 3)
-        Positions in world axes, in whatever unit the file has. Each belongs to a triangle.
-    faces : ndarray of int64, shape (m, 3)
-        Vertices of each triangle, counterclockwise as seen from the outside.
-    normals : ndarray, shape (n, 3)
-        Unit, smooth; the file's own where it has them.
-    uvs : ndarray, shape (n, 2), optional
-        Texture coordinates, v upwards.
-    uvs_1 : ndarray, shape (n, 2), optional
-        The second set of them.
-    tangents : ndarray, shape (n, 4), optional
-        Those of the file: the direction in which u grows, and 1 or -1, the sign of v's direction
-        N x T; NaN where the file has none.
-    colors : ndarray, shape (n, 3), optional
-        Colours of the vertices as the file has them, integers as fractions of their largest.
-    materials : tuple of SurfaceMaterial
-        glTF and OBJ files tell them, and any file with vertex colours has one.
-    face_materials : ndarray of int64, shape (m,)
-        For each triangle its index in `materials`; -1 for none.
-    file_vertices : ndarray of int64, shape (n,)
-        Which vertex of its file each vertex is, see `load_mesh`. Several of a mesh are one of its
-        file where the file gives it several normals or texture coordinates.
-    file_rows : ndarray of int64, shape (k,)
-        For each vertex of the file the vertex of the mesh that it is, the first one of several; -1
-        for those that belong to no triangle with an area.
-    """
+    """Triangles that share vertices."""
 
     name: str
+    """The name of its file, for messages."""
     vertices: Array
+    """Positions in world axes, in whatever unit the file has, shape (n, 3). Each belongs to a
+    triangle."""
     faces: Integers
+    """Vertices of each triangle, counterclockwise as seen from the outside, shape (m, 3)."""
     normals: Array
+    """Unit, smooth; the file's own where it has them, shape (n, 3)."""
     uvs: Array | None
+    """Texture coordinates, v upwards, shape (n, 2)."""
     uvs_1: Array | None
+    """The second set of them, shape (n, 2)."""
     tangents: Array | None
+    """Those of the file: the direction in which u grows, and 1 or -1, the sign of v's direction N x
+    T; NaN where the file has none, shape (n, 4)."""
     colors: Array | None
+    """Colours of the vertices as the file has them, integers as fractions of their largest, shape
+    (n, 3)."""
     materials: tuple[SurfaceMaterial, ...]
+    """glTF and OBJ files tell them, and any file with vertex colours has one."""
     face_materials: Integers
+    """For each triangle its index in `materials`; -1 for none, shape (m,)."""
     file_vertices: Integers
+    """Which vertex of its file each vertex is, see `load_mesh`, shape (n,). Several of a mesh are
+    one of its file where the file gives it several normals or texture coordinates."""
     file_rows: Integers
+    """For each vertex of the file the vertex of the mesh that it is, the first one of several; -1
+    for those that belong to no triangle with an area, shape (k,)."""
 
     @property
     def bounds(self) -> Array:
@@ -83,7 +69,7 @@ class Mesh:
         return self.vertices[self.faces[np.asarray(faces)]]
 
     def interpolated(self, values: Array, faces: ArrayLike, barycentric: Array) -> Array:
-        """Interpolate values at the vertices to points of triangles.
+        """Interpolate values at the vertices to points of triangles, shape (k, channels).
 
         Parameters
         ----------
@@ -91,10 +77,6 @@ class Mesh:
         faces : array_like of int, shape (k,)
         barycentric : ndarray, shape (k, 3)
             Weights of the three corners of each triangle.
-
-        Returns
-        -------
-        ndarray, shape (k, channels)
         """
         return np.einsum("kc,kcv->kv", barycentric, values[self.faces[np.asarray(faces)]])
 

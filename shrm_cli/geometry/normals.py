@@ -100,7 +100,7 @@ def _unit(vectors: Array) -> Array:
 
 
 def smooth_points(mesh: "Mesh", faces: Integers, weights: Array, normals: Array) -> Array:
-    """Return points of the smooth surface that the normals belong to, from where to trace rays.
+    """Return points of the smooth surface of the normals, to trace rays from, shape (n, 3).
 
     From the flat triangles themselves, rays of low lamps would meet their neighbours, and the edge
     of the light would show the triangles (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing
@@ -118,10 +118,6 @@ def smooth_points(mesh: "Mesh", faces: Integers, weights: Array, normals: Array)
         Barycentric.
     normals : ndarray, shape (n, 3)
         Those of the side that is looked from.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
     """
     corners = mesh.faces[faces]
     points = mesh.interpolated(mesh.vertices, faces, weights)

@@ -79,7 +79,7 @@ class Rays:
         return faces, weights, distance
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether rays meet any triangle.
+        """Return whether rays meet any triangle, bool of shape (k,).
 
         Rays begin a little in front of their origin (1e-5 of half the diagonal of the mesh), so
         that points of the surface do not hide themselves.
@@ -88,10 +88,6 @@ class Rays:
         ----------
         origins, directions : array_like, shape (k, 3), broadcastable
             In the mesh's own coordinates; directions are unit.
-
-        Returns
-        -------
-        ndarray of bool, shape (k,)
         """
         start, along = np.broadcast_arrays(
             np.asarray(origins, dtype=float), np.asarray(directions, dtype=float)

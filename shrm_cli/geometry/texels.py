@@ -31,21 +31,15 @@ _MOST_INSET = 0.25
 
 @record(eq=False)
 class Texels:
-    """A texture over a mesh, of whose texels some are rows of other arrays.
-
-    Attributes
-    ----------
-    rows : ndarray of int, shape (height, width)
-        The row of each texel, -1 for none; the first line is the top, where v is 1.
-    texcoords : ndarray, shape (m, 3, 2)
-        Where the corners of each triangle lie, v upwards.
-    positions : ndarray, shape (k, 3)
-        Where the points lie that the rows stand for.
-    """
+    """A texture over a mesh, of whose texels some are rows of other arrays."""
 
     rows: NDArray[np.integer]
+    """The row of each texel, -1 for none; the first line is the top, where v is 1, shape (height,
+    width)."""
     texcoords: Array
+    """Where the corners of each triangle lie, v upwards, shape (m, 3, 2)."""
     positions: Array
+    """Where the points lie that the rows stand for, shape (k, 3)."""
 
     def places(self, faces: NDArray[np.integer], weights: Array) -> tuple[Integers, Array]:
         """Return which rows points of the mesh look up, and the share of each, bilinearly.
@@ -78,29 +72,20 @@ class Texels:
 
 @record(eq=False)
 class Sampled:
-    """The texels of some charts of a mesh, and the points that they stand for.
-
-    Attributes
-    ----------
-    rows : ndarray of int32, shape (height, width)
-        As those of `Texels`.
-    texcoords : ndarray, shape (m, 3, 2)
-    faces : ndarray of int64, shape (k,)
-        The triangle of each row's point.
-    weights : ndarray, shape (k, 3)
-        Its place there, barycentric.
-    is_apart : bool
-        Whether no texel is of two charts.
-    is_flat : bool
-        Whether no two triangles cover the middle of one texel.
-    """
+    """The texels of some charts of a mesh, and the points that they stand for."""
 
     rows: NDArray[np.int32]
+    """As those of `Texels`, shape (height, width)."""
     texcoords: Array
+    """Shape (m, 3, 2)."""
     faces: Integers
+    """The triangle of each row's point, shape (k,)."""
     weights: Array
+    """Its place there, barycentric, shape (k, 3)."""
     is_apart: bool
+    """Whether no texel is of two charts."""
     is_flat: bool
+    """Whether no two triangles cover the middle of one texel."""
 
 
 def sampled(texcoords: Array, charts: Integers, shape: tuple[int, int]) -> Sampled:

@@ -36,20 +36,13 @@ lamps, a forest whose sun of a degree holds 7 %, a studio with 75 % in lamps of 
 
 @record(eq=False)
 class Beside:
-    """The lamps that are put beside a map, and what that does to the reflected light.
-
-    Attributes
-    ----------
-    split : LampSplit
-    left : float
-        The RMS of what is reflected of the residual, over that of all light.
-    error : float
-        What discs in place of the lamps' pixels change, in the same measure.
-    """
+    """The lamps that are put beside a map, and what that does to the reflected light."""
 
     split: LampSplit
     left: float
+    """The RMS of what is reflected of the residual, over that of all light."""
     error: float
+    """What discs in place of the lamps' pixels change, in the same measure."""
 
 
 def split_for(probe: Probe, brdf: Brdf) -> Beside:
@@ -100,7 +93,7 @@ def _wrong(lamp: Lamp, order: int) -> Array:
 
 
 def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
-    """Put the lamps of a probe beside the map of what is left of it.
+    """Put the lamps of a probe beside the map of the rest; errors become relative to all.
 
     Parameters
     ----------
@@ -108,11 +101,6 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
         The map of the residual. Where there are no lamps, it is of the probe.
     brdf : Brdf
         What the map was made for.
-
-    Returns
-    -------
-    Prefiltered
-        Its errors are relative to all of the reflected light.
     """
     split, left = beside.split, beside.left
     info = replace(made.map.info, probe=probe_name(split.probe), probe_sha256=split.probe.digest())

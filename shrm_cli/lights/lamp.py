@@ -26,21 +26,14 @@ _LONG, _PIXELS_LONGER = 1.5, 2.0
 
 @record(eq=False)
 class Light:
-    """Light at points of the sphere.
-
-    Attributes
-    ----------
-    directions : ndarray, shape (n, 3)
-        Unit, world axes.
-    radiance : ndarray, shape (n, 3)
-        Single values may be below 0.
-    areas : ndarray, shape (n,)
-        Solid angles, sr.
-    """
+    """Light at points of the sphere."""
 
     directions: Array
+    """Unit, world axes, shape (n, 3)."""
     radiance: Array
+    """Single values may be below 0, shape (n, 3)."""
     areas: Array
+    """Solid angles, sr, shape (n,)."""
 
     def where(self, chosen: NDArray[np.bool_]) -> "Light":
         """Return a part of it."""
@@ -100,34 +93,23 @@ def disc_of(light: Light, radius: float | None = None) -> Disc:
 
 @record(eq=False)
 class Lamp:
-    """A lamp of a probe.
-
-    Attributes
-    ----------
-    discs : tuple of Disc
-        One, or several for an elongated lamp; world axes. Their flux is what was taken out.
-    light : Light
-        What was taken out.
-    level : float
-        The brightness, mean of the channels, above which it was found.
-    peak : ndarray, shape (3,)
-        The largest radiance of each channel in the probe.
-    clipped : str
-        Why its maximum is suspected to be clipped; empty if it is not.
-    error : float
-        The RMS over normals of the difference that the discs make to the irradiance, over the
-        RMS of the probe's irradiance.
-    pitch : float
-        The distance of the pixels in radians. Lamps that are smaller look as large as pixels.
-    """
+    """A lamp of a probe."""
 
     discs: tuple[Disc, ...]
+    """One, or several for an elongated lamp; world axes. Their flux is what was taken out."""
     light: Light
+    """What was taken out."""
     level: float
+    """The brightness, mean of the channels, above which it was found."""
     peak: Array
+    """The largest radiance of each channel in the probe, shape (3,)."""
     clipped: str
+    """Why its maximum is suspected to be clipped; empty if it is not."""
     error: float
+    """The RMS over normals of the difference that the discs make to the irradiance, over the RMS of
+    the probe's irradiance."""
     pitch: float
+    """The distance of the pixels in radians. Lamps that are smaller look as large as pixels."""
 
     @property
     def direction(self) -> Array:

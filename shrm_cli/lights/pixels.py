@@ -23,12 +23,7 @@ _HALF_OF_THE_NEIGHBOURS = [
 
 @record
 class SpherePixels:
-    """The cells of an image, by the number of each pixel in row-major order.
-
-    Attributes
-    ----------
-    grid : Grid
-    """
+    """The cells of an image, by the number of each pixel in row-major order."""
 
     grid: Grid
 

@@ -23,22 +23,16 @@ _VALUES_AT_ONCE = 2**23
 
 @record(eq=False)
 class Proof:
-    """How far the irradiance of residual and discs is from that of the probe.
-
-    Attributes
-    ----------
-    rms, maximum : float
-        Of the difference, over all normals and the channels together, relative to `scale`.
-    scale : float
-        The RMS of the probe's irradiance over all normals, channels together.
-    worst : ndarray, shape (3,)
-        The normal of the largest difference, world axes.
-    """
+    """How far the irradiance of residual and discs is from that of the probe."""
 
     rms: float
     maximum: float
+    """`rms` and `maximum`: of the difference, over all normals and the channels together, relative
+    to `scale`."""
     scale: float
+    """The RMS of the probe's irradiance over all normals, channels together."""
     worst: Array
+    """The normal of the largest difference, world axes, shape (3,)."""
 
 
 def order_on(grid: Grid) -> int:

@@ -33,21 +33,14 @@ face they are 1.27 times as far apart as on average."""
 
 @record(eq=False)
 class Region:
-    """The pixels of a lamp.
-
-    Attributes
-    ----------
-    numbers : ndarray of int, shape (n,)
-        Of the pixels, in row-major order.
-    level : float
-        The brightness that they exceed.
-    irradiance : float
-        That of what exceeds the level, mean of the channels, of a surface that faces it.
-    """
+    """The pixels of a lamp."""
 
     numbers: Indices
+    """Of the pixels, in row-major order, shape (n,)."""
     level: float
+    """The brightness that they exceed."""
     irradiance: float
+    """That of what exceeds the level, mean of the channels, of a surface that faces it."""
 
 
 def brightness_of(image: Array) -> Array:
@@ -66,7 +59,7 @@ def typical_brightness(brightness: Array, areas: Array) -> float:
 
 
 def find_regions(image: Array, pixels: SpherePixels, least: float) -> list[Region]:
-    """Find the lamps of an image.
+    """Find the lamps of an image, that of the most light first. They share no pixel.
 
     Parameters
     ----------
@@ -75,11 +68,6 @@ def find_regions(image: Array, pixels: SpherePixels, least: float) -> list[Regio
         Its cells.
     least : float
         The least irradiance of a lamp, mean of the channels.
-
-    Returns
-    -------
-    list of Region
-        The one with the most light first. No pixel is in two of them.
     """
     flat = brightness_of(image).ravel()
     floor = _FLOOR * _background(flat, pixels)

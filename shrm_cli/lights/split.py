@@ -36,30 +36,20 @@ _MOST_DISCS = 16
 
 @record(eq=False)
 class LampSplit:
-    """A probe as lamps and a residual, whose sum it is.
-
-    Attributes
-    ----------
-    probe : Probe
-    lamps : tuple of Lamp
-        The one with the most irradiance first.
-    fills : tuple of Filled
-        The place of each lamp without it, on `grid`.
-    grid : Grid
-        Where lamps were looked for: the probe's own, or a coarser one that each of its pixels is
-        k x k pixels of.
-    left : int
-        Lamps that stay in the residual: more than were asked for, or nothing like discs.
-    error : float
-        The relative RMS error of the irradiance that was allowed.
-    """
+    """A probe as lamps and a residual, whose sum it is."""
 
     probe: Probe
     lamps: tuple[Lamp, ...]
+    """The one with the most irradiance first."""
     fills: tuple[Filled, ...]
+    """The place of each lamp without it, on `grid`."""
     grid: Grid
+    """Where lamps were looked for: the probe's own, or a coarser one that each of its pixels is k x
+    k pixels of."""
     left: int
+    """Lamps that stay in the residual: more than were asked for, or nothing like discs."""
     error: float
+    """The relative RMS error of the irradiance that was allowed."""
 
     @property
     def discs(self) -> tuple[Disc, ...]:

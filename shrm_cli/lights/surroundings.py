@@ -21,25 +21,19 @@ _VALUES_AT_ONCE = 2**22
 
 @record(eq=False)
 class Filled:
-    """The place of a lamp without the lamp.
-
-    Attributes
-    ----------
-    numbers : ndarray of int, shape (n,)
-        Pixels, in row-major order.
-    values : ndarray, shape (n, 3)
-        Their radiance without the lamp.
-    excess : ndarray, shape (n, 3)
-        What is taken out of each pixel. Single values may be negative, at dark rims; no sum is.
-    """
+    """The place of a lamp without the lamp."""
 
     numbers: Indices
+    """Pixels, in row-major order, shape (n,)."""
     values: Array
+    """Their radiance without the lamp, shape (n, 3)."""
     excess: Array
+    """What is taken out of each pixel, shape (n, 3). Single values may be negative, at dark rims;
+    no sum is."""
 
 
 def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices]) -> list[Filled]:
-    """Take lamps out of an image.
+    """Take lamps out of an image, one for each region. They share no pixel.
 
     Parameters
     ----------
@@ -47,11 +41,6 @@ def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices])
         It is left as it is.
     regions : sequence of ndarray of int
         Numbers of the pixels of each lamp; no pixel is in two of them.
-
-    Returns
-    -------
-    list of Filled
-        One for each region. No pixel is in two of them.
     """
     flat = image.reshape(-1, 3)
     owner = np.full(len(flat), -1, dtype=np.int16)

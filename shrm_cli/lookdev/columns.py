@@ -51,51 +51,33 @@ _MOST = 32.0
 
 @record
 class Wanted:
-    """What is made of every probe.
-
-    Attributes
-    ----------
-    specs : sequence of str
-        The materials.
-    to : str
-        The representation of the maps.
-    arguments : mapping of str to value
-        The other arguments of `shrm_cli.prefilter.prefilter`.
-    size : int
-        Width and height of a cell, pixels.
-    exposure : float, optional
-        Stops; by default each probe has its own, see `metered`.
-    """
+    """What is made of every probe."""
 
     specs: Sequence[str]
+    """The materials."""
     to: str
+    """The representation of the maps."""
     arguments: Mapping[str, Any]
+    """The other arguments of `shrm_cli.prefilter.prefilter`."""
     size: int
+    """Width and height of a cell, pixels."""
     exposure: float | None = None
+    """Stops; by default each probe has its own, see `metered`."""
 
 
 @record
 class Column:
-    """A probe and its maps.
-
-    Attributes
-    ----------
-    path : str
-    cells : tuple of Map or str
-        For each material the map, or why there is none.
-    surroundings : Probe, optional
-        What is seen behind the spheres; None if the probe cannot be used.
-    exposure : float
-        Stops.
-    warnings : tuple of str
-        About the probe, and about maps.
-    """
+    """A probe and its maps."""
 
     path: str
     cells: tuple[Map | str, ...]
+    """For each material the map, or why there is none."""
     surroundings: Probe | None = None
+    """What is seen behind the spheres; None if the probe cannot be used."""
     exposure: float = 0.0
+    """Stops."""
     warnings: tuple[str, ...] = ()
+    """About the probe, and about maps."""
 
     def tiles(self, viewer: Viewer, size: int) -> Iterator[Picture | str]:
         """Draw the spheres before their surroundings.
@@ -141,19 +123,12 @@ def metered(probe: Probe) -> float:
 def make_column(
     path: str, reading: ReadOptions, wanted: Wanted, progress: Progress | None = None
 ) -> Column:
-    """Make the maps of a probe.
+    """Make the maps of a probe. Where it cannot be used, all cells say why.
 
     Parameters
     ----------
     reading : ReadOptions
         How the probe is read.
-    progress : callable, optional
-        Called with the amount of work done and the amount in all.
-
-    Returns
-    -------
-    Column
-        Where the probe cannot be used, all its cells say why.
     """
     count = len(wanted.specs)
     try:

@@ -34,7 +34,7 @@ def lookdev_page(
     tiles: Sequence[Sequence[Picture | str]],
     size: int,
 ) -> str:
-    """Return a page of a sheet.
+    """Return a page of a sheet: HTML, to be written as UTF-8.
 
     Parameters
     ----------
@@ -45,11 +45,6 @@ def lookdev_page(
         exposed, or why there is none.
     size : int
         Width of a cell, pixels.
-
-    Returns
-    -------
-    str
-        HTML, to be written as UTF-8.
     """
     style = f":root {{ --cell: {size}px; }}\n" + asset("lookdev", "page.css")
     script = asset("lookdev", "page.js")

@@ -19,27 +19,18 @@ from shrm_cli.vocabulary import AUTO
 
 @record(eq=False)
 class Lookdev:
-    """Materials under probes.
-
-    Attributes
-    ----------
-    columns : tuple of Column
-        The probes with the maps of all materials.
-    specs : tuple of str
-        The materials.
-    to : str
-        The representation of the maps.
-    arguments : mapping of str to value
-        The other arguments that they were made with.
-    size : int
-        Width and height of a cell, pixels.
-    """
+    """Materials under probes."""
 
     columns: tuple[Column, ...]
+    """The probes with the maps of all materials."""
     specs: tuple[str, ...]
+    """The materials."""
     to: str
+    """The representation of the maps."""
     arguments: Mapping[str, Any]
+    """The other arguments that they were made with."""
     size: int
+    """Width and height of a cell, pixels."""
 
     @property
     def grid(self) -> Grid:

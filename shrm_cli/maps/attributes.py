@@ -151,13 +151,7 @@ def shortest_values(values: ArrayLike) -> list[float]:
 
 
 def read_numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array | None:
-    """Read an attribute of nested lists of finite numbers of some shape, which is JSON.
-
-    Returns
-    -------
-    ndarray or None
-        None if the attribute is missing or anything else.
-    """
+    """Read an attribute of nested lists of finite numbers of some shape, in JSON, or None."""
     from shrm_cli.files.json_text import parse_json
 
     text = part.attribute(f"shrm:{name}")

@@ -68,7 +68,7 @@ class ReflectedLight(ABC):
         """Evaluate the reflected radiance; parameters and result are those of `Map.radiance`."""
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the radiance that a surface reflects whose tangents are known.
+        """Evaluate the radiance that a surface reflects whose tangents are known, shape (..., 3).
 
         What is isotropic about the normal or the mirror direction does not care for tangents, so
         that this is `radiance` here.
@@ -78,17 +78,13 @@ class ReflectedLight(ABC):
         normals, tangents, views : array_like, shape (..., 3), broadcastable
             Unit vectors in world axes. Tangents are perpendicular to the normals and run along the
             x axis of the BRDF's own frame; the y axis is N x T.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
         """
         return self.radiance(normals, views)
 
     def varied_radiance(
         self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
     ) -> Array:
-        """Evaluate the radiance of a surface over which a parameter of the BRDF varies.
+        """Evaluate the radiance where a parameter of the BRDF varies, shape (..., 3).
 
         Where nothing varies, this is `brushed_radiance`.
 
@@ -98,10 +94,6 @@ class ReflectedLight(ABC):
             As `brushed_radiance` takes them.
         shares : array_like, shape (...), broadcastable with them
             The parameter as a share of the way from its least to its largest value, 0 .. 1.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
         """
         return self.brushed_radiance(normals, tangents, views)
 

@@ -123,26 +123,20 @@ class _Table:
     By n are numbered all J and ``M = 0 .. J``. The coefficients of ``-M`` follow from those of
     ``-s``, because the light is real. By j are numbered the degrees ``l = J + p - 2 j`` that J is
     coupled from.
-
-    Attributes
-    ----------
-    light : ndarray of int, shape (p+1, n)
-        Where ``l, m = M`` stands in a table [l, m + F]; ``m = M + s`` is s places behind it.
-    couplings : ndarray, shape (2p+1, p+1, n)
-        For s = -p .. p: ``(-1)^M Lambda_J <l m p -s | J M>``. Those of M = 0 are divided by
-        sqrt(2), because real harmonics of M > 0 have that factor. They are 0 where there is no
-        such l or m.
-    degrees : ndarray of int, shape (p+1, n)
-        The degrees l.
-    cosine, sine : ndarray of int, shape (n,)
-        The linear indices of M and of -M.
     """
 
     light: Indices
+    """Where ``l, m = M`` stands in a table [l, m + F]; ``m = M + s`` is s places behind it, shape
+    (p+1, n)."""
     couplings: Array
+    """For s = -p .. p: ``(-1)^M Lambda_J <l m p -s | J M>``, shape (2p+1, p+1, n). Those of M = 0
+    are divided by sqrt(2), because real harmonics of M > 0 have that factor. They are 0 where there
+    is no such l or m."""
     degrees: Indices
+    """The degrees l, shape (p+1, n)."""
     cosine: Indices
     sine: Indices
+    """`cosine` and `sine`: the linear indices of M and of -M, shape (n,)."""
 
 
 def _make_table(order: int, p: int) -> _Table:

@@ -50,32 +50,21 @@ _UNKNOWN = 0.02
 
 @record(eq=False)
 class Expansion:
-    """A BRDF and the light of a probe in the frequency domain, and the orders of their map.
-
-    Attributes
-    ----------
-    brdf : Brdf
-    orders : Orders
-        The orders F and P that the tolerance asks for, or that were given.
-    coefficients : BrdfCoefficients
-        The coefficients of the BRDF, to at least the orders that are kept.
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    size : int
-        Texels along a face's edge of the map.
-    band : Band
-        The degrees of the light that the map keeps.
-    views : Band
-        The degrees of the view that it keeps, 0 to P.
-    """
+    """A BRDF and the light of a probe in the frequency domain, and the orders of their map."""
 
     brdf: Brdf
     orders: Orders
+    """The orders F and P that the tolerance asks for, or that were given."""
     coefficients: BrdfCoefficients
+    """The coefficients of the BRDF, to at least the orders that are kept."""
     lighting: Lighting
+    """The light, to at least the order of the coefficients."""
     size: int
+    """Texels along a face's edge of the map."""
     band: Band
+    """The degrees of the light that the map keeps."""
     views: Band
+    """The degrees of the view that it keeps, 0 to P."""
 
     @cached_property
     def error(self) -> float:
@@ -241,7 +230,7 @@ def predicted_wrong_share(expansions: Sequence[Expansion]) -> float:
 
 
 def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
-    """Return the share of sample points whose luminance is wrong by more than `WRONG`.
+    """Return the share of points whose luminance is wrong by more than `WRONG`, in 0 .. 1.
 
     Parameters
     ----------
@@ -249,11 +238,6 @@ def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
         The light, to at least the order of the lobes.
     lobes : sequence of Lobes
         Those of each term; they reflect their light at the same points.
-
-    Returns
-    -------
-    float
-        In 0 .. 1.
     """
     if not any(each.error.any() for each in lobes):
         return 0.0

@@ -48,21 +48,14 @@ def open_map(path: str | os.PathLike[str]) -> Map:
 
 @record
 class Recorded:
-    """What the beginning of a map's file tells of how it was made.
-
-    Attributes
-    ----------
-    representation : str
-    info : MapInfo
-        That of the first part. The probe, the BRDF and the options are those of the whole file.
-    sources : str
-        The fingerprint of the program that wrote the file, see `shrm_cli.sources`; empty in files
-        from before this was recorded.
-    """
+    """What the beginning of a map's file tells of how it was made."""
 
     representation: str
     info: MapInfo
+    """That of the first part. The probe, the BRDF and the options are those of the whole file."""
     sources: str
+    """The fingerprint of the program that wrote the file, see `shrm_cli.sources`; empty in files
+    from before this was recorded."""
 
 
 def recorded(path: str | os.PathLike[str]) -> Recorded | None:
@@ -98,10 +91,6 @@ def check_amount(file: StoredFile) -> None:
 
     The number is estimated from the first part, so that a huge file is refused before its other
     parts are looked at.
-
-    Raises
-    ------
-    MapError
     """
     first = file.first
     values = file.part_count * len(first.channel_names) * first.width * first.height

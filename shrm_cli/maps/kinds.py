@@ -48,24 +48,12 @@ class FixedMap(Map):
         return self.with_info(info)
 
     def converted(self, to: str, *given: Any, **options: Any) -> Map:
-        """Return the map itself, `resampled` where that is asked; it has no other representation.
-
-        Raises
-        ------
-        ArgumentError
-            If another representation is asked for, or an argument does not apply.
-        """
+        """Return the map itself, `resampled` where that is asked: it has no other form."""
         unconverted(self, to)
         return super().converted(to, *given, **options)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
-        """Return the map itself, because what it holds cannot be filtered.
-
-        Raises
-        ------
-        ArgumentError
-            If a size or a sampling is asked for.
-        """
+        """Return the map itself: what it holds cannot be filtered to another size."""
         refuse_arguments(self.what, size=size, sampling=sampling)
         return self
 
@@ -145,31 +133,17 @@ class MaterialMap(FixedMap):
 
 @record(eq=False)
 class HarmonicLight:
-    """Light as harmonics, and a surface that they are multiplied with where it is shaded.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape ((order+1)^2, 3)
-        The light over world axes, index l(l+1)+m.
-    product : ProductMap, optional
-        The surface; None of one that is white and diffuse.
-    """
+    """Light as harmonics, and a surface that they are multiplied with where it is shaded."""
 
     coefficients: Array
+    """The light over world axes, index l(l+1)+m, shape ((order+1)^2, 3)."""
     product: "ProductMap | None" = None
+    """The surface; None of one that is white and diffuse."""
 
 
 @record
 class Shaded(ReflectedLight):
     """A GGX surface under the light of a map.
-
-    Attributes
-    ----------
-    light : LightMap
-    roughness : float
-        Perceptual roughness, in 0 .. 1.
-    f0 : tuple of 3 float
-        Reflectance at normal incidence, linear RGB, in 0 .. 1.
 
     Raises
     ------
@@ -179,7 +153,9 @@ class Shaded(ReflectedLight):
 
     light: LightMap
     roughness: float
+    """Perceptual roughness, in 0 .. 1."""
     f0: Color
+    """Reflectance at normal incidence, linear RGB, in 0 .. 1."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.roughness <= 1:

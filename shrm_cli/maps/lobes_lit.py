@@ -55,21 +55,16 @@ _TURNS = np.pi * (3 - np.sqrt(5)) * np.arange(_RINGS)
 
 @record(eq=False)
 class Lobes:
-    """Lobes of a BRDF for some views, and what a map leaves out of them.
-
-    Attributes
-    ----------
-    whole, error : ndarray, shape (Q+1, F+1, views, channels)
-        rho_hat_lq(theta_o), indexed [q, l, view, channel], with one channel for a grey BRDF, at
-        the angles of `sample_views`. There is one view where all have the same lobe. Those of
-        anisotropic BRDFs are complex, at the azimuths of `sample_tangents`.
-    center : {"reflection", "normal", "tangent"}
-        What the lobes are about.
-    """
+    """Lobes of a BRDF for some views, and what a map leaves out of them."""
 
     whole: Array
     error: Array
+    """`whole` and `error`: rho_hat_lq(theta_o), indexed [q, l, view, channel], with one channel for
+    a grey BRDF, at the angles of `sample_views`, shape (Q+1, F+1, views, channels). There is one
+    view where all have the same lobe. Those of anisotropic BRDFs are complex, at the azimuths of
+    `sample_tangents`."""
     center: Center = "reflection"
+    """What the lobes are about."""
 
     @property
     def order(self) -> int:

@@ -17,33 +17,21 @@ FLOATS = 12
 
 @record
 class Setting:
-    """A map that could be made.
-
-    Attributes
-    ----------
-    arguments : dict
-        Those of `shrm_cli.prefilter.prefilter`, without the form and the BRDF.
-    taps : tuple of {3, 5, 8}, optional
-        How many look-ups a brushed surface takes: each number is a look-up of its own.
-    """
+    """A map that could be made."""
 
     arguments: Mapping[str, Any]
+    """Those of `shrm_cli.prefilter.prefilter`, without the form and the BRDF."""
     taps: Sequence[int] = ()
+    """How many look-ups a brushed surface takes: each number is a look-up of its own. One of 3, 5
+    and 8."""
 
 
 @record
 class LookUp:
-    """What a shader reads of a map, and computes with it.
-
-    Attributes
-    ----------
-    what : str
-        The map's orders, cubes and texels, in words.
-    bytes : int
-        What is read: cubes in half precision, and coefficients as 32-bit floats.
-    cost : Cost
-    """
+    """What a shader reads of a map, and computes with it."""
 
     what: str
+    """The map's orders, cubes and texels, in words."""
     bytes: int
+    """What is read: cubes in half precision, and coefficients as 32-bit floats."""
     cost: Cost

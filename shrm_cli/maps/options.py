@@ -30,43 +30,30 @@ from shrm_cli.vocabulary import (
 
 @record
 class Option:
-    """An argument of `shrm_cli.prefilter.prefilter`, which is an option of the command too.
-
-    Attributes
-    ----------
-    name : str
-        The name of the argument. The command line's flag has dashes in place of underscores.
-    help : str
-        What the argument does, for ``shrm prefilter --help``.
-    kind : str
-        What its values are: ``integer`` is a whole number within `limits`, ``fraction`` a number
-        between 0 and 1, ``choice`` one of `choices`, ``switch`` yes or no, ``text`` any text,
-        ``interval`` two rising numbers within `limits`, ``levels`` the number of levels of a
-        split sum or the roughness of each, ``components`` the number of principal components of
-        an SHRM or the error that may be added, ``bytes`` an amount of storage.
-    choices : tuple of str
-        The values that a ``choice`` may have.
-    limits : tuple of 2 float
-        The least and the largest value.
-    metavar : str
-        What stands for the value in the help; where it is empty, the kind determines it.
-    converts : bool
-        Whether ``shrm convert`` takes the argument too.
-    prints : bool
-        Whether the argument only asks the command for more output, and does not change the map.
-    default : optional
-        The value where it is not given; None where that follows from something else.
-    """
+    """An argument of `shrm_cli.prefilter.prefilter`, which is an option of the command too."""
 
     name: str
+    """The name of the argument. The command line's flag has dashes in place of underscores."""
     help: str
+    """What the argument does, for ``shrm prefilter --help``."""
     kind: str
+    """What its values are: ``integer`` is a whole number within `limits`, ``fraction`` a number
+    between 0 and 1, ``choice`` one of `choices`, ``switch`` yes or no, ``text`` any text,
+    ``interval`` two rising numbers within `limits`, ``levels`` the number of levels of a split sum
+    or the roughness of each, ``components`` the number of principal components of an SHRM or the
+    error that may be added, ``bytes`` an amount of storage."""
     choices: tuple[str, ...] = ()
+    """The values that a ``choice`` may have."""
     limits: tuple[float, float] = (0, 1)
+    """The least and the largest value."""
     metavar: str = ""
+    """What stands for the value in the help; where it is empty, the kind determines it."""
     converts: bool = False
+    """Whether ``shrm convert`` takes the argument too."""
     prints: bool = False
+    """Whether the argument only asks the command for more output, and does not change the map."""
     default: Any = None
+    """The value where it is not given; None where that follows from something else."""
 
     def checked(self, value: object) -> Any:
         """Return a value as the makers of maps take it: numbers of numpy become Python's.
@@ -168,45 +155,31 @@ _CHECKS: dict[str, Callable[[Option, object], Any]] = {
 
 @record
 class Representation:
-    """The description of a representation, and of the arguments that it obeys.
-
-    Attributes
-    ----------
-    name : str
-        The name, as ``--to`` takes it.
-    title : str
-        The name in tables.
-    takes : frozenset of str
-        The shared arguments of `shrm_cli.prefilter.prefilter` that the representation obeys.
-    options : tuple of Option
-        The representation's own arguments.
-    why_no_brdf : str
-        Why the representation needs no BRDF; empty where it needs one.
-    own_defaults : mapping of str to value
-        Its defaults of shared arguments, where they are others than those in `SHARED`.
-    steps : tuple of mapping of str to value
-        The settings, from the coarsest on, of which an error that is asked for takes the first
-        that keeps it; empty where the maker itself chooses. See `shrm_cli.maps.seen`.
-    is_offered : bool
-        Whether `shrm_cli.choose` makes some of its maps to know their errors; the form's module
-        ``offers`` says which. See `shrm_cli.maps.offers`.
-    mark : tuple of 2 str
-        Color and marker of its maps in charts, as matplotlib takes them.
-    home : str
-        Of a form of an installed package: the module that makes, writes and reads its maps; see
-        `shrm_cli.maps.installed`.
-    """
+    """The description of a representation, and of the arguments that it obeys."""
 
     name: str
+    """The name, as ``--to`` takes it."""
     title: str
+    """The name in tables."""
     takes: frozenset[str]
+    """The shared arguments of `shrm_cli.prefilter.prefilter` that the representation obeys."""
     options: tuple[Option, ...] = ()
+    """The representation's own arguments."""
     why_no_brdf: str = ""
+    """Why the representation needs no BRDF; empty where it needs one."""
     own_defaults: Mapping[str, Any] = field(default_factory=dict)
+    """Its defaults of shared arguments, where they are others than those in `SHARED`."""
     steps: tuple[dict[str, Any], ...] = ()
+    """The settings, from the coarsest on, of which an error that is asked for takes the first that
+    keeps it; empty where the maker itself chooses. See `shrm_cli.maps.seen`."""
     is_offered: bool = False
+    """Whether `shrm_cli.choose` makes some of its maps to know their errors; the form's module
+    ``offers`` says which. See `shrm_cli.maps.offers`."""
     mark: tuple[str, str] = ("0.5", "x")
+    """Color and marker of its maps in charts, as matplotlib takes them."""
     home: str = ""
+    """Of a form of an installed package: the module that makes, writes and reads its maps; see
+    `shrm_cli.maps.installed`."""
 
     @property
     def needs_brdf(self) -> bool:

@@ -31,31 +31,22 @@ REMEDY = "take them out with `shrm sun` and prefilter its light file, dim them b
 
 @record(eq=False)
 class Prefiltered:
-    """A map, and what is known of how it was made.
-
-    Attributes
-    ----------
-    map : Map
-    facts : dict
-        Facts that the map's own `summary` does not have, by the names used in JSON. For maps
-        that are made for a BRDF ``error_bound`` is among them: the conservative relative RMS
-        error of eq. 5.19, or None in the angular domain.
-    notes : Notes
-        Headings and texts that tell people what was chosen automatically.
-    warnings : tuple of str
-        Lines that the user should know about the map.
-    further : mapping of str to callable
-        Facts that take a while to find, by functions that find them when somebody asks for the
-        `summary`. For maps that are made for a BRDF ``predicted_wrong_share`` is here or among the
-        facts: the share of what is visible whose luminance is wrong by more than
-        `vocabulary.WRONG`, or None where it is not known.
-    """
+    """A map, and what is known of how it was made."""
 
     map: Map
     facts: dict[str, Any] = field(default_factory=dict)
+    """Facts that the map's own `summary` does not have, by the names used in JSON. For maps that
+    are made for a BRDF ``error_bound`` is among them: the conservative relative RMS error of eq.
+    5.19, or None in the angular domain."""
     notes: Notes = ()
+    """Headings and texts that tell people what was chosen automatically."""
     warnings: tuple[str, ...] = ()
+    """Lines that the user should know about the map."""
     further: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
+    """Facts that take a while to find, by functions that find them when somebody asks for the
+    `summary`. For maps that are made for a BRDF ``predicted_wrong_share`` is here or among the
+    facts: the share of what is visible whose luminance is wrong by more than `vocabulary.WRONG`, or
+    None where it is not known."""
 
     def quick_summary(self) -> dict[str, Any]:
         """Return what the `summary` has but for the further facts, which take as long as a map."""

@@ -119,7 +119,7 @@ def most_cubes(size: int, max_size: int) -> int:
 
 
 def largest_p(order_f: int, size: int, max_size: int) -> int:
-    """Return the largest P of an SHRM that takes at most `max_size` bytes, and that can be made.
+    """Return the largest P of an SHRM within `max_size` bytes that can be made, or -1.
 
     Parameters
     ----------
@@ -129,11 +129,6 @@ def largest_p(order_f: int, size: int, max_size: int) -> int:
         Texels along a face's edge.
     max_size : int
         The most bytes of the map in half precision.
-
-    Returns
-    -------
-    int
-        -1 where not even P = 0 fits.
     """
     cubes = min(most_cubes(size, max_size), MAX_VALUES // (18 * size**2))
     p = min(math.isqrt(cubes) - 1, MAX_ORDER_P)
@@ -193,18 +188,12 @@ the percentile rose as often as it fell."""
 
 @record
 class Band:
-    """Degrees from 0 on, of which the last may be weakened.
-
-    Attributes
-    ----------
-    whole : int
-        The largest degree that is kept as it is.
-    last : int
-        The largest degree that is kept at all.
-    """
+    """Degrees from 0 on, of which the last may be weakened."""
 
     whole: int
+    """The largest degree that is kept as it is."""
     last: int
+    """The largest degree that is kept at all."""
 
     @classmethod
     def exact(cls, order: int) -> "Band":

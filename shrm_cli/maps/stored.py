@@ -93,15 +93,6 @@ def store(
 class Arrangement:
     """How the planes of a file are laid out.
 
-    Attributes
-    ----------
-    layout : Layout
-        A cube layout in one image, or ``latlong``.
-    orientation : {"openexr", "gl"}
-        How the faces of a cube are turned.
-    sampling : {"center", "border"}
-        Where the edge texels of the cube lie. A lat-long is sampled at its pixel centres.
-
     Raises
     ------
     MapError
@@ -109,8 +100,11 @@ class Arrangement:
     """
 
     layout: Layout = "openexr"
+    """A cube layout in one image, or ``latlong``."""
     orientation: Orientation = "openexr"
+    """How the faces of a cube are turned."""
     sampling: Sampling = "center"
+    """Where the edge texels of the cube lie. A lat-long is sampled at its pixel centres."""
 
     def __post_init__(self) -> None:
         if not _holds_maps(self.layout):
@@ -180,23 +174,15 @@ def _holds_maps(layout: Layout) -> bool:
 
 @record
 class StoredImage:
-    """A part of a map's file, with its checked attributes.
-
-    Attributes
-    ----------
-    part : StoredPart
-    attributes : dict
-        The attributes of the part, as `read_attributes` returns them.
-    arrangement : Arrangement
-        How the part is laid out.
-    size : int
-        Texels along an edge of the cube that the part holds.
-    """
+    """A part of a map's file, with its checked attributes."""
 
     part: StoredPart
     attributes: dict[str, Any]
+    """The attributes of the part, as `read_attributes` returns them."""
     arrangement: Arrangement
+    """How the part is laid out."""
     size: int
+    """Texels along an edge of the cube that the part holds."""
 
     @classmethod
     def of(cls, part: StoredPart) -> StoredImage:

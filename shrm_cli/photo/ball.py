@@ -47,25 +47,17 @@ Circle = tuple[float, float, float]
 
 @record(eq=False)
 class Unwrapped:
-    """A probe of mirror balls.
-
-    Attributes
-    ----------
-    pixels : ndarray of float32, shape (H, 2H, 3)
-        A lat-long.
-    gains : ndarray, shape (n, 3)
-        What each photograph was multiplied with to agree with the first.
-    differences : tuple of float
-        How much each differs from the first where both see well: the median of the relative
-        difference, 0 of the first.
-    chromaticities : tuple of 8 float, optional
-        CIE x and y of red, green, blue and white, where the first tells them.
-    """
+    """A probe of mirror balls."""
 
     pixels: NDArray[np.float32]
+    """A lat-long, shape (H, 2H, 3)."""
     gains: Array
+    """What each photograph was multiplied with to agree with the first, shape (n, 3)."""
     differences: tuple[float, ...]
+    """How much each differs from the first where both see well: the median of the relative
+    difference, 0 of the first."""
     chromaticities: tuple[float, ...] | None = None
+    """CIE x and y of red, green, blue and white, where the first tells them."""
 
 
 def unwrap_balls(
@@ -180,12 +172,7 @@ def _from_middle(angles: Array, distance: float) -> Array:
 
 
 def _circle(opened: ImageFile, circle: Circle | None) -> Circle:
-    """Return where a ball is: what is given, or what fills the picture.
-
-    Raises
-    ------
-    ProbeError
-    """
+    """Return where a ball is: what is given, or what fills the picture."""
     width, height = opened.width, opened.height
     if circle is None:
         if abs(width - height) > _SQUARE * max(width, height):

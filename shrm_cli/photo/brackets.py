@@ -41,29 +41,20 @@ WHITE = 1 - 0.5 / (LEVELS - 1)
 
 @record(eq=False)
 class Merged:
-    """A scene's radiance.
-
-    Attributes
-    ----------
-    pixels : ndarray of float32, shape (H, W, 3)
-        Linear. Where the exposure in the middle has half of its largest number, it is .214, as sRGB
-        has it; with linear exposures it is what that one has.
-    exposures : ndarray, shape (n,)
-        What each exposure let in, relative to that one, shortest first.
-    curve : ndarray, shape (LEVELS,), or None
-        ``g``, the same of red, green and blue, so that what is grey stays so; None where pixels
-        are linear.
-    clipped : float
-        The share of pixels that even the shortest exposure shows as white as it can.
-    chromaticities : tuple of 8 float, optional
-        CIE x and y of red, green, blue and white, where the files tell them.
-    """
+    """A scene's radiance."""
 
     pixels: NDArray[np.float32]
+    """Linear, shape (H, W, 3). Where the exposure in the middle has half of its largest number, it
+    is .214, as sRGB has it; with linear exposures it is what that one has."""
     exposures: Array
+    """What each exposure let in, relative to that one, shortest first, shape (n,)."""
     curve: Array | None
+    """``g``, the same of red, green and blue, so that what is grey stays so; None where pixels are
+    linear, shape (LEVELS,)."""
     clipped: float
+    """The share of pixels that even the shortest exposure shows as white as it can."""
     chromaticities: tuple[float, ...] | None = None
+    """CIE x and y of red, green, blue and white, where the files tell them."""
 
 
 def merge_brackets(
@@ -128,12 +119,7 @@ def merge_brackets(
 def _in_order(
     paths: Sequence[str | os.PathLike[str]], times: Sequence[float] | None
 ) -> tuple[list[ImageFile], Array]:
-    """Open exposures, and sort them by what they let in, relative to the one in the middle.
-
-    Raises
-    ------
-    ArgumentError, ProbeError
-    """
+    """Open exposures, and sort them by what they let in, relative to the one in the middle."""
     if len(paths) < 2 or (times is not None and len(times) != len(paths)):
         raise ArgumentError("times", "must be as many as exposures, which must be two at least")
     opened = [open_photograph(path, as_stored=True) for path in paths]

@@ -27,27 +27,18 @@ LARGEST = 0.3
 
 @record(eq=False)
 class Unclipped:
-    """A probe whose brightest lamp gives what a reading says.
-
-    Attributes
-    ----------
-    probe : Probe
-        The probe that was given.
-    pixels : ndarray of float32
-        On the probe's grid, in world axes.
-    direction : ndarray, shape (3,)
-        The unit direction of the lamp.
-    solid_angle : float
-        What its pixels take together, sr.
-    factors : ndarray, shape (3,)
-        What its light was multiplied with.
-    """
+    """A probe whose brightest lamp gives what a reading says."""
 
     probe: Probe
+    """The probe that was given."""
     pixels: NDArray[np.float32]
+    """On the probe's grid, in world axes."""
     direction: Array
+    """The unit direction of the lamp, shape (3,)."""
     solid_angle: float
+    """What its pixels take together, sr."""
     factors: Array
+    """What its light was multiplied with, shape (3,)."""
 
 
 def unclip(

@@ -39,21 +39,14 @@ M = TypeVar("M")
 
 @record
 class Row(Generic[C]):
-    """Candidates of one size, from the fewest bytes to the most that are allowed.
-
-    Attributes
-    ----------
-    count : int
-        The number of candidates.
-    bytes_of : callable
-        Returns the most bytes that a candidate takes, by its index; it rises.
-    candidate : callable
-        Returns a candidate by its index. Its error mostly falls with the index.
-    """
+    """Candidates of one size, from the fewest bytes to the most that are allowed."""
 
     count: int
+    """The number of candidates."""
     bytes_of: Callable[[int], int]
+    """Returns the most bytes that a candidate takes, by its index; it rises."""
     candidate: Callable[[int], C]
+    """Returns a candidate by its index. Its error mostly falls with the index."""
 
     def every(self) -> list[C]:
         """Return all candidates."""
@@ -138,19 +131,13 @@ def least_errors(rows: Iterable[Row[C]]) -> list[C]:
 
 @record
 class Goal:
-    """What the picture made with a map has to keep.
-
-    Attributes
-    ----------
-    error : float
-        The relative RMS error of the reflected light.
-    wrong_share : float, optional
-        The share of what is visible whose luminance may be wrong by more than 5 %; None where
-        only the error counts.
-    """
+    """What the picture made with a map has to keep."""
 
     error: float = policy.ERROR
+    """The relative RMS error of the reflected light."""
     wrong_share: float | None = policy.WRONG_SHARE
+    """The share of what is visible whose luminance may be wrong by more than 5 %; None where only
+    the error counts."""
 
     @classmethod
     def of(cls, error: float | None, seen: float | None) -> "Goal":
@@ -167,33 +154,22 @@ class Goal:
 
 @record(eq=False)
 class Candidate(Generic[M]):
-    """A map that could be made.
-
-    Attributes
-    ----------
-    form : str
-        Its representation.
-    bytes : int
-        The bytes of its cubes in half precision, before they are packed.
-    look_ups : int
-        The number of RGB cubes, each of which a shader looks up.
-    total_error : float
-        The relative RMS error, with those of bilinear look-ups and of half precision.
-    find_wrong_share : callable
-        Predicts the share of what is visible whose luminance is wrong, or returns None.
-    make : callable
-        Makes the map.
-    can_grow : bool
-        Whether maps of more bytes could hold more.
-    """
+    """A map that could be made."""
 
     form: str
+    """Its representation."""
     bytes: int
+    """The bytes of its cubes in half precision, before they are packed."""
     look_ups: int
+    """The number of RGB cubes, each of which a shader looks up."""
     total_error: float
+    """The relative RMS error, with those of bilinear look-ups and of half precision."""
     find_wrong_share: Callable[[], float | None] = field(repr=False)
+    """Predicts the share of what is visible whose luminance is wrong, or returns None."""
     make: Callable[[], M] = field(repr=False)
+    """Makes the map."""
     can_grow: bool = True
+    """Whether maps of more bytes could hold more."""
 
     @cached_property
     def wrong_share(self) -> float | None:

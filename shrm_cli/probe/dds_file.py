@@ -34,20 +34,15 @@ _CHANNELS = 4
 
 @record
 class DdsFile:
-    """A `ProbeImage` in a DDS file of floats: a lat-long, or six faces stacked.
-
-    Attributes
-    ----------
-    path : Path
-    width, height : int
-        Of the picture, which is one face wide and six high where it is a cube.
-    envmap : {"cube", ""}
-    """
+    """A `ProbeImage` in a DDS file of floats: a lat-long, or six faces stacked."""
 
     path: Path
     width: int
     height: int
+    """`width` and `height`: of the picture, which is one face wide and six high where it is a
+    cube."""
     envmap: str
+    """What it says that it is: ``cube``, or nothing."""
     _dtype: str
     _start: int
     _levels: int

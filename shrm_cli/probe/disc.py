@@ -23,20 +23,14 @@ LEAST_RADIUS = 1e-6
 
 @record(eq=False)
 class Disc:
-    """A light of one radiance within an angle of its axis, such as the sun.
-
-    Attributes
-    ----------
-    direction : ndarray, shape (3,)
-        Unit axis, world axes.
-    radius : float
-        Angle between the axis and the edge, radians, above 0 and up to pi.
-    radiance : ndarray, shape (3,)
-    """
+    """A light of one radiance within an angle of its axis, such as the sun."""
 
     direction: Array
+    """Unit axis, world axes, shape (3,)."""
     radius: float
+    """Angle between the axis and the edge, radians, above 0 and up to pi."""
     radiance: Array
+    """Shape (3,)."""
 
     @property
     def solid_angle(self) -> float:

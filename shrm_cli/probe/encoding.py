@@ -39,26 +39,19 @@ _FILM = ("dpx", "cineon")
 class RadianceHeader:
     """What the header of a Radiance picture says of its numbers.
 
-    Attributes
-    ----------
-    applied : tuple of 3 float
-        By what red, green and blue were multiplied: the product of all EXPOSURE and COLORCORR.
-    primaries : tuple of 8 float, optional
-        CIE x and y of red, green, blue and white.
-    pixel_aspect : float
-        Height of a pixel over its width, as PIXASPECT has it.
-    gamma : float
-        What the pixels were raised to the inverse of; 1 where they are linear.
-
     References
     ----------
     Ward, The RADIANCE Picture File Format; `GAMMA` is Walter's, of his rgbe.c.
     """
 
     applied: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """By what red, green and blue were multiplied: the product of all EXPOSURE and COLORCORR."""
     primaries: tuple[float, ...] | None = None
+    """CIE x and y of red, green, blue and white."""
     pixel_aspect: float = 1.0
+    """Height of a pixel over its width, as PIXASPECT has it."""
     gamma: float = 1.0
+    """What the pixels were raised to the inverse of; 1 where they are linear."""
 
     @classmethod
     def read(cls, path: Path) -> "RadianceHeader | None":
@@ -125,30 +118,20 @@ def _numbers(path: Path, key: str, text: str, count: int, positive: bool = True)
 
 @record
 class Encoding:
-    """How the numbers of an image file become linear radiance.
-
-    Attributes
-    ----------
-    name : str
-        What the file holds, such as ``"linear"``, ``"sRGB"`` or ``"gamma 2.2"``.
-    curve : callable, optional
-        From the numbers to linear ones; None where they are linear.
-    applied : tuple of 3 float
-        By what red, green and blue were multiplied before they were stored.
-    primaries : tuple of 8 float, optional
-        CIE x and y of red, green, blue and white.
-    pixel_aspect : float
-        What the file says of the shape of its pixels; 1 is square.
-    notes : tuple of str
-        What a user should know, a line each.
-    """
+    """How the numbers of an image file become linear radiance."""
 
     name: str = "linear"
+    """What the file holds, such as ``"linear"``, ``"sRGB"`` or ``"gamma 2.2"``."""
     curve: Curve | None = None
+    """From the numbers to linear ones; None where they are linear."""
     applied: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """By what red, green and blue were multiplied before they were stored."""
     primaries: tuple[float, ...] | None = None
+    """CIE x and y of red, green, blue and white."""
     pixel_aspect: float = 1.0
+    """What the file says of the shape of its pixels; 1 is square."""
     notes: tuple[str, ...] = ()
+    """What a user should know, a line each."""
 
     @property
     def has_square_pixels(self) -> bool:
@@ -281,28 +264,19 @@ _MOST_LISTED = 12
 
 @record
 class Layer:
-    """Three channels, or one that serves as three, of a part of a file.
-
-    Attributes
-    ----------
-    index : int
-        Of the part.
-    part, layer : str
-        Their names; empty where they have none.
-    channels : tuple of 3 int
-        Indices of red, green and blue among the part's channels.
-    names : tuple of str
-        What the file calls them, each once.
-    is_color : bool
-        Whether their names say that they are colors or luminance.
-    """
+    """Three channels, or one that serves as three, of a part of a file."""
 
     index: int
+    """Of the part."""
     part: str
     layer: str
+    """`part` and `layer`: their names; empty where they have none."""
     channels: tuple[int, int, int]
+    """Indices of red, green and blue among the part's channels."""
     names: tuple[str, ...]
+    """What the file calls them, each once."""
     is_color: bool
+    """Whether their names say that they are colors or luminance."""
 
     @property
     def label(self) -> str:

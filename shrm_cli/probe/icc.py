@@ -154,7 +154,7 @@ def _parametric(kind: int, numbers: list[float]) -> Curve | None:
 
 
 def png_primaries(path: Path, has_profile: bool) -> tuple[float, ...] | None:
-    """Return the primaries that the chunks of a PNG state.
+    """Return the primaries that the chunks of a PNG state: x and y of RGB and white.
 
     Parameters
     ----------
@@ -162,11 +162,6 @@ def png_primaries(path: Path, has_profile: bool) -> tuple[float, ...] | None:
         Of any file; only a PNG states something.
     has_profile : bool
         Whether its ICC profile tells primaries, over which only ``cICP`` stands.
-
-    Returns
-    -------
-    tuple of 8 float or None
-        CIE x and y of red, green, blue and white.
 
     References
     ----------

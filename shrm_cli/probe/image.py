@@ -64,12 +64,7 @@ class ProbeImage(Protocol):
 
 @record(eq=False)
 class ImageOfImage:
-    """An image that reads the pixels of another one, and is that image in all else.
-
-    Attributes
-    ----------
-    image : ProbeImage
-    """
+    """An image that reads the pixels of another one, and is that image in all else."""
 
     image: ProbeImage
 
@@ -116,16 +111,11 @@ class ImageOfImage:
 
 @record(eq=False)
 class ConvertedImage(ImageOfImage):
-    """An image in other primaries.
-
-    Attributes
-    ----------
-    matrix : ndarray, shape (3, 3)
-        From linear RGB of the image to that of this one. Colors outside the new primaries have
-        negative channels.
-    """
+    """An image in other primaries."""
 
     matrix: Array
+    """From linear RGB of the image to that of this one, shape (3, 3). Colors outside the new
+    primaries have negative channels."""
 
     def read(self, start: int, stop: int) -> Array:
         """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
@@ -135,18 +125,12 @@ class ConvertedImage(ImageOfImage):
 
 @record(eq=False)
 class ArrayImage:
-    """An image in memory.
-
-    Attributes
-    ----------
-    pixels : ndarray of float32, shape (H, W, 3) or (H, W)
-        Linear radiance. One channel serves as three.
-    name : str
-        What messages call the image.
-    """
+    """An image in memory."""
 
     pixels: NDArray[np.float32]
+    """Linear radiance, shape (H, W, 3) or (H, W). One channel serves as three."""
     name: str
+    """What messages call the image."""
 
     path = None
     file_format = "array"
@@ -273,10 +257,6 @@ def check_shape(name: str, layout: Layout, width: int, height: int, images: int 
         Of each image.
     images : int
         1, or 6 where each face is an image of its own.
-
-    Raises
-    ------
-    ProbeError
     """
     columns, rows = proportions(layout, images)
     size = width // columns
@@ -321,7 +301,7 @@ def clear_unused(image: Array, layout: Layout) -> None:
 
 
 def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array:
-    """An image of any arrangement of a cube as a stacked cube of OpenEXR's orientation.
+    """An image of any arrangement as a stacked cube of OpenEXR's, shape (6N, N, channels).
 
     Parameters
     ----------
@@ -331,10 +311,6 @@ def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array
         One of a cube.
     orientation : {"openexr", "gl"}
         Of the faces in the image.
-
-    Returns
-    -------
-    ndarray, shape (6N, N, channels)
     """
     from shrm_cli.sphere.cube import reorient
 

@@ -51,37 +51,26 @@ class _Held:
 
 @record(eq=False)
 class ImageFile:
-    """A `ProbeImage` in a file that was opened: its header, and its pixels on demand.
-
-    Attributes
-    ----------
-    path : Path
-    width, height : int
-        The size of the canvas that `read` fills: the data window where the file is an environment
-        map, the display window of other files (what a data window leaves out is black).
-    envmap : {"latlong", "cube", ""}
-        What the file's own attribute says that it is.
-    border_sampled : bool
-        Whether edge pixels lie on the poles, the seam and the cube's edges.
-    file_format : str
-        OpenImageIO's name of the format, such as ``"openexr"``.
-    encoding : Encoding
-        How its numbers become linear radiance.
-    layer : Layer
-        Which of its parts and layers is read.
-    notes : tuple of str
-        What a user should know of the file, a line each.
-    """
+    """A `ProbeImage` in a file that was opened: its header, and its pixels on demand."""
 
     path: Path
     width: int
     height: int
+    """`width` and `height`: the size of the canvas that `read` fills: the data window where the
+    file is an environment map, the display window of other files (what a data window leaves out is
+    black)."""
     envmap: str
+    """What its own attribute says that it is: ``latlong``, ``cube`` or nothing."""
     border_sampled: bool
+    """Whether edge pixels lie on the poles, the seam and the cube's edges."""
     file_format: str
+    """OpenImageIO's name of the format, such as ``"openexr"``."""
     encoding: Encoding
+    """How its numbers become linear radiance."""
     layer: Layer
+    """Which of its parts and layers is read."""
     notes: tuple[str, ...]
+    """What a user should know of the file, a line each."""
     _input: Any
     _offset: tuple[int, int]
     _held: _Held = field(default_factory=_Held, compare=False, repr=False)

@@ -38,17 +38,11 @@ _LEAST_ROWS, _MOST_ROWS = 512, 2048
 
 @record(eq=False)
 class Term:
-    """A probe that is part of a sum.
-
-    Attributes
-    ----------
-    probe : Probe
-    scale : ndarray, shape (3,)
-        What its radiance is multiplied by.
-    """
+    """A probe that is part of a sum."""
 
     probe: Probe
     scale: Array
+    """What its radiance is multiplied by, shape (3,)."""
 
 
 def in_one_color(
@@ -71,35 +65,23 @@ def in_one_color(
 
 @record(eq=False)
 class SumImage:
-    """The lat-long of a sum, which is made when it is first read; a `ProbeImage`.
-
-    Attributes
-    ----------
-    name : str
-        What messages call the sum.
-    path : Path, optional
-        The light file.
-    recipe : bytes
-        What tells this sum from others of the same probes: the bytes of the light file.
-    terms : tuple of Term
-        All of the same primaries.
-    discs : tuple of Disc
-    notes : tuple of str
-        What a user should know, a line each.
-    series : ndarray, shape ((order+1)^2, 3), optional
-        Coefficients of light that is given by them.
-    file_format : {"light file", "USD stage", "coefficients"}
-        What the sum was read from.
-    """
+    """The lat-long of a sum, which is made when it is first read; a `ProbeImage`."""
 
     name: str
+    """What messages call the sum."""
     path: Path | None
+    """The light file."""
     recipe: bytes
+    """What tells this sum from others of the same probes: the bytes of the light file."""
     terms: tuple[Term, ...]
+    """All of the same primaries."""
     discs: tuple[Disc, ...]
     notes: tuple[str, ...] = ()
+    """What a user should know, a line each."""
     series: Array | None = None
+    """Coefficients of light that is given by them, shape ((order+1)^2, 3)."""
     file_format: str = "light file"
+    """What the sum was read from. One of "light file", "USD stage" and "coefficients"."""
 
     row_multiple = 1
 
@@ -195,15 +177,10 @@ class SumImage:
 
 @record(eq=False)
 class LightSum(Probe):
-    """A sum of probes, discs and light that is given by its coefficients.
-
-    Attributes
-    ----------
-    image_of_sum : SumImage
-        The lights, and the lat-long that `images` holds.
-    """
+    """A sum of probes, discs and light that is given by its coefficients."""
 
     image_of_sum: SumImage = field(kw_only=True)
+    """The lights, and the lat-long that `images` holds."""
 
     @classmethod
     def of(

@@ -43,24 +43,17 @@ _ROWS_AT_ONCE = 16
 
 @record(eq=False)
 class Lamps:
-    """What integrals over a block of polar rows must add for lamps.
-
-    Attributes
-    ----------
-    start : int
-        The first row.
-    excess : ndarray, shape (rows, width, 3)
-        Radiance of the lamps above the smooth light.
-    smooth : ndarray, shape (rows, width, 3)
-        Radiance of what is left.
-    ratios : ndarray, shape (rows, 1, 1)
-        What the solid angle is more than the weight of the rule, over that weight.
-    """
+    """What integrals over a block of polar rows must add for lamps."""
 
     start: int
+    """The first row."""
     excess: Array
+    """Radiance of the lamps above the smooth light, shape (rows, width, 3)."""
     smooth: Array
+    """Radiance of what is left, shape (rows, width, 3)."""
     ratios: Array
+    """What the solid angle is more than the weight of the rule, over that weight, shape (rows, 1,
+    1)."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -137,18 +130,13 @@ def lamps_of(grid: Grid, image: Array) -> Iterator[Lamps]:
 
 @record(eq=False)
 class Lighting:
-    """Incident light in the frequency domain.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape ((order+1)^2, 3)
-        L_lm over the real harmonics of world axes, index l(l+1)+m.
-    energy : ndarray, shape (3,)
-        The integral of the squared radiance, of all frequencies (Ramamoorthi 2002, eq. 5.15).
-    """
+    """Incident light in the frequency domain."""
 
     coefficients: Array
+    """L_lm over the real harmonics of world axes, index l(l+1)+m, shape ((order+1)^2, 3)."""
     energy: Array
+    """The integral of the squared radiance, of all frequencies (Ramamoorthi 2002, eq. 5.15), shape
+    (3,)."""
 
     def __post_init__(self) -> None:
         if self.coefficients.shape != ((self.order + 1) ** 2, 3) or self.energy.shape != (3,):

@@ -26,26 +26,18 @@ LARGEST_HALF = 65504.0
 
 @record
 class SoftBox:
-    """A rectangular light on the tangent plane of a direction, with a smooth edge.
-
-    Attributes
-    ----------
-    azimuth, elevation : float
-        Direction of its center, degrees; see `from_azimuth_elevation`.
-    width, height : float
-        Angles that it spans at half its radiance, degrees, below 180.
-    color : tuple of float
-        Linear RGB, relative to the radiance of the light.
-    edge : float
-        Width of the soft edge as a fraction of the half width and of the half height.
-    """
+    """A rectangular light on the tangent plane of a direction, with a smooth edge."""
 
     azimuth: float
     elevation: float
+    """`azimuth` and `elevation`: direction of its center, degrees; see `from_azimuth_elevation`."""
     width: float
     height: float
+    """`width` and `height`: angles that it spans at half its radiance, degrees, below 180."""
     color: tuple[float, float, float]
+    """Linear RGB, relative to the radiance of the light."""
     edge: float = 0.35
+    """Width of the soft edge as a fraction of the half width and of the half height."""
 
 
 KEY = SoftBox(45, 40, 50, 40, (1.0, 0.94, 0.86))

@@ -1,22 +1,30 @@
-"""Opening probes: files of any kind, or pixels in memory, as the probe that they hold."""
+"""Opening probes: files of any kind, or pixels in memory, as the probe that they hold.
+
+Files that nothing here reads may be read by an installed package: an entry point of the group
+`plugins.READERS` is called what their suffix is, in small letters and without its dot, and names a
+function. It gets the path of the file, and returns its pixels and what they are.
+"""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.errors import ProbeError
+from shrm_cli.errors import PluginError, ProbeError
 from shrm_cli.files.exr_header import says_map
-from shrm_cli.probe.image import detect_layout
+from shrm_cli.messages import explained
+from shrm_cli.probe.image import ArrayImage, detect_layout
 from shrm_cli.probe.image_file import ImageFile, check_file, is_image_name, is_light_file
 from shrm_cli.probe.options import ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.probe import Probe, make_probe
+from shrm_cli.records import record
 from shrm_cli.vocabulary import FACES, Layout, Sampling
 
 if TYPE_CHECKING:
@@ -116,8 +124,6 @@ def _open_file(name: str, options: ReadOptions) -> ImageFile | DdsFile:
 
 def _open_by_package(name: str, options: ReadOptions) -> Probe | None:
     """Open a file that an installed package reads; None where none does."""
-    from shrm_cli.probe.reader import read_by_package
-
     read = read_by_package(name)
     if read is None:
         return None
@@ -186,3 +192,53 @@ def as_probe(probe: AnyProbe) -> Probe:
     if isinstance(probe, np.ndarray):
         return Probe.from_array(probe)
     return open_probe(probe)
+
+
+_KEYS = {"layout", "orientation", "sampling", "chromaticities"}
+
+
+@record(eq=False)
+class ReadImage(ArrayImage):
+    """Pixels that a package has read from a file."""
+
+    path: Path  # type: ignore[assignment]
+    file_format: str
+
+
+def read_by_package(name: str) -> tuple[ReadImage, Mapping[str, Any]] | None:
+    """Read a file by the package that names its suffix; None where none does.
+
+    Returns
+    -------
+    ReadImage
+    mapping of str
+        What the package says of it: `Probe.from_array` has these arguments.
+
+    Raises
+    ------
+    PluginError
+        If the package's function cannot be loaded, fails, or returns something else.
+    ProbeError
+        If there is no such file, or the pixels are no image.
+    """
+    from shrm_cli import plugins  # rarely needed
+
+    suffix = Path(name).suffix.lower().removeprefix(".")
+    point = plugins.installed(plugins.READERS).get(suffix)
+    if point is None:
+        return None
+    function, where = plugins.load(point), plugins.where(point)
+    if not callable(function):
+        raise PluginError(f"{where} is no function; make it one")
+    path = check_file(name)
+    try:
+        pixels, description = function(path)
+        unknown = sorted(description.keys() - _KEYS)
+    except ProbeError:
+        raise
+    except Exception as error:
+        raise PluginError(f"{name}: {where} failed: {explained(error)}") from error
+    if unknown:
+        known = ", ".join(sorted(_KEYS))
+        raise PluginError(f"{where} describes {unknown[0]!r:.60}; it may tell {known}")
+    return ReadImage(ArrayImage.copy_of(pixels, name).pixels, name, path, suffix), description

@@ -237,27 +237,18 @@ def _is_finite(value: Any) -> bool:
 
 @record(eq=False)
 class ColorReading:
-    """How the colors of a probe are understood.
-
-    Attributes
-    ----------
-    chromaticities : tuple of 8 float, optional
-        Of the light as it leaves the probe; None where nobody tells them.
-    own : tuple of 8 float, optional
-        Of the numbers of the images.
-    matrix : ndarray, shape (3, 3), optional
-        From the numbers of the images to that light; None where they are the same.
-    notes : tuple of str
-        What a user should know, a line each.
-    record : mapping of str to list of 8 float
-        What was said beside the images, as `Probe.colors` has it.
-    """
+    """How the colors of a probe are understood."""
 
     chromaticities: tuple[float, ...] | None
+    """Of the light as it leaves the probe; None where nobody tells them."""
     own: tuple[float, ...] | None = None
+    """Of the numbers of the images."""
     matrix: Array | None = None
+    """From the numbers of the images to that light; None where they are the same, shape (3, 3)."""
     notes: tuple[str, ...] = ()
+    """What a user should know, a line each."""
     record: Mapping[str, list[float]] = field(default_factory=dict)
+    """What was said beside the images, as `Probe.colors` has it."""
 
     @classmethod
     def of(cls, stated: tuple[float, ...] | None, options: ReadOptions) -> "ColorReading":

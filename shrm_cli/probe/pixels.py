@@ -17,30 +17,21 @@ from shrm_cli.vocabulary import Layout, Orientation
 
 @dataclass
 class PixelReport:
-    """What the pixels of a probe needed, gathered while they are read.
-
-    Attributes
-    ----------
-    nonfinite : int
-        Pixels with a NaN or infinite channel.
-    first_nonfinite : tuple of int, optional
-        Column and row of the first.
-    negative, minimum : int, float
-        Pixels with a negative channel, and the least value.
-    clamped : int
-        Pixels that `clamp` dimmed.
-    energy_removed, energy : float
-        The integral of radiance over the sphere, channels added: what clamping took, and
-        what there was before.
-    """
+    """What the pixels of a probe needed, gathered while they are read."""
 
     nonfinite: int = 0
+    """Pixels with a NaN or infinite channel."""
     first_nonfinite: tuple[int, int] | None = None
+    """Column and row of the first."""
     negative: int = 0
     minimum: float = 0.0
+    """`negative` and `minimum`: pixels with a negative channel, and the least value."""
     clamped: int = 0
+    """Pixels that `clamp` dimmed."""
     energy_removed: float = 0.0
     energy: float = 0.0
+    """`energy_removed` and `energy`: the integral of radiance over the sphere, channels added: what
+    clamping took, and what there was before."""
     notes: tuple[str, ...] = ()
 
     def clear(self) -> None:
@@ -71,22 +62,16 @@ class PixelReport:
 
 @record
 class PixelPolicy:
-    """How pixels are checked and changed.
-
-    Attributes
-    ----------
-    fix_nonfinite : bool
-        Replace NaN and infinite pixels by the mean of their finite neighbors.
-    clamp : float, optional
-        Largest radiance of a channel. Brighter pixels are scaled down as a whole, which keeps
-        their hue.
-    """
+    """How pixels are checked and changed."""
 
     fix_nonfinite: bool = False
+    """Replace NaN and infinite pixels by the mean of their finite neighbors."""
     clamp: float | None = None
+    """Largest radiance of a channel. Brighter pixels are scaled down as a whole, which keeps their
+    hue."""
 
     def apply(self, pixels: Array, weights: Array, report: PixelReport) -> Array:
-        """Finite pixels without negative radiance, clamped if asked.
+        """Finite pixels without negative radiance, clamped if asked, shape (rows, columns, 3).
 
         Parameters
         ----------
@@ -96,10 +81,6 @@ class PixelPolicy:
             Solid angles.
         report : PixelReport
             What is added to.
-
-        Returns
-        -------
-        ndarray, shape (rows, columns, 3)
         """
         if pixels.size and pixels.min() < 0:
             below = pixels < 0
@@ -165,12 +146,7 @@ def refuse_nonfinite(name: str, report: PixelReport) -> None:
 
 
 def refuse_overflow(name: str, numbers: Array) -> None:
-    """Raise if numbers that follow from the light of a probe are beyond 32-bit floats.
-
-    Raises
-    ------
-    ProbeError
-    """
+    """Raise if numbers that follow from the light of a probe are beyond 32-bit floats."""
     if not (np.abs(numbers) <= np.finfo(np.float32).max).all():  # which no NaN is, either
         raise ProbeError(f"{name}: its light is beyond 32-bit floats; dim it, or give `clamp`")
 
@@ -258,33 +234,22 @@ _HOLE_ROWS = 32
 
 @record(eq=False)
 class BlockReader:
-    """Reads the pixels of a probe.
-
-    Attributes
-    ----------
-    name : str
-        What messages call the probe.
-    images : tuple of ProbeImage
-        One, or six where each face of a cube is an image of its own.
-    layout : Layout
-        Of the images.
-    orientation : {"openexr", "gl"}, optional
-        Of the faces of a cube in the images.
-    grid : Grid
-        What the pixels are brought to.
-    fix_nonfinite : bool
-        Whether NaN and infinite pixels are filled instead of refused.
-    report : PixelReport
-        What is added to.
-    """
+    """Reads the pixels of a probe."""
 
     name: str
+    """What messages call the probe."""
     images: tuple[ProbeImage, ...]
+    """One, or six where each face of a cube is an image of its own."""
     layout: Layout
+    """Of the images."""
     orientation: Orientation | None
+    """Of the faces of a cube in the images."""
     grid: Grid
+    """What the pixels are brought to."""
     fix_nonfinite: bool
+    """Whether NaN and infinite pixels are filled instead of refused."""
     report: PixelReport
+    """What is added to."""
 
     def blocks(self) -> Iterator[Block]:
         """Yield the image in blocks of rows, by faces, or as a whole where it cannot be cut.

@@ -30,19 +30,13 @@ Place = tuple[float, float, float]
 
 @record
 class ProxyBox:
-    """A box whose faces run along the world axes, around the place of a probe.
-
-    Attributes
-    ----------
-    at : tuple of 3 float
-        Where the probe was captured, within the box.
-    low, high : tuple of 3 float
-        The least and the largest coordinates.
-    """
+    """A box whose faces run along the world axes, around the place of a probe."""
 
     at: Place
+    """Where the probe was captured, within the box."""
     low: Place
     high: Place
+    """`low` and `high`: the least and the largest coordinates."""
 
     @classmethod
     def of(cls, low: ArrayLike, high: ArrayLike, at: ArrayLike | None = None) -> "ProxyBox":
@@ -100,18 +94,13 @@ class ProxyBox:
         return ProxyBox.of(corners.min(axis=0), corners.max(axis=0), exact @ self.at)
 
     def directions(self, points: ArrayLike, directions: ArrayLike) -> Array:
-        """Return where the probe saw what rays meet of the box, shape (..., 3).
+        """Return where the probe saw what rays meet of the box: unit, shape (..., 3).
 
         Parameters
         ----------
         points : array_like, shape (..., 3)
             Where the rays begin, in world axes. What lies outside the box is moved to it.
         directions : array_like, shape (..., 3), broadcastable
-            Unit vectors.
-
-        Returns
-        -------
-        ndarray
             Unit vectors.
         """
         rays = np.asarray(directions, dtype=float)

@@ -32,41 +32,27 @@ _TINY = 1e-300
 
 @record(eq=False)
 class Level:
-    """The cells of one size. Cells 4 i .. 4 i + 3 of the next finer level make up cell i.
-
-    Attributes
-    ----------
-    directions : ndarray, shape (cells, 3)
-        Unit directions of the centroids of the luminance, world axes.
-    light : ndarray, shape (cells, 3)
-        Radiance times solid angle.
-    spread : ndarray, shape (cells,)
-        The sum of luminance times solid angle times the square of the chord to the centroid over
-        the pixels. Pixels themselves have none.
-    radii : ndarray, shape (cells,)
-        The largest angle from the centroid to the centre of a pixel, radians.
-    """
+    """The cells of one size. Cells 4 i .. 4 i + 3 of the next finer level make up cell i."""
 
     directions: Array
+    """Unit directions of the centroids of the luminance, world axes, shape (cells, 3)."""
     light: Array
+    """Radiance times solid angle, shape (cells, 3)."""
     spread: Array
+    """The sum of luminance times solid angle times the square of the chord to the centroid over the
+    pixels, shape (cells,). Pixels themselves have none."""
     radii: Array
+    """The largest angle from the centroid to the centre of a pixel, radians, shape (cells,)."""
 
 
 @record(eq=False)
 class Pyramid:
-    """A probe in cells of all sizes.
-
-    Attributes
-    ----------
-    levels : list of Level
-        Pixels first, the largest cells last.
-    pixels : int
-        Pixels of the image.
-    """
+    """A probe in cells of all sizes."""
 
     levels: list[Level]
+    """Pixels first, the largest cells last."""
     pixels: int
+    """Pixels of the image."""
 
     @classmethod
     def of(cls, probe: Probe, height: int | None = None, dtype: type = np.float32) -> "Pyramid":

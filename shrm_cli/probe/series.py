@@ -61,21 +61,14 @@ _FILAMENT = "pre-scaled base"
 
 @record(eq=False)
 class Series:
-    """The coefficients of a light.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape ((order+1)^2, 3)
-        Of radiance over the real harmonics of world axes, index l(l+1)+m.
-    chromaticities : tuple of 8 float, optional
-        Their primaries, where the file tells them.
-    notes : tuple of str
-        What a user should know, a line each.
-    """
+    """The coefficients of a light."""
 
     coefficients: Array
+    """Of radiance over the real harmonics of world axes, index l(l+1)+m, shape ((order+1)^2, 3)."""
     chromaticities: tuple[float, ...] | None = None
+    """Their primaries, where the file tells them."""
     notes: tuple[str, ...] = ()
+    """What a user should know, a line each."""
 
 
 def holds_series(name: str) -> bool:
@@ -129,7 +122,7 @@ def read_series(
 
 
 def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array:
-    """Return coefficients of radiance in our basis.
+    """Return coefficients of radiance in our basis, shape (n, 3).
 
     Parameters
     ----------
@@ -137,10 +130,6 @@ def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array
         With n = 1, 4, 9, 16, ...
     basis, of
         As `read_series` takes them.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
 
     Raises
     ------

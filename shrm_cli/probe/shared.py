@@ -33,15 +33,11 @@ class SharedProbe(Probe):
     """A probe that remembers its pixels, its digest, and its coefficients to each order.
 
     Every map that is made of it has the same bytes as one that is made of the probe alone.
-
-    Attributes
-    ----------
-    kept : dict
-        What was computed of the light, by what it is: `shrm_cli.probe.lighting.project` keeps
-        coefficients by their order.
     """
 
     kept: dict[int, Any] = field(default_factory=dict)
+    """What was computed of the light, by what it is: `shrm_cli.probe.lighting.project` keeps
+    coefficients by their order."""
 
     def digest(self) -> str:
         """SHA-256 of the bytes of the files, which are read for it once."""

@@ -22,28 +22,19 @@ _TINY = 1e-300
 
 @record(eq=False)
 class Source:
-    """A probe as many small lights, in tiles of neighboring pixels.
-
-    Attributes
-    ----------
-    directions : ndarray, shape (tiles, 3, m)
-        Unit directions of the lights, world axes.
-    light : ndarray, shape (tiles, m, 3)
-        Radiance times solid angle of each.
-    axes : ndarray, shape (tiles, 3)
-        Unit axes of cones around the tiles, world axes.
-    angles : ndarray, shape (tiles,)
-        Half angles of these cones, radians.
-    pixels : int
-        Pixels of the image. Tiles that cross its edge hold black lights as well, and black tiles
-        are left out.
-    """
+    """A probe as many small lights, in tiles of neighboring pixels."""
 
     directions: Array
+    """Unit directions of the lights, world axes, shape (tiles, 3, m)."""
     light: Array
+    """Radiance times solid angle of each, shape (tiles, m, 3)."""
     axes: Array
+    """Unit axes of cones around the tiles, world axes, shape (tiles, 3)."""
     angles: Array
+    """Half angles of these cones, radians, shape (tiles,)."""
     pixels: int
+    """Pixels of the image. Tiles that cross its edge hold black lights as well, and black tiles are
+    left out."""
 
     @classmethod
     def of(cls, probe: Probe, height: int | None = None, dtype: type = np.float32) -> "Source":
@@ -110,7 +101,7 @@ def _reduced(probe: Probe, height: int) -> tuple[Array, Array]:
 
 
 def latlong_light(probe: Probe, height: int) -> Array:
-    """Return radiance times solid angle of a probe's pixels on a lat-long in world axes.
+    """Return a probe's radiance times solid angle on a lat-long, shape (height, 2 height, 3).
 
     Parameters
     ----------
@@ -118,10 +109,6 @@ def latlong_light(probe: Probe, height: int) -> Array:
         It is averaged down, or interpolated, if it is no such lat-long itself.
     height : int
         Rows of the lat-long.
-
-    Returns
-    -------
-    ndarray, shape (height, 2 height, 3)
 
     Raises
     ------

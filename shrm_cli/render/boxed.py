@@ -82,21 +82,13 @@ def looked_up(shown: ReflectedLight, vectors: Vectors, shares: Array | None = No
 
 @record(eq=False)
 class Placed(ReflectedLight):
-    """A map as a sphere shows it that stands in the room of its probe.
-
-    Attributes
-    ----------
-    made : Map
-    shown : ReflectedLight
-        The map with its surface.
-    place : ndarray, shape (3,)
-        The sphere's middle, world axes.
-    radius : float
-    """
+    """A map as a sphere shows it that stands in the room of its probe."""
 
     made: Map
     shown: ReflectedLight
+    """The map with its surface."""
     place: Array
+    """The sphere's middle, world axes, shape (3,)."""
     radius: float
 
     @classmethod

@@ -144,7 +144,7 @@ def whole_coverage(size: int) -> Array:
 
 
 def sphere_coverage(size: int, x: Array, y: Array) -> Array:
-    """Return the fraction of each pixel that the sphere covers.
+    """Return the fraction of each pixel that the sphere covers, shape (...).
 
     The area is integrated exactly along the axis in which the pixel lies farther from the centre,
     and by the midpoint rule along the other axis. The fraction is right to 0.001.
@@ -155,10 +155,6 @@ def sphere_coverage(size: int, x: Array, y: Array) -> Array:
         Width and height of the picture, pixels.
     x, y : ndarray, shape (...)
         Offsets of pixel centres from the picture's centre, in pixels.
-
-    Returns
-    -------
-    ndarray, shape (...)
     """
     radius = sphere_radius(size)
     distance = np.hypot(x, y)

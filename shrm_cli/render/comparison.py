@@ -21,32 +21,24 @@ from shrm_cli.render.sphere import Reflecting, render_sphere
 
 @record
 class Difference:
-    """How far pictures of a sphere are from pictures of the baseline.
-
-    Attributes
-    ----------
-    rmse : float
-        Root mean square difference over the sphere and the colour channels, in radiance.
-    relative_rmse : float
-        `rmse` divided by the root mean square of the baseline; infinite if the baseline is black
-        and the pictures are not.
-    maximum : float
-        Largest absolute difference in a channel of a pixel, in radiance.
-    psnr : float
-        The largest value of the baseline divided by `rmse`, in decibels; infinite for equal
-        pictures, otherwise minus infinity if no value of the baseline is above 0.
-    median_relative_error, p95_relative_error, wrong_share, negative_share : float
-        What is seen of it, pixel by pixel; see `SeenErrors`.
-    """
+    """How far pictures of a sphere are from pictures of the baseline."""
 
     rmse: float
+    """Root mean square difference over the sphere and the colour channels, in radiance."""
     relative_rmse: float
+    """`rmse` divided by the root mean square of the baseline; infinite if the baseline is black and
+    the pictures are not."""
     maximum: float
+    """Largest absolute difference in a channel of a pixel, in radiance."""
     psnr: float
+    """The largest value of the baseline divided by `rmse`, in decibels; infinite for equal
+    pictures, otherwise minus infinity if no value of the baseline is above 0."""
     median_relative_error: float
     p95_relative_error: float
     wrong_share: float
     negative_share: float
+    """`median_relative_error`, `p95_relative_error`, `wrong_share` and `negative_share`: what is
+    seen of it, pixel by pixel; see `SeenErrors`."""
 
     def summary(self) -> dict[str, float | None]:
         """The numbers by name, for JSON, which has no infinity: None stands for it."""
@@ -92,23 +84,15 @@ def measure(pictures: Picture, baselines: Picture) -> Difference:
 
 @record
 class Comparison:
-    """Pictures of a baseline, and of other maps from the same views.
-
-    Attributes
-    ----------
-    viewers : sequence of V Viewer
-    baseline : ndarray, shape (V, S, S, 3)
-        Linear, premultiplied by the coverage of the sphere.
-    others : ndarray, shape (M, V, S, S, 3)
-        Pictures of M other maps, in the same form.
-    primaries : tuple of 8 float, optional
-        Of all pictures; None is Rec.709.
-    """
+    """Pictures of a baseline, and of other maps from the same views."""
 
     viewers: Sequence[Viewer]
     baseline: Picture
+    """Linear, premultiplied by the coverage of the sphere, shape (V, S, S, 3)."""
     others: Picture
+    """Pictures of M other maps, in the same form, shape (M, V, S, S, 3)."""
     primaries: tuple[float, ...] | None = None
+    """Of all pictures; None is Rec.709."""
 
     def difference(self, other: int, view: int | None = None) -> Difference:
         """Measure how far a map is from the baseline, in one view or by default in all."""
@@ -230,8 +214,7 @@ def compare_spheres(
     size : int
         Width and height of each picture, pixels.
     progress : callable, optional
-        Called with the number of pictures done and the number of all, (1 + M) V. The first V
-        pictures are the baseline's.
+        Called with the pictures done and all, (1 + M) V; the first V are those of the baseline.
     primaries : tuple of 8 float, optional
         Of the light of all of them; None is Rec.709.
     """

@@ -23,54 +23,35 @@ from shrm_cli.render.stage import Stage
 
 @record(eq=False)
 class Lit:
-    """Maps of the light at rest, and of the light that it becomes, with their files' names.
-
-    Attributes
-    ----------
-    maps, others : sequence of Map
-        There are no others where the light becomes no other.
-    names, other_names : sequence of str
-    """
+    """Maps of the light at rest, and of the light that it becomes, with their files' names."""
 
     maps: Sequence[Map]
     names: Sequence[str]
     others: Sequence[Map]
+    """`maps` and `others`: there are no others where the light becomes no other."""
     other_names: Sequence[str]
 
 
 @record(eq=False)
 class Drawing:
-    """Something to draw, in several materials.
-
-    Attributes
-    ----------
-    subject : Subject
-    drawn : list
-        Its materials under the light at rest.
-    become : list, optional
-        Its materials under the light that it becomes.
-    seen : list of MapInfo
-        How the maps were made, in the primaries of the picture.
-    primaries : tuple of 8 float, optional
-        Those of the picture.
-    rows : int
-        Of a lat-long that is fine enough to be its background.
-    said : dict
-        What results and recipes say of it.
-    warnings : list of str
-    recolored : bool
-        Whether materials are maps, which may have other primaries.
-    """
+    """Something to draw, in several materials."""
 
     subject: Any
     drawn: list[Any]
+    """Its materials under the light at rest."""
     become: list[Any] | None
+    """Its materials under the light that it becomes."""
     seen: list[MapInfo]
+    """How the maps were made, in the primaries of the picture."""
     primaries: tuple[float, ...] | None
+    """Those of the picture."""
     rows: int
+    """Of a lat-long that is fine enough to be its background."""
     said: dict[str, Any]
+    """What results and recipes say of it."""
     warnings: list[str]
     recolored: bool = False
+    """Whether materials are maps, which may have other primaries."""
 
     def at(self, moment: Moment) -> list[Any]:
         """Return the materials under the light of a moment."""
@@ -80,28 +61,18 @@ class Drawing:
 
 @record(eq=False)
 class Film:
-    """Pictures of something at some moments, before the same surroundings.
-
-    Attributes
-    ----------
-    drawing : Drawing
-    moments : sequence of Moment
-    labels : sequence of str
-        One for each material, for sheets.
-    exposure : float
-        Stops.
-    skies : tuple of 2 (Probe or None)
-        What is behind, and what that becomes.
-    columns : int, optional
-        Of a sheet.
-    """
+    """Pictures of something at some moments, before the same surroundings."""
 
     drawing: Drawing
     moments: Sequence[Moment]
     labels: Sequence[str]
+    """One for each material, for sheets."""
     exposure: float = 0.0
+    """Stops."""
     skies: tuple[Probe | None, Probe | None] = (None, None)
+    """What is behind, and what that becomes."""
     columns: int | None = None
+    """Of a sheet."""
 
     @property
     def shape(self) -> tuple[int, int]:

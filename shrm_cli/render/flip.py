@@ -34,36 +34,25 @@ class FlipExposures:
     """The exposures at which FLIP compared two pictures.
 
     FLIP chooses them from the truth alone, so that other maps are seen at the same ones.
-
-    Attributes
-    ----------
-    start, stop : float
-        The least and the greatest, in stops: pixels are multiplied by 2 to their power.
-    number : int
-        How many there are, evenly spaced.
     """
 
     start: float
     stop: float
+    """`start` and `stop`: the least and the greatest, in stops: pixels are multiplied by 2 to their
+    power."""
     number: int
+    """How many there are, evenly spaced."""
 
 
 @record
 class FlipError:
-    """The result of HDR-FLIP.
-
-    Attributes
-    ----------
-    mean : float
-        Mean of the error over the pixels, from 0 to 1.
-    exposures : FlipExposures
-    errors : ndarray, shape (H, W)
-        The error of each pixel, from 0 to 1.
-    """
+    """The result of HDR-FLIP."""
 
     mean: float
+    """Mean of the error over the pixels, from 0 to 1."""
     exposures: FlipExposures
     errors: Array = field(compare=False, repr=False)
+    """The error of each pixel, from 0 to 1, shape (H, W)."""
 
 
 def can_flip() -> bool:

@@ -33,24 +33,16 @@ _KEYS = "frame", "turn", "blend", "view"
 
 @record
 class Key:
-    """A keyframe.
-
-    Attributes
-    ----------
-    frame : int
-        From 1.
-    turn : tuple of 3 float, optional
-        Yaw, pitch and roll of the light, degrees.
-    blend : float, optional
-        How much of the light, 0 .. 1, is that of the second map.
-    view : tuple of 2 float, optional
-        Azimuth and elevation of the viewer, degrees.
-    """
+    """A keyframe."""
 
     frame: int
+    """From 1."""
     turn: tuple[float, ...] | None = None
+    """Yaw, pitch and roll of the light, degrees."""
     blend: float | None = None
+    """How much of the light, 0 .. 1, is that of the second map."""
     view: tuple[float, ...] | None = None
+    """Azimuth and elevation of the viewer, degrees."""
 
 
 def read_keys(path: str | os.PathLike[str]) -> list[Key]:

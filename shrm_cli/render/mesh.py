@@ -114,8 +114,6 @@ class MeshSubject:
             One for each of the stage's looks.
         background : ndarray, shape (H, W, 3), optional
             Linear picture behind the mesh; black by default.
-        progress : callable, optional
-            Called with the number of rows done and the number of all rows.
 
         Returns
         -------
@@ -308,7 +306,7 @@ class MeshSubject:
 
 
 def facing(normals: Array, flat: Array, views: Array) -> Array:
-    """Return shading normals that face the viewer.
+    """Return shading normals that face the viewer, shape (n, 3).
 
     Surfaces have two sides that look alike: where the viewer sees the back of a triangle, the
     normal is turned round. Which side is its front, the smooth normal decides. A smooth normal may
@@ -321,10 +319,6 @@ def facing(normals: Array, flat: Array, views: Array) -> Array:
         Unit normals, interpolated and of the triangles themselves.
     views : ndarray, shape (n, 3)
         Unit, to the viewer.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
     """
     front = np.einsum("ij,ij->i", flat, views) * np.einsum("ij,ij->i", flat, normals)
     turned = np.where((front < 0)[:, None], -normals, normals)

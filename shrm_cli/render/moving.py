@@ -1,4 +1,4 @@
-"""Light that moves over the frames of a picture: it turns, or becomes another light.
+"""Frames: their names, the views of a turntable, and light that turns or becomes another light.
 
 Turning the light is turning the surface and the viewer back, whatever the form of a map: with a
 rotation M of the light, what a surface of the normal N reflects towards V is what one of the normal
@@ -6,6 +6,8 @@ M^-1 N reflects towards M^-1 V under the light at rest. Reflection is linear in 
 blend of two lights reflects the blend of what they reflect.
 """
 
+import os
+import re
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.errors import MapError
+from shrm_cli.errors import MapError, OutputError
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap
@@ -29,20 +31,13 @@ Drawn = TypeVar("Drawn")
 
 @record(eq=False)
 class Moment:
-    """A frame: where the viewer stands, and what has become of the light.
-
-    Attributes
-    ----------
-    viewer : Viewer
-    turn : ndarray, shape (3, 3), optional
-        The rotation of the light; None where it is at rest.
-    share : float
-        How much of the light, 0 .. 1, is that of the second map.
-    """
+    """A frame: where the viewer stands, and what has become of the light."""
 
     viewer: Viewer
     turn: Array | None = None
+    """The rotation of the light; None where it is at rest, shape (3, 3)."""
     share: float = 0.0
+    """How much of the light, 0 .. 1, is that of the second map."""
 
     def record(self) -> dict[str, Any]:
         """Return what the recipe of a picture says of its light; nothing of light at rest."""
@@ -95,22 +90,16 @@ class Moment:
 
 @record(eq=False)
 class MovedMap(ReflectedLight):
-    """A map, or one with a surface, under light that has moved.
-
-    Attributes
-    ----------
-    first, second : ReflectedLight or VariedSurface
-        Under the light at rest, and under the one that it becomes; None where it becomes no other.
-    share : float
-        How much of the light is that of the second one.
-    turn : ndarray, shape (3, 3)
-        The rotation of the light.
-    """
+    """A map, or one with a surface, under light that has moved."""
 
     first: Any
     second: Any
+    """`first` and `second`: under the light at rest, and under the one that it becomes; None where
+    it becomes no other. Each is a ReflectedLight or a VariedSurface."""
     share: float
+    """How much of the light is that of the second one."""
     turn: Array
+    """The rotation of the light, shape (3, 3)."""
 
     @property
     def info(self) -> MapInfo:
@@ -232,3 +221,40 @@ def check_blend(first: Map, second: Map, name: str) -> None:
             f"{name}: its primaries are not those of the map whose light becomes its own; convert "
             "one by shrm convert --working"
         )
+
+
+_NUMBER = re.compile(r"%0([1-9]\d?)d")
+
+
+def frame_paths(pattern: str, count: int) -> list[str]:
+    """Return the names of frames, numbered from 1 where the pattern has ``%04d`` or the like.
+
+    Raises
+    ------
+    OutputError
+        If the pattern, without its folder, does not have exactly one such place.
+    """
+    folder, name = os.path.split(pattern)
+    if len(_NUMBER.findall(name)) != 1:
+        stem, suffix = os.path.splitext(name)
+        example = f"{_NUMBER.sub('', stem).rstrip('.') or 'frame'}.%04d{suffix}"
+        raise OutputError(f"{pattern}: frames need one place for their number, such as {example}")
+    before, digits, after = _NUMBER.split(name)
+    return [os.path.join(folder, f"{before}{k:0{digits}d}{after}") for k in range(1, count + 1)]
+
+
+def check_one_file(name: str) -> None:
+    """Check that the name of a moving picture, which is one file, has no place for a number.
+
+    Raises
+    ------
+    OutputError
+        If it has one.
+    """
+    if _NUMBER.search(name):
+        raise OutputError(f"{name}: a moving picture is one file; leave the number out of its name")
+
+
+def turntable(first: Viewer, count: int) -> list[Viewer]:
+    """Return views at equal steps of a full turn about +Y, towards growing azimuth."""
+    return [first.turned(360 * k / count) for k in range(count)]

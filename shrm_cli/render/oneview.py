@@ -63,8 +63,6 @@ def one_view(
         Whether normals that face away are looked up as they are, as for `ignores_views`.
     sampling : {"center", "border"}
         Where the pixels at the edge of the image lie.
-    progress : callable, optional
-        Called with the rows done and the rows in all.
 
     Returns
     -------

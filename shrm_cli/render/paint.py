@@ -20,25 +20,18 @@ _LEAST_AREA = 1e-20
 
 @record(eq=False)
 class Points:
-    """Points of a mesh under pixels.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    faces : ndarray of int64, shape (n,)
-    weights : ndarray, shape (n, 3)
-        Barycentric coordinates.
-    steps : ndarray, shape (n, 3, 2)
-        How the point in the triangle's plane moves to the next pixel to the right, and upwards.
-    finer : {1, 2}
-        How finely textures are averaged, as `MipMap.at` takes it.
-    """
+    """Points of a mesh under pixels."""
 
     mesh: Mesh
     faces: NDArray[np.int64]
+    """Shape (n,)."""
     weights: Array
+    """Barycentric coordinates, shape (n, 3)."""
     steps: Array
+    """How the point in the triangle's plane moves to the next pixel to the right, and upwards,
+    shape (n, 3, 2)."""
     finer: int = FINER
+    """How finely textures are averaged, as `MipMap.at` takes it. One of 1 and 2."""
 
     def over(self, uv_set: int) -> tuple[Array, Array]:
         """Return texture coordinates (n, 2), and their changes to the next pixels (n, 2, 2)."""
@@ -68,19 +61,15 @@ class Points:
 
 @record(eq=False)
 class Painted:
-    """What a material is at n points.
-
-    Attributes
-    ----------
-    base_color, emission : ndarray, shape (n, 3)
-    metallic, roughness, occlusion : ndarray, shape (n,)
-    """
+    """What a material is at n points."""
 
     base_color: Array
     emission: Array
+    """`base_color` and `emission`: shape (n, 3)."""
     metallic: Array
     roughness: Array
     occlusion: Array
+    """`metallic`, `roughness` and `occlusion`: shape (n,)."""
 
 
 class Paint:

@@ -23,19 +23,13 @@ LIMITS = (0.01, 170.0)
 
 @record
 class Lens:
-    """What a camera has in common in all frames of a turntable.
-
-    Attributes
-    ----------
-    width, height : int
-        Of the picture, pixels.
-    fov : float
-        The angle that the shorter edge spans, degrees.
-    """
+    """What a camera has in common in all frames of a turntable."""
 
     width: int
     height: int
+    """`width` and `height`: of the picture, pixels."""
     fov: float = DEFAULT_FOV
+    """The angle that the shorter edge spans, degrees."""
 
     def __post_init__(self) -> None:
         low, high = LIMITS
@@ -69,18 +63,12 @@ class Lens:
 
 @record(eq=False)
 class Aim:
-    """Where a camera looks and from how far.
-
-    Attributes
-    ----------
-    target : ndarray, shape (3,)
-        The point in the middle of the picture, world axes.
-    distance : float
-        From the target to the camera.
-    """
+    """Where a camera looks and from how far."""
 
     target: Array
+    """The point in the middle of the picture, world axes, shape (3,)."""
     distance: float
+    """From the target to the camera."""
 
     def eye(self, viewer: Viewer) -> Array:
         """Return where the camera stands, shape (3,)."""

@@ -17,20 +17,13 @@ from shrm_cli.records import record
 
 @record(eq=False)
 class Recolored(ReflectedLight):
-    """A map whose radiance is shown in other primaries; that is exact for maps of every form.
-
-    Attributes
-    ----------
-    shown : ReflectedLight
-    matrix : ndarray, shape (3, 3)
-        From the map's linear RGB to that which is wanted.
-    primaries : tuple of 8 float, optional
-        Of that; None is Rec.709.
-    """
+    """A map whose radiance is shown in other primaries; that is exact for maps of every form."""
 
     shown: ReflectedLight
     matrix: Array
+    """From the map's linear RGB to that which is wanted, shape (3, 3)."""
     primaries: tuple[float, ...] | None
+    """Of that; None is Rec.709."""
 
     @cached_property
     def info(self) -> MapInfo:

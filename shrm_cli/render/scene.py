@@ -64,29 +64,19 @@ class SphereSubject:
 
 @record
 class Scene(Generic[Material]):
-    """One subject of one material, or a sheet of it in several.
-
-    Attributes
-    ----------
-    subject : Subject
-    materials : sequence
-        What the subject takes, such as maps.
-    labels : sequence of str
-        A label for each material.
-    exposure : float
-        Stops, the same for all materials.
-    surroundings : Surroundings, optional
-        The probe behind the subject; by default it stands on black.
-    columns : int, optional
-        Columns of a sheet; by default it is as square as possible.
-    """
+    """One subject of one material, or a sheet of it in several."""
 
     subject: Subject[Material]
     materials: Sequence[Material]
+    """What the subject takes, such as maps."""
     labels: Sequence[str]
+    """A label for each material."""
     exposure: float = 0.0
+    """Stops, the same for all materials."""
     surroundings: Surroundings | None = None
+    """The probe behind the subject; by default it stands on black."""
     columns: int | None = None
+    """Columns of a sheet; by default it is as square as possible."""
 
     @cached_property
     def layout(self) -> SheetLayout | None:
@@ -103,11 +93,6 @@ class Scene(Generic[Material]):
 
     def picture(self, viewer: Viewer, progress: Progress | None = None) -> Picture:
         """Draw the picture that the viewer sees.
-
-        Parameters
-        ----------
-        progress : callable, optional
-            Called with the amount done and the amount in all.
 
         Returns
         -------

@@ -55,37 +55,25 @@ _KEYS = (
 
 @record
 class Shown:
-    """What is said about a mesh besides its file, on the command line or in a scene file.
-
-    Attributes
-    ----------
-    map : Map, optional
-        By default the map that the picture is of.
-    roughness : float, optional
-        It replaces that of the mesh's materials.
-    f0 : str, optional
-        As in a BRDF's specification: ``0.04``, ``1/0.78/0.34`` or ``gold``.
-    irradiance : Map, optional
-        The light of the diffuse part of the mesh's materials.
-    brush : {"uv"} or tuple of 3 float, optional
-        As `Actor` has it.
-    vary : str, optional
-        What a parameter that varies follows, as `open_variation` takes it.
-    plain : bool
-        Whether the mesh's materials and vertex colours are left out.
-    anisotropy, taps
-        As `Look` has them.
-    """
+    """What is said about a mesh besides its file, on the command line or in a scene file."""
 
     map: Map | None = None
+    """By default the map that the picture is of."""
     roughness: float | None = None
+    """It replaces that of the mesh's materials."""
     f0: str | None = None
+    """As in a BRDF's specification: ``0.04``, ``1/0.78/0.34`` or ``gold``."""
     irradiance: Map | None = None
+    """The light of the diffuse part of the mesh's materials."""
     brush: "str | tuple[float, float, float] | None" = None
+    """As `Actor` has it. It is "uv" or a direction."""
     vary: str | None = None
+    """What a parameter that varies follows, as `open_variation` takes it."""
     plain: bool = False
+    """Whether the mesh's materials and vertex colours are left out."""
     anisotropy: float | None = None
     taps: int | None = None
+    """`anisotropy` and `taps`: as `Look` has them."""
 
     def actor(
         self, mesh: Mesh, primaries: tuple[float, ...] | None, shelf: Shelf | None = None

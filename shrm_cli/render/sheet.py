@@ -30,22 +30,16 @@ _LINES = 8
 
 @record
 class SheetLayout:
-    """Where the tiles of a sheet lie, in pixels.
-
-    Attributes
-    ----------
-    count, columns : int
-        How many tiles there are, and how many of them stand beside each other.
-    tile : int
-        Width of a tile.
-    tall : int, optional
-        Height of a tile; by default tiles are square.
-    """
+    """Where the tiles of a sheet lie, in pixels."""
 
     count: int
     columns: int
+    """`count` and `columns`: how many tiles there are, and how many of them stand beside each
+    other."""
     tile: int
+    """Width of a tile."""
     tall: int | None = None
+    """Height of a tile; by default tiles are square."""
 
     @property
     def tile_height(self) -> int:
@@ -119,7 +113,7 @@ def _check_size(shape: tuple[int, int], smaller: str) -> None:
 
 
 def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[str]) -> Picture:
-    """Put tiles on a dark grey sheet with their labels in white.
+    """Put tiles on a dark grey sheet, their labels in white, shape (*layout.shape, 3).
 
     Parameters
     ----------
@@ -127,10 +121,6 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
         Linear and already exposed; the paper and the labels are not exposed.
     labels : sequence of str
         A label is shortened in its middle if it is wider than its tile.
-
-    Returns
-    -------
-    ndarray of float32, shape (*layout.shape, 3)
 
     Raises
     ------
@@ -150,18 +140,12 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
 
 @record
 class Grid:
-    """Where the cells of a sheet lie that has names of rows and columns, in pixels.
-
-    Attributes
-    ----------
-    rows, columns : int
-    tile : int
-        Width and height of a cell.
-    """
+    """Where the cells of a sheet lie that has names of rows and columns, in pixels."""
 
     rows: int
     columns: int
     tile: int
+    """Width and height of a cell."""
 
     @property
     def gap(self) -> int:
@@ -208,7 +192,7 @@ def draw_grid(
     sides: Sequence[str],
     tiles: Iterable[tuple[int, int, Picture | str]],
 ) -> Picture:
-    """Put pictures on dark grey paper, with names above columns and, upright, beside rows.
+    """Put pictures on dark grey, names above columns and beside rows, shape (*grid.shape, 3).
 
     Parameters
     ----------
@@ -217,10 +201,6 @@ def draw_grid(
     tiles : iterable of (int, int, ndarray or str)
         Row and column of a cell, and its picture, shape (tile, tile, 3), linear and exposed, or
         why there is none.
-
-    Returns
-    -------
-    ndarray of float32, shape (*grid.shape, 3)
 
     Raises
     ------

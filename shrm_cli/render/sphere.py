@@ -64,8 +64,6 @@ def render_sphere(
     background : ndarray, shape (size, size, 3), optional
         Linear picture behind the sphere, such as `render_background` makes. By default it is
         black, so that silhouette pixels are premultiplied by their coverage.
-    progress : callable, optional
-        Called with the number of rows done and the number of all rows.
 
     Returns
     -------

@@ -28,38 +28,26 @@ _DIELECTRIC = 0.04
 
 @record
 class Look:
-    """How a surface reflects: a map, and the parameters that maps of light alone need.
-
-    Attributes
-    ----------
-    map : Map, optional
-        None for the map that the picture is drawn of.
-    roughness : float, optional
-        Perceptual roughness of the GGX surface that maps of light alone are shown as.
-    f0 : tuple of 3 float, optional
-        Its reflectance at normal incidence, linear RGB.
-    irradiance : Map, optional
-        What a white diffuse surface reflects: the light of the diffuse part, which is added to that
-        of maps of light alone.
-    variation : Variation, optional
-        What a parameter of the BRDF follows, where the map lets one vary.
-    anisotropy : float, optional
-        That of glTF, of the GGX surface that split sums are shown as.
-    taps : {3, 5, 8}, optional
-        How many directions the light of such a surface is looked up in.
-    paint : Paint, optional
-        What the surface is made of from point to point. It replaces the roughness, and the f0 that
-        is not given.
-    """
+    """How a surface reflects: a map, and the parameters that maps of light alone need."""
 
     map: Map | None = None
+    """None for the map that the picture is drawn of."""
     roughness: float | None = None
+    """Perceptual roughness of the GGX surface that maps of light alone are shown as."""
     f0: Color | None = None
+    """Its reflectance at normal incidence, linear RGB."""
     irradiance: Map | None = None
+    """What a white diffuse surface reflects: the light of the diffuse part, which is added to that
+    of maps of light alone."""
     variation: Variation | None = None
+    """What a parameter of the BRDF follows, where the map lets one vary."""
     anisotropy: float | None = None
+    """That of glTF, of the GGX surface that split sums are shown as."""
     taps: int | None = None
+    """How many directions the light of such a surface is looked up in. One of 3, 5 and 8."""
     paint: Paint | None = None
+    """What the surface is made of from point to point. It replaces the roughness, and the f0 that
+    is not given."""
 
     def of(self, given: Map | None) -> "Reflector":
         """Return the surface under the light of its map, or of the given map where it has none.
@@ -165,42 +153,27 @@ class Reflector:
 
 @record
 class Actor:
-    """A mesh in its place, and how it looks.
-
-    Attributes
-    ----------
-    mesh : Mesh
-        In world axes.
-    looks : sequence of Look
-        That of triangles without a material, and then one for each of the mesh's materials.
-    brush : {"uv"} or tuple of 3 float, optional
-        What the tangents follow: texture coordinates, or a direction in world axes. By default
-        they run around +Y.
-    """
+    """A mesh in its place, and how it looks."""
 
     mesh: Mesh
+    """In world axes."""
     looks: Sequence[Look]
+    """That of triangles without a material, and then one for each of the mesh's materials."""
     brush: "str | tuple[float, float, float] | None" = None
+    """What the tangents follow: texture coordinates, or a direction in world axes. By default they
+    run around +Y. It is "uv" or a direction."""
 
 
 @record(eq=False)
 class Stage:
-    """All meshes of a picture as one.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    looks : tuple of Look
-    face_looks : ndarray of int64, shape (m,)
-        Which look each triangle has.
-    tangents : ndarray, shape (n, 3), optional
-        Of the vertices; None where nothing is brushed.
-    """
+    """All meshes of a picture as one."""
 
     mesh: Mesh
     looks: tuple[Look, ...]
     face_looks: NDArray[np.int64]
+    """Which look each triangle has, shape (m,)."""
     tangents: Array | None = field(default=None, repr=False)
+    """Of the vertices; None where nothing is brushed, shape (n, 3)."""
 
     @classmethod
     def of(cls, actors: Iterable[Actor]) -> "Stage":
@@ -293,7 +266,7 @@ class Stage:
 def transformation(
     translate: ArrayLike = (0, 0, 0), rotate: ArrayLike = (0, 0, 0), scale: ArrayLike = 1.0
 ) -> Array:
-    """Return the matrix that scales, then rotates about x, y and z in turn, and then translates.
+    """Return the matrix that scales, rotates about x, y and z, and translates, shape (4, 4).
 
     Parameters
     ----------
@@ -301,10 +274,6 @@ def transformation(
     rotate : array_like, shape (3,)
         Degrees, counterclockwise as seen from the end of the axis.
     scale : array_like, shape () or (3,)
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
     """
     matrix = np.eye(4)
     matrix[:3, :3] = np.diag(np.broadcast_to(np.asarray(scale, dtype=float), (3,)))

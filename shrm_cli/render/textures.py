@@ -33,18 +33,12 @@ _LARGEST = 6e4
 
 @record(eq=False)
 class Pyramid:
-    """An image and its means in halving sizes, one after the other.
-
-    Attributes
-    ----------
-    pixels : ndarray of half floats, shape (n, 4)
-        All rows of all sizes.
-    sizes : ndarray of int64, shape (levels, 2)
-        Width and height of each.
-    """
+    """An image and its means in halving sizes, one after the other."""
 
     pixels: Array
+    """All rows of all sizes, half floats of shape (n, 4)."""
     sizes: NDArray[np.int64]
+    """Width and height of each, shape (levels, 2)."""
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:

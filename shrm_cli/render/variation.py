@@ -95,12 +95,7 @@ def open_variation(follows: str, mesh: Mesh) -> Variation:
 
 
 def _known(mesh: Mesh, values: Array | None, what: str) -> Array:
-    """Return values of a mesh's vertices, which all of it must have.
-
-    Raises
-    ------
-    MeshError
-    """
+    """Return values of a mesh's vertices, which all of it must have."""
     if values is None:
         raise MeshError(f"{mesh.name}: it has no {what} that a parameter could follow; add them")
     return values

@@ -36,32 +36,21 @@ _VIEWER = Viewer(30, 15)
 
 @record(eq=False)
 class Thumbnail:
-    """A map as the page shows it.
-
-    Attributes
-    ----------
-    file : str
-        Its path.
-    form : str
-        The representation.
-    brdf : str
-        The specification of the BRDF; empty of light alone, which is shown as GGX.
-    info : MapInfo
-    bytes : int
-        Of the file.
-    picture : ndarray, shape (SIZE, SIZE, 3)
-        Linear radiance, premultiplied by the coverage of the sphere.
-    seconds : float
-        That reading and drawing it took.
-    """
+    """A map as the page shows it."""
 
     file: str
+    """Its path."""
     form: str
+    """The representation."""
     brdf: str
+    """The specification of the BRDF; empty of light alone, which is shown as GGX."""
     info: MapInfo
     bytes: int
+    """Of the file."""
     picture: Array
+    """Linear radiance, premultiplied by the coverage of the sphere, shape (SIZE, SIZE, 3)."""
     seconds: float
+    """That reading and drawing it took."""
 
     @property
     def probe(self) -> tuple[str, str]:
@@ -76,17 +65,11 @@ class Thumbnail:
 
 @dataclass
 class Contacts:
-    """What a page over maps shows.
-
-    Attributes
-    ----------
-    maps : list of Thumbnail
-    failures : list of (str, str)
-        Files that could not be drawn, and why; or outputs that could not be made.
-    """
+    """What a page over maps shows."""
 
     maps: list[Thumbnail] = field(default_factory=list)
     failures: list[tuple[str, str]] = field(default_factory=list)
+    """Files that could not be drawn, and why; or outputs that could not be made."""
 
 
 def found_maps(names: Iterable[str]) -> list[str]:

@@ -157,7 +157,9 @@ def _pictures(material: Material, index: int, stops: float) -> Html:
         ),
     ]
     if any(each is not None for each in flips):
-        heading = joined("HDR-FLIP", _magma_bar())
+        bar = pictures.magma(np.linspace(0, 1, 128))
+        scale = pictures.scale(bar, ["0", "0.5", "1"], "Scale of HDR-FLIP")
+        heading = joined("HDR-FLIP", scale)
         columns.append((heading, [
             _sphere(pictures.magma(each.errors), f"HDR-FLIP of {name}")
             if each is not None else tag("span.none", "not defined") for each in flips
@@ -219,8 +221,3 @@ def _bar(end: float) -> Html:
     bar = pictures.signed(np.linspace(-1, 1, 128))
     share = f"{100 * end:g} %"
     return pictures.scale(bar, [f"\u2212{share}", "0", f"+{share}"], "Scale of the differences")
-
-
-def _magma_bar() -> Html:
-    bar = pictures.magma(np.linspace(0, 1, 128))
-    return pictures.scale(bar, ["0", "0.5", "1"], "Scale of HDR-FLIP")

@@ -32,36 +32,24 @@ from shrm_cli.render.lit import ggx_surface, outside_range
 
 @record
 class Plan:
-    """What is made and how it is measured.
-
-    Attributes
-    ----------
-    brdfs : tuple of str
-        Specifications.
-    forms : tuple of str
-        Representations.
-    arguments : mapping of str to value
-        Arguments of `shrm_cli.prefilter.prefilter` for all forms that obey them.
-    views : tuple of (float, float)
-        Azimuth and elevation of the viewers, degrees.
-    size : int
-        Width and height of the pictures, pixels.
-    rows : int, optional
-        Rows that the probe is averaged down to for the truth; by default it is not averaged.
-    exact : bool
-        Whether the truth is the full sum over the pixels of the probe.
-    flips : bool
-        Whether HDR-FLIP is measured, where it is installed.
-    """
+    """What is made and how it is measured."""
 
     brdfs: tuple[str, ...]
+    """Specifications."""
     forms: tuple[str, ...]
+    """Representations."""
     arguments: Mapping[str, Any] = field(default_factory=dict)
+    """Arguments of `shrm_cli.prefilter.prefilter` for all forms that obey them."""
     views: tuple[tuple[float, float], ...] = ((0.0, 0.0), (120.0, 20.0), (240.0, -20.0))
+    """Azimuth and elevation of the viewers, degrees."""
     size: int = 256
+    """Width and height of the pictures, pixels."""
     rows: int | None = None
+    """Rows that the probe is averaged down to for the truth; by default it is not averaged."""
     exact: bool = False
+    """Whether the truth is the full sum over the pixels of the probe."""
     flips: bool = True
+    """Whether HDR-FLIP is measured, where it is installed."""
 
     def recipes(self) -> list[Recipe]:
         """Return the maps to be made of any probe.
@@ -77,66 +65,42 @@ class Plan:
 
 @record
 class Made:
-    """A map that was made, as it was read from its file.
-
-    Attributes
-    ----------
-    form : str
-        The representation.
-    file : str
-        The name that `shrm prefilter` would give its file.
-    map : Map
-    summary : dict
-        What `shrm prefilter --json` says, with ``bytes`` and ``precision`` of the file.
-    notes : tuple of (str, str)
-        What was chosen automatically.
-    warnings : tuple of str
-    seconds : float
-        That making it took, without reading the probe's file for the first time or writing.
-    """
+    """A map that was made, as it was read from its file."""
 
     form: str
+    """The representation."""
     file: str
+    """The name that `shrm prefilter` would give its file."""
     map: Map
     summary: dict[str, Any]
+    """What `shrm prefilter --json` says, with ``bytes`` and ``precision`` of the file."""
     notes: tuple[tuple[str, str], ...]
+    """What was chosen automatically."""
     warnings: tuple[str, ...]
     seconds: float
+    """That making it took, without reading the probe's file for the first time or writing."""
 
 
 @dataclass
 class Material:
-    """A BRDF, its truth, and the maps that show it.
-
-    Attributes
-    ----------
-    brdf : Brdf
-    spec : str
-        Its specification.
-    maps : list of Made
-    shown : list of ReflectedLight
-        The maps; those of light alone on the surface.
-    truth : str
-        How the truth was summed, in words.
-    truth_error : float, optional
-        What it may be wrong by, see `Reference.error`.
-    comparison : Comparison
-        Truth and maps, in all views.
-    flips : list of list of FlipError or None
-        Of each map and, in that, of each view; empty where it was not measured.
-    seconds : float
-        That the truth took.
-    """
+    """A BRDF, its truth, and the maps that show it."""
 
     brdf: Brdf
     spec: str
+    """Its specification."""
     maps: list[Made] = field(default_factory=list)
     shown: list[ReflectedLight] = field(default_factory=list)
+    """The maps; those of light alone on the surface."""
     truth: str = ""
+    """How the truth was summed, in words."""
     truth_error: float | None = None
+    """What it may be wrong by, see `Reference.error`."""
     comparison: Comparison | None = None
+    """Truth and maps, in all views."""
     flips: list[list[FlipError | None]] = field(default_factory=list)
+    """Of each map and, in that, of each view; empty where it was not measured."""
     seconds: float = 0.0
+    """That the truth took."""
 
     @property
     def surface(self) -> tuple[float, Color] | None:
@@ -152,22 +116,13 @@ class Material:
 
 @dataclass
 class Measured:
-    """What was made of a probe.
-
-    Attributes
-    ----------
-    probe : Probe
-    plan : Plan
-    materials : list of Material
-    failures : list of (str, str)
-        What could not be made, and why.
-    warnings : list of str
-    """
+    """What was made of a probe."""
 
     probe: Probe
     plan: Plan
     materials: list[Material] = field(default_factory=list)
     failures: list[tuple[str, str]] = field(default_factory=list)
+    """What could not be made, and why."""
     warnings: list[str] = field(default_factory=list)
 
     def summary(self) -> list[dict[str, Any]]:
@@ -189,11 +144,6 @@ class Measured:
 
 def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> Measured:
     """Make all maps, and compare each with the truth.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the amount of work done and the amount in all.
 
     Returns
     -------

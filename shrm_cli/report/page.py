@@ -67,16 +67,10 @@ class Look:
 
 @record
 class Report:
-    """A page and what was left out of it.
-
-    Attributes
-    ----------
-    text : str
-        HTML, to be written as UTF-8.
-    remarks : list of str
-    """
+    """A page and what was left out of it."""
 
     text: str
+    """HTML, to be written as UTF-8."""
     remarks: list[str]
 
 
@@ -92,8 +86,6 @@ def report_page(
     ----------
     statistics : ProbeStatistics
         Of the same probe.
-    progress : callable, optional
-        Called with the views that are done and their number.
 
     Raises
     ------

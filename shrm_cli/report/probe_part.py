@@ -32,21 +32,14 @@ _LEAST_STOPS = 4.0
 
 @record(eq=False)
 class Preview:
-    """A probe as a small lat-long.
-
-    Attributes
-    ----------
-    image : ndarray, shape (H, 2 H, 3)
-        Linear radiance.
-    luminance : ndarray, shape (H, 2 H)
-        With the weights of the probe's primaries.
-    exposure : float
-        That suits it, in stops.
-    """
+    """A probe as a small lat-long."""
 
     image: Array
+    """Linear radiance, shape (H, 2 H, 3)."""
     luminance: Array
+    """With the weights of the probe's primaries, shape (H, 2 H)."""
     exposure: float
+    """That suits it, in stops."""
 
 
 def preview(probe: Probe) -> Preview:

@@ -14,20 +14,12 @@ from shrm_cli.vocabulary import REPORTED
 
 @record(eq=False)
 class ProbeReport:
-    """A page, and what it tells.
-
-    Attributes
-    ----------
-    html : str
-        To be written as UTF-8.
-    measured : Measured
-        The maps and how far they are from the truth.
-    statistics : ProbeStatistics
-    warnings : list of str
-    """
+    """A page, and what it tells."""
 
     html: str
+    """To be written as UTF-8."""
     measured: Measured
+    """The maps and how far they are from the truth."""
     statistics: ProbeStatistics
     warnings: list[str]
 

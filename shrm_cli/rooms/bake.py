@@ -46,8 +46,6 @@ def bake(
         The largest degree of the harmonics.
     samples : int
         Directions along which each probe looks.
-    progress : callable, optional
-        Called with the work done, and in all.
 
     Returns
     -------

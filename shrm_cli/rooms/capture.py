@@ -28,21 +28,14 @@ _PLASTIC = 1.1673039782614187
 
 @record(eq=False)
 class Captured:
-    """A light probe of a place.
-
-    Attributes
-    ----------
-    pixels : ndarray of float32, shape (height, 2 height, 3)
-        A lat-long in world axes.
-    noise : float
-        The relative RMS error of the pixels that is left by chance, from two independent halves.
-    behind : float
-        The share of what is seen that is the back of surfaces, and black.
-    """
+    """A light probe of a place."""
 
     pixels: Array
+    """A lat-long in world axes, float32 of shape (height, 2 height, 3)."""
     noise: float
+    """The relative RMS error of the pixels that is left by chance, from two independent halves."""
     behind: float
+    """The share of what is seen that is the back of surfaces, and black."""
 
 
 def captured(
@@ -64,8 +57,6 @@ def captured(
         Paths through each pixel; an odd number is one more.
     surroundings : Probe, optional
         What is seen past the room, with its compact lamps.
-    progress : callable, optional
-        Called with the work done, and in all.
     """
     stages = Stages(progress, 3)
     brightness = Brightness(room, Rays(room.mesh), room.size / _PATCHES, stages.within)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.export.ktx import can_compress, ktx2_volume
+from shrm_cli.export.ktx import can_compress, ktx2
 from shrm_cli.export.pixels import FORMATS, encoded
 from shrm_cli.files.parts import Part, write_parts
 from shrm_cli.files.whole import write_bytes
@@ -117,7 +117,7 @@ def as_volume(grid: ProbeGrid, direct: bool) -> bytes:
     depth, height, width = volume.shape[:3]
     texels = FORMATS["rgb9e5"]
     data, _ = encoded(volume, texels, "irradiance")
-    return ktx2_volume(data, (width, height, depth), texels, can_compress())
+    return ktx2([data], (width, height, depth), texels, can_compress())
 
 
 def as_part(grid: ProbeGrid, direct: bool) -> Part:

@@ -63,12 +63,7 @@ def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
 
 
 def _grid(arrays: dict[str, Array], settings: object) -> ProbeGrid:
-    """Return a grid whose arrays fit each other.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Return a grid whose arrays fit each other."""
     if not isinstance(settings, dict) or not isinstance(settings.get("facts"), dict):
         raise ValueError("its settings are not those of a grid")
     version, shape = settings.get("version"), settings.get("shape")

@@ -32,19 +32,13 @@ MOST = 2**20
 
 @record(eq=False)
 class Lattice:
-    """A box that is cut into cells, with a probe in the middle of each.
-
-    Attributes
-    ----------
-    low, high : ndarray, shape (3,)
-        The corners of the box, world axes.
-    shape : tuple of 3 int
-        Cells along x, y and z.
-    """
+    """A box that is cut into cells, with a probe in the middle of each."""
 
     low: Array
     high: Array
+    """`low` and `high`: the corners of the box, world axes, shape (3,)."""
     shape: tuple[int, int, int]
+    """Cells along x, y and z."""
 
     @property
     def spacing(self) -> Array:
@@ -102,31 +96,22 @@ _LEAST = 1e-6
 
 @record(eq=False)
 class ProbeGrid:
-    """Probes on a lattice.
-
-    Attributes
-    ----------
-    lattice : Lattice
-    reflected : ndarray of float32, shape (n, (order+1)^2, 3)
-        Radiance that arrives at each probe, over the harmonics of world axes, index l(l+1)+m: that
-        of surfaces and of the sky, without what comes straight from lamps.
-    direct : ndarray of float32, shape (n, (order+1)^2, 3)
-        What comes straight from lamps.
-    moments : ndarray of float32, shape (n, EDGE^2, 2), optional
-        The mean distance and its mean square about the directions of `octahedral_directions`, up
-        to a cell's diagonal; None where nothing is known of walls.
-    alive : ndarray of bool, shape (n,)
-        Whether a probe counts; those within walls do not.
-    facts : dict
-        What made it, as JSON has it.
-    """
+    """Probes on a lattice."""
 
     lattice: Lattice
     reflected: Array
+    """Radiance that arrives at each probe, over the harmonics of world axes, index l(l+1)+m: that
+    of surfaces and of the sky, without what comes straight from lamps, float32 of shape (n,
+    (order+1)^2, 3)."""
     direct: Array
+    """What comes straight from lamps, float32 of shape (n, (order+1)^2, 3)."""
     moments: Array | None
+    """The mean distance and its mean square about the directions of `octahedral_directions`, up to
+    a cell's diagonal; None where nothing is known of walls, float32 of shape (n, EDGE^2, 2)."""
     alive: NDArray[np.bool_]
+    """Whether a probe counts; those within walls do not, shape (n,)."""
     facts: Mapping[str, Any] = field(default_factory=dict)
+    """What made it, as JSON has it."""
 
     @property
     def order(self) -> int:

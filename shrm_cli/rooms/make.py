@@ -29,38 +29,24 @@ _ALBEDO = 0.5
 
 @record(eq=False)
 class RoomPlan:
-    """What is baked of a room.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    lattice : Lattice
-        Where its probes are.
-    textured : list of str
-        Materials of which the numbers alone count, because their textures are left out.
-    """
+    """What is baked of a room."""
 
     mesh: Mesh
     lattice: Lattice
+    """Where its probes are."""
     textured: list[str]
+    """Materials of which the numbers alone count, because their textures are left out."""
 
 
 @record(eq=False)
 class OpenRoom:
-    """A room that was read, and what is known of its files.
-
-    Attributes
-    ----------
-    room : Room
-    surroundings : Probe, optional
-        All of the light past it, its lamps, too.
-    textured : list of str
-        Materials of which the numbers alone count, because their textures are left out.
-    """
+    """A room that was read, and what is known of its files."""
 
     room: Room
     surroundings: Probe | None
+    """All of the light past it, its lamps, too."""
     textured: list[str]
+    """Materials of which the numbers alone count, because their textures are left out."""
 
 
 def open_room(

@@ -32,8 +32,6 @@ def read_positions(
         CSV with the columns x, y, z and file; files are named relative to its folder.
     order : int
         The largest degree of the harmonics.
-    progress : callable, optional
-        Called with the probes done, and all of them.
 
     Returns
     -------

@@ -94,25 +94,18 @@ class Patches:
 
 @record(eq=False)
 class Seen:
-    """What rays see, in arrays of an entry each.
-
-    Attributes
-    ----------
-    patches : ndarray of int64, shape (n,)
-        What they meet from its front; -1 for nothing.
-    sky, lamps : ndarray, shape (n, 3)
-        Radiance of the surroundings, and of what is met, as far as `Emitters` leave it.
-    distance : ndarray, shape (n,)
-        To what is met; infinite to nothing.
-    is_behind : ndarray of bool, shape (n,)
-        Whether a triangle is met from behind.
-    """
+    """What rays see, in arrays of an entry each."""
 
     patches: NDArray[np.int64]
+    """What they meet from its front; -1 for nothing, shape (n,)."""
     sky: Array
     lamps: Array
+    """`sky` and `lamps`: radiance of the surroundings, and of what is met, as far as `Emitters`
+    leave it, shape (n, 3)."""
     distance: Array
+    """To what is met; infinite to nothing, shape (n,)."""
     is_behind: NDArray[np.bool_]
+    """Whether a triangle is met from behind, shape (n,)."""
 
 
 class Brightness:

@@ -17,30 +17,20 @@ Color = tuple[float, float, float]
 
 @record(eq=False)
 class Room:
-    """Diffuse triangles, of which some send light, and the surroundings of all.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    normals : ndarray, shape (m, 3)
-        Unit normals of the triangles, on the side where their vertices' normals are. What is met
-        from behind blocks light, and sends none.
-    albedo : ndarray, shape (m, 3)
-        What each triangle reflects of its irradiance.
-    emission : ndarray, shape (m, 3)
-        The radiance that it sends.
-    sky : Probe, optional
-        What is seen past the room, without its compact lamps; black by default.
-    discs : tuple of Disc
-        These lamps.
-    """
+    """Diffuse triangles, of which some send light, and the surroundings of all."""
 
     mesh: Mesh
     normals: Array
+    """Unit normals of the triangles, on the side where their vertices' normals are, shape (m, 3).
+    What is met from behind blocks light, and sends none."""
     albedo: Array
+    """What each triangle reflects of its irradiance, shape (m, 3)."""
     emission: Array
+    """The radiance that it sends, shape (m, 3)."""
     sky: Probe | None = None
+    """What is seen past the room, without its compact lamps; black by default."""
     discs: tuple[Disc, ...] = ()
+    """These lamps."""
 
     @classmethod
     def of(

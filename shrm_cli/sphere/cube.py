@@ -102,7 +102,7 @@ def cube_solid_angles(size: int, sampling: Sampling = "center") -> Array:
 
 
 def reorient(faces: ArrayLike, orientation: Orientation) -> Array:
-    """Faces of another orientation as OpenEXR faces, by exact index permutation.
+    """Faces of another orientation as OpenEXR faces, by exact index permutation, of the same shape.
 
     Parameters
     ----------
@@ -110,10 +110,6 @@ def reorient(faces: ArrayLike, orientation: Orientation) -> Array:
         Faces in the order of `FACES`.
     orientation : {"openexr", "gl"}
         The orientation that they are in.
-
-    Returns
-    -------
-    ndarray, of the same shape
     """
     faces = np.asarray(faces)
     result = np.empty_like(faces)
@@ -137,7 +133,7 @@ def right_angles(matrix: Array) -> Array | None:
 
 
 def turned_face(image: Array, axes: Array, face: int) -> Array:
-    """The square image of a face as it is seen along other axes, by exact index permutation.
+    """The image of a face as seen along other axes, by index permutation, of the same shape.
 
     Parameters
     ----------
@@ -146,10 +142,6 @@ def turned_face(image: Array, axes: Array, face: int) -> Array:
         The new right and down, first of all, which are axes of the face or minus those.
     face : int
         Index into `FACES` of the face that the image is in OpenEXR's orientation.
-
-    Returns
-    -------
-    ndarray, of the same shape
     """
     (along, turned_along), (turned_down, down) = np.rint(axes[:2] @ face_axes()[face, :2].T)
     if along:

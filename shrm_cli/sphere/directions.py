@@ -13,16 +13,12 @@ _GRAZING = 1e-6
 
 
 def from_angles(theta: ArrayLike, phi: ArrayLike) -> Array:
-    """Unit vectors ``(sin t cos p, sin t sin p, cos t)``.
+    """Unit vectors ``(sin t cos p, sin t sin p, cos t)``, shape (..., 3).
 
     Parameters
     ----------
     theta, phi : array_like, broadcastable
         Polar angle from +Z and azimuth from +X towards +Y, radians.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
     """
     # Angles of a grid are few before they are broadcast, and their functions take the time.
     sine = np.sin(theta)
@@ -111,7 +107,7 @@ def bisector(reflections: ArrayLike, views: ArrayLike) -> Array:
 
 
 def horizontal_tangents(normals: ArrayLike) -> Array:
-    """Unit tangents that run around +Y, as brushing on a lathe or a parallel of a globe does.
+    """Unit tangents around +Y, as brushing on a lathe or parallels of a globe, shape (..., 3).
 
     The tangent of N = +Z is +X. So is that of N = +-Y, where all tangents are horizontal.
 
@@ -119,10 +115,6 @@ def horizontal_tangents(normals: ArrayLike) -> Array:
     ----------
     normals : array_like, shape (..., 3)
         Unit, world axes.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
     """
     normals = np.asarray(normals)
     x, z = normals[..., 0], normals[..., 2]
@@ -133,16 +125,12 @@ def horizontal_tangents(normals: ArrayLike) -> Array:
 
 
 def surface_frames(normals: Array, tangents: Array) -> Array:
-    """The axes of surfaces: the rows T, N x T and N, so that ``frame @ world = local``.
+    """The rows T, N x T and N of surfaces: ``frame @ world = local``, shape (n, 3, 3).
 
     Parameters
     ----------
     normals, tangents : ndarray, shape (n, 3)
         Unit vectors, world axes, at right angles to each other.
-
-    Returns
-    -------
-    ndarray, shape (n, 3, 3)
     """
     return np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)
 
@@ -181,13 +169,9 @@ def views_around(centers: ArrayLike, theta: float, count: int) -> Iterator[Array
 
 
 def local_frame(theta: ArrayLike, phi: ArrayLike) -> Array:
-    """Columns ``x' = dC/dtheta``, ``y' = dC/dphi / sin(theta)``, ``z' = C`` of a direction C.
+    """Columns ``x' = dC/dtheta``, ``y' = dC/dphi / sin(theta)``, ``z' = C``, shape (..., 3, 3).
 
     These are the columns of ``Rz(phi) Ry(theta)``: ``frame @ local = world``.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
     """
     theta, phi = np.broadcast_arrays(theta, phi)
     ct, st, cp, sp = np.cos(theta), np.sin(theta), np.cos(phi), np.sin(phi)

@@ -30,7 +30,7 @@ _BLOCK_VALUES = 2**22
 
 
 def series_values(series: Array, directions: Array) -> Array:
-    """Evaluate real series in some directions.
+    """Evaluate real series in some directions, shape (n, maps).
 
     Parameters
     ----------
@@ -38,10 +38,6 @@ def series_values(series: Array, directions: Array) -> Array:
         Each column is a series, index l(l+1)+m.
     directions : ndarray, shape (n, 3)
         Unit directions, in the axes of the series.
-
-    Returns
-    -------
-    ndarray, shape (n, maps)
     """
     order = order_of(len(series))
     step = max(1, _BLOCK_VALUES // len(series))

@@ -68,16 +68,12 @@ class ParabolicSampler:
         self._texels = np.ascontiguousarray(image.reshape(self._size**2, -1))
 
     def __call__(self, directions: ArrayLike) -> Array:
-        """Look up directions by Catmull and Rom's cubic filter.
+        """Look up directions by Catmull and Rom's cubic filter, shape (..., channels).
 
         Parameters
         ----------
         directions : array_like, shape (..., 3)
             Unit vectors; those below the horizon count as on it.
-
-        Returns
-        -------
-        ndarray, shape (..., channels)
         """
         return self._filtered(directions, catmull_rom)
 

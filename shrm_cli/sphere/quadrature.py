@@ -26,13 +26,9 @@ def nodes(size: int, sampling: Sampling = "center") -> Array:
 
 
 def cell_edges(count: int, sampling: Sampling) -> Array:
-    """Positions in [-1, 1] where the cells of `count` samples meet, and both ends.
+    """Where the cells of `count` samples in [-1, 1] meet, and both ends, shape (count + 1,).
 
     A sample's cell reaches half way to the samples beside it, and is cut at the ends of the axis.
-
-    Returns
-    -------
-    ndarray, shape (count + 1,)
     """
     samples = nodes(count, sampling)
     return np.concatenate([[-1.0], (samples[1:] + samples[:-1]) / 2, [1.0]])
@@ -102,13 +98,9 @@ def gauss_legendre(count: int) -> tuple[Array, Array]:
 
 
 def spiral_directions(count: int) -> Array:
-    """Directions spread evenly over the sphere, of equal weight, without any regular rows.
+    """Directions of equal weight all over the sphere, without regular rows, shape (count, 3).
 
     Sums over the rows of other grids resonate with functions that have rows of their own.
-
-    Returns
-    -------
-    ndarray, shape (count, 3)
 
     References
     ----------
@@ -143,7 +135,7 @@ def scrambled(count: int) -> NDArray[np.intp]:
 
 
 def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
-    """Return the matrix that leads from values at nodes to cubic interpolation at other angles.
+    """Return what leads from values at nodes to those at other angles, cubically: (m, n).
 
     Parameters
     ----------
@@ -153,10 +145,6 @@ def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
         Angles in 0 .. pi. Beyond the last node the polynomial of the last four goes on.
     odd : bool
         Whether the function is odd about angle 0; otherwise it is even.
-
-    Returns
-    -------
-    ndarray, shape (m, n)
     """
     count = len(nodes)
     mirrored = min(3, count)
@@ -177,17 +165,13 @@ def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
 
 
 def linear_matrix(nodes: Array, targets: Array) -> Array:
-    """Return the matrix of linear interpolation between even nodes, clamped to their ends.
+    """Return the matrix of linear interpolation between even nodes, clamped: shape (m, n).
 
     Parameters
     ----------
     nodes : ndarray, shape (n,)
         Evenly spaced, ascending, two at least.
     targets : ndarray, shape (m,)
-
-    Returns
-    -------
-    ndarray, shape (m, n)
     """
     position = (targets - nodes[0]) / (nodes[1] - nodes[0])
     position = np.clip(position, 0, len(nodes) - 1)

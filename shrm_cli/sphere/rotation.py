@@ -61,7 +61,7 @@ def euler_zyz(rotations: ArrayLike) -> tuple[Array, Array, Array]:
 
 
 def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
-    """Coefficients of ``g(d) = f(M^-1 d)``, the function f carried along by M.
+    """Coefficients of ``g(d) = f(M^-1 d)``, f carried along by M, shape ((order+1)^2, ...).
 
     Parameters
     ----------
@@ -69,10 +69,6 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
         Real coefficients of f, index l(l+1)+m.
     matrix : array_like, shape (3, 3)
         Orthogonal matrix M: a rotation, or a rotation with a mirroring.
-
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, ...)
     """
     source, matrix = np.asarray(coefficients, dtype=float), np.asarray(matrix, dtype=float)
     flat = source.reshape(len(source), -1)
@@ -160,7 +156,7 @@ def rotate_into_frames(coefficients: ArrayLike, frames: ArrayLike) -> Array:
 def rotate_to_frames(
     coefficients: ArrayLike, theta: ArrayLike, phi: ArrayLike, inverse: bool = False
 ) -> Array:
-    """Turn functions of direction, in world axes, into each point's own local frame.
+    """Turn functions in world axes into each point's own local frame, of the same shape.
 
     Parameters
     ----------
@@ -170,10 +166,6 @@ def rotate_to_frames(
         Angles of the frames' z axes, radians; the frames are those of `local_frame`.
     inverse : bool
         Turn functions in the local frames into world axes instead.
-
-    Returns
-    -------
-    ndarray, of the same shape
 
     References
     ----------
@@ -388,18 +380,12 @@ class _WholeTurn:
 
 @record(eq=False)
 class _SplitTurn:
-    """The same by the parts of that matrix that are not zero, a quarter of it.
-
-    Attributes
-    ----------
-    blocks : pair of pairs of ndarray
-        As `right_angle_blocks` yields them.
-    weights : ndarray, shape (l+1, 1)
-        The factors between ``d_mn`` and real harmonics, of m and of n alike.
-    """
+    """The same by the parts of that matrix that are not zero, a quarter of it."""
 
     blocks: tuple[tuple[Array, Array], tuple[Array, Array]]
+    """As `right_angle_blocks` yields them."""
     weights: Array
+    """The factors between ``d_mn`` and real harmonics, of m and of n alike, shape (l+1, 1)."""
 
     def applied(self, block: Array, backwards: bool = False) -> Array:
         degree = len(block) // 2

@@ -112,7 +112,7 @@ class CubeSeries:
         dtype: type = np.float64,
         factors: Array | None = None,
     ) -> Array:
-        """Values at the texels of a cube.
+        """Values at the texels of a cube, shape (maps, 6 size, size).
 
         Parameters
         ----------
@@ -121,10 +121,6 @@ class CubeSeries:
         factors : ndarray, shape (degrees,), optional
             What the degrees are multiplied with, no more of them than the series have. Further
             degrees are left out. By default the series are taken as they are.
-
-        Returns
-        -------
-        ndarray, shape (maps, 6 size, size)
         """
         order = self.order if factors is None else len(factors) - 1
         degree = degrees(order)

@@ -126,16 +126,12 @@ class SplitSumLevels(nn.Module):
         self._synthesis = CubeSynthesis(order, size)
 
     def forward(self, light: Tensor, roughness: Tensor) -> Tensor:
-        """Make levels.
+        """Make levels, shape (levels, 6 size, size, channels).
 
         Parameters
         ----------
         light : Tensor, shape (>= (order+1)^2, channels)
         roughness : Tensor, shape (levels,)
-
-        Returns
-        -------
-        Tensor, shape (levels, 6 size, size, channels)
         """
         return self._synthesis(light, self._multipliers(roughness))
 

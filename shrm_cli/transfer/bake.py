@@ -308,8 +308,6 @@ def bake(
     use : callable, optional
         Called with the transfer; unfinished work is kept until it returns. With `keep` the
         transfer is valid until then only.
-    progress : callable, optional
-        Called with the blocks done, and with all of them.
 
     Returns
     -------

@@ -119,12 +119,7 @@ def is_transfer(path: str | os.PathLike[str]) -> bool:
 
 
 def _check(arrays: dict[str, Array]) -> None:
-    """Check what the shapes of a `Transfer` do not tell.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Check what the shapes of a `Transfer` do not tell."""
     for name, array in arrays.items():
         flat = array.reshape(-1)
         for start in range(0, len(flat), _AT_ONCE):

@@ -47,15 +47,11 @@ class Sent(Protocol):
 
 @record(eq=False)
 class DiffuseLight:
-    """What diffuse vertices send.
-
-    Attributes
-    ----------
-    radiance : ndarray of float32, shape (v, n, channels)
-        ``albedo / pi`` times the transfer vectors of all vertices.
-    """
+    """What diffuse vertices send."""
 
     radiance: Array
+    """``albedo / pi`` times the transfer vectors of all vertices, float32 of shape (v, n,
+    channels)."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -69,24 +65,16 @@ class DiffuseLight:
 
 @record(eq=False)
 class GlossyLight:
-    """What glossy vertices send.
-
-    Attributes
-    ----------
-    matrices : ndarray of float32, shape (v, n, n, 1 or channels)
-        The transfer matrices of all vertices.
-    frames : ndarray, shape (v, 3, 3)
-        Their frames, with axes as rows.
-    product : Product
-        The product function of the BRDF.
-    channels : int
-        Colour channels of what is sent.
-    """
+    """What glossy vertices send."""
 
     matrices: Array
+    """The transfer matrices of all vertices, float32 of shape (v, n, n, 1 or channels)."""
     frames: Array
+    """Their frames, with axes as rows, shape (v, 3, 3)."""
     product: Product
+    """The product function of the BRDF."""
     channels: int
+    """Colour channels of what is sent."""
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -20,17 +20,13 @@ class Product(Protocol):
 
 
 def fitted(lighting: ArrayLike, count: int) -> Array:
-    """Return coefficients of light to another order: cut off, or followed by zeros.
+    """Return coefficients to another order, cut off or followed by 0, shape (count, 3).
 
     Parameters
     ----------
     lighting : array_like, shape (m, 3)
     count : int
         How many coefficients are asked for.
-
-    Returns
-    -------
-    ndarray, shape (count, 3)
     """
     lighting = np.asarray(lighting, dtype=float)
     result = np.zeros((count, 3))
@@ -41,7 +37,7 @@ def fitted(lighting: ArrayLike, count: int) -> Array:
 def diffuse_colors(
     transfer: Transfer, lighting: ArrayLike, albedo: ArrayLike | None = None
 ) -> Array:
-    """Return the radiance of a diffuse surface, ``albedo / pi`` times its irradiance.
+    """Return the radiance of a diffuse surface, ``albedo / pi`` times its irradiance, shape (v, 3).
 
     Parameters
     ----------
@@ -49,10 +45,6 @@ def diffuse_colors(
         Coefficients of the light in world axes, of any order, index l(l+1)+m.
     albedo : array_like, shape (1 or 3,) or (v, 1 or 3), optional
         That of the transfer by default.
-
-    Returns
-    -------
-    ndarray, shape (v, 3)
     """
     vectors = transfer.vectors
     light = fitted(lighting, vectors.shape[1])

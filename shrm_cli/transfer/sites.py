@@ -31,28 +31,18 @@ Where walls meet, each with vertices of its own, rays from the very edge would s
 
 @record(eq=False)
 class Sites:
-    """Points of a mesh.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    positions, normals : ndarray, shape (v, 3)
-        World axes; the normals are unit vectors.
-    origins : ndarray, shape (v, 3)
-        Where rays of them begin.
-    places : Places
-        Of which rows what is known at a point of the mesh is a mean.
-    of_vertices : callable
-        What is known at vertices, shape (n, c), as it is at the sites, shape (v, c).
-    texels : Texels, optional
-    """
+    """Points of a mesh."""
 
     mesh: Mesh
     positions: Array
     normals: Array
+    """`positions` and `normals`: world axes; the normals are unit vectors, shape (v, 3)."""
     origins: Array
+    """Where rays of them begin, shape (v, 3)."""
     places: Places
+    """Of which rows what is known at a point of the mesh is a mean."""
     of_vertices: Callable[[Array], Array]
+    """What is known at vertices, shape (n, c), as it is at the sites, shape (v, c)."""
     texels: Texels | None = None
 
 

@@ -16,53 +16,24 @@ from shrm_cli.sphere.harmonics import order_of
 
 @record
 class Facts:
-    """How a transfer was made.
-
-    Attributes
-    ----------
-    mesh : str
-        The name of the mesh, for messages.
-    mesh_sha256 : str
-        The digest of its vertices and triangles, by `bake.mesh_digest`.
-    bounces : int
-        How often light is reflected within the mesh.
-    samples : int
-        Rays of each vertex and bounce.
-    brdf : str
-        What the mesh reflects in bounces, as `brdf.spec.parse_spec` reads it; empty where that is
-        the albedo.
-    """
+    """How a transfer was made."""
 
     mesh: str
+    """The name of the mesh, for messages."""
     mesh_sha256: str
+    """The digest of its vertices and triangles, by `bake.mesh_digest`."""
     bounces: int
+    """How often light is reflected within the mesh."""
     samples: int
+    """Rays of each vertex and bounce."""
     brdf: str = ""
+    """What the mesh reflects in bounces, as `brdf.spec.parse_spec` reads it; empty where that is
+    the albedo."""
 
 
 @record(eq=False)
 class Transfer:
     """Precomputed radiance transfer of a mesh, for light of any coefficients.
-
-    Attributes
-    ----------
-    vectors : ndarray of float32, shape (v, n, 1 or 3)
-        Transfer vectors: the irradiance of a vertex, without 1/pi and without its albedo, is
-        ``sum_j vectors[:, j] * L_j`` for light of the coefficients L_j in world axes, index
-        l(l+1)+m. Three channels where coloured surfaces light each other.
-    albedo : ndarray, shape (1 or v, 1 or 3)
-        What the surface reflects of its irradiance.
-    facts : Facts
-    matrices : ndarray of float32, shape (v, n, n, 1 or 3), optional
-        Transfer matrices: ``sum_j matrices[:, i, j] * L_j`` are the coefficients of the radiance
-        that arrives at a vertex, in its frame.
-    frames : ndarray, shape (v, 3, 3), optional
-        The frames of the matrices. The rows are the axes x', y', z' in world axes; z' is the
-        normal.
-    direct : ndarray of float32, shape (v, n, 1), optional
-        The transfer vectors before any bounce, where light is reflected within the mesh.
-    texels : Texels, optional
-        The texture whose texels the rows of all arrays are. By default they are vertices.
 
     Raises
     ------
@@ -71,12 +42,23 @@ class Transfer:
     """
 
     vectors: Array
+    """Transfer vectors: the irradiance of a vertex, without 1/pi and without its albedo, is ``sum_j
+    vectors[:, j] * L_j`` for light of the coefficients L_j in world axes, index l(l+1)+m, float32
+    of shape (v, n, 1 or 3). Three channels where coloured surfaces light each other."""
     albedo: Array
+    """What the surface reflects of its irradiance, shape (1 or v, 1 or 3)."""
     facts: Facts
     matrices: Array | None = None
+    """Transfer matrices: ``sum_j matrices[:, i, j] * L_j`` are the coefficients of the radiance
+    that arrives at a vertex, in its frame, float32 of shape (v, n, n, 1 or 3)."""
     frames: Array | None = None
+    """The frames of the matrices, shape (v, 3, 3). The rows are the axes x', y', z' in world axes;
+    z' is the normal."""
     direct: Array | None = None
+    """The transfer vectors before any bounce, where light is reflected within the mesh, float32 of
+    shape (v, n, 1)."""
     texels: Texels | None = None
+    """The texture whose texels the rows of all arrays are. By default they are vertices."""
 
     def __post_init__(self) -> None:
         count, size, channels = self.vectors.shape
@@ -99,11 +81,6 @@ class Transfer:
     def order(self) -> int:
         """The largest degree of the harmonics."""
         return order_of(self.vectors.shape[1])
-
-    @property
-    def is_glossy(self) -> bool:
-        """Whether there are matrices."""
-        return self.matrices is not None
 
     def at(self, mesh: Mesh, values: Array, faces: NDArray[np.integer], weights: Array) -> Array:
         """Return values of all rows at points of the mesh, shape (k, channels).
@@ -195,6 +172,6 @@ class Transfer:
             "order": self.order,
             "coefficients": size,
             "channels": channels,
-            "matrices": self.is_glossy,
+            "matrices": self.matrices is not None,
             **vars(self.facts),
         }

@@ -31,27 +31,18 @@ _LOWEST = -30
 
 @dataclass
 class Blocks:
-    """Blocks of bytes by their numbers.
-
-    Attributes
-    ----------
-    is_rounded : bool
-        Whether textures of half precision are rounded, so that a page is small.
-    parts : list of bytes
-        Deflated (zlib).
-    widths : list of int
-        The bytes of a number of each.
-    rounding_error : float
-        The largest RMS error of a rounded texture, relative.
-    remarks : list of str
-        What was changed so that numbers fit, a line each.
-    """
+    """Blocks of bytes by their numbers."""
 
     is_rounded: bool = False
+    """Whether textures of half precision are rounded, so that a page is small."""
     parts: list[bytes] = field(default_factory=list)
+    """Deflated (zlib)."""
     widths: list[int] = field(default_factory=list)
+    """The bytes of a number of each."""
     rounding_error: float = 0.0
+    """The largest RMS error of a rounded texture, relative."""
     remarks: list[str] = field(default_factory=list)
+    """What was changed so that numbers fit, a line each."""
 
     def add(self, values: NDArray[Any]) -> int:
         """Keep an array's bytes, little-endian, and return the number of the block."""
@@ -127,21 +118,15 @@ class Blocks:
 
 @record(eq=False)
 class Rounded:
-    """A texture in integers.
-
-    Attributes
-    ----------
-    steps : ndarray of uint16, shape (3, layers, H, W)
-        Whole numbers of steps; 0, -1, 1, -2, .. are counted as 0, 1, 2, 3, ..
-    exponents : ndarray of int8, shape (1 or layers, H, W)
-        The step of a texel is ``2^exponent``.
-    error : float
-        RMS of what rounding changed, each texel relative to its length.
-    """
+    """A texture in integers."""
 
     steps: NDArray[np.uint16]
+    """Whole numbers of steps; 0, -1, 1, -2, .. are counted as 0, 1, 2, 3, ., shape (3, layers, H,
+    W)."""
     exponents: NDArray[np.int8]
+    """The step of a texel is ``2^exponent``, shape (1 or layers, H, W)."""
     error: float
+    """RMS of what rounding changed, each texel relative to its length."""
 
 
 def rounded(values: NDArray[np.float32], shared: bool) -> Rounded:

@@ -21,7 +21,7 @@ _LIGHT = ("shrm_layers", "shrm_product")
 def described_map(
     made: Map, name: str, file: str, blocks: Blocks, taps: int = DEFAULT_TAPS
 ) -> dict[str, Any]:
-    """Describe a map for the page, and keep its textures.
+    """Describe a map for the page, as `viewer.js` knows it, and keep its textures.
 
     Parameters
     ----------
@@ -33,11 +33,6 @@ def described_map(
         Its textures are added to these.
     taps : {3, 5, 8}, optional
         How many look-ups the light of brushed surfaces takes.
-
-    Returns
-    -------
-    dict
-        What `viewer.js` knows of a map.
 
     Raises
     ------

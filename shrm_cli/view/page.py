@@ -18,21 +18,14 @@ _FULL = "html, body { height: 100%; margin: 0; }\n"
 
 @record
 class Section:
-    """A view of maps as parts of a page; a page holds one style and one script for all views.
-
-    Attributes
-    ----------
-    style : str
-        CSS, all of it below the class ``shrm-view``.
-    body : str
-        An element of that class, with its data in it. It is as high as what it stands in.
-    script : str
-        JavaScript for the end of the page. It makes views of all elements of the class.
-    """
+    """A view of maps as parts of a page; a page holds one style and one script for all views."""
 
     style: str
+    """CSS, all of it below the class ``shrm-view``."""
     body: str
+    """An element of that class, with its data in it. It is as high as what it stands in."""
     script: str
+    """JavaScript for the end of the page. It makes views of all elements of the class."""
 
 
 def _script() -> str:
@@ -74,17 +67,12 @@ def sources() -> tuple[str, str]:
 
 
 def page(scene: Scene, urls: Sequence[str] | None = None) -> str:
-    """Return a scene as a whole page.
+    """Return a scene as a whole page: HTML, to be written as UTF-8.
 
     Parameters
     ----------
     urls : sequence of str, optional
         As `section` takes them.
-
-    Returns
-    -------
-    str
-        HTML, to be written as UTF-8.
     """
     parts = section(scene, urls)
     return html_page(

@@ -47,75 +47,50 @@ them, because BRDFs have no value there."""
 
 @record
 class Start:
-    """What the page shows first.
-
-    Attributes
-    ----------
-    views : sequence of (float, float)
-        Azimuth and elevation of the first view, and of further ones that get a truth, degrees.
-    exposure : float, optional
-        Stops; by default the page finds what suits the first map.
-    roughness : float
-        Perceptual roughness of the GGX surface that maps of light alone are shown as.
-    f0 : tuple of 3 float
-        Its reflectance at normal incidence.
-    anisotropy : float
-        That of glTF; only split sums of GGX are shown with one.
-    taps : {3, 5, 8}
-        How many directions their light is looked up in, where they are brushed.
-    brush : {"uv"} or tuple of 3 float, optional
-        What the tangents of brushed surfaces follow: the texture coordinates of a mesh, or a
-        direction of any length. By default they run around +Y.
-    """
+    """What the page shows first."""
 
     views: Sequence[tuple[float, float]] = ((0.0, 0.0),)
+    """Azimuth and elevation of the first view, and of further ones that get a truth, degrees."""
     exposure: float | None = None
+    """Stops; by default the page finds what suits the first map."""
     roughness: float = DEFAULT_ROUGHNESS
+    """Perceptual roughness of the GGX surface that maps of light alone are shown as."""
     f0: Color = (1.0, 1.0, 1.0)
+    """Its reflectance at normal incidence."""
     anisotropy: float = 0.0
+    """That of glTF; only split sums of GGX are shown with one."""
     taps: int = DEFAULT_TAPS
+    """How many directions their light is looked up in, where they are brushed. One of 3, 5 and
+    8."""
     brush: str | tuple[float, float, float] | None = None
+    """What the tangents of brushed surfaces follow: the texture coordinates of a mesh, or a
+    direction of any length. By default they run around +Y. It is "uv" or a direction."""
 
 
 @record
 class Truth:
-    """How the truth is computed.
-
-    Attributes
-    ----------
-    brdf : Brdf, optional
-        By default the one of all maps.
-    size : int
-        Pixels along the edge of its pictures; 0 for no truth.
-    rows : int, optional
-        Of the lat-long that the probe is averaged down to; by default it is not averaged.
-    exact : bool
-        Whether it is the full sum over the pixels of the probe.
-    """
+    """How the truth is computed."""
 
     brdf: Brdf | None = None
+    """By default the one of all maps."""
     size: int = TRUTH_SIZE
+    """Pixels along the edge of its pictures; 0 for no truth."""
     rows: int | None = None
+    """Of the lat-long that the probe is averaged down to; by default it is not averaged."""
     exact: bool = False
+    """Whether it is the full sum over the pixels of the probe."""
 
 
 @dataclass
 class Scene:
-    """What a page shows.
-
-    Attributes
-    ----------
-    description : dict
-        What JSON can hold; `start.js` reads it.
-    blocks : Blocks
-        The bytes of textures and triangles.
-    remarks : list of str
-        What was changed or left out, a line each.
-    """
+    """What a page shows."""
 
     description: dict[str, Any]
+    """What JSON can hold; `start.js` reads it."""
     blocks: Blocks
+    """The bytes of textures and triangles."""
     remarks: list[str] = field(default_factory=list)
+    """What was changed or left out, a line each."""
 
 
 def make_scene(
@@ -142,8 +117,6 @@ def make_scene(
     max_size : int, optional
         The most bytes of the blocks, in base64. The probe behind the shape gets fewer rows to keep
         it. By default there is no limit.
-    progress : callable, optional
-        Called with the points of the truth that are done and their number.
     is_rounded : bool
         Whether textures of light are rounded, by a percent or so, to make a page small.
 
@@ -270,8 +243,6 @@ def _truth_pictures(
         Pixels along the square around the sphere.
     brush : list of 3 float, optional
         A direction that tangents follow. A sphere has no texture coordinates to follow.
-    progress : callable, optional
-        Called with the points done and the points of all pictures.
 
     Returns
     -------

@@ -24,20 +24,13 @@ from shrm_cli.vocabulary import DEFAULT_TAPS
 
 @record(eq=False)
 class Shown:
-    """What a page shows.
-
-    Attributes
-    ----------
-    scene : Scene
-    warnings : list of str
-        What was changed or left out.
-    told : list of str
-        What was chosen for the user.
-    """
+    """What a page shows."""
 
     scene: Scene
     warnings: list[str]
+    """What was changed or left out."""
     told: list[str]
+    """What was chosen for the user."""
 
     def html(self) -> str:
         """Return the page, to be written as UTF-8."""

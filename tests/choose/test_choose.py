@@ -10,8 +10,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose import others
 from shrm_cli.choose.others import Truth
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.principal.proposal import Proposals
-from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
+from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import TRIED_SIZES

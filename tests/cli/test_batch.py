@@ -97,6 +97,15 @@ def test_a_dry_run_tells_what_would_be_made_and_makes_nothing(made):
     assert result.code == 1
 
 
+def test_a_dry_run_tells_of_forms_without_texels_or_orders(folder):
+    names = ("--jobs", "1", "--dry-run", "-o", "out/{to}.exr")
+    fitted = run("batch", "probes/p0.exr", "--to", "she", *names)
+    assert "1 of she: F = 33, at most 198 bytes each (as of probes/p0.exr)" in fitted.out
+    textured = run("batch", "probes/p0.exr", "--to", "product", "--brdf", "phong", *names)
+    assert "1 of product, phong: 128 texels, at most " in textured.out
+    assert (fitted.code, textured.code) == (0, 0)
+
+
 @pytest.mark.slow
 def test_predicted_sizes_and_orders_are_those_of_the_files(folder):
     options = ("--to", "shrm", "--brdf", "microfacet:sigma=0.4", "-o", "{probe}.exr", "--jobs", "1")

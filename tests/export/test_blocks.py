@@ -8,15 +8,14 @@ import pytest
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export.blocks import astc, bc6h, rate, uastc, uastc_bits
 from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, pack
-from shrm_cli.export.blocks.formats import ALL, BLOCKS
 from shrm_cli.export.blocks.lamps import nearest, refined
 from shrm_cli.export.blocks.lines import Texels, line
+from shrm_cli.export.cubes import decoded
 from shrm_cli.export.dds import dds_cube, dds_image
-from shrm_cli.export.decode import decoded
 from shrm_cli.export.engine import Light, engine
-from shrm_cli.export.ktx import ktx2_cube
+from shrm_cli.export.ktx import ktx2
 from shrm_cli.export.loss import loss
-from shrm_cli.export.packing import packed
+from shrm_cli.export.packing import ALL, BLOCKS, packed
 from shrm_cli.export.pixels import encoded
 from shrm_cli.files.openimageio import image_of
 
@@ -299,7 +298,7 @@ def test_ktx2_tells_of_blocks(name, compress):
         "astc6x6": (6, 1000066004, 162, 0xBF800000),
     }[name]  # fmt: skip
     levels = [bytes([k + 1]) * (6 * 16 * -((-edge // size) ** 2)) for k, edge in enumerate((16, 8))]
-    data = ktx2_cube(levels, 16, BLOCKS[name], compress)
+    data = ktx2(levels, (16, 16, 0), BLOCKS[name], compress, 6)
     assert struct.unpack_from("<2I", data, 12) == (number, 1)
     at, length = struct.unpack_from("<2I", data, 48)
     assert struct.unpack_from("<IIHH", data, at) == (length, 0, 2, 40)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from shrm_cli.export.ktx import ktx1_cube, ktx2_cube
+from shrm_cli.export.ktx import ktx1_cube, ktx2
 from shrm_cli.export.pixels import FORMATS, encoded
 from tests.export.readers import read_ktx1, read_ktx2
 
@@ -34,7 +34,7 @@ def test_ktx1_holds_mips_and_metadata(mips, name):
 def test_ktx2_holds_mips(mips, name, compress):
     if compress:
         pytest.importorskip("zstandard", reason="the extra export is not installed")
-    found = read_ktx2(ktx2_cube(packed(mips, name), 8, FORMATS[name], compress))
+    found = read_ktx2(ktx2(packed(mips, name), (8, 8, 0), FORMATS[name], compress, 6))
     assert found.header["texels"] == name
     assert found.header["supercompressionScheme"] == (2 if compress else 0)
     assert found.pairs["KTXwriter"].startswith(b"shrm ")
@@ -55,5 +55,5 @@ def test_the_descriptors_are_those_of_the_specification(mips):
         ],
     }
     for name, samples in wanted.items():
-        found = read_ktx2(ktx2_cube(packed(mips, name), 8, FORMATS[name], False))
+        found = read_ktx2(ktx2(packed(mips, name), (8, 8, 0), FORMATS[name], False, 6))
         assert found.header["samples"] == samples

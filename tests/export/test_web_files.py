@@ -10,10 +10,10 @@ import pytest
 
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.export import engine as engines
-from shrm_cli.export.blocks.formats import ALL
 from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.export.harmonics import babylon, ext_lights_image_based
 from shrm_cli.export.make import Asked, Source, gather
+from shrm_cli.export.packing import ALL
 from shrm_cli.export.pixels import FORMATS
 from shrm_cli.export.rgbd import RGBD, rgba_png, rgbd_pictures
 from shrm_cli.probe.open import open_probe

@@ -5,7 +5,7 @@ import pytest
 
 from shrm_cli.errors import OutputError
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.frames import frame_paths, turntable
+from shrm_cli.render.moving import frame_paths, turntable
 
 
 def test_names_are_numbered_from_one():

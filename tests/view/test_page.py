@@ -14,11 +14,10 @@ from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.geometry.normals import face_normals
 from shrm_cli.probe.probe import Probe
 from shrm_cli.view.blocks import Blocks
-from shrm_cli.view.figure import figure, surface_nets
 from shrm_cli.view.forms import described_map
 from shrm_cli.view.page import SCRIPTS, embedded, page, section
 from shrm_cli.view.scene import Start, Truth, make_scene
-from shrm_cli.view.shapes import described_shapes, distance_of
+from shrm_cli.view.shapes import described_shapes, distance_of, figure, surface_nets
 from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import ROOT
 from tests.maps.khronos import compile_fragment

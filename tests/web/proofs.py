@@ -14,10 +14,10 @@ import numpy as np
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.brdf.environment.taps import taps
 from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.export.blocks.formats import ALL
 from shrm_cli.export.cubes import diffuse_cube
 from shrm_cli.export.engine import engine
 from shrm_cli.export.make import Asked, Source, gather
+from shrm_cli.export.packing import ALL
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid

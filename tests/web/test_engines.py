@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from shrm_cli.export.blocks import uastc
-from shrm_cli.export.blocks.formats import ALL
 from shrm_cli.export.cubes import to_lookup
 from shrm_cli.export.engine import engine
 from shrm_cli.export.engines.three import LOOKUP
 from shrm_cli.export.make import Asked, Source, export, write
+from shrm_cli.export.packing import ALL
 from shrm_cli.export.pixels import encoded
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
 from shrm_cli.probe.probe import Probe

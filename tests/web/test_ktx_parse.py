@@ -6,8 +6,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from shrm_cli.export.blocks.formats import ALL
-from shrm_cli.export.ktx import ktx2_cube
+from shrm_cli.export.ktx import ktx2
+from shrm_cli.export.packing import ALL
 from shrm_cli.export.pixels import encoded
 from tests.web.browser import MODULES
 
@@ -53,7 +53,7 @@ def test_ktx_parse_reads_what_is_written(parse, tmp_path, rng, name, number, com
     mips = [
         encoded(rng.uniform(size=(6, size, size, 3)), texels, "")[0] for size in (32, 16, 8, 4)
     ]  # fmt: skip
-    (tmp_path / "cube.ktx2").write_bytes(ktx2_cube(mips, 32, texels, compress))
+    (tmp_path / "cube.ktx2").write_bytes(ktx2(mips, (32, 32, 0), texels, compress, 6))
     found = parse(tmp_path / "cube.ktx2")
     type_size = {"rgba16f": 2, "bc6h": 1, "uastc": 1}.get(name, 4)
     assert (found["vkFormat"], found["typeSize"]) == (number, type_size)

@@ -24,10 +24,10 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sphere import render_background, render_sphere
 from shrm_cli.sphere.directions import turn_matrix
 from shrm_cli.sphere.grid.latlong import latlong_directions
-from shrm_cli.view.figure import figure
 from shrm_cli.view.page import page as make_page
 from shrm_cli.view.scene import Start, Truth, make_scene
 from shrm_cli.view.serve import PageServer
+from shrm_cli.view.shapes import figure
 from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import write_exr
 from tests.maps.scenes import make_info

@@ -18,21 +18,15 @@ _OF_BRDFS = ("albedo", "brushed")
 
 @record(eq=False)
 class EnvironmentTable:
-    """What a BRDF of each roughness reflects of a uniform environment.
-
-    Attributes
-    ----------
-    texels : ndarray, shape (N, N, channels)
-        Indexed [perceptual roughness, N.V, channel]; the channels are those of `meaning`.
-    kind : str
-        One of `shrm_cli.brdf.environment.file.MEANINGS`.
-    brdf : str
-        The specification of the BRDF without its roughness.
-    """
+    """What a BRDF of each roughness reflects of a uniform environment."""
 
     texels: Array
+    """Indexed [perceptual roughness, N.V, channel]; the channels are those of `meaning`, shape (N,
+    N, channels)."""
     kind: Kind
+    """One of `shrm_cli.brdf.environment.file.MEANINGS`."""
     brdf: str = "ggx"
+    """The specification of the BRDF without its roughness."""
 
     @property
     def meaning(self) -> Meaning:

@@ -193,7 +193,7 @@ def environment_brdf(roughness: float, cosines: ArrayLike) -> tuple[Array, Array
 
 
 def environment_table(size: int, multiscatter: bool = False) -> Array:
-    """Compute the environment BRDF of every roughness: the split sum's table, or "DFG".
+    """Compute the split sum's table of every roughness, or "DFG", shape (size, size, 2).
 
     Parameters
     ----------
@@ -205,10 +205,6 @@ def environment_table(size: int, multiscatter: bool = False) -> Array:
         reflects ``f0 * R + G`` of a uniform environment. If True, they hold bias and scale +
         bias, as in Filament, and a surface reflects ``mix(R, G, f0) * (1 + f0 * (1 / G - 1))``,
         which includes the light that meets several facets.
-
-    Returns
-    -------
-    ndarray, shape (size, size, 2)
 
     References
     ----------
@@ -223,7 +219,7 @@ def environment_table(size: int, multiscatter: bool = False) -> Array:
 
 
 def columns_table(kind: str, size: int) -> Array:
-    """Compute a table of three columns, two of which are those of `environment_table`.
+    """Compute `environment_table` with a third column, shape (size, size, 3).
 
     Parameters
     ----------
@@ -233,10 +229,6 @@ def columns_table(kind: str, size: int) -> Array:
         after the columns for multiple scattering.
     size : int
         As of `environment_table`.
-
-    Returns
-    -------
-    ndarray, shape (size, size, 3)
 
     References
     ----------
@@ -309,7 +301,7 @@ class DirectionalAlbedo:
         return total - bias, bias
 
     def __call__(self, cosines: ArrayLike, f0: ArrayLike) -> Array:
-        """Interpolate the directional albedo, ``f0 * scale + bias``.
+        """Interpolate the directional albedo, ``f0 * scale + bias``, shape (..., 3).
 
         Parameters
         ----------
@@ -317,10 +309,6 @@ class DirectionalAlbedo:
             N.V.
         f0 : array_like, shape (3,)
             Reflectance at normal incidence, linear RGB.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
         """
         scale, bias = self.scale_bias(cosines)
         return scale[..., None] * np.asarray(f0, dtype=float) + bias[..., None]

@@ -33,24 +33,16 @@ _MOMENTS = 2
 
 @record
 class Meaning:
-    """The texts that say in a file's attributes what a kind of table holds.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The names of the channels.
-    channels : str
-        What the channels hold.
-    reflectance : str
-        The formula of what a surface reflects of a uniform environment of radiance 1.
-    mean : str, optional
-        The formula of the mean direction that this reflected light comes from.
-    """
+    """The texts that say in a file's attributes what a kind of table holds."""
 
     names: tuple[str, ...]
+    """The names of the channels."""
     channels: str
+    """What the channels hold."""
     reflectance: str
+    """The formula of what a surface reflects of a uniform environment of radiance 1."""
     mean: str = ""
+    """The formula of the mean direction that this reflected light comes from."""
 
 
 MEANINGS: dict[Kind, Meaning] = {
@@ -107,7 +99,7 @@ def write_dfg(
     precision: Precision = "auto",
     brdf: str = "ggx",
 ) -> str:
-    """Write a table of `environment_table` or `moments_table`, whole or not at all.
+    """Write a table of `environment_table` or `moments_table`, whole; return the pixel type.
 
     The file is an image with the attribute ``shrm:table`` and others that say what its axes and
     channels are; it is not a map. A table of the channels R and G gets a channel B of zeros, for
@@ -123,11 +115,6 @@ def write_dfg(
         The pixel type to write.
     brdf : str
         The specification of the BRDF.
-
-    Returns
-    -------
-    str
-        The pixel type written, ``"half"`` or ``"float"``.
 
     Raises
     ------

@@ -36,21 +36,16 @@ class NormalLobe(Brdf):
     """A lobe that depends on the angle from the mirror direction alone, and ends at 90 degrees.
 
     It is no model of a material, so it is not among the models that have a name.
-
-    Attributes
-    ----------
-    width : float
-        The ggx_alpha of the lobe of GGX that is as sharp, which says how fine the pixels are to be
-        that it is summed over.
-    is_peaked : bool
-        Whether the lobe gathers about its axis. That of cloth is a ring about it.
     """
 
     includes_cosine = True
     has_horizon = False
     zonal = True
     width: float
+    """The ggx_alpha of the lobe of GGX that is as sharp, which says how fine the pixels are to be
+    that it is summed over."""
     is_peaked: bool = True
+    """Whether the lobe gathers about its axis. That of cloth is a ring about it."""
 
     def evaluate(self, light: Array, view: Array) -> Array:
         return grey(self.radial(square_half_sine(light, view)))

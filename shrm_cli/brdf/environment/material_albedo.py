@@ -25,7 +25,7 @@ down to 0, however wide its lobe is."""
 
 
 def material_albedo(brdf: Brdf, cosines: ArrayLike) -> Array:
-    """Integrate rho_hat of an isotropic BRDF over the hemisphere of the light.
+    """Integrate rho_hat of an isotropic BRDF over the hemisphere of the light, shape (n, 3).
 
     The nodes are doubled until nothing changes that counts, so that the integrals are exact to
     2e-5 of the albedo, or of 1 where that is less.
@@ -34,10 +34,6 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike) -> Array:
     ----------
     cosines : array_like, shape (n,)
         N.V; values below 1e-5 count as 1e-5.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
 
     Raises
     ------

@@ -36,21 +36,14 @@ MONOMIALS = ("1", "s", "p", "z", "s*s", "s*p", "s*z", "p*p", "p*z", "z*z")
 
 @record(eq=False)
 class Taps:
-    """The taps of some views, in the frame whose x axis runs across the brush marks.
-
-    Attributes
-    ----------
-    weights : ndarray, shape (..., taps)
-        Their sum is 1.
-    directions : ndarray, shape (..., taps, 3)
-        Unit vectors.
-    roughness : ndarray, shape (..., taps)
-        Perceptual, at most 1.
-    """
+    """The taps of some views, in the frame whose x axis runs across the brush marks."""
 
     weights: Array
+    """Their sum is 1, shape (..., taps)."""
     directions: Array
+    """Unit vectors, shape (..., taps, 3)."""
     roughness: Array
+    """Perceptual, at most 1, shape (..., taps)."""
 
 
 @cache

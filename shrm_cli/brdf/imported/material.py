@@ -11,24 +11,16 @@ _LISTED = 12
 
 @record
 class Material:
-    """A material as a file has it.
-
-    Attributes
-    ----------
-    surface : str
-        One of `surfaces.SURFACES`.
-    values : dict
-        Numbers, and colors in linear Rec.709.
-    averaged : list of str
-        The textures whose mean is in the values.
-    left_out : list of str
-        What is not read.
-    """
+    """A material as a file has it."""
 
     surface: str
+    """One of `surfaces.SURFACES`."""
     values: dict[str, Any]
+    """Numbers, and colors in linear Rec.709."""
     averaged: list[str]
+    """The textures whose mean is in the values."""
     left_out: list[str]
+    """What is not read."""
 
 
 def chosen(name: str, names: Sequence[str], wanted: str) -> int:

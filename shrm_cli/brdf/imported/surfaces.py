@@ -14,11 +14,6 @@ ROTATIONS = "anisotropy_rotation", "specular_rotation", "coat_rotation"
 """How far what is brushed is turned, which is left out: tangents say where it runs."""
 
 
-def of_openpbr(given: Values) -> dict[str, Any]:
-    """The parameters of ``open_pbr_surface``, which are OpenPBR's own."""
-    return dict(given)
-
-
 def of_gltf(given: Values) -> dict[str, Any]:
     """The parameters of a glTF material, or of ``gltf_pbr``.
 
@@ -87,7 +82,7 @@ def of_standard_surface(given: Values) -> dict[str, Any]:
 
 
 SURFACES: dict[str, Callable[[Values], dict[str, Any]]] = {
-    "open_pbr_surface": of_openpbr,
+    "open_pbr_surface": dict,  # its parameters are OpenPBR's own
     "gltf_pbr": of_gltf,
     "standard_surface": of_standard_surface,
 }

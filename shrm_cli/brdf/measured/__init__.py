@@ -23,22 +23,15 @@ _PAIRS_AT_ONCE = 2**14
 
 
 class MeasuredBrdf(Brdf):
-    """A BRDF that interpolates the samples of a file.
-
-    Attributes
-    ----------
-    reads : str
-        What the format's files are, in one line.
-    suffixes : tuple of str
-        What the names of its files usually end with, in lower case.
-    own_suffixes : tuple of str
-        Those suffixes that mean this format even if the content means none: the file is damaged
-        then, and the format's error says how.
-    """
+    """A BRDF that interpolates the samples of a file."""
 
     reads: ClassVar[str]
+    """What the format's files are, in one line."""
     suffixes: ClassVar[tuple[str, ...]]
+    """What the names of its files usually end with, in lower case."""
     own_suffixes: ClassVar[tuple[str, ...]] = ()
+    """Those suffixes that mean this format even if the content means none: the file is damaged
+    then, and the format's error says how."""
 
     @staticmethod
     @abstractmethod

@@ -8,10 +8,10 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Value
-from shrm_cli.brdf.half_angles import half_angles
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
+from shrm_cli.brdf.vectors import half_angles
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.sphere.directions import from_angles
@@ -76,13 +76,7 @@ class Goniometer(MeasuredBrdf):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Goniometer":
-        """Read a file of spectral samples; this takes about a second.
-
-        Raises
-        ------
-        BrdfError
-            If the file cannot be read or is damaged.
-        """
+        """Read a file of spectral samples; this takes about a second."""
         wavelengths, rows = _read(Path(path))
         try:
             colors = to_linear_srgb(wavelengths, rows[:, 4:])

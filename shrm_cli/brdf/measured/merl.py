@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Value
-from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import check_file, file_values, readable
+from shrm_cli.brdf.vectors import from_half_angles, half_angles
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
 
@@ -68,13 +68,7 @@ class Merl(MeasuredBrdf):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Merl":
-        """Read a file.
-
-        Raises
-        ------
-        BrdfError
-            If it cannot be read, or is not a whole MERL file.
-        """
+        """Read a file; one that is not whole is refused."""
         path = check_file(path)
         with readable(path, "copy it again") as stream:
             cells = _read_cells(stream, path)

@@ -82,13 +82,7 @@ class Rgl(MeasuredBrdf):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Rgl":
-        """Read a file.
-
-        Raises
-        ------
-        BrdfError
-            If it cannot be read, is Zemax's file of the same suffix, or damaged.
-        """
+        """Read a file; Zemax's file of the same suffix is refused."""
         path = check_file(path)
         _refuse_others(path)
         file = TensorFile.open(path)

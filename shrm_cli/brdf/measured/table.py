@@ -38,10 +38,10 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import check_file, file_values
+from shrm_cli.brdf.vectors import from_half_angles, half_angles
 from shrm_cli.errors import BrdfError, MapError, OutputError
 from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
@@ -62,21 +62,14 @@ _TINY = 1e-12
 
 @record
 class TableSettings:
-    """What a table's values mean.
-
-    Attributes
-    ----------
-    center : {"reflection", "normal", "tangent"}
-    includes_cosine, has_horizon : bool
-        The attributes of that name of a `Brdf`.
-    made_from : str
-        What the table was computed from; empty if it is not known.
-    """
+    """What a table's values mean."""
 
     center: Center = "reflection"
     includes_cosine: bool = False
     has_horizon: bool = True
+    """`includes_cosine` and `has_horizon`: the attributes of that name of a `Brdf`."""
     made_from: str = ""
+    """What the table was computed from; empty if it is not known."""
 
 
 _ORDINARY = TableSettings()

@@ -64,13 +64,7 @@ class Zernike(MeasuredBrdf):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Zernike":
-        """Read a file of coefficients or of measurements.
-
-        Raises
-        ------
-        BrdfError
-            If the file cannot be read or is damaged.
-        """
+        """Read a file of coefficients or of measurements."""
         lines = read_lines(path, "a file of BRDF measurements or Zernike coefficients")
         if not lines:
             raise BrdfError(f"{path}: holds no numbers; copy the file again")

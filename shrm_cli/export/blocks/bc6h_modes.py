@@ -22,28 +22,19 @@ Whole = NDArray[np.int64]
 
 @record
 class Mode:
-    """How the ends of a block's lines are written.
-
-    Attributes
-    ----------
-    code : int
-        The number that a block begins with.
-    lines : int
-        1 or 2.
-    bits : int
-        Of each channel of the first end.
-    differences : tuple of 3 int
-        Bits of the others in red, green and blue.
-    layout : str
-        Numbers of the block after the code, from the lowest bit: ``rw[9:0]`` are the bits 0 to 9
-        of the red of the first end, ``rw[10:11]`` its bits 11 and 10. The ends are w, x, y and z.
-    """
+    """How the ends of a block's lines are written."""
 
     code: int
+    """The number that a block begins with."""
     lines: int
+    """1 or 2."""
     bits: int
+    """Of each channel of the first end."""
     differences: tuple[int, int, int]
+    """Bits of the others in red, green and blue."""
     layout: str
+    """Numbers of the block after the code, from the lowest bit: ``rw[9:0]`` are the bits 0 to 9 of
+    the red of the first end, ``rw[10:11]`` its bits 11 and 10. The ends are w, x, y and z."""
 
     @property
     def is_whole(self) -> bool:

@@ -24,20 +24,14 @@ _SHARE = 0.005**2
 
 @record
 class Found:
-    """Blocks that are ready.
-
-    Attributes
-    ----------
-    data : ndarray of uint8, shape (n, 16)
-    error : ndarray, shape (n,)
-        By which blocks are compared.
-    off : ndarray, shape (n,)
-        Squared errors of their light.
-    """
+    """Blocks that are ready."""
 
     data: NDArray[np.uint8]
+    """Shape (n, 16)."""
     error: Floats
+    """By which blocks are compared, shape (n,)."""
     off: Floats
+    """Squared errors of their light, shape (n,)."""
 
     def replace(self, which: Whole, tried: "Found") -> None:
         """Take those of some blocks that are better."""

@@ -22,39 +22,27 @@ Whole = NDArray[np.int64]
 
 @record
 class Space:
-    """How a format makes numbers of light.
-
-    Attributes
-    ----------
-    numbers, light : callable
-        From light to numbers, and back.
-    octave : int
-        How much a number grows, about, where the light doubles.
-    fractions : mapping of int to ndarray, shape (count,)
-        Where the steps of a line lie between its ends, by how many there are.
-    """
+    """How a format makes numbers of light."""
 
     numbers: Callable[[Floats], Floats]
     light: Callable[[Floats], Floats]
+    """`numbers` and `light`: from light to numbers, and back."""
     octave: float
+    """How much a number grows, about, where the light doubles."""
     fractions: Mapping[int, Floats]
+    """Where the steps of a line lie between its ends, by how many there are."""
 
 
 @record
 class Texels:
-    """What is looked for: numbers as blocks interpolate them, and weights.
-
-    Attributes
-    ----------
-    space : Space
-    values, weights : ndarray, shape (3, 16, n)
-        A difference squared, times its weight, is an error squared relative to the texel's light.
-    """
+    """What is looked for: numbers as blocks interpolate them, and weights."""
 
     space: Space
     light: Floats
     values: Floats
     weights: Floats
+    """`values` and `weights`: a difference squared, times its weight, is an error squared relative
+    to the texel's light, shape (3, 16, n)."""
 
     @classmethod
     def of(cls, blocks: Array, space: Space) -> "Texels":

@@ -9,7 +9,8 @@ References
 @khronosgroup/gltf-viewer 1.1, `_loadEnvironmentFromPanorama`, `iblSampler`, `ibl.glsl`.
 """
 
-from shrm_cli.arrays import Array
+from functools import partial
+
 from shrm_cli.export.cubes import WORLD, diffuse_cube, ktx2_file
 from shrm_cli.export.engine import Engine, Light, OutputFile, Package
 from shrm_cli.export.latlong import add_radiance
@@ -56,14 +57,13 @@ class GltfSampleViewer(Engine):
                 "lambertian: albedo * texture(cube, N)"
             )
         if light.table is not None:
-            _add_table(made, f"{light.name}_lut_ggx.png", light.table)
+            # As a picture: red is the scale, green the bias, blue is 0.
+            write = partial(write_texture, table=light.table)
+            made.files.append(OutputFile(f"{light.name}_lut_ggx.png", write))
+            made.told.append(
+                "the table has N.V across and the roughness down, from 0 in the first row"
+            )
         return made
-
-
-def _add_table(made: Package, name: str, table: Array) -> None:
-    """Add the environment BRDF as a picture: red is the scale, green the bias, blue is 0."""
-    made.files.append(OutputFile(name, lambda path: write_texture(path, table)))
-    made.told.append("the table has N.V across and the roughness down, from 0 in the first row")
 
 
 ENGINE = GltfSampleViewer()

@@ -61,7 +61,14 @@ class Three(Engine):
                 "diffuse surfaces already, so use either"
             )
             made.loading.append("// or, for diffuse light alone:")
-            made.loading += _probe_by_three(name) if is_stock else _probe_by_us(name)
+            file = string(uri(name))
+            if is_stock:
+                made.loading += [
+                    f"const {{ three }} = await (await fetch({file})).json();",
+                    "scene.add(new LightProbe(new SphericalHarmonics3().fromArray(three)));",
+                ]
+            else:
+                made.loading.append(f"scene.add(await loadLightProbe({file}));")
         return made
 
     def _add_cube(self, made: Package, light: Light, texels: TexelFormat) -> None:
@@ -89,17 +96,6 @@ class Three(Engine):
         else:
             made.loading.append(f"scene.environment = await loadEnvironment({string(uri(name))});")
         made.loading.append("scene.background = scene.environment;")
-
-
-def _probe_by_us(name: str) -> list[str]:
-    return [f"scene.add(await loadLightProbe({string(uri(name))}));"]
-
-
-def _probe_by_three(name: str) -> list[str]:
-    return [
-        f"const {{ three }} = await (await fetch({string(uri(name))})).json();",
-        "scene.add(new LightProbe(new SphericalHarmonics3().fromArray(three)));",
-    ]
 
 
 ENGINE = Three()

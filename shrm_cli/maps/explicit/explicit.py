@@ -43,24 +43,16 @@ it counts as zero."""
 
 @record(eq=False)
 class ExplicitMap(ReflectionMap):
-    """Reflected light tabulated over the central direction and samples of the view.
-
-    Attributes
-    ----------
-    images : ndarray, shape (K, 6N, N, 3)
-        An OpenEXR cube of central directions for each sample of the view.
-    center : {"reflection", "normal", "tangent"}
-        What the central direction is.
-    info : MapInfo
-        How the map was made.
-    sampling : {"center", "border"}
-        Where the edge texels of the cubes lie.
-    """
+    """Reflected light tabulated over the central direction and samples of the view."""
 
     images: Array
+    """An OpenEXR cube of central directions for each sample of the view, shape (K, 6N, N, 3)."""
     center: Center
+    """What the central direction is."""
     info: MapInfo
+    """How the map was made."""
     sampling: Sampling = "center"
+    """Where the edge texels of the cubes lie."""
     _samplers: dict[int, CubeSampler] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )

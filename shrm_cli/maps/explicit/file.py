@@ -25,13 +25,7 @@ def encode(explicit: ExplicitMap) -> list[Part]:
 
 
 def decode(file: StoredFile) -> ExplicitMap:
-    """Read the map that a file holds.
-
-    Raises
-    ------
-    MapError
-        If parts, channels or attributes are missing or contradict each other.
-    """
+    """Read the map that a file holds."""
     first = StoredImage.of(file.first)
     kind = cast(type[ExplicitMap], registry.map_class(first.attributes["representation"]))
     if any(

@@ -48,12 +48,7 @@ _AZIMUTHS = 32
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
-    """Prefilter a probe for a BRDF.
-
-    Raises
-    ------
-    ArgumentError, OrderError, ProbeError, BrdfError, MapError
-    """
+    """Prefilter a probe for a BRDF."""
     is_angular = request.domain == "angular"
     if is_angular and not request.is_free:
         given = "order_p" if request.order_f is None else "order_f"
@@ -135,12 +130,6 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
     ----------
     dtype : type
         As `prefilter_shrm` takes it.
-
-    Raises
-    ------
-    ArgumentError, OrderError, ProbeError, BrdfError, MapError
-        If the tolerance cannot be met, the probe or the BRDF cannot be used, or the map would be
-        too large.
     """
     expansion, warnings = expand(Projection(probe), request, explicit_form(request))
     shrm = from_expansion(expansion, probe, request, dtype)
@@ -178,12 +167,6 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
 
     The fraction `eps` of the lobe may be left out, far from its centre (eq. 5.30). The orders that
     meet it determine the size and the number of views, unless they are given.
-
-    Raises
-    ------
-    ArgumentError, OrderError, ProbeError, BrdfError, MapError
-        If no map fits into the bytes, the tolerance cannot be met, the probe or the BRDF cannot be
-        used, or the map would be too large.
     """
     brdf, kind = request.brdf, explicit_kind(request.to)
     size, sampling = request.size, request.sampling
@@ -236,16 +219,12 @@ class Integral(Protocol):
     """What `tabulate` needs of an integral in the angular domain, or of another map."""
 
     def central_radiance(self, centers: Array, views: Array) -> Array:
-        """Evaluate the radiance for central directions and views.
+        """Evaluate the radiance for central directions and views, shape (..., 3).
 
         Parameters
         ----------
         centers, views : ndarray, shape (..., 3), broadcastable
             Unit vectors in world axes.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
         """
 
     def zonal_radiance(self, centers: Array, view_theta: float) -> Array:

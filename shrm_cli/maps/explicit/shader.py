@@ -12,18 +12,7 @@ from shrm_cli.maps.shader.source import Source, Words, central_direction, tangen
 
 
 def source(made: ExplicitMap, textures: str) -> Source:
-    """Return what the shader of an explicit map consists of; the cubes of all views are a stack.
-
-    Parameters
-    ----------
-    textures : {"cube-array", "layers"}
-        Cubes are the same in both.
-
-    Raises
-    ------
-    MapError
-        If there is no code for the representation.
-    """
+    """Return what the shader of an explicit map consists of; the cubes of all views are a stack."""
     if made.representation not in _BLENDS:
         raise MapError(f"{made.what} has no shader; look it up by shrm render")
     return Source(

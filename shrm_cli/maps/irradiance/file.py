@@ -60,14 +60,7 @@ def encode(irradiance: Irradiance) -> list[Part]:
 
 
 def decode(file: StoredFile) -> Irradiance:
-    """Return the map that a file holds.
-
-    Raises
-    ------
-    MapError
-        If an attribute is missing or wrong, if attributes contradict each other, or if the pixels
-        are not those of the coefficients.
-    """
+    """Return the map that a file holds, if the pixels are those of its coefficients."""
     path, count = file.path, len(file.parts)
     if count != 1:
         raise MapError(f"{path}: an irradiance map has one part, not {count}; make it again")

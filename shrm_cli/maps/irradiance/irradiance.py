@@ -31,7 +31,7 @@ POLYNOMIAL_ORDER = 2
 
 
 def lambert_factors(order: int) -> Array:
-    """Return the factors A_l of the clamped cosine, with which ``E_lm = A_l L_lm``.
+    """Return the factors A_l of the clamped cosine, ``E_lm = A_l L_lm``, shape (order+1,).
 
     They are pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
 
@@ -39,10 +39,6 @@ def lambert_factors(order: int) -> Array:
     ----------
     order : int
         The largest degree l.
-
-    Returns
-    -------
-    ndarray, shape (order+1,)
 
     References
     ----------
@@ -62,16 +58,12 @@ def lambert_factors(order: int) -> Array:
 
 
 def irradiance_energies(power: ArrayLike) -> Array:
-    """Return ``A_l^2 sum_m L_lm^2``, whose sum over l is the integral of E^2 (Parseval).
+    """Return ``A_l^2 sum_m L_lm^2``; their sum is the integral of E^2, shape (order+1, 3).
 
     Parameters
     ----------
     power : array_like, shape (order+1, 3)
         ``sum_m L_lm^2`` of each degree and channel.
-
-    Returns
-    -------
-    ndarray, shape (order+1, 3)
     """
     power = np.asarray(power)
     return lambert_factors(len(power) - 1)[:, None] ** 2 * power
@@ -90,28 +82,20 @@ def matrix_constants() -> tuple[float, float, float, float, float]:
 
 @record(eq=False)
 class Irradiance(FixedMap, ReflectionMap):
-    """The irradiance of a surface as a function of its normal.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape ((F+1)^2, 3)
-        Lighting coefficients L_lm (eq. 4.13) times the window's factors, index l(l+1)+m.
-    info : MapInfo
-        How the map was made.
-    size : int, optional
-        Texels along a face's edge of the cube that is written with the coefficients;
-        `choose_size` chooses it by default.
-    sampling : {"center", "border"}
-        Where the samples of that cube lie.
-    window : Window
-        The factors that the coefficients were multiplied with.
-    """
+    """The irradiance of a surface as a function of its normal."""
 
     coefficients: Array
+    """Lighting coefficients L_lm (eq. 4.13) times the window's factors, index l(l+1)+m, shape
+    ((F+1)^2, 3)."""
     info: MapInfo
+    """How the map was made."""
     size: int = 0
+    """Texels along a face's edge of the cube that is written with the coefficients; `choose_size`
+    chooses it by default."""
     sampling: Sampling = "center"
+    """Where the samples of that cube lie."""
     window: Window = field(default_factory=Window)
+    """The factors that the coefficients were multiplied with."""
 
     representation = "irradiance"
     center = "normal"
@@ -186,13 +170,7 @@ class Irradiance(FixedMap, ReflectionMap):
         return replace(self, size=cube.shape[1], sampling=sampling, info=info)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> "Irradiance":
-        """Return the map with another size or sampling; the coefficients make its cube anew.
-
-        Raises
-        ------
-        MapError
-            If the cube would be too large.
-        """
+        """Return the map with another size or sampling; the coefficients make its cube anew."""
         if size is not None and size > MAX_CUBE_SIZE:
             raise MapError(f"a map of size {size} is larger than {MAX_CUBE_SIZE}; lower `size`")
         return replace(self, size=size or self.size, sampling=sampling or self.sampling)

@@ -37,7 +37,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     Parameters
     ----------
-    probe : Probe
     request : Request
         Its own options are ``window``, as `make_window` takes it, and ``form``, as `in_form` does:
         which numbers are kept of degree 2. The window ``auto`` changes nothing where nothing is

@@ -40,7 +40,7 @@ def shortest_within(rows: Array, bounds: Array) -> Array | None:
 
 
 def non_negative_least_squares(matrix: Array, target: Array) -> Array:
-    """Find the u >= 0 of least ``|matrix @ u - target|``.
+    """Find the u >= 0 of least ``|matrix @ u - target|``, shape (n,).
 
     Columns that lower the residual join the set of free columns, one at a time. Columns whose
     coefficient would turn negative leave it, and their coefficient is 0.
@@ -49,10 +49,6 @@ def non_negative_least_squares(matrix: Array, target: Array) -> Array:
     ----------
     matrix : ndarray, shape (m, n)
     target : ndarray, shape (m,)
-
-    Returns
-    -------
-    ndarray, shape (n,)
 
     References
     ----------

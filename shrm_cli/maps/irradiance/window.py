@@ -32,27 +32,20 @@ _MOST_PLACES = 64
 
 @record
 class Window:
-    """A factor for every degree of a series.
-
-    Attributes
-    ----------
-    name : {"none", "hann", "lanczos", "least"}
-        The kind of the window; ``least`` is what `least_window` makes.
-    width : float, optional
-        The degree at and beyond which the factors are 0; None for ``none`` and ``least``.
-    factors : tuple of float
-        The factors of the degrees 0 .. F; the tuple is empty where all are 1.
-    energy_lost : float
-        ``1 - |E_w|^2 / |E|^2`` over the sphere and all channels, with E_w the windowed irradiance.
-    change : float
-        Relative RMS change of the irradiance, over the sphere and all channels.
-    """
+    """A factor for every degree of a series."""
 
     name: str = "none"
+    """The kind of the window; ``least`` is what `least_window` makes. One of "none", "hann",
+    "lanczos" and "least"."""
     width: float | None = None
+    """The degree at and beyond which the factors are 0; None for ``none`` and ``least``."""
     factors: tuple[float, ...] = ()
+    """The factors of the degrees 0 .. F; the tuple is empty where all are 1."""
     energy_lost: float = 0.0
+    """``1 - |E_w|^2 / |E|^2`` over the sphere and all channels, with E_w the windowed
+    irradiance."""
     change: float = 0.0
+    """Relative RMS change of the irradiance, over the sphere and all channels."""
 
     @classmethod
     def of(cls, name: str, width: float | None, series: Array) -> "Window":

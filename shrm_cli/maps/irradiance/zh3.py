@@ -48,30 +48,17 @@ _LEAST = 1e-6
 
 @record(eq=False)
 class Zh3(Irradiance):
-    """An irradiance map whose degree 2 is zonal; `coefficients` hold it as five numbers too.
-
-    Attributes
-    ----------
-    form : {"zh3", "zh3-channel", "zh3-hallucinated"}
-        See the module.
-    axes : ndarray, shape (3, 3)
-        The unit axis of each channel in world axes, a row each.
-    zonal : ndarray, shape (3,)
-        The zonal coefficient z of each channel.
-    """
+    """An irradiance map whose degree 2 is zonal; `coefficients` hold it as five numbers too."""
 
     form: str = "zh3"
+    """See the module. One of "zh3", "zh3-channel" and "zh3-hallucinated"."""
     axes: Array = field(default_factory=lambda: np.tile([0.0, 0.0, 1.0], (3, 1)))
+    """The unit axis of each channel in world axes, a row each, shape (3, 3)."""
     zonal: Array = field(default_factory=lambda: np.zeros(3))
+    """The zonal coefficient z of each channel, shape (3,)."""
 
     def windowed(self, window: Window, info: MapInfo) -> "Zh3":
-        """Return the map with a window; see `Irradiance.windowed`.
-
-        Raises
-        ------
-        MapError
-            If the zonal coefficients are to follow from the others, which a window undoes.
-        """
+        """Return the map with a window, unless its zonal coefficients follow from the others."""
         if not self.takes_windows:
             raise MapError("`window` does not apply to `form` zh3-hallucinated; take `form` zh3")
         made = super().windowed(window, info)
@@ -82,13 +69,7 @@ class Zh3(Irradiance):
         return replace(super().turned(matrix), axes=self.axes @ np.asarray(matrix).T)  # type: ignore[return-value,call-arg]
 
     def mixed(self, matrix: Array, info: MapInfo) -> "Zh3":
-        """Return the map with other channels; see `maps.primaries`.
-
-        Raises
-        ------
-        MapError
-            If the channels have axes of their own.
-        """
+        """Return the map with other channels, unless these have axes of their own."""
         if self.form == "zh3-channel":
             raise MapError(
                 f"{self.what} and `form` zh3-channel has an axis for each channel, which cannot be "

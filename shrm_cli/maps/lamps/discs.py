@@ -17,18 +17,12 @@ from shrm_cli.sphere.directions import horizontal_tangents
 
 @record(eq=False)
 class LitDiscs:
-    """Discs of light, and the BRDF that reflects them.
-
-    Attributes
-    ----------
-    brdf : Brdf
-        It is not about the tangent.
-    discs : tuple of Disc
-        In world axes.
-    """
+    """Discs of light, and the BRDF that reflects them."""
 
     brdf: Brdf
+    """It is not about the tangent."""
     discs: tuple[Disc, ...]
+    """In world axes."""
 
     @cached_property
     def rule(self) -> DiscRule:

@@ -41,31 +41,22 @@ class LampMap(ReflectionMap):
     """A map for a BRDF of the light without lamps, and the lamps, which `radiance` adds.
 
     What it is and how it is stored, it is as the map within: its representation is that of it.
-
-    Attributes
-    ----------
-    map : Map
-        That of the residual.
-    discs : tuple of Disc
-        The lamps, world axes; at least one.
-    left : float
-        The RMS of the reflected light without that of the lamps, over that of all. The errors of
-        the map within are relative to the former, and those that this map states to the latter.
-    error : float
-        What discs in place of the lamps' pixels change of the reflected light, as its RMS over that
-        of all.
-    known : Brdf, optional
-        The BRDF, where it is at hand. It is found by the record of the map otherwise.
-    path : str
-        The file of the map, beside which a measured BRDF is looked for.
     """
 
     map: Map
+    """That of the residual."""
     discs: tuple[Disc, ...]
+    """The lamps, world axes; at least one."""
     left: float
+    """The RMS of the reflected light without that of the lamps, over that of all. The errors of the
+    map within are relative to the former, and those that this map states to the latter."""
     error: float
+    """What discs in place of the lamps' pixels change of the reflected light, as its RMS over that
+    of all."""
     known: Brdf | None = None
+    """The BRDF, where it is at hand. It is found by the record of the map otherwise."""
     path: str = ""
+    """The file of the map, beside which a measured BRDF is looked for."""
 
     format_version = FORMAT
 
@@ -157,12 +148,7 @@ class LampMap(ReflectionMap):
         return replace(self, map=self.map.resampled(size, sampling))
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
-        """Refuse to lose the lamps.
-
-        Raises
-        ------
-        MapError
-        """
+        """Refuse to lose the lamps."""
         raise MapError(f"{self.what} has lamps beside it, which an SHRM does not hold")
 
     def converted(self, to: str, *given: Any, **options: Any) -> LampMap:
@@ -170,12 +156,7 @@ class LampMap(ReflectionMap):
         return replace(self, map=self.map.converted(to, *given, **options))
 
     def mixed(self, matrix: Array, info: MapInfo) -> LampMap:
-        """Refuse other primaries, in which a BRDF with colors would not be the same.
-
-        Raises
-        ------
-        MapError
-        """
+        """Refuse other primaries, in which a BRDF with colors would not be the same."""
         raise MapError(
             f"{self.what} has lamps beside it, whose BRDF is in the primaries of the map; "
             "prefilter its probe with `working`"

@@ -60,18 +60,12 @@ _TINY = 1e-12
 
 @record
 class DiscRule:
-    """Where a BRDF is evaluated to integrate it over discs.
-
-    Attributes
-    ----------
-    width : float
-        w, radians.
-    steps : int
-        Longitudes where the horizon does not cut the disc, and latitudes on each of them.
-    """
+    """Where a BRDF is evaluated to integrate it over discs."""
 
     width: float
+    """w, radians."""
     steps: int
+    """Longitudes where the horizon does not cut the disc, and latitudes on each of them."""
 
     def longitudes(self, is_cut: bool) -> int:
         """Return how many there are: more where the horizon cuts the disc."""
@@ -104,7 +98,7 @@ def integrals(
     radius: float,
     tangents: Array,
 ) -> Array:
-    """Integrate the transfer function of a BRDF over a disc.
+    """Integrate the transfer function of a BRDF over a disc, shape (..., 3).
 
     Parameters
     ----------
@@ -116,10 +110,6 @@ def integrals(
         Of the disc, radians.
     tangents : ndarray, shape (..., 3)
         Those of the surface, for which isotropic BRDFs do not care.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
     """
     shape = np.broadcast_shapes(normals.shape, views.shape, axes.shape)
     points = [

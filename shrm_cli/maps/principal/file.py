@@ -63,13 +63,7 @@ def _table_part(k: int, lobe: BrushedLobe, canvas: tuple[int, int]) -> Part:
 
 
 def decode(file: StoredFile) -> PrincipalMap:
-    """Read the map that a file holds.
-
-    Raises
-    ------
-    MapError
-        If parts, channels or attributes are missing or contradict each other.
-    """
+    """Read the map that a file holds."""
     named = {part.name: part for part in file.parts}
     tables = {name for name in named if name.startswith(_TABLES)}
     names = [f"lobe{k:02d}" for k in range(len(file.parts) - len(tables))]

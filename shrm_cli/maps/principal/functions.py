@@ -81,27 +81,18 @@ def _right_vectors(rows: Array, count: int) -> Array:
 
 @record(eq=False)
 class Spectrum:
-    """The singular vectors of a BRDF, weighted by light, for every azimuthal order and channel.
-
-    Attributes
-    ----------
-    transfer : TransferFunctions
-        The transfer functions that are factorized.
-    center : {"reflection", "normal"}
-        What the functions are about.
-    light : ndarray, shape (F+1, 3)
-        ``4 pi / (2l+1) sum_m |L_lm|^2`` of each degree and channel.
-    weights : ndarray, shape (n,)
-        The weights of the nodes of the visible views; the others are 0.
-    is_divided : bool
-        Whether the BRDF is divided by its directional albedo.
-    """
+    """The singular vectors of a BRDF, weighted by light, for every azimuthal order and channel."""
 
     transfer: TransferFunctions
+    """The transfer functions that are factorized."""
     center: Center
+    """What the functions are about."""
     light: Array
+    """``4 pi / (2l+1) sum_m |L_lm|^2`` of each degree and channel, shape (F+1, 3)."""
     weights: Array
+    """The weights of the nodes of the visible views; the others are 0, shape (n,)."""
     is_divided: bool = False
+    """Whether the BRDF is divided by its directional albedo."""
 
     @classmethod
     def of(

@@ -40,27 +40,18 @@ _FEW_TEXELS = 48
 
 @record
 class Form:
-    """How many functions a map has, how large its cubes are, and what errors that makes.
-
-    Attributes
-    ----------
-    counts : Counts
-        The number of functions of each azimuthal order.
-    size : int
-        Texels along a face's edge.
-    band : Band
-        The degrees of the light that are kept.
-    error : float
-        The predicted relative RMS error of the functions and the orders.
-    filter_error : float
-        That of looking the map up bilinearly.
-    """
+    """How many functions a map has, how large its cubes are, and what errors that makes."""
 
     counts: Counts
+    """The number of functions of each azimuthal order."""
     size: int
+    """Texels along a face's edge."""
     band: Band
+    """The degrees of the light that are kept."""
     error: float
+    """The predicted relative RMS error of the functions and the orders."""
     filter_error: float
+    """That of looking the map up bilinearly."""
 
     @property
     def carried(self) -> int:
@@ -85,18 +76,11 @@ class Form:
 
 @record
 class Planner:
-    """The choices for one lobe.
-
-    Attributes
-    ----------
-    spectrum : Spectrum
-    lighting : Lighting
-        The light, to at least the order of the transfer functions.
-    sampling : {"center", "border"}
-    """
+    """The choices for one lobe."""
 
     spectrum: Spectrum
     lighting: Lighting
+    """The light, to at least the order of the transfer functions."""
     sampling: Sampling = "center"
 
     @cached_property

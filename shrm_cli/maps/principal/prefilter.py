@@ -18,12 +18,7 @@ _ANY_SIZE = 2**32
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
-    """Prefilter a probe for a BRDF.
-
-    Raises
-    ------
-    ArgumentError, OrderError, ProbeError, BrdfError
-    """
+    """Prefilter a probe for a BRDF."""
     for asking in ("error", "seen"):
         if asking in request.given and "maps" in request.own:
             raise ArgumentError("maps", f"does not apply with `{asking}`, which chooses them")

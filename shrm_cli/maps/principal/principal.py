@@ -56,30 +56,23 @@ _VALUES_AT_ONCE = 2**22
 
 @record(eq=False)
 class Lobe:
-    """The light that one term of a BRDF reflects, about its own central direction.
-
-    Attributes
-    ----------
-    cubes : ndarray, shape (6N, N, K, 3)
-        The cubes of all bundles, one after the other. In a bundle they are the coefficients of the
-        real harmonics of its degree in world axes.
-    degrees : tuple of int
-        The degree of each bundle, descending.
-    functions : ndarray, shape (n, entries, 3)
-        The functions of the view of all bundles, for q = 0 .. p of each, at even angles from 0 to
-        180 degrees from the mirror direction, or to 90 from the normal. They take the place of the
-        normalized Legendre functions f_pq(theta_o), in the convention of `legendre_table`.
-    center : {"reflection", "normal", "tangent"}
-        What the central direction is.
-    albedo : ndarray, shape (entries, 3), optional
-        The directional albedo at the same angles, which the functions are multiplied with.
-    """
+    """The light that one term of a BRDF reflects, about its own central direction."""
 
     cubes: Array
+    """The cubes of all bundles, one after the other, shape (6N, N, K, 3). In a bundle they are the
+    coefficients of the real harmonics of its degree in world axes."""
     degrees: tuple[int, ...]
+    """The degree of each bundle, descending."""
     functions: Array
+    """The functions of the view of all bundles, for q = 0 .. p of each, at even angles from 0 to
+    180 degrees from the mirror direction, or to 90 from the normal, shape (n, entries, 3). They
+    take the place of the normalized Legendre functions f_pq(theta_o), in the convention of
+    `legendre_table`."""
     center: Center
+    """What the central direction is."""
     albedo: Array | None = None
+    """The directional albedo at the same angles, which the functions are multiplied with, shape
+    (entries, 3)."""
 
     is_brushed = False
 
@@ -216,21 +209,14 @@ def _nearest(cubes: Array, sampling: Sampling, directions: Array) -> Array:
 
 @record
 class PrincipalMap(ReflectionMap):
-    """A map of the terms of a BRDF, each with its own functions of the view.
-
-    Attributes
-    ----------
-    lobes : tuple of Lobe
-        Their light adds up. They may differ in center, size and number of functions.
-    info : MapInfo
-        How the map was made.
-    sampling : {"center", "border"}
-        Where the edge texels of the cubes lie.
-    """
+    """A map of the terms of a BRDF, each with its own functions of the view."""
 
     lobes: tuple[Lobe, ...]
+    """Their light adds up. They may differ in center, size and number of functions."""
     info: MapInfo
+    """How the map was made."""
     sampling: Sampling = "center"
+    """Where the edge texels of the cubes lie."""
 
     representation = "principal"
     texels_are_series = True
@@ -266,13 +252,7 @@ class PrincipalMap(ReflectionMap):
         return [lobe.cubes.reshape(*lobe.cubes.shape[:2], -1) for lobe in self.lobes]
 
     def mixed(self, matrix: Array, info: MapInfo) -> Map:
-        """Return the map with other channels; see `maps.primaries`.
-
-        Raises
-        ------
-        MapError
-            If its functions of the view differ between the channels.
-        """
+        """Return the map with other channels, if its functions of the view are the same in all."""
         tables = [each for lobe in self.lobes for each in (lobe.functions, lobe.albedo)]
         for table in tables:
             if table is not None and np.ptp(table, axis=-1).max() > _GREY * np.abs(table).max():

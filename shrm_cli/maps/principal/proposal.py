@@ -18,8 +18,10 @@ from shrm_cli.brdf.brushed_transfer import FEWEST_STEPS, compute_brushed_transfe
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.coupling import bundle_coefficients
+from shrm_cli.maps.expansion import wrong_share
 from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.joint import brightness
+from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views
 from shrm_cli.maps.prefiltered import Notes, Prefiltered
 from shrm_cli.maps.principal.brushed import BrushedLobe, BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q
@@ -38,7 +40,6 @@ from shrm_cli.maps.principal.terms import (
     term_of,
     terms_of,
 )
-from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import total_error
 from shrm_cli.orders import Orders
@@ -46,7 +47,7 @@ from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
-from shrm_cli.reflected import energies_beyond, weighted_power
+from shrm_cli.reflected import energies_beyond, last_visible, weighted_power
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
@@ -56,22 +57,14 @@ _SMALL = 16
 
 @record(eq=False)
 class Proposal:
-    """The form of each term of a map, and what the map would be.
-
-    Attributes
-    ----------
-    terms : tuple of Term
-    info : MapInfo
-        The record of the map, with its errors.
-    sampling : {"center", "border"}
-    notes : Notes
-        How centers were chosen.
-    """
+    """The form of each term of a map, and what the map would be."""
 
     terms: tuple[Term, ...]
     info: MapInfo
+    """The record of the map, with its errors."""
     sampling: Sampling
     notes: Notes
+    """How centers were chosen."""
 
     @property
     def bytes(self) -> int:
@@ -288,3 +281,59 @@ def is_out_of_reach(light: Projection, brdf: Brdf, want: Wanted, sampling: Sampl
     if want.seen is None:
         return False
     return predicted_wrong_share([(planner, form)]) > _FAR[1] * want.seen
+
+
+def predicted_wrong_share(terms: Sequence[tuple[Planner, Form]]) -> float:
+    """Predict the share of what is visible whose luminance is wrong by more than 5 %.
+
+    The transfer functions that were factorized are the lobes of all views, and what the map leaves
+    out of them is known, so that nothing of the BRDF is sampled again.
+
+    Parameters
+    ----------
+    terms : sequence of (Planner, Form)
+        The light and the transfer functions of each term of the BRDF, and what the map keeps.
+
+    Returns
+    -------
+    float
+        As `shrm_cli.maps.expansion.predicted_wrong_share` returns it.
+    """
+    lighting = max((planner.lighting for planner, _ in terms), key=lambda each: each.order)
+    return wrong_share(lighting, [_lobes(*term) for term in terms])
+
+
+def _lobes(planner: Planner, form: Form) -> Lobes:
+    """Take the lobes of some views, and what the map leaves out of them, as far as is visible."""
+    spectrum = planner.spectrum
+    transfer = spectrum.transfer
+    energies = np.sum(spectrum.light * spectrum.known, axis=1)
+    beyond = planner.visible_beyond(energies)
+    order = last_visible(beyond)
+    # Lobes are taken between the nodes on both sides of each view.
+    angles, _ = sample_views(spectrum.center)
+    theta_o = transfer.theta_o
+    if isinstance(spectrum, BrushedSpectrum):
+        theta_o = theta_o[: spectrum.view_count]
+    after = np.clip(np.searchsorted(theta_o, angles), 1, len(theta_o) - 1)
+    low, high = theta_o[after - 1], theta_o[after]
+    part = np.clip((angles - low) / (high - low), 0.0, 1.0)[:, None]
+    nodes = np.concatenate([after - 1, after])
+    signs = None
+    if isinstance(spectrum, BrushedSpectrum):
+        nodes, signs = spectrum.parts_near(nodes, np.tile(sample_tangents(len(angles)), 2))
+
+    def between(values: Array) -> Array:
+        if signs is not None:
+            real, imaginary = np.split(values, 2, axis=-2)
+            values = real + 1j * signs[:, None] * imaginary
+        count = len(angles)
+        return (1 - part) * values[..., :count, :] + part * values[..., count:, :]
+
+    factors = form.band.factors
+    rest = [spectrum.rest(q, form.counts, factors, nodes) for q in range(transfer.max_q + 1)]
+    return Lobes(
+        between(transfer.values[:, : order + 1, nodes]),
+        between(np.stack([each[: order + 1] for each in rest])),
+        spectrum.center,
+    ).ended(beyond)

@@ -54,7 +54,7 @@ def bundle_counts(degrees: tuple[int, ...]) -> Counts:
 
 
 def best_counts(energies: Array, most: int) -> list[Counts]:
-    """Choose the functions that hold the most energy, for every number of cubes.
+    """Choose the functions of the most energy: those of K cubes at index K - 1.
 
     Parameters
     ----------
@@ -62,11 +62,6 @@ def best_counts(energies: Array, most: int) -> list[Counts]:
         The energy in each function; functions of an order are taken from the first on.
     most : int
         The largest number of cubes, 1 or more.
-
-    Returns
-    -------
-    list of Counts
-        The best choice of at most K cubes at index K - 1.
     """
     q_count = len(energies)
     # held[n, k] is the most energy of orders from q on, with n functions of order q, in k cubes.

@@ -24,13 +24,7 @@ from shrm_cli.maps.shader.source import Source, Table, Words, central_direction,
 
 
 def source(made: PrincipalMap, textures: str) -> Source:
-    """Return what the shader of a map consists of; the cubes of each lobe are a stack.
-
-    Parameters
-    ----------
-    textures : {"cube-array", "layers"}
-        Cubes are the same in both.
-    """
+    """Return what the shader of a map consists of; the cubes of each lobe are a stack."""
     entries = max(lobe.functions.shape[-2] for lobe in made.lobes)
     rows = sum(map(_rows, made.lobes))
     layers = max(

@@ -28,17 +28,11 @@ _NEARLY_ALL = 1 / 3
 
 @record
 class Joint:
-    """A form of each term.
-
-    Attributes
-    ----------
-    forms : tuple of Form
-    total_error : float
-        The error of their sum, with those of bilinear look-ups and of half precision.
-    """
+    """A form of each term."""
 
     forms: tuple[Form, ...]
     total_error: float
+    """The error of their sum, with those of bilinear look-ups and of half precision."""
 
     @property
     def bytes(self) -> int:
@@ -48,18 +42,12 @@ class Joint:
 
 @record(eq=False)
 class Sharing:
-    """The choices for all lobes of a BRDF.
-
-    Attributes
-    ----------
-    planners : sequence of Planner
-        One for each term.
-    coherence : float
-        The RMS of the light of all terms, relative to the sum of the RMS of each.
-    """
+    """The choices for all lobes of a BRDF."""
 
     planners: Sequence[Planner]
+    """One for each term."""
     coherence: float = 1.0
+    """The RMS of the light of all terms, relative to the sum of the RMS of each."""
 
     @cached_property
     def strengths(self) -> Array:

@@ -63,13 +63,7 @@ def _names(count: int) -> list[str]:
 
 
 def decode(file: StoredFile) -> ProductMap | LitProduct:
-    """Return the texture, or the textures, that a file holds.
-
-    Raises
-    ------
-    MapError
-        If the file is not what `encode` makes.
-    """
+    """Return the texture, or the textures, that a file holds."""
     product = _texture(file.first) if len(file.parts) == 1 else _several(file)
     lights = [_lighting(part, product.order) for part in file.parts]
     if not all(np.array_equal(each, lights[0]) for each in lights):  # type: ignore[arg-type]

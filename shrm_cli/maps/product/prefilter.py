@@ -174,7 +174,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     Parameters
     ----------
-    probe : Probe
     request : Request
         Its own options are ``order`` and ``texels``, as `product_texture` takes them, and
         ``window``, as `ProductMap.window` takes it. Of so few orders a lamp may make black spots,
@@ -256,12 +255,7 @@ def _texture(
 
 
 def _check_size(order: int, texels: int, count: int) -> None:
-    """Refuse textures of more values than can be kept.
-
-    Raises
-    ------
-    MapError
-    """
+    """Refuse textures of more values than can be kept."""
     if texels**2 * (order + 1) ** 2 * 3 * count > MAX_VALUES:
         raise MapError(
             f"{count} x {texels} x {texels} texels of {(order + 1) ** 2} coefficients are too "

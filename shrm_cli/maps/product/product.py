@@ -134,17 +134,11 @@ class ProductMap(_Parabolic, MaterialMap):
 
 @record(eq=False)
 class LitProduct(_Parabolic, ReflectionMap):
-    """Product textures under light.
-
-    Attributes
-    ----------
-    product : ProductMap
-    lighting : ndarray, shape ((order+1)^2, 3)
-        The light's coefficients in world axes.
-    """
+    """Product textures under light."""
 
     product: ProductMap
     lighting: Array
+    """The light's coefficients in world axes, shape ((order+1)^2, 3)."""
 
     against_negatives = "take `window` auto"
     texels_are_series = True
@@ -222,19 +216,13 @@ class LitProduct(_Parabolic, ReflectionMap):
 
 @record(eq=False)
 class ProductTexture(ProductMap):
-    """The product functions of a BRDF over the view.
-
-    Attributes
-    ----------
-    table : ndarray, shape (N, N, (order+1)^2, channels)
-        ``c_i(v)``, index l(l+1)+m, in the parabolic map of `sphere.parabolic`; one channel for a
-        grey BRDF, else three.
-    info : MapInfo
-        How the map was made.
-    """
+    """The product functions of a BRDF over the view."""
 
     table: Array
+    """``c_i(v)``, index l(l+1)+m, in the parabolic map of `sphere.parabolic`; one channel for a
+    grey BRDF, else three, shape (N, N, (order+1)^2, channels)."""
     info: MapInfo
+    """How the map was made."""
 
     def __post_init__(self) -> None:
         shape, count = self.table.shape, (self.order + 1) ** 2
@@ -251,7 +239,7 @@ class ProductTexture(ProductMap):
         return self
 
     def values(self, local_views: ArrayLike, linear: bool = False) -> Array:
-        """Look up the coefficients of the product functions of views.
+        """Look up the product functions of views, shape (..., (order+1)^2, channels).
 
         Parameters
         ----------
@@ -261,10 +249,6 @@ class ProductTexture(ProductMap):
         linear : bool
             Filter as graphics hardware does, which is four times as fast, instead of by a cubic
             filter.
-
-        Returns
-        -------
-        ndarray, shape (..., (order+1)^2, channels)
         """
         look_up = self._sampler.linear if linear else self._sampler
         flat = look_up(local_views)

@@ -86,17 +86,8 @@ _MULTIPLY = """\
 def source(made: ProductMap | LitProduct, textures: str) -> Source:
     """Return what the shader of a product texture consists of.
 
-    Parameters
-    ----------
-    made : ProductMap or LitProduct
-        Light that programs are to set is 0 where the map holds none.
-    textures : {"cube-array", "layers"}
-        The textures are the same in both.
-
-    Raises
-    ------
-    MapError
-        If a parameter of the BRDF varies, or the order is above 15.
+    Light that programs are to set is 0 where the map holds none. There is no code where a parameter
+    of the BRDF varies, or the order is above 15.
     """
     black = np.zeros(((made.order + 1) ** 2, 3))
     lit = made if isinstance(made, LitProduct) else made.lit(black)

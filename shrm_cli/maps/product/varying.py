@@ -25,28 +25,19 @@ from shrm_cli.records import record
 
 @record
 class VaryingProduct(ProductMap):
-    """Product textures for rising values of a parameter.
-
-    Attributes
-    ----------
-    textures : tuple of ProductTexture
-        Two or more, of one order and size.
-    parameter : str
-        The name of the BRDF's parameter.
-    values : tuple of float
-        Its value of each texture, rising.
-    info : MapInfo
-        How the map was made, with the largest errors of any texture.
-    step_error : float
-        The largest relative RMS error in the middle between two textures, under white noise; 0
-        where nobody has measured it.
-    """
+    """Product textures for rising values of a parameter."""
 
     textures: tuple[ProductTexture, ...]
+    """Two or more, of one order and size."""
     parameter: str
+    """The name of the BRDF's parameter."""
     values: tuple[float, ...]
+    """Its value of each texture, rising."""
     info: MapInfo
+    """How the map was made, with the largest errors of any texture."""
     step_error: float = 0.0
+    """The largest relative RMS error in the middle between two textures, under white noise; 0 where
+    nobody has measured it."""
 
     varies = True
 

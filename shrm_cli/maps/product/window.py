@@ -46,17 +46,12 @@ _HALVINGS = 10
 
 @record
 class LightWindow(Window):
-    """A window of the light, and what it costs in what surfaces reflect.
-
-    Attributes
-    ----------
-    p95_change : float
-        The 95th percentile of the change of the luminance that is reflected, relative to the
-        brighter of what it is without and with the window, or to `vocabulary.SEEN_FLOOR` of the
-        mean where both are darker.
-    """
+    """A window of the light, and what it costs in what surfaces reflect."""
 
     p95_change: float = 0.0
+    """The 95th percentile of the change of the luminance that is reflected, relative to the
+    brighter of what it is without and with the window, or to `vocabulary.SEEN_FLOOR` of the mean
+    where both are darker."""
 
     def summary(self, order: int) -> dict[str, Any]:
         """Return the window as JSON holds it, with a factor for each degree up to an order."""

@@ -26,16 +26,10 @@ _PAIR, _ALONE, _BRUSHED = 128, 79, 94
 
 @record
 class Cost:
-    """The work of a look-up.
-
-    Attributes
-    ----------
-    look_ups : int
-        Fetches of textures.
-    multiply_adds : int
-    """
+    """The work of a look-up."""
 
     look_ups: int
+    """Fetches of textures."""
     multiply_adds: int
 
     def __add__(self, other: "Cost") -> "Cost":

@@ -24,19 +24,14 @@ _MARK = "shrm:textures"
 
 @record(eq=False)
 class PackedTexture:
-    """An array of images, as graphics APIs take it.
-
-    Attributes
-    ----------
-    name : {"shrm_layers", "shrm_product", "shrm_table"}
-        What the code calls it: the cubes or functions of the view, which half precision holds as
-        well as the map's file does, or numbers that want 32-bit floats.
-    values : ndarray of float32, shape (layers, height, width, 3)
-        RGB, the top row first.
-    """
+    """An array of images, as graphics APIs take it."""
 
     name: str
+    """What the code calls it: the cubes or functions of the view, which half precision holds as
+    well as the map's file does, or numbers that want 32-bit floats. One of "shrm_layers",
+    "shrm_product" and "shrm_table"."""
     values: NDArray[np.float32]
+    """RGB, the top row first, shape (layers, height, width, 3)."""
 
 
 def pack(made: "Map") -> tuple[PackedTexture, ...]:

@@ -90,10 +90,6 @@ LANGUAGES = tuple(_WORDS)
 class Language:
     """A language that code is written in.
 
-    Attributes
-    ----------
-    name : {"glsl", "hlsl", "wgsl", "c"}
-
     Raises
     ------
     MapError
@@ -101,6 +97,7 @@ class Language:
     """
 
     name: str
+    """One of "glsl", "hlsl", "wgsl" and "c"."""
 
     def __post_init__(self) -> None:
         if self.name not in LANGUAGES:

@@ -28,28 +28,20 @@ MAX_EDGE = 8192
 
 @record
 class Run:
-    """Cubes of one size that lie in a regular grid.
-
-    Attributes
-    ----------
-    count, size : int
-        The number of cubes, and texels along a face's edge without its rim.
-    layer : int
-        The layer of the first cube.
-    left, top : int
-        The corner of its rectangle, in texels.
-    columns, rows : int
-        Cubes beside each other and below each other in a layer. They follow row by row, then layer
-        by layer.
-    """
+    """Cubes of one size that lie in a regular grid."""
 
     count: int
     size: int
+    """`count` and `size`: the number of cubes, and texels along a face's edge without its rim."""
     layer: int
+    """The layer of the first cube."""
     left: int = 0
     top: int = 0
+    """`left` and `top`: the corner of its rectangle, in texels."""
     columns: int = 1
     rows: int = 1
+    """`columns` and `rows`: cubes beside each other and below each other in a layer. They follow
+    row by row, then layer by layer."""
 
     @property
     def edge(self) -> int:
@@ -132,7 +124,7 @@ def _arranged(stacks: Sequence[tuple[int, int]], width: int, height: int) -> Pag
 
 
 def with_rims(stack: Array, sampling: Sampling) -> Array:
-    """Put a rim of one texel around the faces of cubes.
+    """Put a rim of one texel around the faces of cubes, shape (6, N+2, N+2, K, 3).
 
     Parameters
     ----------
@@ -141,10 +133,6 @@ def with_rims(stack: Array, sampling: Sampling) -> Array:
     sampling : {"center", "border"}
         Where the edge texels lie. Border-sampled faces hold their edges, so that filtering never
         gives the rim a weight.
-
-    Returns
-    -------
-    ndarray, shape (6, N+2, N+2, K, 3)
     """
     size = stack.shape[1]
     faces = stack.reshape(6, size, size, *stack.shape[2:])

@@ -12,22 +12,15 @@ from shrm_cli.vocabulary import Sampling
 
 @record
 class Words:
-    """How the functions of a form read cubes and the table in some language and layout.
-
-    Attributes
-    ----------
-    language : Language
-    place : callable
-        Given the number of a stack and the name of a direction, writes the place of the direction
-        in the cubes of that stack, a vec3.
-    cube : callable
-        Given the number of a stack, the name of a place and the text of a cube's number, writes
-        the filtered colour of the cube.
-    """
+    """How the functions of a form read cubes and the table in some language and layout."""
 
     language: Language
     place: Callable[[int, str], str]
+    """Given the number of a stack and the name of a direction, writes the place of the direction in
+    the cubes of that stack, a vec3."""
     cube: Callable[[int, str, str], str]
+    """Given the number of a stack, the name of a place and the text of a cube's number, writes the
+    filtered colour of the cube."""
 
     def cell(self, layer: str, row: str, column: str) -> str:
         """Write the entry of the table, a vec3."""
@@ -36,55 +29,37 @@ class Words:
 
 @record
 class Table:
-    """Numbers that functions look up, entry by entry.
-
-    Attributes
-    ----------
-    shape : tuple of 3 int
-        Layers, rows and columns.
-    make : callable
-        Returns the numbers, shape (layers, rows, columns, 3).
-    about : str
-        What they are, for the comment.
-    in_code : bool
-        Whether the table has one layer and is so small that the code can hold it.
-    """
+    """Numbers that functions look up, entry by entry."""
 
     shape: tuple[int, int, int]
+    """Layers, rows and columns."""
     make: Callable[[], Array]
+    """Returns the numbers, shape (layers, rows, columns, 3)."""
     about: str
+    """What they are, for the comment."""
     in_code: bool = True
+    """Whether the table has one layer and is so small that the code can hold it."""
 
 
 @record
 class Source:
-    """The shader of a map, whatever the language.
-
-    Attributes
-    ----------
-    title : str
-        The line of the comment that says what the code is.
-    functions : callable
-        Given `Words`, returns lines of GLSL as `Language.translated` takes it, with the function
-        ``shrm_radiance``.
-    stacks : sequence of ndarray, shape (6N, N, K, 3)
-        Cubes in OpenEXR's orientation, which are filtered in world axes.
-    sampling : {"center", "border"}
-        Where the edge texels of the cubes lie.
-    table : Table, optional
-    images : Table, optional
-        Further numbers, which half precision holds as well as the map's file does.
-    lighting : ndarray, shape (n, 3), optional
-        The light's coefficients, where programs may change them.
-    """
+    """The shader of a map, whatever the language."""
 
     title: str
+    """The line of the comment that says what the code is."""
     functions: Callable[[Words], list[str]]
+    """Given `Words`, returns lines of GLSL as `Language.translated` takes it, with the function
+    ``shrm_radiance``."""
     stacks: Sequence[Array] = ()
+    """Cubes in OpenEXR's orientation, which are filtered in world axes, of shape (6N, N, K, 3)
+    each."""
     sampling: Sampling = "center"
+    """Where the edge texels of the cubes lie."""
     table: Table | None = None
     images: Table | None = None
+    """Further numbers, which half precision holds as well as the map's file does."""
     lighting: Array | None = None
+    """The light's coefficients, where programs may change them, shape (n, 3)."""
 
 
 def central_direction(center: str, language: Language) -> str:

@@ -67,29 +67,20 @@ class FactorOrders(Protocol):
 
 @record(eq=False)
 class SphericalHarmonicExponential(LightMap):
-    """The light that GGX surfaces reflect, as the logarithms of two factors P and Q.
-
-    Attributes
-    ----------
-    p_coefficients : ndarray, shape ((P+1)^2, 3)
-        Coefficients of the logarithm of P, index l(l+1)+m.
-    q_coefficients : ndarray, shape ((Q+1)^2 - 1, 3)
-        Coefficients of the logarithm of Q without its constant, which is part of that of P; index
-        l(l+1)+m - 1.
-    ggx_alpha : tuple of 2 float
-        The range of GGX's alpha that the coefficients were fitted to; alpha is the square of the
-        perceptual roughness.
-    info : MapInfo
-        How the map was made.
-    law : {"lobe", "paper"}
-        How roughness and view attenuate the degrees; see the module.
-    """
+    """The light that GGX surfaces reflect, as the logarithms of two factors P and Q."""
 
     p_coefficients: Array
+    """Coefficients of the logarithm of P, index l(l+1)+m, shape ((P+1)^2, 3)."""
     q_coefficients: Array
+    """Coefficients of the logarithm of Q without its constant, which is part of that of P; index
+    l(l+1)+m - 1, shape ((Q+1)^2 - 1, 3)."""
     ggx_alpha: tuple[float, float]
+    """The range of GGX's alpha that the coefficients were fitted to; alpha is the square of the
+    perceptual roughness."""
     info: MapInfo
+    """How the map was made."""
     law: Law = "lobe"
+    """How roughness and view attenuate the degrees; see the module."""
 
     representation = "she"
     natural_precision = "float"  # a few hundred bytes, and its numbers are exponents
@@ -187,19 +178,14 @@ class ShadedExponential(Shaded):
 
 @record(eq=False)
 class ExponentSeries:
-    """The numbers that the coefficients are multiplied by at some normals and views.
-
-    Attributes
-    ----------
-    rows, variances : ndarray, shape (..., k)
-        The exponent of k coefficients x is ``rows @ x - variances @ x^2``.
-    albedo : ndarray, shape (...)
-        The factor that multiplies the exponential.
-    """
+    """The numbers that the coefficients are multiplied by at some normals and views."""
 
     rows: Array
     variances: Array
+    """`rows` and `variances`: the exponent of k coefficients x is ``rows @ x - variances @ x^2``,
+    shape (..., k)."""
     albedo: Array
+    """The factor that multiplies the exponential, shape (...)."""
 
     def exponent(self, coefficients: Array) -> Array:
         """Return exponents, shape (..., channels), for coefficients of shape (k, channels)."""

@@ -28,13 +28,7 @@ def encode(exponential: SphericalHarmonicExponential) -> list[Part]:
 
 
 def decode(file: StoredFile) -> SphericalHarmonicExponential:
-    """Return the map that a file holds.
-
-    Raises
-    ------
-    MapError
-        If the file is not what `encode` makes.
-    """
+    """Return the map that a file holds."""
     path, part = file.path, file.first
     attributes = read_attributes(part)
     kind = SphericalHarmonicExponential

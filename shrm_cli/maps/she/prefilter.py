@@ -82,22 +82,16 @@ class _Factors:
 
 @record(eq=False)
 class Problem:
-    """The n samples of one channel that k coefficients are fitted to.
-
-    Attributes
-    ----------
-    rows, variances : ndarray, shape (n, k)
-        The exponent of coefficients x is ``rows @ x - variances @ x^2``.
-    target : ndarray, shape (n,)
-        The value that the exponential should have at each sample.
-    weights : ndarray, shape (n,)
-        The weight of each sample's squared error.
-    """
+    """The n samples of one channel that k coefficients are fitted to."""
 
     rows: Array
     variances: Array
+    """`rows` and `variances`: the exponent of coefficients x is ``rows @ x - variances @ x^2``,
+    shape (n, k)."""
     target: Array
+    """The value that the exponential should have at each sample, shape (n,)."""
     weights: Array
+    """The weight of each sample's squared error, shape (n,)."""
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
@@ -105,16 +99,11 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     Parameters
     ----------
-    probe : Probe
     request : Request
         Its own options are the orders ``p_order`` and ``q_order`` of the two factors, the range of
         perceptual ``roughness`` to fit, by default that of the paper, whose alpha begins at 0.2,
         and the ``law``: how the degrees are attenuated, and how they are fitted. ``paper`` is the
         linear least-squares fit in log space of Silvennoinen et al. 2025.
-
-    Returns
-    -------
-    Prefiltered
 
     Raises
     ------

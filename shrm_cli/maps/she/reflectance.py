@@ -31,29 +31,21 @@ _GOLDEN = (np.sqrt(5) - 1) / 2
 
 @record(eq=False)
 class ReflectanceSamples:
-    """Light reflected at pairs of mirror direction R and view V that fill both spheres evenly.
-
-    Attributes
-    ----------
-    normals, views : ndarray, shape (S, 3)
-        Unit vectors in world axes.
-    weights : ndarray, shape (S,)
-        The weights of the S pairs; they sum to 1.
-    roughness : tuple of A float
-        Perceptual roughnesses.
-    reflected : ndarray, shape (A, 2, S, 3)
-        Base reflectance E_0 and Fresnel's tail E_1 of Silvennoinen et al. 2025, eq. 6 and 7.
-    mirrored : ndarray, shape (A, S, 3)
-        The light around R, averaged over the lobe of N = V = R, which is a split sum's first
-        factor.
-    """
+    """Light reflected at pairs of mirror direction R and view V that fill both spheres evenly."""
 
     normals: Array
     views: Array
+    """`normals` and `views`: unit vectors in world axes, shape (S, 3)."""
     weights: Array
+    """The weights of the S pairs; they sum to 1, shape (S,)."""
     roughness: tuple[float, ...]
+    """Perceptual roughnesses."""
     reflected: Array
+    """Base reflectance E_0 and Fresnel's tail E_1 of Silvennoinen et al. 2025, eq. 6 and 7, shape
+    (A, 2, S, 3)."""
     mirrored: Array
+    """The light around R, averaged over the lobe of N = V = R, which is a split sum's first factor,
+    shape (A, S, 3)."""
 
 
 def sample_reflectance(

@@ -23,13 +23,7 @@ from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
 
 
 def source(made: SphericalHarmonicExponential, textures: str) -> Source:
-    """Return what the shader of an SH exponential consists of; there are no cubes.
-
-    Parameters
-    ----------
-    textures : {"cube-array", "layers"}
-        The table is the same in both.
-    """
+    """Return what the shader of an SH exponential consists of; there are no cubes."""
     table = Table(
         (2, TABLE_SIZE, TABLE_SIZE),
         _moments,

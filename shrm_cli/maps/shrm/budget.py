@@ -45,17 +45,11 @@ _LEAST_TOLERANCE = 1e-4
 
 @record
 class Choice:
-    """The orders and the size of an SHRM, and what they cost.
-
-    Attributes
-    ----------
-    orders : Orders
-    size : int
-        Texels along a face's edge.
-    """
+    """The orders and the size of an SHRM, and what they cost."""
 
     orders: Orders
     size: int
+    """Texels along a face's edge."""
 
     @property
     def bytes(self) -> int:
@@ -65,19 +59,13 @@ class Choice:
 
 @record
 class Form:
-    """What a map holds that is made from an SHRM of order P.
-
-    Attributes
-    ----------
-    images : callable
-        Returns the number of RGB cubes of a map of order P.
-    check : callable, optional
-        Called with the size and the number of cubes before the work starts; it may refuse them by
-        raising an error.
-    """
+    """What a map holds that is made from an SHRM of order P."""
 
     images: Callable[[int], int]
+    """Returns the number of RGB cubes of a map of order P."""
     check: Callable[[int, int], object] | None = None
+    """Called with the size and the number of cubes before the work starts; it may refuse them by
+    raising an error."""
 
     def largest_p(self, max_size: int) -> int:
         """Return the largest P whose cubes fit at the least size; any P where none fits."""
@@ -315,10 +303,6 @@ def refuse_large(size: int, images: int, max_size: int | None) -> None:
         The number of RGB cubes.
     max_size : int, optional
         The most bytes that were asked for. None refuses nothing.
-
-    Raises
-    ------
-    ArgumentError
     """
     stored = stored_bytes(size, images)
     if max_size is not None and stored > max_size:

@@ -30,24 +30,18 @@ class CompressedShrm(ReflectionMap):
     Their principal components over texels and channels, weighted by solid angle, are the best
     basis for them. Because the harmonics are orthonormal, no other K maps come closer in RMS over
     all central directions and views.
-
-    Attributes
-    ----------
-    components : ndarray, shape (6N, N, K, 3)
-        The spatial maps, which are RGB cubes of central directions.
-    matrix : ndarray, shape (K, (P+1)^2)
-        The mixing matrix, ``coefficients = sum_k components[..., k, :] matrix[k]``. Its rows are
-        orthonormal.
-    frame, center, info, sampling
-        The same as in `Shrm`.
     """
 
     components: Array
+    """The spatial maps, which are RGB cubes of central directions, shape (6N, N, K, 3)."""
     matrix: Array
+    """The mixing matrix, ``coefficients = sum_k components[..., k, :] matrix[k]``, shape (K,
+    (P+1)^2). Its rows are orthonormal."""
     frame: Frame
     center: Center
     info: MapInfo
     sampling: Sampling = "center"
+    """`frame`, `center`, `info` and `sampling`: the same as in `Shrm`."""
 
     representation = "shrm"
     texels_are_series = True

@@ -97,14 +97,7 @@ def _encode_sum(summed: SummedShrm) -> list[Part]:
 
 
 def decode(file: StoredFile) -> Shrm | CompressedShrm | SummedShrm:
-    """Read the SHRM that a file holds.
-
-    Raises
-    ------
-    MapError
-        If parts, channels or attributes are missing or contradict each other, or if there are too
-        many coefficients to load.
-    """
+    """Read the SHRM that a file holds, if there are not too many coefficients to load."""
     from shrm_cli.maps.shrm.summed import SummedShrm
 
     if len(file.parts) == 1:

@@ -153,11 +153,6 @@ def expand(
     expansion : Expansion
     warnings : tuple of str
         What the map misses of the tolerance, and BRDFs that were not sampled finely enough.
-
-    Raises
-    ------
-    ArgumentError, OrderError, ProbeError, BrdfError, MapError
-        For the same reasons as `prefilter_shrm`.
     """
     brdf, order_f, order_p, size = request.brdf, request.order_f, request.order_p, request.size
     allowed, is_free, is_sized = request.allowed, request.is_free, size is not None

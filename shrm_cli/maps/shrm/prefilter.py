@@ -24,12 +24,7 @@ if TYPE_CHECKING:
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
-    """Prefilter a probe for a BRDF.
-
-    Raises
-    ------
-    ArgumentError, OrderError, ProbeError, BrdfError, MapError
-    """
+    """Prefilter a probe for a BRDF."""
     from shrm_cli.brdf.sums import split as split_terms
     from shrm_cli.probe.lighting import Projection
 

@@ -26,22 +26,13 @@ from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_P, Sampling
 
 @record(eq=False)
 class ShrmProposals:
-    """The SHRMs of a probe and a BRDF of a single term.
-
-    Attributes
-    ----------
-    light : Projection
-    brdf : Brdf
-    coefficients : BrdfCoefficients
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    sampling : {"center", "border"}
-    """
+    """The SHRMs of a probe and a BRDF of a single term."""
 
     light: Projection
     brdf: Brdf
     coefficients: BrdfCoefficients
     size: int | None = None
+    """Texels along a face's edge, where they are given."""
     sampling: Sampling = "center"
 
     @classmethod

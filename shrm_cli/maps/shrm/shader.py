@@ -29,19 +29,10 @@ class _Term:
 def source(made: Shrm | CompressedShrm | SummedShrm, textures: str) -> Source:
     """Return what the shader of an SHRM consists of.
 
-    The cubes of local frames are turned to world axes, in which alone they can be filtered. The
-    components of a compressed map in world axes are looked up as they are, and weighted with what
-    the map's matrix makes of the harmonics of the view.
-
-    Parameters
-    ----------
-    textures : {"cube-array", "layers"}
-
-    Raises
-    ------
-    MapError
-        If arrays of cube maps are asked for, which users fill with the file's own cubes, and these
-        are in local frames.
+    The cubes of local frames are turned to world axes, in which alone they can be filtered; the
+    file's own cubes, which users fill arrays of cube maps with, are refused. The components of a
+    compressed map in world axes are looked up as they are, and weighted with what the map's matrix
+    makes of the harmonics of the view.
     """
     held = made.terms if isinstance(made, SummedShrm) else (made,)
     if textures == "cube-array" and any(term.frame == "local" for term in held):

@@ -35,29 +35,20 @@ _VALUES_AT_ONCE = 2**25
 
 @record(eq=False)
 class Shrm(ReflectionMap):
-    """A spherical harmonic reflection map.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape (6N, N, (P+1)^2, 3)
-        Coefficients over the real harmonics of the view, index p(p+1)+q, at each texel of an
-        OpenEXR cube of central directions.
-    frame : {"global", "local"}
-        Whether the coefficients belong to the view in world axes (eq. 5.11) or in the local frame
-        of the texel's direction (eq. 5.10).
-    center : {"reflection", "normal", "tangent"}
-        What the central direction is.
-    info : MapInfo
-        How the map was made.
-    sampling : {"center", "border"}
-        Where the edge texels of the cube lie.
-    """
+    """A spherical harmonic reflection map."""
 
     coefficients: Array
+    """Coefficients over the real harmonics of the view, index p(p+1)+q, at each texel of an OpenEXR
+    cube of central directions, shape (6N, N, (P+1)^2, 3)."""
     frame: Frame
+    """Whether the coefficients belong to the view in world axes (eq. 5.11) or in the local frame of
+    the texel's direction (eq. 5.10)."""
     center: Center
+    """What the central direction is."""
     info: MapInfo
+    """How the map was made."""
     sampling: Sampling = "center"
+    """Where the edge texels of the cube lie."""
 
     representation = "shrm"
     texels_are_series = True
@@ -201,13 +192,7 @@ class Shrm(ReflectionMap):
         return cast(Shrm, moved).to_frame(self.frame)
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
-        """Return the map itself, or of a lower order P or in another frame.
-
-        Raises
-        ------
-        MapError
-            If `order_p` is higher than that of the map.
-        """
+        """Return the map itself, or of a lower order P or in another frame."""
         if order_p is not None and order_p > self.order_p:
             raise MapError(
                 f"an SHRM of order P = {self.order_p} has nothing of order {order_p}; lower "

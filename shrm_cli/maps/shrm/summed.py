@@ -47,17 +47,12 @@ class SummedShrm(ReflectionMap):
 
     A diffuse term, for example, needs few coefficients about the normal, but many about the mirror
     direction.
-
-    Attributes
-    ----------
-    terms : tuple of Shrm or CompressedShrm
-        The terms, which may differ in centre, size and orders.
-    info : MapInfo
-        How the sum was made, with the largest orders and the combined error of the terms.
     """
 
     terms: tuple[Shrm | CompressedShrm, ...]
+    """The terms, which may differ in centre, size and orders."""
     info: MapInfo
+    """How the sum was made, with the largest orders and the combined error of the terms."""
 
     representation = "shrm"
     texels_are_series = True
@@ -116,13 +111,7 @@ class SummedShrm(ReflectionMap):
         return replace(self, terms=terms, info=info)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> "SummedShrm":
-        """Return the map with every term on a cube of another size or sampling.
-
-        Raises
-        ------
-        MapError
-            If a term would be too large.
-        """
+        """Return the map with every term on a cube of another size or sampling."""
         # What is known of the errors of a term may be those of the whole sum, as files have it, so
         # that what each term loses here is found without them.
         bare = [replace(term, info=replace(term.info, added_error=0.0)) for term in self.terms]
@@ -144,12 +133,7 @@ class SummedShrm(ReflectionMap):
         return SummedShrm(terms, info)
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
-        """Refuse: a sum has no single SHRM, because its terms have different centers.
-
-        Raises
-        ------
-        MapError
-        """
+        """Refuse: a sum has no single SHRM, because its terms have different centers."""
         raise MapError(
             "a sum of terms about different centres has no single SHRM; prefilter again with "
             "`split=False`, or convert it to explicit maps"

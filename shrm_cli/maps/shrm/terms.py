@@ -38,20 +38,13 @@ from shrm_cli.reflected import predicted_error, reflected_rms
 
 @record(eq=False)
 class Term:
-    """A term of a sum with its orders.
-
-    Attributes
-    ----------
-    brdf : Brdf
-    coefficients : BrdfCoefficients
-        The coefficients of the term, to orders at least as high as those of the choice.
-    choice : Choice
-        The orders that are kept, and the size of the map.
-    """
+    """A term of a sum with its orders."""
 
     brdf: Brdf
     coefficients: BrdfCoefficients
+    """The coefficients of the term, to orders at least as high as those of the choice."""
     choice: Choice
+    """The orders that are kept, and the size of the map."""
 
     @property
     def needs(self) -> float:
@@ -67,27 +60,18 @@ class Term:
 
 @record(eq=False)
 class Plan:
-    """A BRDF that is split into terms whose combined error is at most that of the whole.
-
-    Attributes
-    ----------
-    terms : tuple of Term
-    whole : Term
-        The whole BRDF, with the orders that it would have as one map.
-    light : Projection
-        The light of the probe that the plan was made for.
-    request : Request
-        What is asked of the whole.
-    is_closer : bool
-        Whether the whole falls short of its tolerance within these bytes, and the terms make less
-        error.
-    """
+    """A BRDF that is split into terms whose combined error is at most that of the whole."""
 
     terms: tuple[Term, ...]
     whole: Term
+    """The whole BRDF, with the orders that it would have as one map."""
     light: Projection
+    """The light of the probe that the plan was made for."""
     request: Request
+    """What is asked of the whole."""
     is_closer: bool = False
+    """Whether the whole falls short of its tolerance within these bytes, and the terms make less
+    error."""
 
     @property
     def count(self) -> int:
@@ -130,11 +114,6 @@ def plan_terms(
     Plan or None
         None if there is nothing to split, or the terms cannot reach the error of the whole within
         the bytes.
-
-    Raises
-    ------
-    OrderError, BrdfError, ProbeError
-        If the whole BRDF cannot be expanded, or the probe cannot be read.
     """
     eps, allowed = request.eps, request.allowed
     terms = split(request.brdf)
@@ -181,13 +160,7 @@ def _shared(
     lighting: Lighting,
     request: Request,
 ) -> tuple[Term, ...] | None:
-    """Share the bytes of a map among terms: each has what it needs, or as much as the others.
-
-    Returns
-    -------
-    tuple of Term or None
-        None where a term does not fit at all.
-    """
+    """Share the bytes of a map among terms, as each needs or alike; None if one does not fit."""
     pairs = zip(terms, coefficients, strict=True)
     made = [_least_term(brdf, each, request.eps, request.size) for brdf, each in pairs]
     order = sorted(range(len(made)), key=lambda index: made[index].needs)

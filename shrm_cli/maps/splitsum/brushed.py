@@ -35,7 +35,7 @@ TURNS = {"total": (-1.06, 1.354), "bias": (0.964, 0.286)}
 
 @record
 class BrushedSplitSum(Shaded):
-    """A brushed GGX surface under the light of a split sum, as `shrm_brushed` of its code shows it.
+    """A brushed GGX surface under the light of a split sum, as `shrm_brushed` of its code has it.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class BrushedSplitSum(Shaded):
 
 
 def equal_roughness(part: str, alphas: tuple[float, float], views: ArrayLike) -> Array:
-    """Return the perceptual roughness of the even surface that reflects as much.
+    """Return the perceptual roughness of the even surface that reflects as much, shape (...).
 
     Parameters
     ----------
@@ -100,10 +100,6 @@ def equal_roughness(part: str, alphas: tuple[float, float], views: ArrayLike) ->
         Along x and y.
     views : array_like, shape (..., 3)
         Unit vectors in the frame of the surface.
-
-    Returns
-    -------
-    ndarray, shape (...)
     """
     x, y, z = np.moveaxis(np.asarray(views, dtype=float), -1, 0)
     (c, d), (ax2, ay2) = TURNS[part], (alpha**2 for alpha in alphas)

@@ -169,19 +169,15 @@ def sum_core(core: LobeCore, light: Array, directions: Array) -> Array:
 
 @record(eq=False)
 class _Folded:
-    """Directions in a 16th of the sphere, and which of them, in which image, each direction is.
-
-    Attributes
-    ----------
-    polar, turn : ndarray, shape (n,)
-        Angles from the pole, rising, in 0 .. pi / 2, and about it, in 0 .. pi / 4, from +Z to +X.
-    source, image : ndarray of int, shape (directions,)
-    """
+    """Directions in a 16th of the sphere, and which of them, in which image, each direction is."""
 
     polar: Array
     turn: Array
+    """`polar` and `turn`: angles from the pole, rising, in 0 .. pi / 2, and about it, in 0 .. pi /
+    4, from +Z to +X, shape (n,)."""
     source: Indices
     image: Indices
+    """`source` and `image`: shape (directions,)."""
 
 
 def _fold(directions: Array) -> _Folded:
@@ -202,23 +198,16 @@ def _fold(directions: Array) -> _Folded:
 
 @record(eq=False)
 class _Table:
-    """The values of a core, tabulated, which takes a third of the time.
-
-    Attributes
-    ----------
-    angle : float
-        Where the core ends, radians.
-    scale : float
-        Steps for each unit of the sine of half the angle.
-    starts, slopes : ndarray of float32, shape (steps + 1,)
-        The value at the start of each step, and by how much it grows to the next. The last ones
-        are 0.
-    """
+    """The values of a core, tabulated, which takes a third of the time."""
 
     angle: float
+    """Where the core ends, radians."""
     scale: float
+    """Steps for each unit of the sine of half the angle."""
     starts: Array
     slopes: Array
+    """`starts` and `slopes`: the value at the start of each step, and by how much it grows to the
+    next, float32 of shape (steps + 1,). The last ones are 0."""
 
     @classmethod
     def of(cls, core: LobeCore) -> "_Table":

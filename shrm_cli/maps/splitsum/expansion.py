@@ -27,21 +27,14 @@ _FADE = 0.05
 
 @record(eq=False)
 class Expansion:
-    """What the degrees of the light are multiplied with for a level, and what is known of it.
-
-    Attributes
-    ----------
-    multipliers : ndarray, shape (carried + 1,)
-        One number a degree; for l = 0 it is 1.
-    order : int
-        The least order that keeps the error, or the largest that the light has.
-    error : float
-        The predicted relative RMS error of the level.
-    """
+    """What the degrees of the light are multiplied with for a level, and what is known of it."""
 
     multipliers: Array
+    """One number a degree; for l = 0 it is 1, shape (carried + 1,)."""
     order: int
+    """The least order that keeps the error, or the largest that the light has."""
     error: float
+    """The predicted relative RMS error of the level."""
 
 
 def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float) -> Expansion:

@@ -1,8 +1,8 @@
 """Writing split sums to files with a part for each level, and reading them again."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, cast
+from typing import cast
 
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.errors import MapError
@@ -50,13 +50,7 @@ def encode(split_sum: SplitSum) -> list[Part]:
 
 
 def decode(file: StoredFile) -> SplitSum:
-    """Return the split sum that a file holds.
-
-    Raises
-    ------
-    MapError
-        If parts or attributes are missing, or contradict each other.
-    """
+    """Return the split sum that a file holds."""
     path, count = file.path, len(file.parts)
     if not 1 <= count <= MAX_LEVELS:
         raise MapError(f"{path}: {count} levels are not a split sum; {_AGAIN}")
@@ -67,7 +61,8 @@ def decode(file: StoredFile) -> SplitSum:
     if not is_rising or (count > 1 and [part.name for part in parts] != level_names(roughness)):
         raise MapError(f"{path}: its parts are not the levels of a split sum; {_AGAIN}")
     for each in attributes:
-        centers = ("reflection", "normal") if _has_material(each["brdf"]) else ("reflection",)
+        is_ggx = each["brdf"].get("name") in (None, GgxLobe.name)
+        centers = ("reflection",) if is_ggx else ("reflection", "normal")
         if each["representation"] != SplitSum.representation or each["center"] not in centers:
             raise MapError(f"{path}: its parts are not the levels of a split sum; {_AGAIN}")
         if (each["frame"], each["layout"], each["orientation"]) != ("global", "openexr", "openexr"):
@@ -84,11 +79,6 @@ def decode(file: StoredFile) -> SplitSum:
         [map_info(each, part) for each, part in zip(attributes, parts, strict=True)],
         attributes[-1]["center"],
     )
-
-
-def _has_material(brdf: Mapping[str, Any]) -> bool:
-    """Whether a level is of another lobe than that of GGX."""
-    return brdf.get("name") not in (None, GgxLobe.name)
 
 
 def _roughness(part: StoredPart) -> float:

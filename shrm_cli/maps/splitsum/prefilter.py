@@ -86,7 +86,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     Parameters
     ----------
-    probe : Probe
     request : Request
         Its own options are ``levels``, their number or their perceptual roughnesses, by default
         the number that `DEFAULT_LEVELS` has for the mapping; ``mapping``, which roughnesses a
@@ -97,10 +96,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         The size is that of the first level, by default as many texels as the probe holds, but at
         most 256. That of the others follows from their orders; none is larger than the one before.
         The error is the one that each level may have.
-
-    Returns
-    -------
-    Prefiltered
 
     Raises
     ------
@@ -226,24 +221,16 @@ def _facts(made: SplitSum) -> dict[str, Any]:
 
 @record
 class LevelLobe:
-    """The lobe of a level, and how the level is to be made.
-
-    Attributes
-    ----------
-    lobe : NormalLobe
-    coefficients : BrdfCoefficients
-        The lobe's zonal coefficients, to order 512.
-    order : int
-        The least order that keeps the error in white light within what was asked for; 513 where
-        order 512 does not. It is 256 at most for broad lobes (`_KINK`).
-    in_frequency : bool
-        Whether the level is expanded to that order, and not integrated directly.
-    """
+    """The lobe of a level, and how the level is to be made."""
 
     lobe: NormalLobe
     coefficients: BrdfCoefficients
+    """The lobe's zonal coefficients, to order 512."""
     order: int
+    """The least order that keeps the error in white light within what was asked for; 513 where
+    order 512 does not. It is 256 at most for broad lobes (`_KINK`)."""
     in_frequency: bool
+    """Whether the level is expanded to that order, and not integrated directly."""
 
 
 def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:

@@ -32,13 +32,7 @@ _ROWS = 64
 
 
 def source(made: SplitSum, textures: str) -> Source:
-    """Return what the shader of a split sum consists of; each level is a stack of one cube.
-
-    Parameters
-    ----------
-    textures : {"cube-array", "layers"}
-        Cubes are the same in both.
-    """
+    """Return what the shader of a split sum consists of; each level is a stack of one cube."""
     if made.material is not None:
         return _of_material(made, made.material)
     table = Table(

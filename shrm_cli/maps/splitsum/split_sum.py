@@ -35,41 +35,30 @@ class SplitSum(LightMap):
 
     They may be those of any other isotropic BRDF that has a roughness, such as cloth.
 
-    Attributes
-    ----------
-    levels : tuple of ndarray, shape (6 N_k, N_k, 3)
-        OpenEXR cubes over the mirror direction R; each texel is a mean of the light. No cube is
-        larger than the one before it. Levels that were made from truncated expansions may be
-        slightly negative beside very bright light.
-    roughness : tuple of float
-        The perceptual roughness of each level, rising.
-    mapping : {"linear", "filament", "unreal"}
-        How levels are mixed; see `shrm_cli.maps.splitsum.roughness`.
-    info : MapInfo
-        How the map was made, for all levels together.
-    sampling : {"center", "border"}
-        Where the samples of the cubes lie.
-    level_info : tuple of MapInfo
-        Orders, domain and predicted error of each level; it is `info` for all by default.
-    center : {"reflection", "normal"}
-        The direction that the cubes are looked up with, which is the normal for BRDFs about it.
-    given : Brdf, optional
-        The BRDF of another lobe than GGX's, where the map was made in this process. Files hold the
-        record of it, which tells nothing of a class of the user's.
-
     References
     ----------
     Karis 2013, Real shading in Unreal Engine 4; Silvennoinen et al. 2025, section 3.2.
     """
 
     levels: tuple[Array, ...]
+    """OpenEXR cubes over the mirror direction R; each texel is a mean of the light, of shape (6
+    N_k, N_k, 3) each. No cube is larger than the one before it. Levels that were made from
+    truncated expansions may be slightly negative beside very bright light."""
     roughness: tuple[float, ...]
+    """The perceptual roughness of each level, rising."""
     mapping: LevelMapping
+    """How levels are mixed; see `shrm_cli.maps.splitsum.roughness`."""
     info: MapInfo
+    """How the map was made, for all levels together."""
     sampling: Sampling = "center"
+    """Where the samples of the cubes lie."""
     level_info: tuple[MapInfo, ...] = ()
+    """Orders, domain and predicted error of each level; it is `info` for all by default."""
     center: Center = "reflection"
+    """The direction that the cubes are looked up with, which is the normal for BRDFs about it."""
     given: Brdf | None = None
+    """The BRDF of another lobe than GGX's, where the map was made in this process. Files hold the
+    record of it, which tells nothing of a class of the user's."""
 
     representation = "splitsum"
 
@@ -185,13 +174,7 @@ class SplitSum(LightMap):
             ) from error
 
     def mixed(self, matrix: Array, info: MapInfo) -> "SplitSum":
-        """Return the map in other primaries, as long as its BRDF has no colors.
-
-        Raises
-        ------
-        MapError
-            If it has, because these are in the primaries that they were given in.
-        """
+        """Return the map in other primaries, unless its BRDF has colors, which stay in theirs."""
         values = self.level_info[-1].brdf.get("parameters")
         is_colored = isinstance(values, dict) and any(isinstance(v, list) for v in values.values())
         if is_colored and not self.is_ggx:
@@ -212,7 +195,7 @@ class SplitSum(LightMap):
         return "ggx" if self.is_ggx else str(self.level_info[-1].brdf["name"])
 
     def prefiltered(self, roughness: float, directions: ArrayLike) -> Array:
-        """Return prefiltered light, mixed from two levels and filtered between their texels.
+        """Return light mixed of two levels, filtered between their texels, shape (..., 3).
 
         Parameters
         ----------
@@ -220,10 +203,6 @@ class SplitSum(LightMap):
             Perceptual roughness.
         directions : array_like, shape (..., 3)
             Mirror directions R in world axes, or normals where they are the center.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
         """
         low, weight = blend(roughness, self.roughness, self.mapping)
         value = self.sampled(low, directions)

@@ -52,17 +52,12 @@ class Grid(ABC):
     A pixel's cell reaches half way to the samples beside it, cut at the ends of the image.
     Positions on an image run from -1 at its left or upper end to 1 at the other. Those of a cube
     are positions on a face. Directions are in the grid's own axes, in which +Y is up.
-
-    Attributes
-    ----------
-    size : int
-        Height of a lat-long, texels along an edge of a cube, width of an angular map.
-    sampling : {"center", "border"}
-        Where the pixels at the ends of the image lie.
     """
 
     size: int
+    """Height of a lat-long, texels along an edge of a cube, width of an angular map."""
     sampling: Sampling = "center"
+    """Where the pixels at the ends of the image lie."""
 
     name: ClassVar[str]
     """The grid's name in `shrm_cli.vocabulary.GRIDS`."""

@@ -147,7 +147,7 @@ class LatLongSampler:
 
 
 def sample_latlong_cubic(image: ArrayLike, directions: ArrayLike) -> Array:
-    """Cubically filtered values of a center-sampled lat-long.
+    """Cubically filtered values of a center-sampled lat-long, shape (..., channels).
 
     The filter is more exact than that of `LatLongSampler` for smooth images, but overshoots beside
     bright pixels.
@@ -157,10 +157,6 @@ def sample_latlong_cubic(image: ArrayLike, directions: ArrayLike) -> Array:
     image : array_like, shape (H, W, channels)
     directions : array_like, shape (..., 3)
         They may have any length but 0.
-
-    Returns
-    -------
-    ndarray, shape (..., channels)
     """
     image = np.asarray(image)
     height, width = image.shape[:2]

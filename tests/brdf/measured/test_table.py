@@ -13,11 +13,11 @@ import OpenEXR
 import pytest
 from scipy.spatial.transform import Rotation
 
-from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.measured import table
 from shrm_cli.brdf.measured.table import SHAPE, Table, TableSettings, sample_table, write_table
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
+from shrm_cli.brdf.vectors import from_half_angles, half_angles
 from shrm_cli.errors import BrdfError, OutputError
 from tests.brute_force import unit
 

@@ -43,23 +43,15 @@ _LOSSLESS = 0.9999
 
 @record(eq=False)
 class GlossyPart:
-    """A glossy part of a base.
-
-    Attributes
-    ----------
-    weight : float
-    bare : Brdf
-        As it is without the coat.
-    lobe : Brdf
-        As it is seen through the coat after one reflection, but for its strength.
-    wider : Brdf
-        And after several.
-    """
+    """A glossy part of a base."""
 
     weight: float
     bare: Brdf
+    """As it is without the coat."""
     lobe: Brdf
+    """As it is seen through the coat after one reflection, but for its strength."""
     wider: Brdf
+    """And after several."""
 
 
 class Interior:

@@ -27,15 +27,10 @@ _ROW_COUNTS = 64, 96, 192
 
 @record(eq=False)
 class Table:
-    """A function of the cosine to the normal at `COSINES`, linear between them.
-
-    Attributes
-    ----------
-    values : ndarray, shape (64, 3)
-        Linear RGB.
-    """
+    """A function of the cosine to the normal at `COSINES`, linear between them."""
 
     values: Array
+    """Linear RGB, shape (64, 3)."""
 
     def __call__(self, cosine: Array) -> Array:
         """The values at cosines (...), shape (..., 3); directions below the horizon graze."""

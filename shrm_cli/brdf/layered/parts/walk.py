@@ -32,24 +32,18 @@ _BASE_ALPHA = 0.3
 
 @record(eq=False)
 class Walk:
-    """What the base of a coated BRDF adds, in light from everywhere, seen at `VIEWS`.
-
-    Attributes
-    ----------
-    albedo, walked : ndarray, shape (6, 3)
-        The part of the light, as the BRDF has it and as the walk finds it.
-    noise : ndarray, shape (6, 3)
-        The standard error of `walked`, beside that of the lights, which both share.
-    difference, difference_noise : ndarray, shape (6,)
-        RMS over the lights of what they differ by, and the part of it that is the walk's noise,
-        relative to the RMS of what the walk finds.
-    """
+    """What the base of a coated BRDF adds, in light from everywhere, seen at `VIEWS`."""
 
     albedo: Array
     walked: Array
+    """`albedo` and `walked`: the part of the light, as the BRDF has it and as the walk finds it,
+    shape (6, 3)."""
     noise: Array
+    """The standard error of `walked`, beside that of the lights, which both share, shape (6, 3)."""
     difference: Array
     difference_noise: Array
+    """`difference` and `difference_noise`: RMS over the lights of what they differ by, and the part
+    of it that is the walk's noise, relative to the RMS of what the walk finds, shape (6,)."""
 
 
 def compared(brdf: Brdf, paths: int, seed: int = 1) -> Walk:

@@ -54,12 +54,7 @@ def first_bytes(path: Path, count: int) -> bytes:
 
 
 def file_values(path: str | os.PathLike[str]) -> dict[str, str]:
-    """What identifies a measured BRDF: its file's name without the folder, and its content.
-
-    Returns
-    -------
-    dict
-        ``file`` and ``sha256``, the digest of the file's bytes in hexadecimal.
+    """What identifies a measured BRDF: the name of its ``file`` alone, and its ``sha256``.
 
     Raises
     ------
@@ -103,17 +98,12 @@ def first_lines(head: bytes) -> list[str]:
 
 
 def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]:
-    """Read the lines of a text file that are neither blank nor comments (``#``).
+    """Read the lines of a text that are not blank or comments (``#``), with numbers from 1.
 
     Parameters
     ----------
     what : str
         What the file should be, for the messages, such as ``a goniometer file``.
-
-    Returns
-    -------
-    list of (int, str)
-        The number of each line, from 1, and its text.
 
     Raises
     ------

@@ -39,7 +39,7 @@ class Slices:
         self._steps = list(zip(strides, parts, strict=True))
 
     def blend(self, records: Array, index: Index, per_slice: int) -> Array:
-        """Interpolate records between the slices that each point lies between.
+        """Interpolate records between the slices that each point lies between, shape (n, ...).
 
         Parameters
         ----------
@@ -48,10 +48,6 @@ class Slices:
             Of a record within its slice.
         per_slice : int
             The number of records of a slice.
-
-        Returns
-        -------
-        ndarray, shape (n, ...)
         """
         steps = [(stride * per_slice, part) for stride, part in self._steps]
         return _blend(records, self._low * per_slice + index, steps)

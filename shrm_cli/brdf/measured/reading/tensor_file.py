@@ -42,13 +42,7 @@ class Field:
 
 @record
 class TensorFile:
-    """A tensor file whose header is sound: its fields lie inside the file and do not overlap.
-
-    Attributes
-    ----------
-    path : Path
-    fields : mapping of str to Field
-    """
+    """A tensor file whose header is sound: its fields lie inside the file and do not overlap."""
 
     path: Path
     fields: Mapping[str, Field]

@@ -55,17 +55,11 @@ def terms_of(order: int) -> list[Term]:
 
 @record(eq=False)
 class ZernikeSeries:
-    """An expansion of a BRDF in the functions H.
-
-    Attributes
-    ----------
-    terms : list of Term
-    coefficients : ndarray, shape (t, 3)
-        The coefficient of each term for linear RGB, 1/sr.
-    """
+    """An expansion of a BRDF in the functions H."""
 
     terms: list[Term]
     coefficients: Array
+    """The coefficient of each term for linear RGB, 1/sr, shape (t, 3)."""
 
     def __post_init__(self) -> None:
         if self.coefficients.shape != (len(self.terms), 3) or not self.terms:
