@@ -29,6 +29,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_message, progress_bar, ticking
+from shrm_cli.cli.types import Named
 from shrm_cli.cli.usage import (
     PAGES,
     Applies,
@@ -41,6 +42,7 @@ from shrm_cli.cli.usage import (
     wrong_usage,
 )
 from shrm_cli.maps.options import counted
+from shrm_cli.maps.registry import installed_names
 from shrm_cli.settings import limit_libraries
 from shrm_cli.vocabulary import AUTO, ENGINES, EXPORT, MAX_COLLECTED_ORDER, REPRESENTATIONS
 
@@ -98,7 +100,8 @@ _gather_options = several(
 @click.argument("probes", metavar="MANIFEST.toml | PROBES...", nargs=-1, required=True)
 @brdfs_option
 @click.option(
-    "--to", type=click.Choice([AUTO, *REPRESENTATIONS, EXPORT]), multiple=True, default=[AUTO],
+    "--to", type=Named([AUTO, *REPRESENTATIONS, EXPORT], installed_names), multiple=True,
+    default=[AUTO],
     help="A representation to write, as `shrm prefilter` takes it, or export. May be repeated.  "
     "[default: export with --for, else auto]",
 )  # fmt: skip
@@ -426,8 +429,12 @@ def _prediction_line(facts: dict[str, Any]) -> str:
         return f"{what} for {facts['engine']}"
     if "error" in facts:
         return f"{what}: {flags(facts['error'])}"
-    orders = f"F = {facts['order_f']}" + (f", P = {facts['order_p']}" if facts["brdf"] else "")
-    return (
-        f"{what}: {orders}, {facts['size']} texels, at most {facts['bytes']:,} bytes each, "
-        f"RMS error {facts['predicted_error']:.2%} (as of {facts['probe']})"
-    )
+    shown = {
+        "order_f": "F = {}",
+        **({"order_p": "P = {}"} if facts["brdf"] else {}),
+        "size": "{} texels",
+        "bytes": "at most {:,} bytes each",
+        "predicted_error": "RMS error {:.2%}",
+    }  # some forms have no orders and no texels
+    words = [text.format(facts[name]) for name, text in shown.items() if name in facts]
+    return f"{what}: {', '.join(words)} (as of {facts['probe']})"

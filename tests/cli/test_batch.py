@@ -97,6 +97,13 @@ def test_a_dry_run_tells_what_would_be_made_and_makes_nothing(made):
     assert result.code == 1
 
 
+def test_a_dry_run_of_a_form_without_texels(folder):
+    result = run("batch", "probes/p0.exr", "--to", "she", "--jobs", "1", "--dry-run")
+    assert result.code == 0
+    assert result.out.startswith("1 of she: F = ")
+    assert "texels" not in result.out
+
+
 @pytest.mark.slow
 def test_predicted_sizes_and_orders_are_those_of_the_files(folder):
     options = ("--to", "shrm", "--brdf", "microfacet:sigma=0.4", "-o", "{probe}.exr", "--jobs", "1")
