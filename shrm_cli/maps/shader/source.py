@@ -76,6 +76,8 @@ class Source:
         Further numbers, which half precision holds as well as the map's file does.
     lighting : ndarray, shape (n, 3), optional
         The light's coefficients, where programs may change them.
+    takes_tangent : bool
+        Whether ``shrm_brushed_radiance``, which takes the tangent, is among the functions.
     """
 
     title: str
@@ -85,6 +87,7 @@ class Source:
     table: Table | None = None
     images: Table | None = None
     lighting: Array | None = None
+    takes_tangent: bool = False
 
 
 def central_direction(center: str, language: Language) -> str:
