@@ -60,17 +60,20 @@ class Unwrapped:
         difference, 0 of the first.
     chromaticities : tuple of 8 float, optional
         CIE x and y of red, green, blue and white, where the first tells them.
+    cameras : tuple of (azimuth, elevation)
+        Where the camera stood for each photograph, as it was given or taken to be.
     """
 
     pixels: NDArray[np.float32]
     gains: Array
     differences: tuple[float, ...]
     chromaticities: tuple[float, ...] | None = None
+    cameras: tuple[tuple[float, float], ...] = ()
 
 
 def unwrap_balls(
     paths: Sequence[str | os.PathLike[str]],
-    cameras: Sequence[tuple[float, float]] = ((0.0, 0.0),),
+    cameras: Sequence[tuple[float, float]] | None = None,
     circles: Sequence[Circle] | None = None,
     distance: float = np.inf,
     size: int | None = None,
@@ -83,9 +86,9 @@ def unwrap_balls(
     ----------
     paths : sequence of path-like
         One photograph, or more from different sides, upright and linear.
-    cameras : sequence of (azimuth, elevation)
+    cameras : sequence of (azimuth, elevation), optional
         Where the camera stood for each, seen from the ball, degrees. At azimuth 0 it looks along
-        -Z; 90 is to its right.
+        -Z; 90 is to its right. By default the first is at 0, and each next one 90 further.
     circles : sequence of Circle, optional
         Where the ball is in each. By default it fills the picture.
     distance : float
@@ -111,7 +114,8 @@ def unwrap_balls(
     >>> made.pixels.shape
     (16, 32, 3)
     """
-    if not paths or len(cameras) != len(paths) or len(circles or paths) != len(paths):
+    stood = [(90.0 * k, 0.0) for k in range(len(paths))] if cameras is None else list(cameras)
+    if not paths or len(stood) != len(paths) or len(circles or paths) != len(paths):
         raise ArgumentError("cameras", "must be as many as photographs, and circles, too")
     if not 0 < reflectance <= 1:
         raise ArgumentError("reflectance", "must be above 0, and 1 at most")
@@ -124,7 +128,7 @@ def unwrap_balls(
     rows = min(max(round(np.pi * places[0][2] / 2), 2), LARGEST) if size is None else size
     balls = [
         _Ball(pixels_of(each), circle, from_azimuth_elevation(*camera), distance)
-        for each, circle, camera in zip(opened, places, cameras, strict=True)
+        for each, circle, camera in zip(opened, places, stood, strict=True)
     ]
     gains, differences = _agreement(balls)
     pixels = np.empty((rows, 2 * rows, 3), np.float32)
@@ -136,7 +140,7 @@ def unwrap_balls(
         pixels[start : part.stop] = np.einsum("khw,khwc,kc->hwc", share, seen, gains, optimize=True)
     report(rows, rows)
     pixels /= reflectance
-    return Unwrapped(pixels, gains, differences, opened[0].chromaticities)
+    return Unwrapped(pixels, gains, differences, opened[0].chromaticities, tuple(stood))
 
 
 def ball_points(directions: Array, view: Array, distance: float = np.inf) -> Array:
