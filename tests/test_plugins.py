@@ -9,6 +9,9 @@ import shutil
 import subprocess
 import sys
 import tomllib
+import zipfile
+from importlib.metadata import DistributionFinder, MetadataPathFinder
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -421,6 +424,30 @@ def test_a_list_that_cannot_be_read_is_one_warning(install):
     assert helped.err.startswith("Warning: entry points of installed packages cannot be read: ")
     assert helped.err.count("\n") == 1
     assert run("brdf", "lambertian").err == ""
+
+
+def test_packages_in_archives_are_found(tmp_path, monkeypatch):
+    with zipfile.ZipFile(tmp_path / "all.zip", "w") as archive:
+        archive.writestr("oddments-1.dist-info/METADATA", "Name: oddments\nVersion: 1\n")
+        points = "[shrm_cli.commands]\nsound = oddments:sound\n"
+        archive.writestr("oddments-1.dist-info/entry_points.txt", points)
+    assert "sound" not in plugins.installed("shrm_cli.commands")
+    monkeypatch.syspath_prepend(str(tmp_path / "all.zip"))
+    assert plugins.installed("shrm_cli.commands")["sound"].value == "oddments:sound"
+
+
+def test_packages_that_others_find_are_found(install, tmp_path, monkeypatch):
+    install("shrm_cli.commands", {"sound": "oddments:sound"})
+    monkeypatch.undo()
+    found = list(
+        MetadataPathFinder.find_distributions(
+            DistributionFinder.Context(path=[str(tmp_path / "site")])
+        )
+    )
+    finder = SimpleNamespace(find_distributions=lambda context: found, find_spec=lambda *_: None)
+    assert "sound" not in plugins.installed("shrm_cli.commands")
+    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, finder])
+    assert plugins.installed("shrm_cli.commands")["sound"].value == "oddments:sound"
 
 
 def test_commands_of_shrm_win(install):

@@ -9,7 +9,6 @@ where the description has `SHADER`; ``converted``, where other maps become such 
 
 from collections.abc import Callable
 from functools import cache, wraps
-from importlib.metadata import EntryPoint
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -78,6 +77,8 @@ def module(name: str, part: str) -> SimpleNamespace:
 @cache
 def home(name: str) -> ModuleType:
     """Import the module of a form, and check that it has what a form needs."""
+    from importlib.metadata import EntryPoint  # slow to load, and for lists of names not needed
+
     described = description(name)
     place = described.home
     found: Any = load(EntryPoint(name, place, FORMS))

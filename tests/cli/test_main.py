@@ -99,6 +99,8 @@ atexit.register(tell)
     arguments = (ROOT / "probes" / "sky.exr", "--brdf", "phong", "-o", tmp_path / "a.exr")
     assert process("prefilter", *arguments, "--quiet", code=code).out == "False False\n"
     assert process("--version", code=code).out.endswith("\nTrue False\n")
+    # Nor are metadata parsed to find that nobody offers forms.
+    assert process("prefilter", "--help", code=code).out.endswith("\nFalse False\n")
 
 
 def test_without_arguments_it_helps():
