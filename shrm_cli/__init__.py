@@ -59,7 +59,7 @@ _HOMES = {
     "studio": "probe.make",
     "sky": "probe.sky",
     "probe_statistics": "analysis.probe_statistics",
-    "progress_bar": "progress",
+    "progress_bar": "cli.bar",
     "cache_usage": "brdf.cache",
     "clear_cache": "brdf.cache",
     "Choice": "choose.offer",
@@ -120,6 +120,7 @@ if TYPE_CHECKING:
     from shrm_cli.choose.choose import choose as choose
     from shrm_cli.choose.offer import Choice as Choice
     from shrm_cli.choose.offer import Offer as Offer
+    from shrm_cli.cli.bar import progress_bar as progress_bar
     from shrm_cli.convert.convert import convert as convert
     from shrm_cli.errors import ArgumentError as ArgumentError
     from shrm_cli.errors import BrdfError as BrdfError
@@ -154,7 +155,6 @@ if TYPE_CHECKING:
     from shrm_cli.probe.probe import Probe as Probe
     from shrm_cli.probe.resample import to_layout as to_layout
     from shrm_cli.probe.sky import sky as sky
-    from shrm_cli.progress import progress_bar as progress_bar
     from shrm_cli.reference import reference as reference
     from shrm_cli.render.basis import basis_maps as basis_maps
     from shrm_cli.render.camera import Viewer as Viewer

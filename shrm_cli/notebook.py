@@ -8,9 +8,9 @@ from shrm_cli.errors import ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import coarse_probe
-from shrm_cli.render.camera import whole_coverage
+from shrm_cli.render.camera import Viewer, whole_coverage
 from shrm_cli.render.image import suitable_exposure
-from shrm_cli.render.render import render
+from shrm_cli.render.sphere import render_sphere
 from shrm_cli.report import pictures
 from shrm_cli.report.markup import Html, Part, joined, tag
 from shrm_cli.sphere.grid.latlong import LatLong
@@ -53,7 +53,8 @@ def _facts(shown: Map | Probe) -> dict[str, str]:
 
 def _ball(shown: Map) -> Html:
     """Return a sphere of the map's material, or of its light, as `shrm render` draws it."""
-    drawn, primaries = pictures.unmultiplied(render(shown, size=_BALL)), shown.info.chromaticities
+    ball = render_sphere(shown, Viewer(0.0, 0.0), _BALL)
+    drawn, primaries = pictures.unmultiplied(ball), shown.info.chromaticities
     luminance = (drawn @ xyz_matrix(primaries)[1])[whole_coverage(_BALL) > 0]
     colors = pictures.tone_mapped(drawn, suitable_exposure(luminance), primaries)
     return pictures.image(pictures.on_sphere(colors), f"a sphere of {shown.representation}")

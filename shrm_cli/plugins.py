@@ -6,7 +6,11 @@ nothing is loaded but what is named: metadata of many packages take longer to re
 
 from __future__ import annotations
 
+import os
+import sys
 import warnings
+from contextlib import suppress
+from importlib.machinery import PathFinder
 from typing import TYPE_CHECKING
 
 from shrm_cli.errors import PluginError, ShrmWarning
@@ -28,6 +32,7 @@ FORMS = "shrm_cli.forms"
 READERS = "shrm_cli.readers"
 """The group of functions that read probes, by the suffixes of their files; see `probe.open`."""
 
+_POINTS = "entry_points.txt"
 
 _loaded: dict[str, EntryPoint] = {}
 """An entry point of each package that was loaded, by the name of its outermost module."""
@@ -38,6 +43,8 @@ def installed(group: str) -> dict[str, EntryPoint]:
 
     Where a package's list cannot be read, which Python says without naming it, there are none.
     """
+    if not _may_be_named(group):
+        return {}
     import importlib.metadata  # slow to load, and rarely needed
 
     found: dict[str, EntryPoint] = {}
@@ -48,6 +55,31 @@ def installed(group: str) -> dict[str, EntryPoint]:
         what = f"entry points of installed packages cannot be read: {explained(error)}"
         warnings.warn(what, ShrmWarning, stacklevel=2)
     return found
+
+
+def _may_be_named(group: str) -> bool:
+    """Tell whether a package on Python's path may have entry points of a group.
+
+    Their files are only searched for its name. To parse those of all packages takes five times as
+    long, with what has to be imported for it.
+    """
+    heading = f"[{group}]".encode()
+    for folder in sys.path:
+        try:
+            entries = [each.path for each in os.scandir(folder or ".")]
+        except OSError:
+            if os.path.isfile(folder):  # an archive
+                return True
+            continue
+        for entry in entries:
+            if entry.endswith(".egg"):  # an archive or a folder
+                return True
+            if entry.endswith((".dist-info", ".egg-info")):
+                with suppress(OSError), open(os.path.join(entry, _POINTS), "rb") as stream:
+                    if heading in stream.read():
+                        return True
+    # What finds packages elsewhere is asked.
+    return any(hasattr(each, "find_distributions") for each in sys.meta_path if each != PathFinder)
 
 
 def where(point: EntryPoint) -> str:

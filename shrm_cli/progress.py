@@ -12,7 +12,6 @@ import contextvars
 import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from contextvars import ContextVar, Token
 from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 
@@ -73,44 +72,6 @@ def _tell_time_left(progress: Progress | None, seconds: float) -> None:
     if isinstance(progress, Timed):
         progress.tell_time_left(seconds)
 
-
-@contextmanager
-def progress_bar(label: str = "") -> Iterator[Progress]:
-    """Show how far work is: a bar of the notebook that it runs in, or else on stderr.
-
-    Parameters
-    ----------
-    label : str
-        What stands before the bar.
-
-    Yields
-    ------
-    callable
-        It takes the work done and the work in all, as arguments called ``progress`` do. What asks
-        for no such argument, as `split_lamps`, tells it by itself.
-
-    Examples
-    --------
-    >>> with shrm.progress_bar("lacquer") as progress:
-    ...     made = shrm.prefilter("probes/studio.exr", "phong", to="shrm", progress=progress)
-    >>> made.representation
-    'shrm'
-    """
-    from tqdm.auto import tqdm
-
-    # Reports come unevenly: the mean rate tells best how much time is left.
-    with tqdm(desc=label, total=1, bar_format=BAR, leave=False, smoothing=0, miniters=0) as bar:
-
-        def show(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        with using(show):
-            yield show
-
-
-BAR = "{l_bar}{bar}| {elapsed}<{remaining}"
-"""What a bar shows, as tqdm formats it: no counts, whose units mean nothing to a reader."""
 
 _STEPS = 1000
 """The number of steps in which the progress within one stage is reported."""

@@ -7,6 +7,8 @@ this instead, so that what another state of the program made is noticed.
 import functools
 import hashlib
 import os
+import sys
+from contextlib import suppress
 
 import shrm_cli
 
@@ -46,6 +48,36 @@ def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
     if not any(digests):
         digests = [shrm_cli.__version__.encode()]
     return hashlib.sha256(b"".join(digests)).hexdigest()[:16]
+
+
+@functools.cache
+def fingerprint_with(module: str) -> str:
+    """Return a digest of what decides maps, with the package or module of somebody else's in it.
+
+    Parameters
+    ----------
+    module : str
+        The full name of a module that is loaded. All modules and tables of the package that it
+        lies in count; what these import of other packages does not.
+
+    Returns
+    -------
+    str
+        As `fingerprint` returns it.
+    """
+    parts = module.split(".")
+    names = (".".join(parts[:end]) for end in range(1, len(parts) + 1))
+    # Packages that share a name, such as that of a studio, have no file of their own.
+    files = (getattr(sys.modules[name], "__file__", None) for name in names)
+    place: str = next(filter(None, files), "")
+    folder, file = os.path.split(place)
+    digest = hashlib.sha256(fingerprint().encode())
+    if file.startswith("__init__."):
+        digest.update(_folder_digest(os.path.basename(folder), os.path.dirname(folder)))
+    else:
+        with suppress(OSError), open(place, "rb") as stream:  # it may lie in an archive
+            digest.update(stream.read())
+    return digest.hexdigest()[:16]
 
 
 @functools.cache

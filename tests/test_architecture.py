@@ -62,7 +62,7 @@ USERS = {
     "OpenEXR": {"files"},
     "OpenImageIO": {"files", "probe"},
     "click": {"cli"},
-    "tqdm": {"cli", "progress"},
+    "tqdm": {"cli"},
 }
 """The stops that alone may open images or talk to the terminal, by what they do it with."""
 EXTRAS = {

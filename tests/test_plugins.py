@@ -9,6 +9,9 @@ import shutil
 import subprocess
 import sys
 import tomllib
+import zipfile
+from importlib.metadata import DistributionFinder, MetadataPathFinder
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -75,7 +78,7 @@ def test_the_example_is_in_the_help(shell):
     _, found = shell("--help").split("Commands of installed packages:\n")
     assert found == "  mean  Print the mean radiance of a probe.\n"
     assert shell("mean", "--help").startswith("Usage: shrm mean [OPTIONS] PROBE\n")
-    for command in ("export", "prefilter", "convert"):
+    for command in ("export", "prefilter", "convert", "batch", "report", "lookdev"):
         assert "|ambient-cube" in "".join(shell(command, "--help").split())
     assert "\n  lommel-seeliger " in shell("brdf")
 
@@ -88,6 +91,8 @@ def test_the_example_is_in_the_help(shell):
         ("shrm export x --for amb", "ambient-cube"),
         ("shrm prefilter x --to amb", "ambient-cube"),
         ("shrm prefilter x --to ambient-cube --fit", "--fit"),
+        ("shrm batch x --to amb", "ambient-cube"),
+        ("shrm batch x --to export --to ambient-cube --fit", "--fit"),
     ],
 )
 def test_the_example_is_completed(shell, line, offered):
@@ -129,20 +134,24 @@ def test_the_engine_of_the_example(shell, tmp_path):
     assert readme.startswith("Light of dawn.exr for programs with ambient cubes, by shrm ")
 
 
+def off(density, slope=1):
+    """The relative RMS error of that cube, whose slope the map has, over heights of a density."""
+    y, shares = np.linspace(-1, 1, 100_001), np.sqrt(density)
+    truth, cube = 1 + y / 3, 1 + slope * y * np.abs(y) / 3
+    return np.linalg.norm(shares * (cube - truth)) / np.linalg.norm(shares * truth)
+
+
+OF_SPHERE, OF_DISC = np.ones(100_001), np.sqrt(1 - np.linspace(-1, 1, 100_001) ** 2)
+"""How often heights are met on a sphere, and in a picture of one."""
+
+
 @pytest.mark.slow
 def test_the_form_of_the_example(shell, tmp_path):
     """A white surface reflects 1 + n.y / 3 of that light, and the cube 1 + n.y |n.y| / 3."""
-    y = np.linspace(-1, 1, 100_001)
-    truth, cube = 1 + y / 3, 1 + y * np.abs(y) / 3
-
-    def error(density):
-        shares = np.sqrt(density)
-        return np.linalg.norm(shares * (cube - truth)) / np.linalg.norm(shares * truth)
-
     file = "dawn.ambient-cube.exr"
     made = json.loads(shell("prefilter", "dawn.exr", "--to", "ambient-cube", "--json"))
     assert made["file"] == file
-    assert made["added_error"] == pytest.approx(error(np.ones_like(y)), rel=2e-3)  # of a sphere
+    assert made["added_error"] == pytest.approx(off(OF_SPHERE), rel=2e-3)
     told = json.loads(shell("info", file, "--json"))
     assert told["colors"] == pytest.approx(np.array(made["colors"]), rel=1e-6)
     for axis, value in zip(["x", "x", "+y", "-y", "z", "z"], told["colors"], strict=True):
@@ -155,11 +164,73 @@ def test_the_form_of_the_example(shell, tmp_path):
         assert drawn[row, 32] == pytest.approx(expected, rel=2e-3)
     numbers = "--size", 64, "--no-flip", "--no-picture", "--view", "0,0", "--json"
     found = json.loads(shell("compare", file, "--probe", "dawn.exr", *numbers))
-    of_disc = error(np.sqrt(1 - y**2))
-    assert found["summary"][0]["relative_rmse"] == pytest.approx(of_disc, rel=0.02)
+    assert found["summary"][0]["relative_rmse"] == pytest.approx(off(OF_DISC), rel=0.02)
     shell("convert", file, "--to", "ambient-cube", "-o", "again.exr")
     first, again = (read_exr(tmp_path / name)[1]["G"] for name in (file, "again.exr"))
     assert np.array_equal(first, again)
+
+
+@pytest.mark.slow
+def test_batches_make_the_form_of_the_example(shell, tmp_path):
+    (tmp_path / "bake.toml").write_text(
+        'probes = ["dawn.exr"]\nto = ["ambient-cube", "irradiance"]\n'
+        'output = "{probe}.{to}.exr"\n[ambient-cube]\nfit = "least"\n'
+    )
+    line = "batch", "dawn.exr", "--to", "ambient-cube", "--fit", "least", "--json", "--jobs", 1
+    assert json.loads(shell(*line))["made"] == 1
+    again = json.loads(shell("batch", "bake.toml", "--json", "--jobs", 1))
+    assert (again["made"], again["skipped"]) == (1, 1)
+    colors = json.loads(shell("info", "dawn.ambient-cube.exr", "--json"))["colors"]
+    assert colors[2] == pytest.approx((1 + 5 / 12) * COLOR, rel=2e-3)
+    line = "batch", "dawn.exr", "--to", "ambient-cube", "--dry-run", "--quiet", "--json"
+    looked = json.loads(shell(*line))
+    assert (looked["waiting"], looked["predictions"][0]["bytes"]) == (1, 2 * 6 * 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("changed", "made"), [("ambient_cube.py", 1), ("notes.txt", 0)])
+def test_batches_notice_that_the_code_of_a_form_has_changed(site, shell, tmp_path, changed, made):
+    copy = tmp_path / "copy"
+    shutil.copytree(site, copy)
+    where = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(copy)])}
+    line = "batch", "dawn.exr", "--to", "ambient-cube", "--to", "she", "--json", "--jobs", "1"
+    assert json.loads(shell(*line, **where))["made"] == 2
+    with open(copy / "shrm_moon" / changed, "a") as file:
+        file.write("# another state\n")
+    again = json.loads(shell(*line, **where))
+    assert (again["made"], again["skipped"]) == (made, 2 - made)
+    records = map(json.loads, (tmp_path / "batch.jsonl").read_text().splitlines())
+    whys = [each["why"] for each in records if each["status"] == "made"][2:]
+    line = "another version or state of shrm, or of the package with the form, made it"
+    assert whys == [line] * made
+
+
+@pytest.mark.slow
+def test_the_form_of_the_example_is_chosen_among(shell):
+    """A diffuse surface of albedo 1/2 reflects half of what the cube holds; its error is known."""
+    brdf = "lambertian:albedo=0.5"
+    (choice,) = json.loads(shell("choose", "dawn.exr", "--brdf", brdf, "--json"))["choices"]
+    found = {each["what"]: each for each in choice["offers"] if each["form"] == "ambient-cube"}
+    assert set(found) == {"six colors, axes", "six colors, least"}
+    for what, slope in (("axes", 1), ("least", 5 / 4)):
+        offer = found[f"six colors, {what}"]
+        assert offer["arguments"] == {"to": "ambient-cube", "fit": what}
+        assert offer["error"] == pytest.approx(off(OF_SPHERE, slope), rel=5e-3)
+        assert (offer["bytes"], offer["look_ups"], offer["multiply_adds"]) == (72, 0, 12)
+    (choice,) = json.loads(shell("choose", "dawn.exr", "--brdf", "ggx", "--json"))["choices"]
+    assert "ambient-cube" not in {each["form"] for each in choice["offers"]}
+
+
+@pytest.mark.slow
+def test_the_form_of_the_example_is_reported_on(shell, tmp_path):
+    options = "--to", "ambient-cube", "--fit", "least", "--view", "0,0", "--picture-size", 64
+    told = json.loads(
+        shell("report", "dawn.exr", *options, "--no-flip", "-o", "page.html", "--json")
+    )
+    ((made,), page) = told["maps"], (tmp_path / "page.html").read_text()
+    assert made["measured"]["relative_rmse"] == pytest.approx(off(OF_DISC, 5 / 4), rel=0.02)
+    assert "shrm_cube[6]" in page
+    assert "dawn.ambient-cube.exr" in page
 
 
 @pytest.mark.slow
@@ -355,6 +426,30 @@ def test_a_list_that_cannot_be_read_is_one_warning(install):
     assert run("brdf", "lambertian").err == ""
 
 
+def test_packages_in_archives_are_found(tmp_path, monkeypatch):
+    with zipfile.ZipFile(tmp_path / "all.zip", "w") as archive:
+        archive.writestr("oddments-1.dist-info/METADATA", "Name: oddments\nVersion: 1\n")
+        points = "[shrm_cli.commands]\nsound = oddments:sound\n"
+        archive.writestr("oddments-1.dist-info/entry_points.txt", points)
+    assert "sound" not in plugins.installed("shrm_cli.commands")
+    monkeypatch.syspath_prepend(str(tmp_path / "all.zip"))
+    assert plugins.installed("shrm_cli.commands")["sound"].value == "oddments:sound"
+
+
+def test_packages_that_others_find_are_found(install, tmp_path, monkeypatch):
+    install("shrm_cli.commands", {"sound": "oddments:sound"})
+    monkeypatch.undo()
+    found = list(
+        MetadataPathFinder.find_distributions(
+            DistributionFinder.Context(path=[str(tmp_path / "site")])
+        )
+    )
+    finder = SimpleNamespace(find_distributions=lambda context: found, find_spec=lambda *_: None)
+    assert "sound" not in plugins.installed("shrm_cli.commands")
+    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, finder])
+    assert plugins.installed("shrm_cli.commands")["sound"].value == "oddments:sound"
+
+
 def test_commands_of_shrm_win(install):
     install("shrm_cli.commands", {"brdf": "nowhere_at_all:x"})
     assert run("--help").err == ""
@@ -477,6 +572,37 @@ BROKEN_FORMS = {
 }
 
 
+FLAT = """
+import numpy as np
+import shrm_cli as shrm
+from shrm_cli.files.parts import Part
+from shrm_cli.maps.attributes import common_header, map_info, read_attributes
+from shrm_cli.maps.base import ReflectionMap
+from shrm_cli.maps.kinds import FixedMap
+from shrm_cli.maps.options import Representation
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.records import record
+
+flat = Representation("flat", "flat", frozenset(["brdf"]), home="oddments")
+half = Representation("half", "half", frozenset(), (), "white", is_offered=True, home="oddments")
+
+@record(eq=False)
+class Flat(FixedMap, ReflectionMap):
+    info: shrm.MapInfo
+    representation, center, sampling, size = "flat", "normal", "center", 1
+    def radiance(self, normals, views): return np.full(np.shape(normals), 2.0)
+
+def prefilter(probe, request):
+    asked = {"brdf": request.brdf, "order_f": 0, "order_p": 0}
+    return Prefiltered(Flat(prefilter_with_facts(probe, "shrm", asked).map.info))
+
+def report(result): return ["it is flat"]
+def encode(made): return [Part({"Y": np.zeros((1, 1))}, common_header(made, 0))]
+def decode(file): return Flat(map_info(read_attributes(file.first), file.first))
+"""
+
+
 @pytest.fixture
 def forms(install):
     installed.description.cache_clear()
@@ -528,6 +654,54 @@ def test_a_form_without_a_class_of_its_name(forms):
         PluginError, match="oddments has no class of maps of representation 'fails'"
     ):
         registry.map_class("fails")
+
+
+def test_materials_are_shown_by_a_form_of_a_package(forms, tmp_path, monkeypatch):
+    """The form shows all as 2, before the light of a furnace, which is 1."""
+    monkeypatch.chdir(tmp_path)
+    forms("shrm_cli.forms", {"flat": "oddments:flat", "late": "oddments:late"}, FLAT)
+    done("probe", "furnace", "-o", "white.exr", "--size", 16)
+    line = "lookdev", "white.exr", "--brdf", "lambertian", "--to", "flat", "--exposure", 0
+    done(*line, "--size", 64, "-o", "sheet.exr")
+    shown = read_exr(tmp_path / "sheet.exr")[1]["G"]
+    radius = 0.9 * 64 / 2
+    assert np.pi * (radius - 1) ** 2 < np.isclose(shown, 2).sum() < np.pi * radius**2
+    assert_refused(run(*line[:-3], "late"), 1, "late: the entry point", "AttributeError")
+
+
+def test_a_form_that_can_show_no_material_is_refused_before_the_work(forms, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    forms("shrm_cli.forms", {"late": "oddments:late"}, FORMS)
+    done("probe", "furnace", "-o", "white.exr", "--size", 16)
+    found = run("lookdev", "white.exr", "--brdf", "lambertian", "--to", "late")
+    assert_refused(found, 2, "--brdf applies with --to", "; it is white")
+
+
+def test_a_broken_form_is_left_out_of_a_choice(forms, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    forms("shrm_cli.forms", {"gone": "nowhere_at_all:x", "half": "oddments:half"}, FLAT)
+    done("probe", "furnace", "-o", "white.exr", "--size", 16)
+    found = run("choose", "white.exr", "--brdf", "lambertian")
+    assert found.code == 0
+    told = found.err.splitlines()
+    assert len(told) == 2
+    assert told[0].startswith("Warning: lambertian: no gone: gone: the entry point 'nowhere_at_")
+    line = "no half: the form 'half': oddments has no function settings; write one"
+    assert told[1] == f"Warning: lambertian: {line}"
+
+
+@pytest.mark.parametrize("name", ["gone", "fails", "unknown"])
+def test_a_batch_with_a_form_that_fails_is_one_line(forms, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    points = {each: BROKEN_FORMS[each][0] for each in ("gone", "fails")}
+    forms("shrm_cli.forms", points, FORMS)
+    done("probe", "furnace", "-o", "white.exr", "--size", 16)
+    (tmp_path / "bake.toml").write_text(f'probes = ["white.exr"]\nto = ["{name}"]\n')
+    words = BROKEN_FORMS.get(name, ("", "is none of shrm, cabral"))[1]
+    found = run("batch", "bake.toml", "--jobs", 1)
+    assert found.code == 1
+    assert words in found.err
+    assert found.err.count("\n") == 1
 
 
 @pytest.mark.slow

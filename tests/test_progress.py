@@ -1,11 +1,9 @@
 """How far work in stages has come, told as one number that grows."""
 
-import time
-
 import pytest
 
 from shrm_cli import settings
-from shrm_cli.progress import Rising, Stages, in_order, progress_bar, report, tell_time_left, using
+from shrm_cli.progress import Rising, Stages, in_order, report, tell_time_left, using
 
 
 def test_stages_are_of_equal_length():
@@ -103,14 +101,3 @@ def test_jobs_in_threads_tell_nobody():
         assert list(in_order(lambda job: report(job, 3) or job, range(3))) == [0, 1, 2]
         report(3, 3)
     assert listener.told == [(3, 3)]
-
-
-def test_a_bar_shows_what_it_is_told_and_what_is_reported(capsys):
-    with progress_bar("lacquer") as progress:
-        time.sleep(0.12)  # it is not drawn more than ten times a second
-        progress(1, 4)
-        time.sleep(0.12)
-        report(3, 4)
-    printed = capsys.readouterr().err
-    assert "lacquer:  25%" in printed
-    assert "lacquer:  75%" in printed

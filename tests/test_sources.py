@@ -1,5 +1,6 @@
 """The fingerprint of the program: another one for every change of code that decides bytes."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -80,6 +81,36 @@ def test_all_that_makes_maps_counts():
     loaded = {name.split(".")[1] for name in told.stdout.split()}
     assert {"maps", "brdf", "orders"} <= loaded
     assert {name for name in loaded if (PACKAGE / name).is_dir()} <= set(MAPS)
+
+
+@pytest.mark.parametrize(
+    ("home", "changed", "counts"),
+    [
+        ("moon", "moon.py", True),
+        ("moon", "other.py", False),
+        ("orbit.home", "orbit/home.py", True),
+        ("orbit.home", "orbit/deep/table.csv", True),
+        ("orbit.home", "orbit/notes.txt", False),
+        ("orbit.home", "moon.py", False),
+        ("studio.orbit.home", "studio/orbit/__init__.py", True),
+        ("studio.orbit.home", "studio/other/home.py", False),
+    ],
+)
+def test_a_change_of_the_package_of_a_form_is_noticed(tmp_path, home, changed, counts):
+    """The folder studio has no module of its own: other packages lie in it, too."""
+    packages = ("orbit", "studio/orbit", "studio/other")
+    names = [f"{each}/{name}.py" for each in packages for name in ("__init__", "home")]
+    for each in ("moon.py", "other.py", "orbit/notes.txt", "orbit/deep/table.csv", *names):
+        (tmp_path / each).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / each).write_text("")
+    code = f"import {home}; from shrm_cli.sources import *; print(fingerprint_with('{home}'))"
+    found = []
+    for text in ("", "#", "##"):
+        (tmp_path / changed).write_text(text)
+        line = [sys.executable, "-c", code]
+        there = {**os.environ, "PYTHONPATH": os.pathsep.join([str(PACKAGE.parent), str(tmp_path)])}
+        found.append(subprocess.run(line, env=there, text=True, check=True, capture_output=True))
+    assert len({each.stdout for each in found}) == (3 if counts else 1)
 
 
 def test_what_moves_from_one_module_to_another_is_noticed(tmp_path):

@@ -22,7 +22,7 @@ from shrm_cli.messages import is_remote, shown
 from shrm_cli.naming import brdf_label, probe_stem, unsound
 from shrm_cli.probe.open import face_paths
 from shrm_cli.records import record
-from shrm_cli.vocabulary import AUTO, CONTAINERS, ENGINES, EXPORT, REPRESENTATIONS, Precision
+from shrm_cli.vocabulary import AUTO, CONTAINERS, ENGINES, EXPORT, Precision
 
 DEFAULT_OUTPUT = "{probe}.{brdf}.{to}.exr"
 DEFAULT_FOLDER = "{probe}.{engine}"
@@ -36,8 +36,6 @@ _NO_PROBES = (
     ".bsdf", ".binary",
 )  # fmt: skip
 """Suffixes of other files that commands write or read, and that no probe has."""
-_MAPS = tuple(f".{to}.exr" for to in REPRESENTATIONS)
-"""What the default names of maps end in."""
 _README = "_README.md"
 _MOST_README = 2**16
 _NAMED = re.compile(r"`([^`\n]+)`")
@@ -199,13 +197,11 @@ class Entry:
     def _refuse_idle(self) -> None:
         """Refuse arguments and BRDFs that nothing is made with."""
         known = {AUTO: registry.description(AUTO), **registry.descriptions()}
-        if EXPORT in (*self.to, *self.own):
-            known[EXPORT] = self._form(EXPORT)
-        if self.engines and EXPORT not in self.to:
-            raise ArgumentError("for", f"applies with `to` {EXPORT}")
         for to in (*self.to, *self.own):
             if to not in known:
-                raise ArgumentError("to", f"{to!r} is none of {', '.join(known)}")
+                known[to] = self._form(to)  # which refuses what is no form
+        if self.engines and EXPORT not in self.to:
+            raise ArgumentError("for", f"applies with `to` {EXPORT}")
         for to in self.own:
             if to not in self.to:
                 raise ArgumentError("to", f"does not name {to}, which has options of its own")
@@ -339,12 +335,14 @@ def without_outputs(names: Iterable[str]) -> tuple[list[str], list[str]]:
         In the order of the names.
     """
     exported: dict[str, frozenset[str]] = {}
+    maps: tuple[str, ...] = ()  # what their default names end in
     probes: list[str] = []
     outputs: list[str] = []
     for name in names:
         lower = name.lower()
         if is_remote(name):
-            is_made = lower.endswith((*_NO_PROBES, *_MAPS))
+            maps = maps or tuple(f".{to}.exr" for to in registry.names())
+            is_made = lower.endswith((*_NO_PROBES, *maps))
         else:
             folder, last = os.path.split(name)
             if folder not in exported:

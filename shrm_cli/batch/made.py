@@ -21,7 +21,7 @@ from shrm_cli.maps.info import probe_name, record_of, same_brdf
 from shrm_cli.maps.request import Request, recorded_defaults
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
-from shrm_cli.vocabulary import AUTO, AUTO_FORMS, Precision
+from shrm_cli.vocabulary import AUTO, AUTO_FORMS, REPRESENTATIONS, Precision
 
 DAMAGED = "it is damaged"
 NOT_THERE = "not there"
@@ -85,7 +85,9 @@ def difference(
     if sources and not found.sources:
         return Difference("an earlier version of shrm made it, which recorded no digest")
     if sources and found.sources != sources:
-        return Difference("another version or state of shrm made it")
+        is_ours = found.representation in REPRESENTATIONS
+        of = "shrm" if is_ours else "shrm, or of the package with the form,"
+        return Difference(f"another version or state of {of} made it")
     return None
 
 

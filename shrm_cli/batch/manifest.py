@@ -108,7 +108,8 @@ def _entry(name: str, found: Mapping[str, Any]) -> Entry:
     others = {
         key: value for key, value in found.items() if key not in (*_LISTS, *_TEXTS, "reading")
     }
-    own = {key: value for key, value in others.items() if key in (AUTO, EXPORT, *REPRESENTATIONS)}
+    forms = AUTO, EXPORT, *REPRESENTATIONS  # others are known when it is seen what is made
+    own = {key: value for key, value in others.items() if key in forms or isinstance(value, dict)}
     for key, value in own.items():
         if not isinstance(value, dict):
             raise ProbeError(f"{name}: '{key}' is no table; write [{key}]")

@@ -22,6 +22,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
 from shrm_cli.files.whole import kept, protecting
+from shrm_cli.maps import registry
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.stored import store
 from shrm_cli.prefilter import make
@@ -207,7 +208,8 @@ def _difference(job: Job, probe: Probe, request: Request | None) -> Difference |
     if not is_there:
         return MISSING
     with local_file(output) as path:
-        return difference(path, probe, request, recipe.precision, fingerprint())
+        sources = registry.sources(request.to)
+        return difference(path, probe, request, recipe.precision, sources)
 
 
 @contextmanager

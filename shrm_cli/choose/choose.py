@@ -99,7 +99,7 @@ def _chosen(
     work = Rising(progress)
     truth = Truth(probe, brdf, work)
     offers: list[Offer] = []
-    warnings: list[str] = []
+    missing: list[str] = []
     light = Projection(probe)
     most = DEFAULT_MAX_SIZE if budget is None else min(budget, DEFAULT_MAX_SIZE)
     with using(work):
@@ -109,12 +109,13 @@ def _chosen(
         for forms in held:
             known = dict.fromkeys([*_ladder(forms), *_for_goal(forms, goal, most)])
             offers += [_offer(each) for each in known]
-    for form, setting in others_of(brdf):
+    for form, setting in others_of(brdf, missing):
         try:
             offers += made_offers(form, setting, probe, brdf, truth, work)
         except ShrmError as reason:
-            warnings.append(f"{name}: no {form}: {reason}")
+            missing.append(f"no {form}: {reason}")
     work.end()
+    warnings = [f"{name}: {line}" for line in missing]
     return decided(probe.name, name, goal, budget, offers, warnings)
 
 

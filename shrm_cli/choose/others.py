@@ -11,6 +11,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.choose.offer import Offer
+from shrm_cli.errors import PluginError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.kinds import LightMap
@@ -76,17 +77,26 @@ class Truth:
         return float(error), seen_errors(found, truth).wrong_share
 
 
-def others_of(brdf: Brdf) -> list[tuple[str, Setting]]:
+def others_of(brdf: Brdf, missing: list[str] | None = None) -> list[tuple[str, Setting]]:
     """Return the maps of other forms that can hold a material: the forms, and what to ask of them.
 
-    They are the forms whose descriptions say that they are offered.
+    They are the forms whose descriptions say that they are offered, of installed packages too.
+
+    Parameters
+    ----------
+    missing : list of str, optional
+        Gets why a form is left out that an installed package offers, and that cannot be used.
     """
-    return [
-        (form, setting)
-        for form, each in registry.descriptions().items()
-        if each.is_offered
-        for setting in registry.module(form, "offers").settings(brdf)
-    ]
+    found: list[tuple[str, Setting]] = []
+    for form in registry.names():
+        try:
+            if registry.description(form).is_offered:
+                settings = registry.module(form, "offers").settings(brdf)
+                found += [(form, setting) for setting in settings]
+        except PluginError as reason:
+            if missing is not None:
+                missing.append(f"no {form}: {reason}")
+    return found
 
 
 def made_offers(

@@ -29,6 +29,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_message, progress_bar, ticking
+from shrm_cli.cli.types import Named
 from shrm_cli.cli.usage import (
     PAGES,
     Applies,
@@ -41,6 +42,7 @@ from shrm_cli.cli.usage import (
     wrong_usage,
 )
 from shrm_cli.maps.options import counted
+from shrm_cli.maps.registry import installed_names
 from shrm_cli.settings import limit_libraries
 from shrm_cli.vocabulary import AUTO, ENGINES, EXPORT, MAX_COLLECTED_ORDER, REPRESENTATIONS
 
@@ -98,7 +100,8 @@ _gather_options = several(
 @click.argument("probes", metavar="MANIFEST.toml | PROBES...", nargs=-1, required=True)
 @brdfs_option
 @click.option(
-    "--to", type=click.Choice([AUTO, *REPRESENTATIONS, EXPORT]), multiple=True, default=[AUTO],
+    "--to", type=Named([AUTO, *REPRESENTATIONS, EXPORT], installed_names), multiple=True,
+    default=[AUTO],
     help="A representation to write, as `shrm prefilter` takes it, or export. May be repeated.  "
     "[default: export with --for, else auto]",
 )  # fmt: skip

@@ -158,7 +158,6 @@ def convert(
     """
     from shrm_cli.convert.convert import convert as converted
     from shrm_cli.maps.file import is_map
-    from shrm_cli.probe.open import face_paths
 
     is_plain = view is not None or mips
     named = _plain_name(source, target, view) if is_plain else _default_name(source, target)
@@ -168,7 +167,11 @@ def convert(
     refuse_inapplicable(
         _rules(target) | _rules_of_source(from_map) | _plain_rules(target, from_map, view, mips)
     )
-    names = face_paths(path) if target == "faces" else [path]
+    names = [path]
+    if target == "faces":
+        from shrm_cli.probe.open import face_paths  # which other targets are spared
+
+        names = face_paths(path)
     if not (output or force):
         click.get_current_context().with_resource(keeping(*names))
     check_outputs(names, files=[source], suffixes=CONTAINERS)

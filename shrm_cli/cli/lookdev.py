@@ -20,12 +20,12 @@ from shrm_cli.cli.options import (
     view_option,
 )
 from shrm_cli.cli.terminal import progress_bar
-from shrm_cli.cli.types import STOPS
+from shrm_cli.cli.types import STOPS, Named
 from shrm_cli.cli.usage import Applies, check_outputs, flags, refuse_inapplicable
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.registry import descriptions
+from shrm_cli.maps.registry import descriptions, installed_names
 from shrm_cli.vocabulary import AUTO, DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
     help="PNG, EXR or HTML page; turntable .apng, .gif or .mp4, or frames named with %04d.",
 )  # fmt: skip
 @click.option(
-    "--to", type=click.Choice([AUTO, *_FORMS]), default=AUTO, show_default=True,
+    "--to", type=Named([AUTO, *_FORMS], installed_names), default=AUTO, show_default=True,
     help="Representation of the maps.",
 )  # fmt: skip
 @shared_options(*_MAKING)

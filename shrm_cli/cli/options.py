@@ -27,13 +27,11 @@ from shrm_cli.maps.options import SHARED, Option, all_options
 from shrm_cli.maps.registry import description, descriptions, is_known
 from shrm_cli.settings import limit_libraries
 from shrm_cli.vocabulary import (
-    AUTO,
     IMAGE_LAYOUTS,
     MAX_SOURCE_HEIGHT,
     ORIENTATIONS,
     PRECISIONS,
     PRIMARIES,
-    REPRESENTATIONS,
     SAMPLINGS,
 )
 
@@ -121,20 +119,20 @@ def _own_options(command: click.Command, words: Sequence[str], is_lenient: bool)
     PluginError
         If the form cannot be used.
     """
-    taker = next((each for each in command.params if isinstance(each.type, Named)), None)
-    if taker is None or "--to" not in taker.opts:
+    kinds = [e.type for e in command.params if isinstance(e.type, Named) and "--to" in e.opts]
+    if not kinds:
         return []
     named = [second for first, second in pairwise(words) if first == "--to"]
     named += [word.removeprefix("--to=") for word in words if word.startswith("--to=")]
     shared = {each.name for each in command.params}
-    new = [name for name in named if name not in (AUTO, *REPRESENTATIONS) and is_known(name)]
+    new = [name for name in named if name not in kinds[0].choices and is_known(name)]
     try:
         options = [option for name in new for option in description(name).options]
     except PluginError:
         if is_lenient:
             return []
         raise
-    return [_made(each) for each in options if each.name not in shared]
+    return [_made(each) for each in options if not (each.prints or each.name in shared)]
 
 
 def _made(option: Option) -> Any:

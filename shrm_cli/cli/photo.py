@@ -140,10 +140,15 @@ def ball(
     from shrm_cli.photo.ball import unwrap_balls
 
     check_outputs([output], files=photos, suffixes=[".exr"])
-    stood = cameras or tuple((90.0 * k, 0.0) for k in range(len(photos)))
     with progress_bar("unwrapping") as progress, using(progress):
         made = unwrap_balls(
-            photos, stood, circles or None, distance or np.inf, size, linearize, reflectance
+            photos,
+            cameras or None,
+            circles or None,
+            distance or np.inf,
+            size,
+            linearize,
+            reflectance,
         )
     facts = {"gains": made.gains.tolist(), "differences": list(made.differences)}
     lines, warnings = [], []
@@ -155,7 +160,7 @@ def ball(
                 f"{photo}: differs by {difference:.0%} from {photos[0]} in the median, where both "
                 "see the same; check `camera` and `circle`"
             )
-    recipe = {"probe": "ball", "photos": _names(photos), "cameras": stood}
+    recipe = {"probe": "ball", "photos": _names(photos), "cameras": made.cameras}
     _write(output, made.pixels, precision, made.chromaticities, recipe, facts, lines, warnings)
 
 

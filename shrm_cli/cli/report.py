@@ -23,9 +23,10 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import progress_bar
-from shrm_cli.cli.types import BYTES, STOPS
+from shrm_cli.cli.types import BYTES, STOPS, Named
 from shrm_cli.cli.usage import PAGES, check_outputs, flags
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.registry import installed_names
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPORTED, REPRESENTATIONS
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ _UNSAID = ("probe", "output")
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @brdfs_option
 @click.option(
-    "--to", type=click.Choice(list(REPRESENTATIONS)), multiple=True, default=REPORTED,
+    "--to", type=Named(list(REPRESENTATIONS), installed_names), multiple=True, default=REPORTED,
     show_default=True, help="A representation to make. May be repeated.",
 )  # fmt: skip
 @shared_options("eps", "error", "order_f", "order_p", "center")

@@ -26,7 +26,6 @@ import click
 
 from shrm_cli.cli.usage import is_quiet
 from shrm_cli.messages import shown
-from shrm_cli.progress import BAR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -196,10 +195,10 @@ def progress_bar(label: str) -> Iterator[Progress | None]:
         return
     from tqdm import tqdm
 
+    from shrm_cli.cli.bar import bar_options  # what prints to no terminal is spared it
+
     delay = max(_LEAST_SILENCE, _SILENCE - (time.monotonic() - _BEGAN))
-    options: dict[str, Any] = {"desc": label, "total": 1, "delay": delay, "bar_format": BAR}
-    # Reports come unevenly: the mean rate tells best how much time is left.
-    options |= {"leave": False, "smoothing": 0, "miniters": 0, "mininterval": 0.1}
+    options = {**bar_options(label), "delay": delay, "mininterval": 0.1}
     with _own_stderr() as stream, tqdm(file=stream, **options) as bar:
         shown = _Bar(bar, stream)
         over = threading.Event()

@@ -1,4 +1,7 @@
-"""`convert`: other representations of maps, and other layouts of maps and probes."""
+"""`convert`: other representations of maps, and other layouts of maps and probes.
+
+What only some conversions need is imported by these: most take less time than imports do.
+"""
 
 import os
 from dataclasses import replace
@@ -7,18 +10,13 @@ from typing import Any
 import numpy as np
 
 from shrm_cli.convert.made import Converted, ConvertedMap, ConvertedProbe, Layers
-from shrm_cli.convert.plain import mips_of, seen_from
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
-from shrm_cli.maps.primaries import declared, in_primaries
-from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.messages import refuse_arguments
-from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.resample import to_layout
 from shrm_cli.progress import Progress, using
 from shrm_cli.vocabulary import (
     LAYERS,
@@ -107,13 +105,14 @@ def convert(
     found, notes = _read(source, name, reading)
     if to == LAYERS:
         refuse_arguments("`to` layers", size=size, orientation=orientation, sampling=sampling)
-        code = None if shader is None else look_up_code(found, shader, LAYERS)
-        return Layers(found, name, code, notes)
+        return Layers(found, name, _code(found, shader), notes)
     if view is None and not mips:
         return _of_map(found, name, to, size, orientation, sampling, notes, options)
     if to not in (MIP_LAYOUTS if view is None else ("latlong",)):
         raise ArgumentError("to", f"{to} is no plain image; take latlong")
     refuse_arguments("plain images", orientation=orientation, **options)
+    from shrm_cli.convert.plain import mips_of, seen_from
+
     if view is None:
         made: Any = mips_of(found, name, to, size, sampling)
     else:
@@ -122,6 +121,15 @@ def convert(
         made = seen_from(found, name, view, by, size, sampling, surface, progress)
     plain: Converted = replace(made, notes=(*made.notes, *notes))
     return plain
+
+
+def _code(found: Map, language: str | None) -> str | None:
+    """Return the code that looks a map up in its textures, if there shall be some."""
+    if language is None:
+        return None
+    from shrm_cli.maps.shader.code import look_up_code
+
+    return look_up_code(found, language, LAYERS)
 
 
 def _read(
@@ -139,10 +147,14 @@ def _read(
     found = source if isinstance(source, Map) else open_map(source)
     colors = ColorReading.of(found.info.chromaticities, reading)
     if reading.primaries is not None:
+        from shrm_cli.maps.primaries import declared
+
         found = declared(found, colors.own)  # type: ignore[arg-type]
     if not np.array_equal(turn, np.eye(3)):
         found = found.turned(turn)
     if reading.working is not None:
+        from shrm_cli.maps.primaries import in_primaries
+
         found = in_primaries(found, colors.chromaticities)  # type: ignore[arg-type]
     return found, tuple(f"{name}: {line}" for line in colors.notes)
 
@@ -179,6 +191,9 @@ def _of_probe(
     progress: Progress | None,
 ) -> ConvertedProbe:
     """Lay a probe out anew."""
+    from shrm_cli.probe.open import open_probe
+    from shrm_cli.probe.resample import to_layout
+
     name = source.name if isinstance(source, Probe) else os.fspath(source)
     if to == LAYERS:
         raise ArgumentError("to", f"{to}: {name} is no map; make one by shrm prefilter")

@@ -12,15 +12,11 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError, MapError
-from shrm_cli.files.image import probe_attributes, write_images
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import description
-from shrm_cli.maps.shader.file import write_layers
 from shrm_cli.maps.stored import store
-from shrm_cli.probe.open import face_paths
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.proxy import box_attributes
 from shrm_cli.records import record
 from shrm_cli.vocabulary import (
     CUBES,
@@ -132,6 +128,8 @@ class Layers(Converted):
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
         """Write the textures; see `Converted.save`."""
+        from shrm_cli.maps.shader.file import write_layers
+
         made, notes = self.map, list(self.notes)
         if made.stored is not made and self.code is None:
             notes.append(
@@ -179,6 +177,10 @@ class ConvertedProbe(Converted):
         OutputError
             If one cannot be written.
         """
+        from shrm_cli.files.image import probe_attributes, write_images
+        from shrm_cli.probe.open import face_paths
+        from shrm_cli.probe.proxy import box_attributes
+
         path = os.fspath(path)
         files, pictures = [path], [self.image]
         if self.layout == "faces":

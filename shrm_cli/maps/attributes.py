@@ -16,7 +16,6 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredPart, sound_primaries
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.sources import fingerprint
 from shrm_cli.vocabulary import (
     CENTERS,
     DOMAINS,
@@ -81,7 +80,7 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
         "shrm:representation": reflection_map.representation,
         "shrm:version": reflection_map.format_version,
         "shrm:program": __release__,
-        "shrm:sources": fingerprint(),
+        "shrm:sources": registry.sources(reflection_map.representation),
         "shrm:frame": reflection_map.frame,
         "shrm:center": reflection_map.center,
         "shrm:F": info.order_f,

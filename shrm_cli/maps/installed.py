@@ -3,12 +3,12 @@
 A package offers one by an entry point of the group `plugins.FORMS`, which names its description.
 The `home` of that is a module with the class of the maps, and with the functions that the modules
 of a form of `shrm` have: ``prefilter`` and ``report``, ``encode`` and ``decode``; ``source``,
-where the description has `SHADER`; and ``converted``, where other maps become such ones.
+where the description has `SHADER`; ``converted``, where other maps become such ones; and
+``settings`` and ``look_up``, where it says that `choose` makes some.
 """
 
 from collections.abc import Callable
 from functools import cache, wraps
-from importlib.metadata import EntryPoint
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -20,6 +20,8 @@ from shrm_cli.vocabulary import REPRESENTATIONS
 
 _NEEDED = "prefilter", "report", "encode", "decode"
 """The functions that every form has."""
+_OFFERING = "settings", "look_up"
+"""Those that one has which is offered."""
 
 
 def names() -> list[str]:
@@ -68,16 +70,19 @@ def module(name: str, part: str) -> SimpleNamespace:
     found = home(name)
     if part == "shader" and not hasattr(found, "source"):
         raise MapError(f"a map of representation {name} has no shader; look it up by shrm render")
-    held = [each for each in (*_NEEDED, "source", "converted") if hasattr(found, each)]
+    held = [each for each in (*_NEEDED, *_OFFERING, "source", "converted") if hasattr(found, each)]
     return SimpleNamespace(**{each: _guarded(name, getattr(found, each)) for each in held})
 
 
 @cache
 def home(name: str) -> ModuleType:
     """Import the module of a form, and check that it has what a form needs."""
-    place = description(name).home
+    from importlib.metadata import EntryPoint  # slow to load, and for lists of names not needed
+
+    described = description(name)
+    place = described.home
     found: Any = load(EntryPoint(name, place, FORMS))
-    for each in _NEEDED:
+    for each in (*_NEEDED, *(_OFFERING if described.is_offered else ())):
         if not callable(getattr(found, each, None)):
             raise PluginError(f"the form {name!r}: {place} has no function {each}; write one")
     module: ModuleType = found

@@ -47,10 +47,14 @@ class FixedMap(Map):
         """Return the same map with other cubes, if it has any, and another `info`."""
         return self.with_info(info)
 
-    def converted(self, to: str, *given: Any, **options: Any) -> Map:
+    def converted(
+        self, to: str, size: int | None = None, sampling: Sampling | None = None, **options: Any
+    ) -> Map:
         """Return the map itself, `resampled` where that is asked: it has no other form."""
         unconverted(self, to)
-        return super().converted(to, *given, **options)
+        if all(value is None for value in options.values()):
+            return self.resampled(size, sampling)  # without what makes such maps, and takes long
+        return super().converted(to, size, sampling, **options)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
         """Return the map itself: what it holds cannot be filtered to another size."""

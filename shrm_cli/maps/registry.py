@@ -343,6 +343,25 @@ def installed_names() -> list[str]:
     return installed.names()
 
 
+def names() -> list[str]:
+    """Return the names of all representations, those of installed packages last."""
+    return [*REPRESENTATIONS, *installed_names()]
+
+
+def sources(representation: str) -> str:
+    """Return the fingerprint of all code that makes the maps of a representation.
+
+    To that of `shrm` comes that of the installed package which offers the form, if one does.
+    """
+    from shrm_cli.sources import fingerprint, fingerprint_with  # which --help does not need
+
+    if representation in (AUTO, *REPRESENTATIONS):
+        return fingerprint()
+    from shrm_cli.maps import installed
+
+    return fingerprint_with(installed.home(representation).__name__)
+
+
 def descriptions(*more: str) -> dict[str, Representation]:
     """Return the descriptions of all representations of `shrm`, in the order of the vocabulary.
 

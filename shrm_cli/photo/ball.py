@@ -58,11 +58,13 @@ class Unwrapped:
     difference, 0 of the first."""
     chromaticities: tuple[float, ...] | None = None
     """CIE x and y of red, green, blue and white, where the first tells them."""
+    cameras: tuple[tuple[float, float], ...] = ()
+    """The azimuth and elevation that the camera of each photograph was given, or taken, to have."""
 
 
 def unwrap_balls(
     paths: Sequence[str | os.PathLike[str]],
-    cameras: Sequence[tuple[float, float]] = ((0.0, 0.0),),
+    cameras: Sequence[tuple[float, float]] | None = None,
     circles: Sequence[Circle] | None = None,
     distance: float = np.inf,
     size: int | None = None,
@@ -75,9 +77,9 @@ def unwrap_balls(
     ----------
     paths : sequence of path-like
         One photograph, or more from different sides, upright and linear.
-    cameras : sequence of (azimuth, elevation)
+    cameras : sequence of (azimuth, elevation), optional
         Where the camera stood for each, seen from the ball, degrees. At azimuth 0 it looks along
-        -Z; 90 is to its right.
+        -Z; 90 is to its right. By default the first is at 0, and each next one 90 further.
     circles : sequence of Circle, optional
         Where the ball is in each. By default it fills the picture.
     distance : float
@@ -103,7 +105,8 @@ def unwrap_balls(
     >>> made.pixels.shape
     (16, 32, 3)
     """
-    if not paths or len(cameras) != len(paths) or len(circles or paths) != len(paths):
+    stood = [(90.0 * k, 0.0) for k in range(len(paths))] if cameras is None else list(cameras)
+    if not paths or len(stood) != len(paths) or len(circles or paths) != len(paths):
         raise ArgumentError("cameras", "must be as many as photographs, and circles, too")
     if not 0 < reflectance <= 1:
         raise ArgumentError("reflectance", "must be above 0, and 1 at most")
@@ -116,7 +119,7 @@ def unwrap_balls(
     rows = min(max(round(np.pi * places[0][2] / 2), 2), LARGEST) if size is None else size
     balls = [
         _Ball(pixels_of(each), circle, from_azimuth_elevation(*camera), distance)
-        for each, circle, camera in zip(opened, places, cameras, strict=True)
+        for each, circle, camera in zip(opened, places, stood, strict=True)
     ]
     gains, differences = _agreement(balls)
     pixels = np.empty((rows, 2 * rows, 3), np.float32)
@@ -128,7 +131,7 @@ def unwrap_balls(
         pixels[start : part.stop] = np.einsum("khw,khwc,kc->hwc", share, seen, gains, optimize=True)
     report(rows, rows)
     pixels /= reflectance
-    return Unwrapped(pixels, gains, differences, opened[0].chromaticities)
+    return Unwrapped(pixels, gains, differences, opened[0].chromaticities, tuple(stood))
 
 
 def ball_points(directions: Array, view: Array, distance: float = np.inf) -> Array:

@@ -129,7 +129,7 @@ def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
     return table
 
 
-def real_harmonics(order: int, directions: ArrayLike) -> Array:
+def real_harmonics(order: int, directions: ArrayLike, first: int = 0) -> Array:
     """Values of the real spherical harmonics (eq. 4.5).
 
     Parameters
@@ -138,17 +138,19 @@ def real_harmonics(order: int, directions: ArrayLike) -> Array:
         Largest degree.
     directions : array_like, shape (..., 3)
         Unit vectors in world axes.
+    first : int
+        The least degree.
 
     Returns
     -------
-    ndarray, shape (..., (order+1)^2)
-        Index l(l+1)+m.
+    ndarray, shape (..., (order+1)^2 - first^2)
+        Index l(l+1)+m - first^2.
     """
-    return np.ascontiguousarray(np.moveaxis(harmonic_planes(order, directions), 0, -1))
+    return np.ascontiguousarray(np.moveaxis(harmonic_planes(order, directions, first), 0, -1))
 
 
-def harmonic_planes(order: int, directions: ArrayLike) -> Array:
-    """Values of the real spherical harmonics, one array for each, shape ((order+1)^2, ...).
+def harmonic_planes(order: int, directions: ArrayLike, first: int = 0) -> Array:
+    """Values of real spherical harmonics, one array for each, shape ((order+1)^2 - first^2, ...).
 
     The parameters are those of `real_harmonics`.
     """
@@ -162,9 +164,11 @@ def harmonic_planes(order: int, directions: ArrayLike) -> Array:
     for m in range(order):  # many times as fast as powers of complex numbers
         powers[m + 1] = powers[m] * phase
     cosines, sines = np.ascontiguousarray(powers.real), np.ascontiguousarray(powers.imag)
-    values = np.empty(((order + 1) ** 2, *z.shape))
+    values = np.empty(((order + 1) ** 2 - first**2, *z.shape))
     for degree, legendre in legendre_degrees(order, np.clip(z, -1.0, 1.0), sine=sine):
-        center = index(degree, 0)
+        if degree < first:
+            continue
+        center = index(degree, 0) - first**2
         values[center] = legendre[0]
         above = values[center + 1 : center + degree + 1]
         np.multiply(legendre[1:], cosines[1 : degree + 1], out=above)

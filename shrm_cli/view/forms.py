@@ -9,7 +9,7 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import spec_of
 from shrm_cli.maps.kinds import LightMap, MaterialMap
-from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.code import Code, written_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.vocabulary import DEFAULT_TAPS
@@ -43,7 +43,7 @@ def described_map(
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")
     brushed = taps if "anisotropy" in made.surface_arguments else None
     try:
-        code = look_up_code(made, "glsl", "layers", brushed)
+        code = written_code(made, "glsl", "layers", brushed)
         textures = pack(made)
     except MapError as error:
         raise MapError(
@@ -58,20 +58,17 @@ def described_map(
         }
         for each in textures
     ]
-    is_brushed = "shrm_brushed_radiance(" in code
-    is_irradiance = "shrm_irradiance(" in code
-    call = _call(made, is_brushed, is_irradiance)
     facts, light = _facts(made), made.harmonic_light
     facts += [("rounded by", f"{each['error']:.2%}") for each in packed if "error" in each]
     return {
         "name": name,
         "file": file,
-        "code": code,
-        "call": call,
-        "boxed_call": _call(made, is_brushed, is_irradiance, ", p") if "_at(" in code else None,
+        "code": code.text,
+        "call": _call(made, code),
+        "boxed_call": _call(made, code, ", p") if code.is_boxed else None,
         "surface": isinstance(made, LightMap),
         "brushed": brushed,
-        "tangents": "view_tangent(" in call,
+        "tangents": code.takes_tangent or brushed is not None,
         "roughness": list(made.roughness_range),
         "textures": packed,
         "lighting": light.coefficients.ravel().tolist() if light and light.product else None,
@@ -79,7 +76,7 @@ def described_map(
     }
 
 
-def _call(made: Map, is_brushed: bool, is_irradiance: bool, point: str = "") -> str:
+def _call(made: Map, code: Code, point: str = "") -> str:
     """Return the expression of the radiance at a normal n and a view v, in linear Rec.709.
 
     Of brushed maps the code takes the tangent besides. With a point it is looked up in the box of
@@ -88,12 +85,12 @@ def _call(made: Map, is_brushed: bool, is_irradiance: bool, point: str = "") -> 
     at = "_at" if point else ""
     own = [f", view_{name}" for name in ("roughness", "f0") if name in made.surface_arguments]
     call = f"shrm_radiance{at}(n, v{point}{''.join(own)})"
-    if is_brushed:
+    if code.takes_tangent:
         call = f"shrm_brushed_radiance{at}(n, view_tangent(n), v{point})"
     if "anisotropy" in made.surface_arguments:
         brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
         call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"
-    if is_irradiance:
+    if code.is_irradiance:
         call = f"shrm_irradiance{at}(n{point}) * 0.3183098861837907"
     matrix = to_rec709(made.info.chromaticities)
     if matrix is None:

@@ -138,7 +138,7 @@ def test_what_other_options_made_is_made_again(made, changes, expected):
 def test_what_another_probe_or_version_made_is_made_again(made, probe, monkeypatch):
     write_exr(probe, noise(32, 64) * 2)
     assert again(made) == {"shrm": "made", "irradiance": "made"}
-    monkeypatch.setattr(work, "fingerprint", lambda: "another")
+    monkeypatch.setattr(work.registry, "sources", lambda to: "another")
     (first, *_) = records_of(made, only_looks=True)
     assert first["status"] == "waiting"
     assert first["why"] == "another version or state of shrm made it"

@@ -4,11 +4,14 @@ import os
 import pty
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import announce
+from shrm_cli.progress import report
 from tests.cli.helpers import Terminal, environment, run, told_to_bars
 
 PROBE = str(Path(__file__).parents[2] / "probes" / "sky.exr")
@@ -120,3 +123,14 @@ def test_what_is_announced_commands_no_terminal(monkeypatch):
     assert stream.getvalue() == "\\x1b]0;pwned\\x07.exr: 2 pictures\n"
     monkeypatch.setattr(sys, "stderr", None)
     announce(["nobody sees it"])
+
+
+def test_the_bar_of_scripts_shows_what_it_is_told_and_what_is_reported(capsys):
+    with progress_bar("lacquer") as progress:
+        time.sleep(0.12)  # it is not drawn more than ten times a second
+        progress(1, 4)
+        time.sleep(0.12)
+        report(3, 4)
+    printed = capsys.readouterr().err
+    assert "lacquer:  25%" in printed
+    assert "lacquer:  75%" in printed

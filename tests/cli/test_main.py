@@ -99,6 +99,8 @@ atexit.register(tell)
     arguments = (ROOT / "probes" / "sky.exr", "--brdf", "phong", "-o", tmp_path / "a.exr")
     assert process("prefilter", *arguments, "--quiet", code=code).out == "False False\n"
     assert process("--version", code=code).out.endswith("\nTrue False\n")
+    # Nor are metadata parsed to find that nobody offers forms.
+    assert process("prefilter", "--help", code=code).out.endswith("\nFalse False\n")
 
 
 def test_without_arguments_it_helps():
@@ -280,6 +282,21 @@ def test_it_runs_as_a_module():
     assert found.stdout == f"shrm, version {__version__}\n"
 
 
+COUNTING = f"""
+import atexit, sys
+def tell():
+    ours = [each for name, each in sys.modules.items() if name.startswith("shrm_cli")]
+    full = [each for each in ours if not (each.__file__ or "").endswith("__init__.py")]
+    print("loaded", len(full), file=sys.stderr)
+atexit.register(tell)
+{MAIN}"""
+
+
+def modules_loaded(result):
+    (count,) = (int(line.split()[1]) for line in result.err.splitlines() if "loaded" in line)
+    return count
+
+
 MOST_MODULES = 70
 """What a plain run loads of the package, without the empty modules that stand for folders.
 
@@ -292,21 +309,23 @@ def test_a_plain_run_loads_few_modules(tmp_path):
     """The second run is counted, which takes the coefficients of the BRDF from the cache."""
     probe, target = tmp_path / "p.exr", tmp_path / "m.exr"
     done("probe", "sky", "--size", "32", "-o", str(probe))
-    code = f"""
-import atexit, os, sys
-def tell():
-    ours = [each for name, each in sys.modules.items() if name.startswith("shrm_cli")]
-    full = [each for each in ours if not (each.__file__ or "").endswith("__init__.py")]
-    print("loaded", len(full), file=sys.stderr)
-atexit.register(tell)
-{MAIN}"""
     command = (
         "prefilter", str(probe), "--brdf", "microfacet:sigma=0.1", "--eps", "0.03",
         "-o", str(target),
     )  # fmt: skip
     for _ in range(2):
-        result = process(*command, code=code)
+        result = process(*command, code=COUNTING)
     assert result.code == 0
     assert "pixels  " in result.out  # the report is printed
-    (count,) = (int(line.split()[1]) for line in result.err.splitlines() if "loaded" in line)
-    assert count <= MOST_MODULES
+    assert modules_loaded(result) <= MOST_MODULES
+
+
+@pytest.mark.parametrize("form", ["irradiance", "splitsum", "she"])
+def test_a_conversion_of_what_stays_as_it_is_loads_few_modules(tmp_path, form):
+    """Neither what makes such maps of probes, nor what other conversions need."""
+    probe, made = tmp_path / "p.exr", tmp_path / "m.exr"
+    done("probe", "sky", "--size", "32", "-o", str(probe))
+    assert run("prefilter", probe, "--to", form, "-o", made).code == 0
+    result = process("convert", made, "--to", form, "-o", tmp_path / "n.exr", code=COUNTING)
+    assert result.code == 0
+    assert modules_loaded(result) <= MOST_MODULES

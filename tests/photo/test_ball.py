@@ -97,6 +97,14 @@ def test_photographs_agree_with_the_first(tmp_path):
     assert unwrap_balls(paths, ((0, 0), (60, 0)), size=ROWS).differences[1] > 0.03
 
 
+def test_cameras_stand_a_quarter_turn_apart_where_nothing_is_said(tmp_path):
+    paths = written(tmp_path, ((0.0, 0.0), (90.0, 0.0)))
+    found, said = unwrap_balls(paths, size=ROWS), unwrap_balls(paths, ((0, 0), (90, 0)), size=ROWS)
+    assert found.cameras == ((0, 0), (90, 0))
+    np.testing.assert_array_equal(found.pixels, said.pixels)
+    assert unwrap_balls(paths[:1], size=ROWS).cameras == ((0, 0),)
+
+
 def test_a_ball_may_be_a_part_of_the_picture(tmp_path):
     (path,) = written(tmp_path, [(0, 0)], of=lambda view: waves)
     alone = unwrap_balls([path], size=ROWS)

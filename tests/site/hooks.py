@@ -48,7 +48,7 @@ def on_files(files: Files, config: Any) -> Files:
         add(name, text.replace("](docs/", "]("))
     copy("CITATION.cff", ROOT / "CITATION.cff")
     examples = ROOT / "examples"
-    for path in (*sorted(examples.glob("*.py")), examples / "plugin" / "pyproject.toml"):
+    for path in (*sorted(examples.rglob("*.py")), examples / "plugin" / "pyproject.toml"):
         copy(path.relative_to(ROOT).as_posix(), path)
     scripts = [KATEX / name for name in ("katex.min.css", "katex.min.js")]
     scripts.append(KATEX / "contrib" / "auto-render.min.js")

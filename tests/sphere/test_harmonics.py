@@ -91,6 +91,14 @@ def test_real_harmonics_beside_the_pole(offset):
     )
 
 
+def test_real_harmonics_of_some_degrees(rng):
+    directions = random_directions(rng, 20)
+    whole = harmonics.real_harmonics(5, directions)
+    for first in range(6):
+        found = harmonics.real_harmonics(5, directions, first)
+        np.testing.assert_array_equal(found, whole[:, first**2 :])
+
+
 def test_real_harmonics_keep_the_shape():
     assert harmonics.real_harmonics(3, np.tile([0.0, 0.6, 0.8], (2, 5, 1))).shape == (2, 5, 16)
     assert harmonics.real_harmonics(3, [0.0, 0.6, 0.8]).shape == (16,)

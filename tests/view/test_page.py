@@ -12,6 +12,7 @@ import pytest
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.geometry.normals import face_normals
+from shrm_cli.maps.explicit import shader
 from shrm_cli.probe.probe import Probe
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.forms import described_map
@@ -51,6 +52,25 @@ def test_names_of_files_are_escaped_everywhere():
         assert "<img" not in text
         assert text.count("</script>") == text.count("<script")
         assert text.count("</title>") == 1
+
+
+def test_what_the_page_calls_is_what_the_form_says(monkeypatch):
+    """Whatever stands in its code besides, such as in a comment."""
+    honest = described_map(cases.explicit_map("cabral"), "a", "a.exr", Blocks())
+    assert honest["call"] == "shrm_radiance(n, v)"
+    own = shader.source
+
+    def source(made, textures):
+        title = (
+            "No shrm_irradiance(n), shrm_brushed_radiance(n, t, v) or shrm_radiance_at(n, v, p)."
+        )
+        return replace(own(made, textures), title=title)
+
+    monkeypatch.setattr(shader, "source", source)
+    found = described_map(cases.explicit_map("cabral"), "a", "a.exr", Blocks())
+    assert found["code"] != honest["code"]
+    for key in ("call", "boxed_call", "tangents"):
+        assert found[key] == honest[key]
 
 
 def test_every_asset_is_in_the_page():

@@ -8,11 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 import shrm_cli as shrm
+from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.files.parts import Part
 from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes
 from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.kinds import FixedMap
+from shrm_cli.maps.offers import FLOATS, LookUp, Setting
 from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.shader.cost import Cost
 from shrm_cli.maps.shader.source import Source
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.records import record
@@ -77,6 +80,17 @@ def decode(file):
     if (part.width, part.height) != (6, 1) or not part.holds(COLORS):
         raise shrm.MapError(f"{file.path}: an ambient cube has six pixels; make it again")
     return AmbientCube(part.read(COLORS)[0].astype(float), map_info(read_attributes(part), part))
+
+
+def settings(brdf):
+    """What `shrm choose` makes of it for a material."""
+    is_diffuse = isinstance(brdf, Lambertian)
+    return [Setting({"fit": fit}) for fit in ("axes", "least")] if is_diffuse else []
+
+
+def look_up(made, brdf, taps):
+    """What its code reads and computes: three squares, and three colors by one each."""
+    return LookUp(f"six colors, {made.info.options['fit']}", 6 * FLOATS, Cost(0, 12))
 
 
 def source(made, textures):

@@ -17,6 +17,7 @@ AMBIENT_CUBE = Representation(
         ),
         SHADER,
     ),
+    is_offered=True,
     why_no_brdf="an ambient cube is of a white Lambertian surface",
     home="shrm_moon.ambient_cube",
 )

@@ -155,7 +155,7 @@ def zonal_harmonics(axes: Array) -> Array:
     An axis that is 0 has none.
     """
     is_axis = np.any(axes != 0, axis=-1, keepdims=True)
-    return np.where(is_axis, np.sqrt(4 * np.pi / 5) * real_harmonics(2, axes)[..., 4:9], 0.0)
+    return np.where(is_axis, np.sqrt(4 * np.pi / 5) * real_harmonics(2, axes, first=2), 0.0)
 
 
 def form_errors(plain: Irradiance, made: Irradiance) -> dict[str, float]:

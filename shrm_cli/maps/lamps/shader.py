@@ -156,7 +156,9 @@ vec3 shrm_radiance(vec3 n, vec3 v)
 """Of brushed surfaces x is along the tangent, and not in the plane of the view."""
 
 
-def with_lamps(functions: Sequence[str], lamps: LitDiscs, language: Language) -> list[str]:
+def with_lamps(
+    functions: Sequence[str], lamps: LitDiscs, language: Language, takes_tangent: bool
+) -> list[str]:
     """Write the functions of a map with those of the lamps beside it.
 
     Its ``shrm_radiance`` becomes ``shrm_map``, to which a new one adds the lamps. That of brushed
@@ -166,6 +168,8 @@ def with_lamps(functions: Sequence[str], lamps: LitDiscs, language: Language) ->
     ----------
     functions : sequence of str
         Those of the map.
+    takes_tangent : bool
+        Whether ``shrm_brushed_radiance`` is among them.
 
     Returns
     -------
@@ -180,7 +184,7 @@ def with_lamps(functions: Sequence[str], lamps: LitDiscs, language: Language) ->
     is_brushed = not lamps.brdf.isotropic
     own = "\n".join(functions).replace("vec3 shrm_radiance(", "vec3 shrm_map(")
     shown = "shrm_map(n, v)"
-    if is_brushed and "vec3 shrm_brushed_radiance(" in own:
+    if is_brushed and takes_tangent:
         own, shown = own.partition("\nvec3 shrm_map(")[0], "shrm_brushed_map(n, t, v)"
         own = own.replace("vec3 shrm_brushed_radiance(", "vec3 shrm_brushed_map(")
     both = language.add(shown, f"shrm_lamps({'n, t, v' if is_brushed else 'n, v'})")

@@ -31,7 +31,7 @@ def orders_in_plane(degree: int, centers: Array, across: Array) -> Array:
     """
     angles, inverse = plane_rule(degree)
     rows = [
-        real_harmonics(degree, np.cos(angle) * centers + np.sin(angle) * across)[..., degree**2 :]
+        real_harmonics(degree, np.cos(angle) * centers + np.sin(angle) * across, first=degree)
         for angle in angles
     ]
     return np.einsum("qj,...jk->...qk", inverse, np.stack(rows, axis=-2))
@@ -82,7 +82,8 @@ def orders_about(degree: int, centers: Array, across: Array) -> Array:
             degree,
             np.cos(angle) * centers
             + np.sin(angle) * (np.cos(azimuth) * across + np.sin(azimuth) * beside),
-        )[..., degree**2 :]
+            first=degree,
+        )
         for azimuth in azimuths
     ]
     return np.einsum("qj,...jk->...qk", inverse, np.stack(rows, axis=-2))

@@ -41,6 +41,7 @@ def source(made: PrincipalMap, textures: str) -> Source:
             "a function of the angle of the view in each row, then what it is for",
             in_code=layers == 1,
         ),
+        takes_tangent=made.is_brushed,
     )
 
 

@@ -119,6 +119,7 @@ def source(made: ProductMap | LitProduct, textures: str) -> Source:
             in_code=False,
         ),
         lighting=lit.lighting,
+        takes_tangent=True,
     )
 
 

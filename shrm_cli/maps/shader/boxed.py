@@ -35,7 +35,9 @@ vec3 shrm_box(vec3 p, vec3 d)
 }"""
 
 
-def boxed_functions(made: "Map", functions: Sequence[str], language: Language) -> list[str]:
+def boxed_functions(
+    made: "Map", functions: Sequence[str], language: Language, takes_tangent: bool
+) -> list[str]:
     """Write the function ``shrm_radiance_at``, which takes a point as well.
 
     Where the surface is brushed, it is ``shrm_brushed_radiance_at(n, t, v, p)``, and that with the
@@ -45,6 +47,8 @@ def boxed_functions(made: "Map", functions: Sequence[str], language: Language) -
     ----------
     functions : sequence of str
         Those of the map, with ``shrm_radiance``.
+    takes_tangent : bool
+        Whether ``shrm_brushed_radiance`` is among them.
 
     Returns
     -------
@@ -56,7 +60,6 @@ def boxed_functions(made: "Map", functions: Sequence[str], language: Language) -
     text = "\n".join(functions)
     if box is None or centers == {"tangent"}:
         return []
-    is_brushed = "vec3 shrm_brushed_radiance(" in text
     found = re.search(r"vec3 shrm_radiance\(vec3 n, vec3 v(.*?)\)", text)
     assert found is not None
     more = re.sub(r"(?:float|vec3) ", "", found[1])
@@ -75,7 +78,7 @@ def boxed_functions(made: "Map", functions: Sequence[str], language: Language) -
         "    return shrm_half_turn(shrm_half_turn(v, a), axis);",
         "}",
         "vec3 shrm_brushed_radiance_at(vec3 n, vec3 t, vec3 v, vec3 p)"
-        if is_brushed
+        if takes_tangent
         else f"vec3 shrm_radiance_at(vec3 n, vec3 v, vec3 p{found[1]})",
         "{",
         "    vec3 total = vec3(0.0, 0.0, 0.0), c, d;",
@@ -92,7 +95,7 @@ def boxed_functions(made: "Map", functions: Sequence[str], language: Language) -
             f"    {language.grow('total', turned)}",
         ]
     lines += ["    return total;", "}"]
-    if is_brushed:
+    if takes_tangent:
         lines += ["vec3 shrm_radiance_at(vec3 n, vec3 v, vec3 p)", "{"]
         lines += ["    return shrm_brushed_radiance_at(n, shrm_tangent(n), v, p);", "}"]
     return lines

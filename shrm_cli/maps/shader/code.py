@@ -10,6 +10,7 @@ from shrm_cli.maps.shader.boxed import box_function, boxed_functions
 from shrm_cli.maps.shader.language import Language, harmless
 from shrm_cli.maps.shader.pages import Pages, Run, arrange
 from shrm_cli.maps.shader.source import Source, Table, Words
+from shrm_cli.records import record
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -93,10 +94,39 @@ _VERSIONS = {
 }
 
 
+@record
+class Code:
+    """The code of a map, and which of its functions programs call.
+
+    Attributes
+    ----------
+    text : str
+        The code; its last line ends with a newline too.
+    is_irradiance : bool
+        Whether it has ``shrm_irradiance(n)``, and no ``shrm_radiance``.
+    takes_tangent : bool
+        Whether it has ``shrm_brushed_radiance(n, t, v)`` besides ``shrm_radiance(n, v)``.
+    is_boxed : bool
+        Whether there is one that takes a point, too, whose name ends in ``_at``.
+    """
+
+    text: str
+    is_irradiance: bool = False
+    takes_tangent: bool = False
+    is_boxed: bool = False
+
+
 def look_up_code(
     made: "Map", language: str, textures: str | None = None, taps: int | None = None
 ) -> str:
-    """Write the function of a map for a shader or a program.
+    """Write the function of a map for a shader or a program; see `written_code`."""
+    return written_code(made, language, textures, taps).text
+
+
+def written_code(
+    made: "Map", language: str, textures: str | None = None, taps: int | None = None
+) -> Code:
+    """Write the function of a map for a shader or a program, and say which it is.
 
     It is ``shrm_radiance(n, v)``, ``shrm_radiance(n, v, roughness, f0)`` for light of any GGX
     surface, ``shrm_radiance(n, v, roughness)`` for that of another BRDF, and
@@ -117,8 +147,7 @@ def look_up_code(
 
     Returns
     -------
-    str
-        The code; its last line ends with a newline too.
+    Code
 
     Raises
     ------
@@ -138,10 +167,11 @@ def look_up_code(
     functions = source.functions(words)
     if taps is not None:
         functions += _brushed(made, taps, speech)
+    takes_tangent = source.takes_tangent
     if made.stored is not made:
-        functions = _with_lamps(made, functions, speech)
+        functions, takes_tangent = _with_lamps(made, functions, speech, takes_tangent)
         comment = [*comment, "shrm_lamps: the lamps beside the map, integrated over their discs."]
-    boxed = boxed_functions(made, functions, speech)
+    boxed = boxed_functions(made, functions, speech, takes_tangent)
     if boxed:
         functions = [*functions, *boxed]
         comment = [*comment, "shrm_radiance_at: looked up where rays from p meet the probe's box."]
@@ -149,7 +179,8 @@ def look_up_code(
         *_comment(made, source, _VERSIONS[language, chosen], comment),
         *speech.translated([*head, *functions]),
     ]
-    return "\n".join(lines) + "\n"
+    text = "\n".join(lines) + "\n"
+    return Code(text, takes_tangent=takes_tangent, is_boxed=bool(boxed))
 
 
 def whole_code(made: "Map") -> Callable[["Map", str], str] | None:
@@ -158,26 +189,37 @@ def whole_code(made: "Map") -> Callable[["Map", str], str] | None:
     return getattr(shader, "irradiance_snippet", None)
 
 
-def _irradiance(made: "Map", snippet: Callable[["Map", str], str], language: Language) -> str:
+def _irradiance(made: "Map", snippet: Callable[["Map", str], str], language: Language) -> Code:
     """Write the function of irradiance; in C, which takes arrays, without parallax."""
     text = snippet(made, language.name)
     if made.info.proxy is None or language.is_c:
-        return text
+        return Code(text, is_irradiance=True)
     looked_up = "{ return shrm_irradiance(shrm_box(p, normal)); }"
     lines = [
         *box_function(made.info.proxy, language),
         f"vec3 shrm_irradiance_at(vec3 normal, vec3 p) {looked_up}",
     ]
-    return text + "\n".join(language.translated(lines)) + "\n"
+    text += "\n".join(language.translated(lines)) + "\n"
+    return Code(text, is_irradiance=True, is_boxed=True)
 
 
-def _with_lamps(made: "Map", functions: Sequence[str], language: Language) -> list[str]:
-    """Write the functions of a map, and those of the lamps beside it."""
+def _with_lamps(
+    made: "Map", functions: Sequence[str], language: Language, takes_tangent: bool
+) -> tuple[list[str], bool]:
+    """Write the functions of a map, and those of the lamps beside it.
+
+    Returns
+    -------
+    functions : list of str
+    takes_tangent : bool
+        As of `Code`: discs are brushed where the map itself is not.
+    """
     from shrm_cli.maps.lamps.map import LampMap
     from shrm_cli.maps.lamps.shader import with_lamps
 
     assert isinstance(made, LampMap)
-    return with_lamps(functions, made.lamps, language)
+    found = with_lamps(functions, made.lamps, language, takes_tangent)
+    return found, not made.lamps.brdf.isotropic
 
 
 def _brushed(made: "Map", taps: int, language: Language) -> list[str]:

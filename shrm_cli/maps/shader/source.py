@@ -60,6 +60,8 @@ class Source:
     """Further numbers, which half precision holds as well as the map's file does."""
     lighting: Array | None = None
     """The light's coefficients, where programs may change them, shape (n, 3)."""
+    takes_tangent: bool = False
+    """Whether ``shrm_brushed_radiance``, which takes the tangent, is among the functions."""
 
 
 def central_direction(center: str, language: Language) -> str:
