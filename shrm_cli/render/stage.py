@@ -42,7 +42,7 @@ class Look:
         What a white diffuse surface reflects: the light of the diffuse part, which is added to that
         of maps of light alone.
     variation : Variation, optional
-        What a parameter of the BRDF follows, where the map lets one vary.
+        What parameters of the BRDF follow, where the map lets them vary.
     anisotropy : float, optional
         That of glTF, of the GGX surface that split sums are shown as.
     taps : {3, 5, 8}, optional
@@ -122,7 +122,7 @@ class Reflector:
         ----------
         normals, views, tangents : ndarray, shape (n, 3)
             Unit vectors in world axes; tangents run around +Y by default.
-        shares : ndarray, shape (n,), optional
+        shares : ndarray, shape (n,) or (n, parameters), optional
             The values of the `variation`.
         painted : Painted, optional
             What the `paint` is there.
