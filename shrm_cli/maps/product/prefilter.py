@@ -161,13 +161,12 @@ def varying_texture(
 def _with_values(brdf: Brdf, parameters: Iterable[str], values: Sequence[float]) -> Brdf:
     """Return a model with some of its parameters changed."""
     known = {each.name: each for each in brdf.parameters}
-    for parameter, value in zip(parameters, values, strict=True):
+    for parameter in parameters:
         if parameter not in known or isinstance(known[parameter].default, str):
             numbers = [name for name, each in known.items() if not isinstance(each.default, str)]
             having = ", ".join(numbers) or "none"
             raise BrdfError(f"{brdf!r}: it has no parameter {parameter!r} to vary; it has {having}")
-        brdf = brdf.with_value(parameter, value)
-    return brdf
+    return brdf.with_values(**dict(zip(parameters, values, strict=True)))
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:

@@ -12,7 +12,7 @@ table over the values, and are what is interpolated.
 """
 
 import heapq
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise, product
@@ -95,13 +95,17 @@ class Steps:
         low, high = (np.array([own[end] for own in self._axes]) for end in (0, -1))
         return np.asarray(low + np.clip(np.asarray(shares, dtype=float), 0, 1) * (high - low))
 
-    def recorded(self, brdf: Mapping[str, Any], shares: ArrayLike) -> dict[str, Any]:
-        """Return the record of a BRDF with the parameters at shares as `wanted` takes them."""
-        held = brdf.get("parameters")
-        if not isinstance(held, dict):
-            return dict(brdf)
+    def recorded(self, brdfs: Sequence[Mapping[str, Any]], shares: ArrayLike) -> dict[str, Any]:
+        """Return the record of the BRDF whose parameters are at shares as `wanted` takes them.
+
+        Some of the records of textures may lack a parameter, as those of GGX do where it is even.
+        """
         values = dict(zip(self.values, self.wanted(shares).tolist(), strict=True))
-        return {**brdf, "parameters": {**held, **values}}
+        for brdf in brdfs:
+            held = brdf.get("parameters")
+            if isinstance(held, dict) and held.keys() >= values.keys():
+                return {**brdf, "parameters": {**held, **values}}
+        return dict(brdfs[0])
 
     def at(self, shares: ArrayLike) -> Array:
         """Return the weights of the textures at shares as `wanted` takes them, (..., textures)."""

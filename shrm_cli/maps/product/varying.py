@@ -59,7 +59,7 @@ class VaryingProduct(ProductMap):
         infos = [each.info for each in textures]
         info = replace(
             infos[0],
-            brdf=steps.recorded(infos[0].brdf, 0.5),
+            brdf=steps.recorded([each.brdf for each in infos], 0.5),
             captured=min(each.captured for each in infos),
             **{
                 name: max(getattr(each, name) for each in infos)
@@ -87,7 +87,7 @@ class VaryingProduct(ProductMap):
         weights = self.steps.at(shares).tolist()
         pairs = [(w, each) for w, each in zip(weights, self.textures, strict=True) if w]
         table = sum((w * each.table for w, each in pairs), np.zeros_like(self.textures[0].table))
-        brdf = self.steps.recorded(self.info.brdf, shares)
+        brdf = self.steps.recorded([self.info.brdf], shares)
         return ProductTexture(table, replace(self.info, brdf=brdf))
 
     def values(self, local_views: ArrayLike, shares: ArrayLike = 0.5) -> Array:

@@ -10,6 +10,7 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.file import open_map
+from shrm_cli.maps.info import common_brdf
 from shrm_cli.maps.product.make import product
 from shrm_cli.maps.product.prefilter import product_texture, varying_texture
 from shrm_cli.maps.product.steps import ENOUGH, Steps
@@ -179,6 +180,15 @@ def test_the_texture_of_two_values_is_that_of_the_whole(two, points):
     assert {name: two.info.brdf["parameters"][name] for name in BOTH} == pytest.approx(middle)
     middle = two.at(0.5).lit(light()).brushed_radiance(*points)
     np.testing.assert_allclose(lit.brushed_radiance(*points), middle, atol=1e-6)
+
+
+def test_the_middle_is_recorded_where_a_texture_does_not_have_the_parameters():
+    """GGX that is even has a roughness in the place of both alphas."""
+    vary = [("ax", 0.25, 0.5), ("ay", 0.25, 0.75)]
+    made = product("ggx:ax=0.3,ay=0.5", 1, 8, vary, steps=2)
+    assert any("ax" not in each.info.brdf["parameters"] for each in made.textures)
+    for found in (made, made.at(0.5)):
+        assert repr(common_brdf({"x": found.info})) == repr(parse_spec("ggx:ax=0.375,ay=0.5"))
 
 
 def test_two_parameters_are_written_and_come_back(tmp_path, two):
