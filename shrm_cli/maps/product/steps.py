@@ -26,7 +26,7 @@ from shrm_cli.records import record
 
 MOST_STEPS = 64
 """The most values of a parameter, with a texture for each."""
-_MOST_OF_TWO = 32
+_MOST_OF_TWO = 24
 """The most values of each of two parameters, and the most textures of them."""
 ENOUGH = 0.01
 """The relative RMS error between textures above which more of them are made."""
@@ -142,6 +142,8 @@ def chosen_steps(
     Returns
     -------
     steps : Steps
+        Its error is more than `ENOUGH` where no number of values that is allowed is enough; of two
+        parameters it may be that of one of them.
     points : list of tuple of float
         The values of the parameters that each texture is made for.
     """
@@ -158,7 +160,9 @@ def chosen_steps(
             def across(value: float, index: int = index) -> Array:
                 return _stacked(known, product(*lines[:index], (value,), *lines[index + 1 :]))
 
-            own, _ = chosen_values(across, *ends, steps, share * ENOUGH, _MOST_OF_TWO)
+            own, missed = chosen_values(across, *ends, steps, share * ENOUGH, _MOST_OF_TWO)
+            if steps is None and missed > ENOUGH:  # a grid of them would not miss less
+                return Steps.of_one(name, own, missed), [(value,) for value in own]
             axes[name] = tuple(own)
         found, points = _joined(known, axes)
         if steps is not None or found.error <= ENOUGH:
