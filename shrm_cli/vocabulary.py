@@ -143,6 +143,8 @@ MAX_PRODUCT_ORDER = 16
 """The largest order of a product texture, which then has 289 coefficients."""
 MAX_PRODUCT_SIZE = 1024
 """The most texels along the edge of a product texture."""
+MAX_PRODUCT_PARAMETERS = 2
+"""The most parameters that vary in product textures."""
 MAX_EXPONENTIAL_ORDER = 16
 """The largest order of the factors P and Q of a spherical harmonic exponential."""
 TAP_COUNTS = 3, 5, 8

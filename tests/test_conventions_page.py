@@ -261,6 +261,25 @@ def test_product(made, spec):
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
 
 
+def test_products_of_two_parameters_that_vary(made):
+    two = ("--vary", "ax=0.3..0.5", "--vary", "ay=0.2..0.5", "--steps", 3)
+    parts, map_ = made("product", "ward", *two, "--order", 2, "--size", 24)
+    told = json.loads(parts[0][0]["shrm:varying"])
+    assert told["parameters"] == ["ax", "ay"]
+    (first, second), shares = told["values"], []
+    for own, (a, b) in ((first, (0.3, 0.7)), (second, (0.6, 0.4))):
+        shares.append((a * own[0] + b * own[1] - own[0]) / (own[-1] - own[0]))
+    joined = 0
+    for header, channels in parts:
+        w = np.array(json.loads(header["shrm:weights"]))
+        weight = np.array([0.3, 0.7]) @ w[:2, :2] @ np.array([0.6, 0.4])
+        joined = joined + weight * np.stack([channels[f"sh{i:03d}"] for i in range(9)])
+    joined = {f"sh{i:03d}": plane for i, plane in enumerate(joined)}
+    lit = map_.at(shares).lit(np.random.default_rng(2).normal(size=(9, 3)))
+    found, expected = product_light(joined, lit.lighting, lit.brushed_radiance)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
+
+
 def test_products_of_a_parameter_that_varies(made):
     parts, map_ = made(
         "product", "ward:ax=0.5", "--vary", "ay=0.2..0.5", "--order", 2, "--size", 24

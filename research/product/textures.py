@@ -15,6 +15,7 @@ from shrm_cli.files.picture import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import make_window
 from shrm_cli.maps.product.product import ProductTexture
+from shrm_cli.maps.product.steps import Steps
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.probe.lighting import project
@@ -135,7 +136,7 @@ def figure_4(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Vari
     rows, found = [], []
     for what, spec in cases.items():
         varying = VaryingProduct.of(
-            [texture(spec.format(each), texels) for each in values], what, values
+            [texture(spec.format(each), texels) for each in values], Steps.of_one(what, values)
         )
         lit = varying.lit(light)
         shown = {
@@ -154,7 +155,7 @@ def _between(varying: VaryingProduct, spec: str, texels: int) -> float:
     """Return the relative RMS error of interpolated textures midway between two of them."""
     weights = solid_angles(texels)[..., None, None]
     wrong = whole = 0.0
-    values = varying.values
+    (values,) = varying.steps.values.values()
     pairs = zip(varying.textures, varying.textures[1:], values, values[1:], strict=False)
     for lower, upper, low, high in pairs:
         exact = texture(spec.format((low + high) / 2), texels).table

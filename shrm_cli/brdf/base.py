@@ -262,9 +262,9 @@ class Brdf(ABC):
         other.center, other.zonal = center, False
         return other
 
-    def with_value(self, key: str, value: Value) -> Self:
-        """The same model with one of its parameters changed."""
-        return type(self)(**{**self.values, key: value})
+    def with_values(self, **values: Value) -> Self:
+        """The same model with some of its parameters changed."""
+        return type(self)(**{**self.values, **values})
 
     def at_roughness(self, perceptual: float) -> Self:
         """The same material of another roughness.

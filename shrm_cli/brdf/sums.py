@@ -71,10 +71,12 @@ class Sum(Brdf):
     def is_measured(self) -> bool:
         return any(term.is_measured for _, term in self.terms)
 
-    def with_value(self, key: str, value: Value) -> Self:
+    def with_values(self, **values: Value) -> Self:
         if not self.parameters:
-            raise BrdfError(f"{self!r}: a sum has no parameter {key!r}; change it of a term")
-        return super().with_value(key, value)
+            raise BrdfError(
+                f"{self!r}: a sum has no parameter {next(iter(values))!r}; change it of a term"
+            )
+        return super().with_values(**values)
 
     def evaluate(self, light: Array, view: Array) -> Array:
         # Most runs evaluate no sum, and are spared the loading of the module.

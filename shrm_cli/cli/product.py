@@ -26,12 +26,14 @@ from shrm_cli.vocabulary import (
     DEFAULT_PRODUCT_ORDER,
     DEFAULT_PRODUCT_SIZE,
     MAX_PRODUCT_ORDER,
+    MAX_PRODUCT_PARAMETERS,
     MAX_PRODUCT_SIZE,
     Precision,
 )
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
+    from shrm_cli.maps.product.steps import Steps
 
 
 @click.command()
@@ -47,12 +49,12 @@ if TYPE_CHECKING:
 @click.option(
     "--vary", metavar="NAME=LOW..HIGH", multiple=True,
     help="A parameter of the BRDF that varies over the surface: a texture for each of --steps "
-    "values. One parameter may vary.",
+    "values. Two may vary, by few textures of which all others are sums.",
 )  # fmt: skip
 @click.option(
     "--steps", type=click.IntRange(2, 64), metavar="N",
-    help="Values of --vary, closest where the BRDF changes most.  [default: as many as miss 1% "
-    "between them]",
+    help="Values of each --vary, closest where the BRDF changes most.  [default: as many as miss "
+    "1% between them]",
 )  # fmt: skip
 @click.option(
     "-o", "--output", type=click.Path(),
@@ -82,6 +84,7 @@ def product(
       shrm product ward:ax=0.5,ay=0.15 -o brushed.exr
       shrm render brushed.exr --probe probe.exr --view 30,20
       shrm product ward:ax=0.5 --vary ay=0.1..0.5 -o worn.exr
+      shrm product ward --vary ax=0.1..0.5 --vary ay=0.1..0.5 -o worn.exr
     """
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.maps.product.make import product_with_facts
@@ -91,19 +94,17 @@ def product(
 
     brdf = parse_spec(spec)
     refuse_inapplicable({"steps": Applies(bool(vary), "with --vary")})
-    interval = _range(vary) if vary else None
+    ranges = _ranges(vary) or None
     label = brdf_label(",".join([spec, *vary]))
     target = output or f"{label}.product.exr"
     check_outputs([target], specs=[spec], suffixes=CONTAINERS)
 
-    def begin(varying: tuple[str, list[float]] | None) -> None:
+    def begin(chosen: Steps | None) -> None:
         if not (output or force):
-            _keep_other_texture(target, brdf, order, size, varying)
+            _keep_other_texture(target, brdf, order, size, chosen)
 
     with progress_bar("integrating") as progress:
-        made, step_error = product_with_facts(
-            brdf, order, size, interval, steps, begin=begin, progress=progress
-        )
+        made = product_with_facts(brdf, order, size, ranges, steps, begin=begin, progress=progress)
     stored = store(target, made.map, precision)
     result: dict[str, Any] = {
         "file": os.fspath(target),
@@ -115,36 +116,42 @@ def product(
     what, *lines = report(result)
     title = f"{target}: {what}, {stored.pixel_type}, {result['bytes']:,} bytes"
     warnings = []
-    if step_error > ENOUGH:
+    missed = result.get("step_error", 0.0)
+    if missed > ENOUGH:
         warnings.append(
-            f"{target}: between two of {steps} values {step_error:.1%} is missed; leave `steps` "
-            "out, or give more"
+            f"{target}: between two of {steps} values {missed:.1%} is missed; leave `steps` out, "
+            "or give more"
         )
     conclude(result, [title, *(f"  {line}" for line in lines)], warnings)
 
 
-def _range(texts: tuple[str, ...]) -> tuple[str, float, float]:
-    """Return the name and the ends of the range that --vary means.
+def _ranges(texts: tuple[str, ...]) -> list[tuple[str, float, float]]:
+    """Return the names and the ends of the ranges that --vary means.
 
     Raises
     ------
     click.UsageError
-        If it is not NAME=LOW..HIGH with LOW below HIGH, or given for several parameters.
+        If one is not NAME=LOW..HIGH with LOW below HIGH, or if they are too many.
     """
-    text, *others = texts
-    if others:
+    found: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        name, equals, interval = text.partition("=")
+        low, dots, high = interval.partition("..")
+        try:
+            ends = float(low), float(high)
+        except ValueError:
+            ends = math.nan, math.nan
+        if not (name and equals and dots and -math.inf < ends[0] < ends[1] < math.inf):
+            raise wrong_usage(f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5")
+        if name.strip() in found:
+            raise wrong_usage(f"--vary is given twice for {name.strip()}; give one of them")
+        found[name.strip()] = ends
+    if len(found) > MAX_PRODUCT_PARAMETERS:
         raise wrong_usage(
-            "--vary is given more than once, and one parameter can vary; give one of them"
+            f"--vary is given for {len(found)} parameters, and {MAX_PRODUCT_PARAMETERS} can vary; "
+            "leave some out"
         )
-    name, equals, interval = text.partition("=")
-    low, dots, high = interval.partition("..")
-    try:
-        ends = float(low), float(high)
-    except ValueError:
-        ends = math.nan, math.nan
-    if not (name and equals and dots and -math.inf < ends[0] < ends[1] < math.inf):
-        raise wrong_usage(f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5")
-    return name.strip(), *ends
+    return [(name, *ends) for name, ends in found.items()]
 
 
 def _keep_other_texture(
@@ -152,7 +159,7 @@ def _keep_other_texture(
     brdf: Brdf,
     order: int,
     size: int,
-    varying: tuple[str, list[float]] | None,
+    chosen: Steps | None,
 ) -> None:
     """Refuse to replace a file that is not the texture of this BRDF, order, size and variation."""
     from shrm_cli.files.whole import kept
@@ -168,8 +175,8 @@ def _keep_other_texture(
         raise kept(target, "it is no product texture without light that can be read")
     if (found.order, found.size) != (order, size):
         raise kept(target, f"it has order {found.order} and {found.size} texels")
-    there = (found.parameter, list(found.values)) if isinstance(found, VaryingProduct) else None
-    if there != varying:
+    there = found.steps.values if isinstance(found, VaryingProduct) else None
+    if there != (chosen and chosen.values):
         raise kept(target, "another parameter varies in it, or over another range")
-    if varying is None and not same_brdf(found.info.brdf, record_of(brdf)):
+    if chosen is None and not same_brdf(found.info.brdf, record_of(brdf)):
         raise kept(target, "it is for another BRDF")

@@ -62,7 +62,8 @@ mesh_options = several(
     click.option(
         "--vary", metavar="vertex|IMAGE",
         help="What the parameter of a product texture follows that varies: the brightness of "
-        "the mesh's vertex colours, or of an image over its texture coordinates.",
+        "the mesh's vertex colours, or of an image over its texture coordinates. Of two "
+        "parameters the first follows their red, the second their green.",
     ),
     click.option(
         "--irradiance", type=click.Path(), metavar="MAP",

@@ -84,7 +84,7 @@ class ReflectedLight(ABC):
     def varied_radiance(
         self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
     ) -> Array:
-        """Evaluate the radiance where a parameter of the BRDF varies, shape (..., 3).
+        """Evaluate the radiance where parameters of the BRDF vary, shape (..., 3).
 
         Where nothing varies, this is `brushed_radiance`.
 
@@ -93,7 +93,8 @@ class ReflectedLight(ABC):
         normals, tangents, views : array_like, shape (..., 3), broadcastable
             As `brushed_radiance` takes them.
         shares : array_like, shape (...), broadcastable with them
-            The parameter as a share of the way from its least to its largest value, 0 .. 1.
+            The parameter as a share of the way from its least to its largest value, 0 .. 1. Those
+            of several parameters have the shape (..., parameters).
         """
         return self.brushed_radiance(normals, tangents, views)
 
@@ -146,8 +147,8 @@ class Map(Displayed, ABC):
         Whether files can hold its cubes in other layouts than OpenEXR's stacked cube.
     surface_arguments : tuple of str
         The arguments of `shaded` that change what it returns, in their order.
-    varies : bool
-        Whether a parameter of the BRDF may vary over the surface, as `varied_radiance` shows it.
+    varies : int
+        How many parameters of the BRDF may vary over the surface, as `varied_radiance` shows it.
     texels_are_series : bool
         Whether texels hold coefficients that are summed up, so that errors of theirs add up, too.
     is_white : bool
@@ -161,7 +162,7 @@ class Map(Displayed, ABC):
     natural_precision: ClassVar[Precision] = "auto"
     is_rearrangeable: ClassVar[bool] = True
     surface_arguments: tuple[str, ...] = ()
-    varies: bool = False
+    varies: int = 0
     texels_are_series: ClassVar[bool] = False
     is_white: ClassVar[bool] = False
     against_negatives: ClassVar[str] = "take `to` auto without `eps` or orders"

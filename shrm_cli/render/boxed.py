@@ -58,7 +58,7 @@ def reflected(
 ) -> Array:
     """Return the radiance of a map, each part of which is looked up as `seen_from` some points.
 
-    The shares, where a parameter of the BRDF varies, are those of `ReflectedLight.varied_radiance`.
+    The shares, where parameters of the BRDF vary, are those of `ReflectedLight.varied_radiance`.
     """
     if points is None or made.info.proxy is None:
         return looked_up(shown, vectors, shares)

@@ -270,8 +270,9 @@ class MeshSubject:
                     brushed = None if tangents is None else tangents[part]
                     shares = painted = None
                     if reflector.variation is not None:
+                        varies = reflector.map.varies
                         picked = hits.faces[part], hits.weights[part]
-                        shares = reflector.variation.shares(self.stage.mesh, *picked)
+                        shares = reflector.variation.shares(self.stage.mesh, *picked, varies)
                     if reflector.paint is not None:
                         seen = self._points_at(viewer, _picked(hits, part))
                         painted = reflector.paint.at(seen)

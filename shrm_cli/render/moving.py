@@ -108,6 +108,12 @@ class MovedMap(ReflectedLight):
         return found
 
     @property
+    def varies(self) -> int:
+        """How many parameters of the BRDF vary in the first map."""
+        found: int = self.first.varies
+        return found
+
+    @property
     def center(self) -> str:
         """The central direction of the first map."""
         found: str = self.first.center

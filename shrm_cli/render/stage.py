@@ -40,7 +40,7 @@ class Look:
     """What a white diffuse surface reflects: the light of the diffuse part, which is added to that
     of maps of light alone."""
     variation: Variation | None = None
-    """What a parameter of the BRDF follows, where the map lets one vary."""
+    """What parameters of the BRDF follow, where the map lets them vary."""
     anisotropy: float | None = None
     """That of glTF, of the GGX surface that split sums are shown as."""
     taps: int | None = None
@@ -110,7 +110,7 @@ class Reflector:
         ----------
         normals, views, tangents : ndarray, shape (n, 3)
             Unit vectors in world axes; tangents run around +Y by default.
-        shares : ndarray, shape (n,), optional
+        shares : ndarray, shape (n,) or (n, parameters), optional
             The values of the `variation`.
         painted : Painted, optional
             What the `paint` is there.

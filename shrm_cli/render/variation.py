@@ -1,6 +1,7 @@
 """BRDFs whose parameters differ from point to point: what these follow, and GGX under maps.
 
 Kautz, Sloan and Snyder 2002, section 4 and figure 4, vary one parameter of their model so.
+Brightness tells one parameter, and the red and the green of colours two.
 
 GGX surfaces whose roughness and reflectance differ from point to point, under maps of light.
 
@@ -30,20 +31,20 @@ _MOST_PIXELS = 2**26
 
 
 class Variation:
-    """Where a parameter lies in its range, at points of a mesh: a brightness from 0 to 1.
+    """Where parameters lie in their ranges, at points of a mesh: numbers from 0 to 1.
 
     Parameters
     ----------
-    image : array_like, shape (H, W), optional
-        Its brightness counts over the texture coordinates, which it is repeated over; its first row
-        is at the top, where v is 1. By default that of the vertices' colours counts.
+    image : array_like, shape (H, W, 3), optional
+        Its colours count over the texture coordinates, which it is repeated over; its first row is
+        at the top, where v is 1. By default the vertices' colours count.
     """
 
     def __init__(self, image: ArrayLike | None = None) -> None:
         self._image = None if image is None else np.asarray(image, dtype=np.float32)
 
-    def shares(self, mesh: Mesh, faces: NDArray[np.int64], weights: Array) -> Array:
-        """Return the shares of the way from the least value to the largest, shape (n,).
+    def shares(self, mesh: Mesh, faces: NDArray[np.int64], weights: Array, count: int = 1) -> Array:
+        """Return the shares of the way from the least value to the largest.
 
         They are interpolated between vertices, or bilinearly between pixels.
 
@@ -53,25 +54,37 @@ class Variation:
             The triangles of the points.
         weights : ndarray, shape (n, 3)
             Their barycentric coordinates.
+        count : int
+            The number of parameters.
+
+        Returns
+        -------
+        ndarray, shape (n,) or (n, count)
+            The brightness for one parameter; red and green for two.
         """
+        colors = self._colors(mesh, faces, weights)
+        return colors @ LUMINANCE if count < 2 else colors[:, :count]
+
+    def _colors(self, mesh: Mesh, faces: NDArray[np.int64], weights: Array) -> Array:
         if self._image is None:
-            brightness = (_known(mesh, mesh.colors, "vertex colours") @ LUMINANCE)[:, None]
-            return mesh.interpolated(brightness, faces, weights)[:, 0]
+            colors = _known(mesh, mesh.colors, "vertex colours")
+            return mesh.interpolated(colors, faces, weights)
         uvs = _known(mesh, mesh.uvs, "texture coordinates")
         u, v = mesh.interpolated(uvs, faces, weights).T
-        height, width = self._image.shape
+        height, width = self._image.shape[:2]
         x, y = (u % 1) * width - 0.5, ((1 - v) % 1) * height - 0.5
         left, top = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
         across, down = x - left, y - top
-        result = np.zeros(len(x))
+        result = np.zeros((len(x), 3))
         for row, row_weight in ((top, 1 - down), (top + 1, down)):
             for column, weight in ((left, 1 - across), (left + 1, across)):
-                result += row_weight * weight * self._image[row % height, column % width]
+                share = (row_weight * weight)[:, None]
+                result += share * self._image[row % height, column % width]
         return result
 
 
 def open_variation(follows: str, mesh: Mesh) -> Variation:
-    """Return what a parameter follows over a mesh.
+    """Return what parameters follow over a mesh.
 
     Parameters
     ----------
@@ -90,8 +103,7 @@ def open_variation(follows: str, mesh: Mesh) -> Variation:
         _known(mesh, mesh.colors, "vertex colours")
         return Variation()
     _known(mesh, mesh.uvs, "texture coordinates")
-    image = stored_image(follows, _MOST_PIXELS)
-    return Variation(image @ np.array(LUMINANCE, dtype=np.float32))
+    return Variation(stored_image(follows, _MOST_PIXELS))
 
 
 def _known(mesh: Mesh, values: Array | None, what: str) -> Array:

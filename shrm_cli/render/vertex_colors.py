@@ -24,7 +24,7 @@ from shrm_cli.transfer.shading import diffuse_colors, fitted, glossy_colors
 from shrm_cli.transfer.transfer import Transfer
 
 _MIDDLE = 0.5
-"""Where in its range a parameter is that nothing tells."""
+"""Where in their ranges parameters are that nothing tells."""
 
 
 class VertexColors:
@@ -158,8 +158,8 @@ def vertex_colors(
     Parameters
     ----------
     light : Map
-        An irradiance map, or a product texture with light. Of one whose parameter varies the
-        middle of the range is shown, as without a transfer.
+        An irradiance map, or a product texture with light. Where parameters vary, the middle of
+        their ranges is shown, as without a transfer.
     discs : sequence of Disc
         Lamps that the map's light lacks. They cast shadows of their own.
     path : str

@@ -88,7 +88,7 @@ class ParabolicSampler:
         for start in range(0, len(flat), _POINTS_AT_ONCE):
             part = slice(start, start + _POINTS_AT_ONCE)
             result[part] = self._looked_up(flat[part], weigh)
-        return result.reshape(*directions.shape[:-1], -1)
+        return result.reshape(*directions.shape[:-1], result.shape[1])
 
     def _looked_up(self, directions: Array, weigh: Weigh) -> Array:
         size = self._size

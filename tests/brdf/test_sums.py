@@ -210,8 +210,8 @@ def test_terms_and_factors_are_bounded():
 def test_a_sum_has_no_parameters_to_change():
     """OpenPBR's surface, which is a sum, too, has."""
     with pytest.raises(BrdfError, match="has no parameter 'exponent'"):
-        parse_spec("lambertian+phong").with_value("exponent", 3)
-    found = parse_spec("openpbr").with_value("coat_weight", 1.0)
+        parse_spec("lambertian+phong").with_values(exponent=3)
+    found = parse_spec("openpbr").with_values(coat_weight=1.0)
     assert repr(found) == "openpbr:coat_weight=1"
 
 

@@ -126,7 +126,7 @@ def test_a_parameter_that_varies(tmp_path, probe, monkeypatch):
     assert result["values"] == pytest.approx([0.2, 0.35, 0.5])
     assert "3 values of ay from 0.2 to 0.5" in done(*varied)
     found = open_map(result["file"])
-    assert (found.parameter, len(found.textures)) == ("ay", 3)
+    assert (list(found.steps.values), len(found.textures)) == (["ay"], 3)
     assert found.textures[1].info.brdf["parameters"]["ay"] == pytest.approx(0.35)
     done("render", result["file"], "--probe", probe, "--size", "16", "-o", "x.exr")
     done("product", "ward:ax=0.5,ay=0.35", *SMALL, "-o", "middle.exr")
@@ -142,3 +142,27 @@ def test_a_parameter_that_varies(tmp_path, probe, monkeypatch):
     ):
         assert_refused(run("product", "ward:ax=0.5", *SMALL, *given, "-o", "z.exr"), code, *words)
     assert_refused(run(*varied[:4], *SMALL), 1, "another range")
+
+
+@pytest.mark.slow
+def test_two_parameters_that_vary(tmp_path, probe, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    varied = ("product", "ward", "--vary", "ax=0.3..0.4", "--vary", "ay=0.2..0.5", *SMALL)
+    result = json.loads(done(*varied, "--json"))
+    assert (result["parameters"], len(result["values"])) == (["ax", "ay"], 2)
+    assert result["step_error"] <= 0.01
+    text = done(*varied)
+    counts = [len(own) for own in result["values"]]
+    assert f"{counts[0]} values of ax from 0.3 to 0.4 x {counts[1]} values of ay" in text
+    assert f"by sums of {result['textures']} textures" in text
+    told = json.loads(done("info", result["file"], "--json"))
+    assert {name: told[name] for name in ("parameters", "values", "textures")} == {
+        name: result[name] for name in ("parameters", "values", "textures")
+    }
+    assert told["brdf"]["parameters"]["ax"] == pytest.approx(0.35)
+    done("render", result["file"], "--probe", probe, "--size", "16", "-o", "x.exr")
+    done("product", "ward:ax=0.35,ay=0.35", *SMALL, "-o", "middle.exr")
+    done("render", "middle.exr", "--probe", probe, "--size", "16", "-o", "y.exr")
+    middle, alone = (read_exr(name)[1]["G"] for name in ("x.exr", "y.exr"))
+    assert np.linalg.norm(middle - alone) < 0.01 * np.linalg.norm(alone)
+    assert_refused(run(*varied, "--steps", "3"), 1, "another range")

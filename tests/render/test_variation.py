@@ -38,7 +38,7 @@ def test_vertices_are_interpolated():
 
 
 def test_an_image_is_read_bilinearly_and_its_top_is_at_v_1():
-    image = np.array([[0.0, 1.0], [0.5, 0.25]])
+    image = np.repeat([[[0.0], [1.0]], [[0.5], [0.25]]], 3, axis=2)
     mesh = quad(uvs=UVS)
     # The middles of the texels, as barycentric coordinates of the triangles 0 and 1.
     places = {(0.25, 0.75): 0.0, (0.75, 0.75): 1.0, (0.25, 0.25): 0.5, (0.75, 0.25): 0.25,
@@ -47,6 +47,17 @@ def test_an_image_is_read_bilinearly_and_its_top_is_at_v_1():
         face, weights = (0, [1 - u, u - v, v]) if u >= v else (1, [1 - v, u, v - u])
         found = Variation(image).shares(mesh, np.array([face]), np.array([weights]))
         assert found[0] == pytest.approx(expected), (u, v)
+
+
+def test_red_and_green_tell_two_parameters():
+    red, green, blue = (np.eye(3)[k] for k in range(3))
+    colors = np.array([red, green, red + green, blue])
+    weights = np.array([[0.2, 0.5, 0.3], [0.0, 0.0, 1.0]])
+    found = Variation().shares(quad(colors=colors), np.array([0, 1]), weights, 2)
+    np.testing.assert_allclose(found, [[0.5, 0.8], [0.0, 0.0]], atol=1e-6)
+    image = np.array([[red, green], [0.5 * red + 0.25 * green, blue]])
+    found = Variation(image).shares(quad(uvs=UVS), np.array([0]), np.array([[0.5, 0.0, 0.5]]), 2)
+    np.testing.assert_allclose(found, [[1.5 / 4, 1.25 / 4]], atol=1e-6)
 
 
 def test_what_a_mesh_lacks_is_named(tmp_path):

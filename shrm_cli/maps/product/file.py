@@ -2,12 +2,13 @@
 
 A part is a parabolic map. Its channels are ``sh000``, ``sh001`` ... for a grey BRDF, and
 ``sh000.R``, ``sh000.G``, ``sh000.B``, ``sh001.R`` ... for a coloured one, by index l(l+1)+m.
-Where a parameter varies there is a part for each of its values, ``value00``, ``value01`` ...
+Where parameters vary there are several parts, ``value00``, ``value01`` ... Of one parameter there
+is one for each of its values; of two, each part says its weight for each of their combinations.
 """
 
 import json
 import math
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +18,13 @@ from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes, read_numbers
 from shrm_cli.maps.product.product import LitProduct, ProductMap, ProductTexture
+from shrm_cli.maps.product.steps import Steps
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.stored import image_channels
-from shrm_cli.vocabulary import MAX_PRODUCT_ORDER, MAX_PRODUCT_SIZE
+from shrm_cli.vocabulary import MAX_PRODUCT_ORDER, MAX_PRODUCT_PARAMETERS, MAX_PRODUCT_SIZE
 
 _LIGHTING = "lighting_coefficients"
-_VARYING = "varying"
+_VARYING, _WEIGHTS = "varying", "weights"
 _MOST_NAME = 64
 """The most characters of a parameter's name."""
 
@@ -34,10 +36,10 @@ def channel_names(order: int, channels: int) -> list[str]:
 
 
 def encode(made: ProductMap | LitProduct) -> list[Part]:
-    """Return the parts of a file: one, or one for each value of a parameter that varies.
+    """Return the parts of a file: one, or one for each texture where parameters vary.
 
-    The light, where there is any, is the JSON of an attribute, and so are the parameter and its
-    values.
+    The light, where there is any, is the JSON of an attribute, and so are the parameters, their
+    values, and the weights of each texture.
     """
     product = made.product if isinstance(made, LitProduct) else made
     parts = [_part(each) for each in product.textures]
@@ -46,9 +48,11 @@ def encode(made: ProductMap | LitProduct) -> list[Part]:
         for part in parts:
             part.header[f"shrm:{_LIGHTING}"] = lighting
     if isinstance(product, VaryingProduct):
-        varying = json.dumps(product.variation())
-        for name, part in zip(_names(len(parts)), parts, strict=True):
+        steps, varying = product.steps, json.dumps(product.steps.summary())
+        for index, (name, part) in enumerate(zip(_names(len(parts)), parts, strict=True)):
             part.header.update({"name": name, f"shrm:{_VARYING}": varying})
+            if product.varies > 1:
+                part.header[f"shrm:{_WEIGHTS}"] = json.dumps(steps.weights[..., index].tolist())
     return parts
 
 
@@ -64,7 +68,8 @@ def _names(count: int) -> list[str]:
 
 def decode(file: StoredFile) -> ProductMap | LitProduct:
     """Return the texture, or the textures, that a file holds."""
-    product = _texture(file.first) if len(file.parts) == 1 else _several(file)
+    varies = len(file.parts) > 1 or file.first.attribute(f"shrm:{_VARYING}") is not None
+    product = _several(file) if varies else _texture(file.first)
     lights = [_lighting(part, product.order) for part in file.parts]
     if not all(np.array_equal(each, lights[0]) for each in lights):  # type: ignore[arg-type]
         raise MapError(f"{file.path}: its parts are under several lights; make it again")
@@ -72,40 +77,50 @@ def decode(file: StoredFile) -> ProductMap | LitProduct:
 
 
 def _several(file: StoredFile) -> VaryingProduct:
-    """Return the textures of a file, one for each value of a parameter."""
+    """Return the textures of a file whose parameters vary."""
     parts = {part.name: part for part in file.parts}
     names = _names(len(file.parts))
     if sorted(parts) != names:
         raise MapError(f"{file.path}: its parts are not the values of a parameter; make it again")
-    variation = _varying(parts[names[0]], len(names))
+    steps = _steps([parts[name] for name in names])
     textures = [_texture(parts[name]) for name in names]
     if len({each.table.shape for each in textures}) > 1:
         raise MapError(f"{file.path}: its parts are of several shapes; make it again")
-    return VaryingProduct.of(textures, *variation)
+    return VaryingProduct.of(textures, steps)
 
 
-def _varying(part: StoredPart, count: int) -> tuple[str, list[float], float]:
-    """Read which parameter varies, its value in each part, and the error between them.
+def _steps(parts: list[StoredPart]) -> Steps:
+    """Read which parameters vary, their values, the weights of each part, and the error between.
 
     Files from before that error was measured do not tell it.
     """
-    wrong = MapError(f"{part.path}: its attribute shrm:{_VARYING} is missing or wrong")
     try:
-        found = parse_json(part.text(f"shrm:{_VARYING}"))
-        parameter, values = found["parameter"], found["values"]
-        error = found.get("step_error", 0.0)
-    except (ValueError, TypeError, KeyError, AttributeError):
-        raise wrong from None
-    if not (isinstance(parameter, str) and 0 < len(parameter) <= _MOST_NAME):
-        raise wrong
-    is_list = isinstance(values, list) and len(values) == count
-    if not is_list or not all(type(v) in (int, float) and math.isfinite(v) for v in values):
-        raise wrong
-    if any(b <= a for a, b in pairwise(values)):
-        raise wrong
-    if type(error) not in (int, float) or not 0 <= error < math.inf:
-        raise wrong
-    return parameter, [float(value) for value in values], float(error)
+        found = parse_json(parts[0].text(f"shrm:{_VARYING}"))
+        is_one = "parameter" in found
+        names = [found["parameter"]] if is_one else found["parameters"]
+        axes = [found["values"]] if is_one else found["values"]
+        values = dict(zip(names, (tuple(map(_number, own)) for own in axes), strict=True))
+        error = _number(found.get("step_error", 0.0))
+        is_known = all(isinstance(name, str) and 0 < len(name) <= _MOST_NAME for name in values)
+        if not is_known or list(values) != names or error < 0:
+            raise ValueError
+        if is_one:
+            return Steps(values, np.eye(len(parts)), error)
+        shape = tuple(map(len, axes))
+        weights = [w for part in parts if (w := read_numbers(part, _WEIGHTS, shape)) is not None]
+        if len(weights) < len(parts) or not 1 < len(shape) <= MAX_PRODUCT_PARAMETERS:
+            raise ValueError
+        return Steps(values, np.stack(weights, axis=-1), error)
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
+        raise MapError(
+            f"{parts[0].path}: its attribute shrm:{_VARYING} is missing or wrong"
+        ) from None
+
+
+def _number(value: Any) -> float:
+    if type(value) not in (int, float) or not math.isfinite(value):
+        raise ValueError
+    return float(value)
 
 
 def _texture(part: StoredPart) -> ProductTexture:

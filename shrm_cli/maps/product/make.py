@@ -1,21 +1,26 @@
 """`product`: the product texture of a BRDF without light, which may vary over the surface."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import cast
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.product.prefilter import product_texture, varying_texture, varying_values
+from shrm_cli.maps.product.prefilter import product_texture, varying_steps, varying_texture
+from shrm_cli.maps.product.steps import Steps
 from shrm_cli.progress import Progress, using
 from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, DEFAULT_PRODUCT_SIZE
+
+Varied = tuple[str, float, float]
+"""A parameter and its range."""
 
 
 def product(
     brdf: Brdf | str,
     order: int = DEFAULT_PRODUCT_ORDER,
     size: int = DEFAULT_PRODUCT_SIZE,
-    vary: tuple[str, float, float] | None = None,
+    vary: Varied | Sequence[Varied] | None = None,
     steps: int | None = None,
     *,
     progress: Progress | None = None,
@@ -29,10 +34,11 @@ def product(
         The largest degree of the light's harmonics.
     size : int
         Texels along the edge of the parabolic map of views.
-    vary : tuple of str and 2 float, optional
+    vary : tuple of str and 2 float, or two of them, optional
         A parameter that varies over the surface, with its range: a texture for each of its values.
+        Of two parameters there are fewer textures, of which all others are sums.
     steps : int, optional
-        How many values; by default as many as miss 1 % between them.
+        How many values of each; by default as many as miss 1 % between them.
     progress : callable, optional
         Called with the amount of work done and the amount in all.
 
@@ -53,31 +59,32 @@ def product(
     >>> texture.lit(shrm.project(light, 2).coefficients).radiance([0, 1, 0], [0, 1, 0]).shape
     (3,)
     """
-    return product_with_facts(brdf, order, size, vary, steps, progress=progress)[0].map
+    return product_with_facts(brdf, order, size, vary, steps, progress=progress).map
 
 
 def product_with_facts(
     brdf: Brdf | str,
     order: int,
     size: int,
-    vary: tuple[str, float, float] | None,
+    vary: Varied | Sequence[Varied] | None,
     steps: int | None,
     *,
-    begin: Callable[[tuple[str, list[float]] | None], object] = lambda varying: None,
+    begin: Callable[[Steps | None], object] = lambda steps: None,
     progress: Progress | None = None,
-) -> tuple[Prefiltered, float]:
+) -> Prefiltered:
     """Make a product texture, and keep what is known of how it was made, for reports.
 
-    Parameters are those of `product`; `begin` is called with the values of the parameter that
-    varies, before the work begins. The second result is what is missed between two values.
+    Parameters are those of `product`; `begin` is called with the values of parameters that vary,
+    before the work begins.
     """
     material = parse_spec(brdf) if isinstance(brdf, str) else brdf
-    varying, step_error = None, 0.0
-    if vary is not None:
-        values, step_error = varying_values(material, *vary, order, steps)
-        varying = vary[0], values
-    begin(varying)
+    if vary is None:
+        begin(None)
+        with using(progress):
+            return product_texture(material, order, size)
+    several = cast(Sequence[Varied], [vary] if isinstance(vary[0], str) else vary)
+    ranges = {name: (low, high) for name, low, high in several}
+    found, points = varying_steps(material, ranges, order, steps)
+    begin(found)
     with using(progress):
-        if varying is None:
-            return product_texture(material, order, size), 0.0
-        return varying_texture(material, *varying, order, size, step_error), step_error
+        return varying_texture(material, found, points, order, size)

@@ -1,6 +1,6 @@
 """Making product textures: of a BRDF alone, or with the light of a probe."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -8,13 +8,13 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.product import ProductFunctions
+from shrm_cli.brdf.product import ACCURACY, ProductFunctions
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo, provenance, record_of
 from shrm_cli.maps.irradiance.window import parse_window
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.product.product import ProductTexture
-from shrm_cli.maps.product.steps import ENOUGH, MOST_STEPS, chosen_values
+from shrm_cli.maps.product.steps import ENOUGH, Steps, chosen_steps
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.request import Request
@@ -33,7 +33,9 @@ _LAST = 8
 _VIEWS = 128
 """Views that errors are estimated from, spread evenly over the hemisphere."""
 _VIEWS_OF_STEPS = 32
-"""Some of them, which the values of a parameter that varies are chosen by."""
+"""Some of them, which the values of parameters that vary are chosen by."""
+_ACCURACY_OF_TWO = ENOUGH / 10
+"""The relative accuracy of the coefficients that combinations of two parameters are compared by."""
 _LEAST_COSINE = 0.02
 """The least N.V of these views. Textures are not filtered well within a degree of the horizon, of
 which nobody sees much."""
@@ -72,30 +74,28 @@ def product_texture(
     return Prefiltered(*_texture(brdf, order, texels, order)[:2])
 
 
-def varying_values(
+def varying_steps(
     brdf: Brdf,
-    parameter: str,
-    low: float,
-    high: float,
+    ranges: Mapping[str, tuple[float, float]],
     order: int = DEFAULT_PRODUCT_ORDER,
     steps: int | None = None,
-) -> tuple[list[float], float]:
-    """Choose the values of a parameter for which there are textures; see `steps.chosen_values`.
+) -> tuple[Steps, list[tuple[float, ...]]]:
+    """Choose the values of parameters for which there are textures; see `steps.chosen_steps`.
 
     Parameters
     ----------
-    brdf, parameter, order
+    brdf, order
         As `varying_texture` takes them.
-    low, high : float
-        The range of the parameter.
+    ranges : mapping of str to 2 float
+        The ranges of one parameter or two, which are numbers or colours.
     steps : int, optional
-        How many values; by default as many as it takes.
+        How many values of each; by default as many as it takes.
 
     Returns
     -------
-    values : list of float
-    error : float
-        The largest relative RMS error in the middle between two textures, under white noise.
+    steps : Steps
+    points : list of tuple of float
+        The values of the parameters for each texture.
 
     Raises
     ------
@@ -103,40 +103,39 @@ def varying_values(
         As of `varying_texture`, or if no number of textures that is allowed is enough.
     """
     views = _views()[:: _VIEWS // _VIEWS_OF_STEPS]
+    accuracy = ACCURACY if len(ranges) == 1 else _ACCURACY_OF_TWO
 
-    def coefficients(value: float) -> Array:
-        functions = ProductFunctions.of(_with_value(brdf, parameter, value), order)
-        return functions.expanded(views, order)[0]
+    def coefficients(*point: float) -> Array:
+        functions = ProductFunctions.of(_with_values(brdf, ranges, point), order, accuracy)
+        found = functions.expanded(views, order)[0]
+        # A BRDF may be grey at some values only, and is coloured as a whole then.
+        return found if len(ranges) == 1 else np.broadcast_to(found, (*found.shape[:2], 3))
 
-    values, error = chosen_values(coefficients, low, high, steps)
-    if steps is None and error > ENOUGH:
+    found, points = chosen_steps(coefficients, ranges, steps)
+    if steps is None and found.error > ENOUGH:
+        wide = " and ".join(f"`{name}` from {a:g} to {b:g}" for name, (a, b) in ranges.items())
         raise BrdfError(
-            f"{brdf!r}: {MOST_STEPS} textures of `{parameter}` from {low:g} to {high:g} miss "
-            f"{error:.1%} between them; narrow the range, or give `steps` to have it so"
+            f"{brdf!r}: {len(points)} textures of {wide} miss {found.error:.1%} between them; "
+            "narrow the range, or give `steps` to have it so"
         )
-    return values, error
+    return found, points
 
 
 def varying_texture(
     brdf: Brdf,
-    parameter: str,
-    values: Sequence[float],
+    steps: Steps,
+    points: Sequence[tuple[float, ...]],
     order: int = DEFAULT_PRODUCT_ORDER,
     texels: int = DEFAULT_PRODUCT_SIZE,
-    step_error: float = 0.0,
 ) -> Prefiltered:
-    """Make product textures of a BRDF for several values of one of its parameters, without light.
+    """Make product textures of a BRDF of which parameters vary, without light.
 
     Parameters
     ----------
     brdf, order, texels
         As `product_texture` takes them.
-    parameter : str
-        The name of a parameter that is a number or a colour.
-    values : sequence of float
-        Two or more values, rising.
-    step_error : float
-        What interpolation between them misses, as `varying_values` tells it.
+    steps, points
+        As `varying_steps` returns them.
 
     Raises
     ------
@@ -146,27 +145,28 @@ def varying_texture(
     MapError
         If the textures would be too large.
     """
-    _check_size(order, texels, len(values))
-    each = [_with_value(brdf, parameter, value) for value in values]
+    _check_size(order, texels, len(points))
+    each = [_with_values(brdf, steps.values, point) for point in points]
     stages = Stages(current(), len(each))
     made = []
     for index, one in enumerate(each):
         with using(stages.within):
             made.append(_texture(one, order, texels, order)[:2])
         stages.done(index + 1, len(each))
-    varying = VaryingProduct.of([one for one, _ in made], parameter, values, step_error)
+    varying = VaryingProduct.of([one for one, _ in made], steps)
     facts = {name: max(told[name] for _, told in made) for name in ("residual", "nodes")}
-    return Prefiltered(varying, {**varying.variation(), **facts})
+    return Prefiltered(varying, {**varying.details(), **facts})
 
 
-def _with_value(brdf: Brdf, parameter: str, value: float) -> Brdf:
-    """Return a model with one of its parameters changed."""
+def _with_values(brdf: Brdf, parameters: Iterable[str], values: Sequence[float]) -> Brdf:
+    """Return a model with some of its parameters changed."""
     known = {each.name: each for each in brdf.parameters}
-    if parameter not in known or isinstance(known[parameter].default, str):
-        numbers = [name for name, each in known.items() if not isinstance(each.default, str)]
-        having = ", ".join(numbers) or "none"
-        raise BrdfError(f"{brdf!r}: it has no parameter {parameter!r} to vary; it has {having}")
-    return brdf.with_value(parameter, value)
+    for parameter in parameters:
+        if parameter not in known or isinstance(known[parameter].default, str):
+            numbers = [name for name, each in known.items() if not isinstance(each.default, str)]
+            having = ", ".join(numbers) or "none"
+            raise BrdfError(f"{brdf!r}: it has no parameter {parameter!r} to vary; it has {having}")
+    return brdf.with_values(**dict(zip(parameters, values, strict=True)))
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
@@ -296,11 +296,7 @@ def report(result: dict[str, Any]) -> list[str]:
     """Return the lines for people about a product texture, from what ``--json`` prints."""
     size, order = result["size"], result["order"]
     color = "RGB" if result["channels"] == 3 else "grey"
-    varied = ""
-    if "parameter" in result:
-        low, *_, high = result["values"]
-        count = len(result["values"])
-        varied = f", for {count} values of {result['parameter']} from {low:g} to {high:g}"
+    varied = _varied(result) if "step_error" in result else ""
     lines = [
         f"product texture, {size} x {size} views of {result['coefficients']} coefficients, {color}"
         f"{varied}",
@@ -310,7 +306,7 @@ def report(result: dict[str, Any]) -> list[str]:
         f"{result['nodes']:,} directions at most",
         f"look-ups       {result['filter_error']:.2%} RMS error by bilinear filtering",
     ]
-    if "parameter" in result:
+    if varied:
         lines.append(
             f"between        {result['step_error']:.2%} RMS error between two values at most"
         )
@@ -323,3 +319,16 @@ def report(result: dict[str, Any]) -> list[str]:
             f"what is seen by {window['p95_change']:.1%} (p95)"
         )
     return lines
+
+
+def _varied(result: dict[str, Any]) -> str:
+    """Say which parameters vary, from what ``--json`` prints."""
+    if "parameter" in result:
+        axes = {result["parameter"]: result["values"]}
+    else:
+        axes = dict(zip(result["parameters"], result["values"], strict=True))
+    parts = [
+        f"{len(own)} values of {name} from {own[0]:g} to {own[-1]:g}" for name, own in axes.items()
+    ]
+    sums = f", by sums of {result['textures']} textures" if len(axes) > 1 else ""
+    return f", for {' x '.join(parts)}{sums}"

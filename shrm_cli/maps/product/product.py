@@ -53,7 +53,7 @@ class _Parabolic(FixedMap):
 
 
 class ProductMap(_Parabolic, MaterialMap):
-    """A map that holds a BRDF over the view: one texture, or several of a parameter that varies."""
+    """A map that holds a BRDF over the view: one texture, or several where parameters vary."""
 
     if TYPE_CHECKING:
 
@@ -76,16 +76,49 @@ class ProductMap(_Parabolic, MaterialMap):
         return len(self.textures[0].table)
 
     @abstractmethod
-    def at(self, share: float) -> "ProductTexture":
-        """Return the texture where a parameter that varies is a share, 0 .. 1, of its way."""
+    def at(self, shares: ArrayLike) -> "ProductTexture":
+        """Return the texture where parameters that vary are at shares, 0 .. 1, of their ways.
+
+        A number counts for all of them.
+        """
 
     @abstractmethod
-    def reflected(self, lighting: Array, points: Points, shares: ArrayLike) -> Array:
+    def values(self, local_views: ArrayLike, shares: ArrayLike = 0.5) -> Array:
+        """Look up the coefficients of the product functions of views.
+
+        Parameters
+        ----------
+        local_views : array_like, shape (..., 3)
+            Directions to the viewer, unit, in the frame of the surface: x along the tangent, z =
+            N. Those below the horizon count as on it.
+        shares : array_like, shape (..., parameters), broadcastable
+            Where parameters that vary are on their ways, 0 .. 1.
+
+        Returns
+        -------
+        ndarray, shape (..., (order+1)^2, channels)
+        """
+
+    def reflected(self, lighting: Array, points: Points, shares: ArrayLike = 0.5) -> Array:
         """Evaluate the radiance under light of coefficients ((order+1)^2, 3) in world axes.
 
         The normals, tangents and views of points, their shares and the result are those of
         `ReflectedLight.varied_radiance`.
         """
+        normals, *others = (each.astype(float) for each in np.broadcast_arrays(*points))
+        flat = [each.reshape(-1, 3) for each in (normals, *others)]
+        shares, count = np.asarray(shares, dtype=float), max(self.varies, 1)
+        shares = shares if count > 1 else shares[..., None]
+        spread = np.broadcast_to(shares, (*normals.shape[:-1], count)).reshape(-1, count)
+        result = np.empty_like(flat[0])
+        for start in range(0, len(result), _POINTS_AT_ONCE):
+            part = slice(start, start + _POINTS_AT_ONCE)
+            normal, tangent, view = (each[part] for each in flat)
+            frames = surface_frames(normal, tangent)
+            light = rotate_into_frames(lighting, frames)
+            own = self.values(np.einsum("nij,nj->ni", frames, view), spread[part])
+            result[part] = shade(own, np.moveaxis(light, -1, 0))
+        return result.reshape(normals.shape)
 
     def lit(self, lighting: ArrayLike) -> "LitProduct":
         """Return the textures under light, whose degrees beyond `order` do not count.
@@ -168,8 +201,8 @@ class LitProduct(_Parabolic, ReflectionMap):
         return HarmonicLight(self.lighting, self.product)
 
     @property
-    def varies(self) -> bool:  # type: ignore[override]
-        """Whether a parameter of the BRDF varies."""
+    def varies(self) -> int:  # type: ignore[override]
+        """The number of parameters of the BRDF that vary."""
         return self.product.varies
 
     def with_info(self, info: MapInfo) -> "LitProduct":
@@ -204,7 +237,7 @@ class LitProduct(_Parabolic, ReflectionMap):
         )
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate what is reflected where a parameter that varies is in the middle of its way."""
+        """Evaluate what is reflected where parameters that vary are in the middle of their ways."""
         return self.varied_radiance(normals, tangents, views, 0.5)
 
     def varied_radiance(
@@ -234,39 +267,21 @@ class ProductTexture(ProductMap):
         """The texture itself."""
         return (self,)
 
-    def at(self, share: float) -> "ProductTexture":
+    def at(self, shares: ArrayLike) -> "ProductTexture":
         """Return the texture itself, of which nothing varies."""
         return self
 
-    def values(self, local_views: ArrayLike, linear: bool = False) -> Array:
-        """Look up the product functions of views, shape (..., (order+1)^2, channels).
+    def values(
+        self, local_views: ArrayLike, shares: ArrayLike = 0.5, linear: bool = False
+    ) -> Array:
+        """Look up the coefficients of views; see `ProductMap.values`.
 
-        Parameters
-        ----------
-        local_views : array_like, shape (..., 3)
-            Directions to the viewer, unit, in the frame of the surface: x along the tangent, z =
-            N. Those below the horizon count as on it.
-        linear : bool
-            Filter as graphics hardware does, which is four times as fast, instead of by a cubic
-            filter.
+        With `linear` they are filtered as graphics hardware does, which is four times as fast,
+        instead of by a cubic filter.
         """
         look_up = self._sampler.linear if linear else self._sampler
         flat = look_up(local_views)
         return flat.reshape(*flat.shape[:-1], *self.table.shape[2:])
-
-    def reflected(self, lighting: Array, points: Points, shares: ArrayLike = 0.0) -> Array:
-        """Evaluate the radiance under light; see `ProductMap.reflected`."""
-        normals, *others = (each.astype(float) for each in np.broadcast_arrays(*points))
-        flat = [each.reshape(-1, 3) for each in (normals, *others)]
-        result = np.empty_like(flat[0])
-        for start in range(0, len(result), _POINTS_AT_ONCE):
-            part = slice(start, start + _POINTS_AT_ONCE)
-            normal, tangent, view = (each[part] for each in flat)
-            frames = surface_frames(normal, tangent)
-            light = rotate_into_frames(lighting, frames)
-            own = self.values(np.einsum("nij,nj->ni", frames, view))
-            result[part] = shade(own, np.moveaxis(light, -1, 0))
-        return result.reshape(normals.shape)
 
     @cached_property
     def _sampler(self) -> ParabolicSampler:

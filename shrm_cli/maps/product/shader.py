@@ -93,8 +93,8 @@ def source(made: ProductMap | LitProduct, textures: str) -> Source:
     lit = made if isinstance(made, LitProduct) else made.lit(black)
     if lit.varies:
         raise MapError(
-            "there is no code for a product texture whose parameter varies; make one of a single "
-            "value by shrm product"
+            "there is no code for a product texture whose parameters vary; make one of single "
+            "values by shrm product"
         )
     (texture,) = lit.product.textures
     order = texture.order

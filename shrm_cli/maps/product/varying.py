@@ -1,7 +1,7 @@
-"""Product textures of a BRDF of which one parameter varies over the surface.
+"""Product textures of a BRDF of which parameters vary over the surface.
 
-The table has one more axis: a texture for each of a few values of the parameter, between which the
-coefficients are interpolated linearly, as a 3D texture does it.
+Textures for a few values of the parameters are joined with weights that are interpolated linearly
+between these values. Those of one parameter are as the slices of a 3D texture.
 
 References
 ----------
@@ -11,7 +11,6 @@ by whichever parameters q are to be spatially varied".
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,45 +18,31 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.product.product import Points, ProductMap, ProductTexture
+from shrm_cli.maps.product.product import ProductMap, ProductTexture
+from shrm_cli.maps.product.steps import Steps
 from shrm_cli.records import record
 
 
-@record
+@record(eq=False)
 class VaryingProduct(ProductMap):
-    """Product textures for rising values of a parameter."""
+    """Product textures that are joined by the values of parameters."""
 
     textures: tuple[ProductTexture, ...]
-    """Two or more, of one order and size."""
-    parameter: str
-    """The name of the BRDF's parameter."""
-    values: tuple[float, ...]
-    """Its value of each texture, rising."""
+    """Of one order and size."""
+    steps: Steps
+    """The values of the parameters, and the weights of the textures."""
     info: MapInfo
-    """How the map was made, with the largest errors of any texture."""
-    step_error: float = 0.0
-    """The largest relative RMS error in the middle between two textures, under white noise; 0 where
-    nobody has measured it."""
-
-    varies = True
+    """How the map was made, with the largest errors of any texture. Its BRDF has the middles of the
+    ranges, which are shown where nothing tells the parameters."""
 
     def __post_init__(self) -> None:
-        first = self.textures[0]
-        if len(self.textures) != len(self.values) or len(self.values) < 2:
-            raise ValueError(f"{len(self.textures)} textures for {len(self.values)} values")
-        if any(b <= a for a, b in pairwise(self.values)):
-            raise ValueError("values that do not rise")
-        if any(each.table.shape != first.table.shape for each in self.textures):
+        if self.steps.weights.shape[-1] != len(self.textures):
+            raise ValueError(f"{len(self.textures)} textures for other weights")
+        if len({each.table.shape for each in self.textures}) > 1:
             raise ValueError("textures of several shapes")
 
     @classmethod
-    def of(
-        cls,
-        textures: Sequence[ProductTexture],
-        parameter: str,
-        values: Sequence[float],
-        step_error: float = 0.0,
-    ) -> "VaryingProduct":
+    def of(cls, textures: Sequence[ProductTexture], steps: Steps) -> "VaryingProduct":
         """Join textures; those of grey BRDFs among coloured ones become coloured."""
         channels = max(each.table.shape[3] for each in textures)
         same = [
@@ -67,53 +52,44 @@ class VaryingProduct(ProductMap):
         infos = [each.info for each in textures]
         info = replace(
             infos[0],
+            brdf=steps.recorded([each.brdf for each in infos], 0.5),
             captured=min(each.captured for each in infos),
             **{
                 name: max(getattr(each, name) for each in infos)
                 for name in ("eps", "predicted_error", "added_error", "filter_error")
             },
         )
-        return cls(tuple(same), parameter, tuple(map(float, values)), info, step_error)
+        return cls(tuple(same), steps, info)
 
-    def variation(self) -> dict[str, Any]:
-        """Return the parameter, its values, and what lies between them, as files record them."""
-        return {
-            "parameter": self.parameter,
-            "values": list(self.values),
-            "step_error": self.step_error,
-        }
+    @property
+    def varies(self) -> int:  # type: ignore[override]
+        """The number of parameters."""
+        return len(self.steps.values)
 
     def details(self) -> dict[str, Any]:
-        """Return the parameter, its values, and what is missed between them."""
-        return self.variation()
+        """Return the parameters, their values, and what is missed between them."""
+        return {**self.steps.summary(), "textures": len(self.textures)}
 
     def with_info(self, info: MapInfo) -> "VaryingProduct":
         """Return the same textures with another record of how they were made."""
         textures = tuple(replace(each, info=each.info.read_as(info)) for each in self.textures)
         return replace(self, textures=textures, info=info)
 
-    def at(self, share: float) -> ProductTexture:
-        """Return the texture for one value of the parameter, interpolated between two."""
-        wanted = self.values[0] + share * (self.values[-1] - self.values[0])
-        above = int(np.clip(np.searchsorted(self.values, wanted), 1, len(self.values) - 1))
-        low, high = self.values[above - 1], self.values[above]
-        weight = (wanted - low) / (high - low)
-        first, second = self.textures[above - 1], self.textures[above]
-        return replace(first, table=(1 - weight) * first.table + weight * second.table)
+    def at(self, shares: ArrayLike) -> ProductTexture:
+        """Return the texture for values of the parameters; see `ProductMap.at`."""
+        weights = self.steps.at(shares).tolist()
+        pairs = [(w, each) for w, each in zip(weights, self.textures, strict=True) if w]
+        table = sum((w * each.table for w, each in pairs), np.zeros_like(self.textures[0].table))
+        brdf = self.steps.recorded([self.info.brdf], shares)
+        return ProductTexture(table, replace(self.info, brdf=brdf))
 
-    def reflected(self, lighting: Array, points: Points, shares: ArrayLike) -> Array:
-        """Evaluate what a surface reflects whose parameter varies; see `ProductMap.reflected`."""
-        normals, *others = np.broadcast_arrays(*points)
-        shares = np.broadcast_to(np.asarray(shares, dtype=float), normals.shape[:-1])
-        flat = [each.reshape(-1, 3) for each in (normals, *others)]
-        low, high = self.values[0], self.values[-1]
-        wanted = low + np.clip(shares.reshape(-1), 0, 1) * (high - low)
-        # Where the values lie among those of the textures, as broken indices.
-        place = np.interp(wanted, self.values, np.arange(len(self.values)))
-        result = np.zeros((len(place), 3))
-        for index, texture in enumerate(self.textures):
-            weight = np.maximum(1 - np.abs(place - index), 0)
-            near = np.flatnonzero(weight)
-            found = texture.reflected(lighting, [each[near] for each in flat])
-            result[near] += weight[near, None] * found
-        return result.reshape(normals.shape)
+    def values(self, local_views: ArrayLike, shares: ArrayLike = 0.5) -> Array:
+        """Look up the coefficients of views; see `ProductMap.values`."""
+        views = np.asarray(local_views, dtype=float)
+        flat, weights = views.reshape(-1, 3), self.steps.at(shares)
+        weights = np.broadcast_to(weights, (*views.shape[:-1], len(self.textures)))
+        result = np.zeros((len(flat), *self.textures[0].table.shape[2:]))
+        for texture, own in zip(self.textures, weights.reshape(len(flat), -1).T, strict=True):
+            near = np.flatnonzero(own)
+            result[near] += own[near, None, None] * texture.values(flat[near])
+        return result.reshape(*views.shape[:-1], *result.shape[1:])

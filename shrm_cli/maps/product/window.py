@@ -7,6 +7,7 @@ least; the light alone may stay negative.
 """
 
 from dataclasses import asdict
+from itertools import product as combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +32,8 @@ _VIEWS = 40
 """The views of each of them, all over the hemisphere."""
 _LEAST_COSINE = 0.05
 """The least N.V of these views: a hundredth of a sphere's picture lies beyond."""
+_PLACES = 0.0, 0.5, 1.0
+"""Where on their ways parameters that vary are looked at."""
 _GOLDEN = np.pi * (3 - np.sqrt(5))
 _MARGIN = 2e-3
 """The least light that is aimed at, as a part of the mean: there are gaps between samples."""
@@ -68,7 +71,7 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
         least, as RMS over orientations and views, and leave its luminance negative nowhere; of
         these it takes as little as leaves no more than a thousandth of all samples negative.
     product : ProductMap
-        Of one whose parameter varies, three of its values count.
+        Of those whose parameters vary, three values of each count.
     series : array_like, shape ((order+1)^2, 3)
         The coefficients of the light in world axes.
 
@@ -88,7 +91,7 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
     if name == "none" or not series.any():
         return LightWindow(**asdict(found))
     own = transform_coefficients(series, _own_axes(series @ LUMINANCE))
-    textures = [product.at(share) for share in ((0.0, 0.5, 1.0) if product.varies else (0.0,))]
+    textures = [product.at(shares) for shares in combinations(_PLACES, repeat=product.varies)]
     by_degree = np.concatenate([_by_degree(each, own) for each in textures])
     seen = by_degree @ LUMINANCE
     if name == "auto":

@@ -97,10 +97,10 @@ def test_a_measured_base_is_found_beside_the_map(tmp_path):
     assert str(tmp_path) not in json.dumps(recorded)
     info = MapInfo(3, 2, 0.03, 1.0, 0.0, recorded, "room.exr", "f00d")
     assert common_brdf({str(tmp_path / "map.exr"): info}).values == found.values
-    assert found.with_value("ior", 1.3).base is found.base
-    assert repr(found.with_value("base", "(phong)").base) == repr(parse_spec("phong"))
+    assert found.with_values(ior=1.3).base is found.base
+    assert repr(found.with_values(base="(phong)").base) == repr(parse_spec("phong"))
     with pytest.raises(BrdfError, match="unknown"):
-        found.with_value("unknown", 1.0)
+        found.with_values(unknown=1.0)
     with pytest.raises(BrdfError, match=r"was measured, and paint\.npz does not lie beside it"):
         common_brdf({str(tmp_path / "elsewhere" / "map.exr"): info})
     with pytest.raises(BrdfError, match="no BRDF is called"):

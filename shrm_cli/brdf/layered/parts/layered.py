@@ -37,9 +37,9 @@ class Layered(Sum):
     def _layers(self) -> Sequence[tuple[float, Brdf]]:
         """The lobes with their weights, from the outermost one to the base."""
 
-    def with_value(self, key: str, value: Value) -> Self:
+    def with_values(self, **values: Value) -> Self:
         numbers = {name: self.values[name] for name in self.values if name not in ("base", FILES)}
-        return type(self)(**{"base": self.base, **numbers, key: value})  # type: ignore[arg-type]
+        return type(self)(**{"base": self.base, **numbers, **values})  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
         inside = (f"{key}={value_text(x)}" for key, x in self.values.items() if key != FILES)
