@@ -17,7 +17,7 @@ from shrm_cli.maps.request import Request
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Rising, using
-from shrm_cli.vocabulary import AUTO, Domain, Frame, Sampling
+from shrm_cli.vocabulary import AUTO, COARSE_ROWS, Domain, Frame, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.lights.beside import Beside
@@ -171,7 +171,7 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
     work = Rising(progress) if is_rising else progress
     with using(work):
         light, lamps = _split(probe, request)
-        found = _made(light, request)
+        found = _made(_fine(light, request), request)
         info = replace(found.map.info, options=request.record(probe))
         found = replace(found, map=found.map.with_info(info))
         if needs_brdf:  # maps of light alone have words of their own for what is negative
@@ -189,6 +189,17 @@ def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:
 
     found = split_for(probe, request.brdf)
     return (found.split.residual_probe if found.split.discs else probe), found
+
+
+def _fine(probe: Probe, request: Request) -> Probe:
+    """Return light whose pixels are small beside the lobe of a BRDF, if the map is for one."""
+    needs_brdf = registry.description(request.to).needs_brdf
+    if probe.grid.resolution >= COARSE_ROWS or request.domain == "angular" or not needs_brdf:
+        return probe
+    from shrm_cli.brdf.core import rows_beside
+    from shrm_cli.probe.coarse import fine_probe
+
+    return fine_probe(probe, rows_beside(request.brdf))
 
 
 def _finished(made: Prefiltered, probe: Probe, lamps: "Beside | None", brdf: Brdf) -> Prefiltered:

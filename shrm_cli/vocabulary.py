@@ -180,6 +180,8 @@ SEEN_FLOOR = 0.02
 
 It keeps pixels that are all but black, whose error nobody sees, from having the largest ones.
 """
+COARSE_ROWS = 128
+"""Probes of so many rows have as many degrees as maps of narrow lobes carry."""
 NEGATIVE_SHARE = 1e-3
 """The share of what is visible with a negative luminance that nobody needs to be told of."""
 

@@ -16,6 +16,8 @@ _SHAPE = 0.25
 """Pixels brighter than this part of the typical brightness tell a lamp's shape."""
 _CLIPPED = 4
 """As many pixels of exactly the same largest value are suspected to be clipped."""
+_FAR_BELOW = 0.5
+"""A channel whose maximum is below this part of the largest one is not clipped."""
 HALF_LIMITS = (65504.0, 65535.0, 65536.0)
 """The largest number of half precision, and what programs round it to."""
 JUST_BELOW = 1 / 64
@@ -197,9 +199,12 @@ def clipping(radiance: Array) -> str:
 
     Where light was cut off, more pixels have exactly the largest value than are just below it. A
     lamp with such a plateau may also be one that a program made with the same radiance everywhere.
+    All channels are cut off at about the same number, so that those far below are not looked at.
     """
     highest = radiance.max(axis=0)
     for name, values, high in zip("RGB", radiance.T, highest, strict=True):
+        if high < _FAR_BELOW * highest.max():
+            continue
         if high in HALF_LIMITS:
             return f"{name} reaches {high:g}, the end of half precision"
         count = int((values == high).sum())

@@ -89,7 +89,8 @@ class LampSplit:
     def clipped(self) -> list[str]:
         """A line about each lamp that may be clipped."""
         return [
-            f"lamp {number} may be clipped: {lamp.clipped}; its irradiance may be too low"
+            f"lamp {number} may be clipped: {lamp.clipped}; its irradiance may be too low, which "
+            "shrm probe unclip mends by a reading"
             for number, lamp in enumerate(self.lamps, 1)
             if lamp.clipped
         ]

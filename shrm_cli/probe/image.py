@@ -214,7 +214,7 @@ def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
     if width == height:
         raise ProbeError(
             f"{name}: a square image may be many things; give `layout` angular for a light-probe "
-            "ball"
+            "ball, or one name with % in place of +X, -X, ... for the six faces of a cube"
         )
     for layout in IMAGE_LAYOUTS:
         columns, rows = proportions(layout)

@@ -65,7 +65,8 @@ class Pyramid:
         """
         directions, light = source_pixels(probe, height)
         pixels = light.shape[0] * light.shape[1]
-        count = max(round(np.log2(pixels / _TOP_CELLS) / 2), 0)
+        # Pixels that are large beside a lobe are cut on the way down from a cell: there is one.
+        count = max(round(np.log2(pixels / _TOP_CELLS) / 2), 1)
         directions = _nested(directions, count, "edge").astype(dtype)
         light = _nested(light, count, "constant")
         weights = np.abs(light) @ LUMINANCE

@@ -308,7 +308,7 @@ Whoever raises this says why; whoever loads less lowers it.
 def test_a_plain_run_loads_few_modules(tmp_path):
     """The second run is counted, which takes the coefficients of the BRDF from the cache."""
     probe, target = tmp_path / "p.exr", tmp_path / "m.exr"
-    done("probe", "sky", "--size", "32", "-o", str(probe))
+    done("probe", "sky", "--size", "128", "-o", str(probe))  # coarser ones are cut by more modules
     command = (
         "prefilter", str(probe), "--brdf", "microfacet:sigma=0.1", "--eps", "0.03",
         "-o", str(target),

@@ -233,6 +233,10 @@ def test_a_plateau_is_suspected_to_be_clipped():
     assert split_lamps(Probe.from_array(whole)).lamps[0].clipped == ""
     cut = np.minimum(whole, 2500)
     assert "share the maximum 2500 of R" in split_lamps(Probe.from_array(cut)).lamps[0].clipped
+    # A green lamp has next to no red, the same everywhere, which tells nothing.
+    green = whole.copy()
+    green[..., 0] = np.minimum(green[..., 0], 5)
+    assert split_lamps(Probe.from_array(green)).lamps[0].clipped == ""
     half = np.minimum(whole * 40, 65504)
     assert "end of half precision" in split_lamps(Probe.from_array(half)).lamps[0].clipped
 

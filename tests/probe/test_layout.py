@@ -46,7 +46,7 @@ def test_layout_from_the_attribute(width, height, envmap, expected):
 @pytest.mark.parametrize(
     ("width", "height", "message"),
     [
-        (64, 64, r"a\.exr: a square image .* `layout` angular"),
+        (64, 64, r"a\.exr: a square image .* `layout` angular .* with % in place of \+X"),
         (96, 64, r"a\.exr: 96 x 64 is no known layout .* `layout`"),
         (65, 32, "65 x 32 is no known layout"),
         (32, 191, "32 x 191 is no known layout"),

@@ -26,6 +26,7 @@ from shrm_cli.maps.splitsum.mips import default_mips, mip_sizes, power_of_two
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
+from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
@@ -36,7 +37,7 @@ from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.synthesis import CubeSeries
-from shrm_cli.vocabulary import MAX_ORDER_F, MIN_ROUGHNESS, Sampling
+from shrm_cli.vocabulary import COARSE_ROWS, MAX_ORDER_F, MIN_ROUGHNESS, Sampling
 
 _ERROR = 0.0005
 """The relative RMS error that each level may have."""
@@ -113,6 +114,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     mips, mapping, levels = own["mips"], own["mapping"], own.get("levels")
     if mips and sampling != "center":
         raise ArgumentError("mips", "needs texels at their centers, as graphics cards have them")
+    probe = fine_probe(probe, COARSE_ROWS)
     largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
     if mips and size is None:
         largest = power_of_two(largest)
@@ -163,6 +165,7 @@ def make_levels(
     cubes : list of ndarray, shape (6 N_k, N_k, 3)
     infos : list of MapInfo
     """
+    probe = fine_probe(probe, COARSE_ROWS)
     rows = _rows(probe)
     fixed = [None] * len(roughness) if sizes is None else list(sizes)
     with using(None):  # the coefficients of all lobes take less time than anything else

@@ -22,10 +22,12 @@ from shrm_cli.maps.splitsum.roughness import (
     level_roughnesses,
 )
 from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import open_probe
 from shrm_cli.reflected import predicted_error
 from shrm_cli.sphere.cube import cube_directions
+from tests import oracles
 from tests.brute_force import unit
 from tests.cli.helpers import polynomial_light, write_exr
 from tests.makers import prefilter_split_sum
@@ -348,15 +350,15 @@ def test_sharp_lobes_on_small_faces_are_integrated(tmp_path):
 
 
 def test_lobes_finer_than_the_pixels_meet_what_lies_between_them(tmp_path, rng):
-    """Of a coarse probe the sum goes over a finer one, bilinear between its pixels."""
+    """Of 128 rows the sum goes over a finer probe, bilinear between its pixels; fewer are cut."""
     from scipy.ndimage import map_coordinates
 
-    coarse = np.random.default_rng(3).uniform(0, 2, (64, 128, 3)).astype(np.float32)
+    coarse = np.random.default_rng(3).uniform(0, 2, (128, 256, 3)).astype(np.float32)
     probe = open_probe(write_exr(tmp_path / "noise.exr", coarse))
     made = prefilter_split_sum(probe, [0.1], size=8, error=0.001)
     assert made.summary()["levels"][0]["domain"] == "angular"
-    rows = (np.arange(192) + 0.5) / 3 - 0.5
-    columns = (np.arange(384) + 0.5) / 3 - 0.5 + 2
+    rows = (np.arange(256) + 0.5) / 2 - 0.5
+    columns = (np.arange(512) + 0.5) / 2 - 0.5 + 2
     # The seam goes round; away from the poles nothing else matters.
     padded = np.pad(coarse, ((0, 0), (2, 2), (0, 0)), mode="wrap")
     grid = np.meshgrid(rows, columns, indexing="ij")
@@ -551,3 +553,28 @@ def test_what_is_no_split_sum(rng, change):
         SplitSum(good.levels[::-1], good.roughness, "linear", good.info)
     with pytest.raises(ValueError, match="shape"):
         SplitSum((np.zeros((12, 4, 3)),), (0.5,), "linear", good.info)
+
+
+@pytest.mark.parametrize("rows", [16, 40])
+def test_coarse_light_is_what_its_pixels_are(rows):
+    """Of pixels that are cut by hand the levels are the same: they were negative, in rings."""
+    image = np.full((rows, 2 * rows, 3), 0.2, np.float32)
+    image[rows // 3, rows // 2] = 300
+    parts = -(-128 // rows)
+    found, expected = (
+        prefilter(each, to="splitsum", levels=[0.2, 0.4], size=32)
+        for each in (image, image.repeat(parts, axis=0).repeat(parts, axis=1))
+    )
+    for level, other in zip(found.levels, expected.levels, strict=True):
+        np.testing.assert_allclose(level, other, rtol=1e-5, atol=1e-6)
+        assert level.min() > 0.1
+
+
+def test_coarse_light_without_finer_degrees_has_no_steps():
+    """Its pixels are samples: every level is a line in x, as the light is."""
+    light = 1 + 0.5 * oracles.latlong_pixels(32, 16)[..., :1]
+    made = prefilter(np.repeat(light, 3, axis=-1), to="splitsum", levels=[0.4], size=16)
+    x, values = oracles.cube_texels(16)[..., 0].ravel(), made.levels[0][..., 0].ravel()
+    slope, middle = np.polyfit(x, values, 1)
+    assert 0.4 < slope < 0.5
+    np.testing.assert_allclose(values, middle + slope * x, atol=1e-5)
