@@ -37,6 +37,8 @@ Smooth light is at most so bright that its waves are longer than the rows are hi
 _PASSES, _SETTLED = 16, 0.99
 """The mean is taken anew, with lamps dimmed to the limit, until the limit falls by less than this.
 A lamp that raised its own limit would be smooth in part: a row of 32 lost .8 % of its light."""
+_NOTHING = 1e-6
+"""The part of the light's energy that is none: .1 % as RMS."""
 _ROWS_AT_ONCE = 16
 """The rows whose squares are summed at a time, which stay in the processor's cache."""
 
@@ -148,7 +150,14 @@ class Lighting:
 
     @cached_property
     def resolved_order(self) -> int:
-        """The largest degree that is not 0, as those are that are finer than the pixels."""
+        """The largest degree that is known: not 0, as those are that are finer than the pixels.
+
+        Light that has all of its energy in the degrees that are not 0 has no others, as light that
+        is given by coefficients: these are all known.
+        """
+        energy = self.energy.sum()
+        if energy - self._power.sum() <= _NOTHING * energy:
+            return self.order
         return int(np.flatnonzero(self._power.any(axis=1)).max(initial=0))
 
     def power(self) -> Array:
