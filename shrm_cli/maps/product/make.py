@@ -9,7 +9,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.product.prefilter import product_texture, varying_steps, varying_texture
 from shrm_cli.maps.product.steps import Steps
-from shrm_cli.progress import Progress, using
+from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, DEFAULT_PRODUCT_SIZE
 
 Varied = tuple[str, float, float]
@@ -84,7 +84,9 @@ def product_with_facts(
             return product_texture(material, order, size)
     several = cast(Sequence[Varied], [vary] if isinstance(vary[0], str) else vary)
     ranges = {name: (low, high) for name, low, high in several}
-    found, points = varying_steps(material, ranges, order, steps)
-    begin(found)
-    with using(progress):
-        return varying_texture(material, found, points, order, size)
+    with using(work := Rising(progress)):  # nobody knows how many values there will be
+        found, points = varying_steps(material, ranges, order, steps)
+        begin(found)
+        made = varying_texture(material, found, points, order, size)
+    work.end()
+    return made

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
+from shrm_cli.progress import report
 from shrm_cli.records import record
 
 MOST_STEPS = 64
@@ -188,7 +189,11 @@ def _joined(
     middles = list(product(*([(a + b) / 2 for a, b in pairwise(own)] for own in axes.values())))
     low, high = (np.array([own[end] for own in axes.values()]) for end in (0, -1))
     shares = (np.array(nodes + middles) - low) / (high - low)
-    exact = _stacked(coefficients, nodes + middles)
+    rows = []
+    for done, point in enumerate(every := nodes + middles, 1):
+        rows.append(coefficients(*point).ravel())
+        report(done, len(every))
+    exact = np.stack(rows)
     sizes = np.maximum(np.linalg.norm(exact, axis=1), np.finfo(float).tiny)
     rest = exact[: len(nodes)] / sizes[: len(nodes), None]
     kept: list[int] = []
@@ -246,6 +251,7 @@ def chosen_values(
 
     def at(value: float) -> Array:
         if value not in known:
+            report(0, 1)  # nobody knows how many there will be
             known[value] = coefficients(value)
         return known[value]
 

@@ -56,6 +56,19 @@ def test_at_its_values_it_is_the_texture_of_that_brdf(made, points, index):
     np.testing.assert_allclose(found, alone.lit(light()).brushed_radiance(*points), atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "vary", [("ay", 0.4, 0.5), [("ax", 0.4, 0.5), ("ay", 0.4, 0.5)]], ids=["one", "two"]
+)
+def test_choosing_values_tells_how_far_it_is(vary):
+    """It takes longer than the textures, of which the last reports are."""
+    told = []
+    textures = product("ward", 1, 8, vary, progress=lambda *way: told.append(np.divide(*way)))
+    assert len(told) > 2 * len(textures.textures)
+    assert told == sorted(told)
+    assert told[0] < 0.1
+    assert told[-1] == 1
+
+
 def test_layered_materials_vary_as_models_do(points):
     spec = "openpbr:base_metalness=0.5,specular_roughness"
     made = varying("openpbr:base_metalness=0.5", "specular_roughness", (0.4, 0.7), 12)
