@@ -192,9 +192,13 @@ def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:
 
 
 def _fine(probe: Probe, request: Request) -> Probe:
-    """Return light whose pixels are small beside the lobe of a BRDF, if the map is for one."""
-    needs_brdf = registry.description(request.to).needs_brdf
-    if probe.grid.resolution >= COARSE_ROWS or request.domain == "angular" or not needs_brdf:
+    """Return light whose pixels are small beside the lobe of a BRDF, where cubes show it.
+
+    Forms without cubes hold few degrees of the light, of which the middles of pixels tell enough.
+    """
+    described = registry.description(request.to)
+    has_cubes = described.needs_brdf and "size" in described.takes
+    if probe.grid.resolution >= COARSE_ROWS or request.domain == "angular" or not has_cubes:
         return probe
     from shrm_cli.brdf.core import rows_beside
     from shrm_cli.probe.coarse import fine_probe

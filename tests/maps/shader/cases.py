@@ -105,7 +105,9 @@ def filter_bilinearly(monkeypatch):
 
     monkeypatch.setattr(BrushedLobe, "parts", stepped)
     values = ProductTexture.values
-    monkeypatch.setattr(ProductTexture, "values", lambda made, views: values(made, views, True))
+    monkeypatch.setattr(
+        ProductTexture, "values", lambda made, *given: values(made, *given, linear=True)
+    )
 
 
 def cube(rng, size, count):
