@@ -99,8 +99,10 @@ def test_maps_of_one_light_end_in_every_way():
     assert 20 < few_texels.whole < few_texels.last == 30
     # The pixels of a small probe resolve fewer degrees than the cube and the BRDF have.
     power = np.repeat(2.0 * np.arange(81)[:, None] + 1, 3, axis=1) * (np.arange(81) <= 25)[:, None]
-    coarse = carried_band(lit(power), coefficients, 10, 0, 40)
+    coarse = carried_band(lit(power, np.full(3, 1e12)), coefficients, 10, 0, 40)
     assert 15 < coarse.whole < coarse.last == 25
+    # Light that has no more degrees does not fade out before its last one.
+    assert carried_band(lit(power), coefficients, 10, 0, 40).whole >= 25
 
 
 @pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
