@@ -211,7 +211,7 @@ def rising(propose: Propose, goal: Goal) -> Iterator[Candidate[Any]]:
         found = last = propose(error)
         is_kept = found.keeps(goal)
         if is_kept and missed is not None:
-            found = _between(propose, goal, missed, found)
+            found = _between(propose, goal, missed, found, error)
         missed = None if is_kept else found
         yield found
         # Exact errors may miss what is asked by a little, which is not the end of the bytes.
@@ -221,21 +221,21 @@ def rising(propose: Propose, goal: Goal) -> Iterator[Candidate[Any]]:
 
 
 def _between(
-    propose: Propose, goal: Goal, missed: Candidate[Any], kept: Candidate[Any]
+    propose: Propose, goal: Goal, missed: Candidate[Any], kept: Candidate[Any], error: float
 ) -> Candidate[Any]:
     """Return the candidate of the fewest bytes that keeps a goal, of errors between two others'.
 
-    The first misses the goal, the second keeps it. The ratio of their errors is halved again and
-    again, as long as that can save bytes that are worth the time.
+    The first misses the goal, the second keeps it and was proposed for `error`. The ratio of the
+    errors is halved again and again, as long as that can save bytes that are worth the time.
     """
-    least, most = kept.total_error, missed.total_error
+    least, most = max(error, kept.total_error), missed.total_error
     while kept.bytes > policy.SPARED * missed.bytes and most > policy.CLOSE * least:
         error = sqrt(least * most)
         found = propose(error)
         if found.keeps(goal):
             kept, least = found, error
         else:
-            missed, most = found, error
+            missed, most = found, min(error, found.total_error)
     return kept
 
 

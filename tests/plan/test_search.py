@@ -176,19 +176,62 @@ def test_where_no_less_error_is_to_be_had_the_bytes_are_no_more_than_needed():
     assert tried[-1].bytes < 40
 
 
-def test_what_was_found_between_is_no_end():
-    """Whoever looks on, because something is negative, gets maps of less error."""
-    found = list(
-        rising(
-            lambda error: Candidate(
-                "made", round(1 / error**2), 1, error, lambda: 0.0 if error < 0.03 else 0.9, int
-            ),
-            Goal(0.05, 0.05),
+def of_every_error(times):
+    """Propose maps whose errors are a little less or more than is asked; good ones below 3 %."""
+    asked = []
+
+    def propose(error):
+        asked.append(error)
+        total = times * error
+        return Candidate(
+            "made", round(1 / total**2), 1, total, lambda: 0.0 if total < 0.03 else 0.9, int
         )
-    )
-    errors = [each.total_error for each in found]
-    assert 0.025 < errors[2] < 0.03
-    np.testing.assert_allclose(errors[3:6], 0.025 * policy.FINER ** np.arange(1, 4))
+
+    return propose, asked
+
+
+def test_what_was_found_between_is_no_end():
+    """Whoever looks on, because something is negative, gets maps of less error than any before."""
+    step = 0.95 * policy.FINER
+    errors = [each.total_error for each in rising(of_every_error(0.95)[0], Goal(0.05, 0.05))]
+    last = 0.05 * 0.95 * step**2
+    assert 1.2 * last < errors[2] < 0.03
+    np.testing.assert_allclose(errors[3:6], last * step ** np.arange(1, 4))
+
+
+def test_errors_that_are_nearly_kept_are_looked_between_too():
+    propose, asked = of_every_error(1.02)
+    first_kept(propose, Goal(0.05, 0.05))
+    most, least = 1.02 * 0.05 * policy.FINER ** np.array([1, 2])
+    between = np.sqrt(least * most)
+    np.testing.assert_allclose(asked[3:5], [between, np.sqrt(least * between)])
+
+
+def asked_of(totals, sizes):
+    """The errors that are asked for, of maps with these errors, of which the last one is good."""
+    asked = []
+
+    def propose(error):
+        asked.append(error)
+        index = next(k for k in range(len(totals)) if totals[k] <= error)
+        is_last = index == len(totals) - 1
+        return Candidate(
+            "made", sizes[index], 1, totals[index], lambda: 0.0 if is_last else 0.9, int
+        )
+
+    tried, is_kept = first_kept(propose, Goal(0.05, 0.05))
+    assert is_kept
+    assert tried[-1].bytes == sizes[-1]
+    return asked
+
+
+def test_what_is_found_between_narrows_the_search():
+    """By its bytes, where the best of what misses has nearly as many, and by its own error."""
+    step = 0.05 * policy.FINER
+    assert len(asked_of([0.05, 0.0405, 0.0345], [100, 200, 210])) == 3
+    first, second, third = asked_of([0.05, 0.0405, 0.0345], [100, 110, 1000])[1:]
+    np.testing.assert_allclose([first, second], [step, np.sqrt(step * 0.05)])
+    np.testing.assert_allclose(third, np.sqrt(step * 0.0405))
 
 
 @pytest.mark.parametrize(("more", "count"), [(1.24, 2), (1.26, 4)])
