@@ -114,7 +114,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     mips, mapping, levels = own["mips"], own["mapping"], own.get("levels")
     if mips and sampling != "center":
         raise ArgumentError("mips", "needs texels at their centers, as graphics cards have them")
-    probe = fine_probe(probe, COARSE_ROWS)
     largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
     if mips and size is None:
         largest = power_of_two(largest)

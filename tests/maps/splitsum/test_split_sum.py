@@ -570,6 +570,14 @@ def test_coarse_light_is_what_its_pixels_are(rows):
         assert level.min() > 0.1
 
 
+def test_coarse_light_is_in_as_many_texels_as_its_own_pixels():
+    """Those that are cut have no more to tell."""
+    image = np.full((32, 64, 3), 0.2, np.float32)
+    even = prefilter(image, to="splitsum", levels=2)
+    image[10, 20] = 300
+    assert prefilter(image, to="splitsum", levels=2).size == even.size == 16
+
+
 def test_coarse_light_without_finer_degrees_has_no_steps():
     """Its pixels are samples: every level is a line in x, as the light is."""
     light = 1 + 0.5 * oracles.latlong_pixels(32, 16)[..., :1]
