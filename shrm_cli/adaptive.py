@@ -19,11 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.core import PART
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.core import PART, Core
+from shrm_cli.probe.coarse import fine_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.pyramid import Level, Pyramid, pixel_sides
 from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import gauss_legendre
-from shrm_cli.vocabulary import LUMINANCE
+from shrm_cli.vocabulary import COARSE_ROWS, LUMINANCE
 
 Indices = NDArray[np.integer]
 Cap = tuple[Array, float]
@@ -59,6 +62,19 @@ _TELLS = 0.05
 """The part of the spread of a cell that is between its quarters, where they tell of what is within
 them; three quarters where the light is even."""
 _TINY = 1e-30
+_ROWS = 2 * np.pi
+"""Two pixels to the width of the core: so many rows from pole to pole, times its width."""
+
+
+def fine_beside(probe: Probe, brdf: Brdf) -> Probe:
+    """Return light whose pixels are small beside a lobe, as `fine_probe` does.
+
+    Probes of `COARSE_ROWS` are always fine enough, and their lobes are not looked at.
+    """
+    if probe.grid.resolution >= COARSE_ROWS:
+        return probe
+    rows = _ROWS / float(np.median(Core.of(brdf).widths))
+    return fine_probe(probe, min(rows, COARSE_ROWS))
 
 
 @record

@@ -8,7 +8,6 @@ simplest; a map of principal functions otherwise, which keeps it in the fewest b
 from dataclasses import replace
 from functools import cached_property
 
-from shrm_cli.brdf.core import rows_beside
 from shrm_cli.brdf.sums import split
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered, examined
@@ -20,7 +19,6 @@ from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, first_kept, least_wrong
-from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
@@ -49,8 +47,9 @@ def automatic_choice(probe: Probe, request: Request) -> str:
 
     It leaves out whether the map would be negative anywhere, for which one of more bytes is made.
     """
-    fine = fine_probe(probe, rows_beside(request.brdf))
-    asked = _Asked(Projection(shared(fine)), request)
+    from shrm_cli.adaptive import fine_beside  # which most runs do not need
+
+    asked = _Asked(Projection(shared(fine_beside(probe, request.brdf))), request)
     best = asked.of_single_cubes()
     if best is None:
         tried, is_kept = first_kept(asked.proposals.candidate, asked.goal)

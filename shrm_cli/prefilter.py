@@ -200,10 +200,9 @@ def _fine(probe: Probe, request: Request) -> Probe:
     has_cubes = described.needs_brdf and "size" in described.takes
     if probe.grid.resolution >= COARSE_ROWS or request.domain == "angular" or not has_cubes:
         return probe
-    from shrm_cli.brdf.core import rows_beside
-    from shrm_cli.probe.coarse import fine_probe
+    from shrm_cli.adaptive import fine_beside  # which most runs do not need
 
-    return fine_probe(probe, rows_beside(request.brdf))
+    return fine_beside(probe, request.brdf)
 
 
 def _finished(made: Prefiltered, probe: Probe, lamps: "Beside | None", brdf: Brdf) -> Prefiltered:

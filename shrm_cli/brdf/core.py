@@ -7,7 +7,6 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.vectors import turned
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame
-from shrm_cli.vocabulary import COARSE_ROWS
 
 _VIEWS = np.concatenate([np.linspace(0, 2.6, 9), [2.8, 2.95, 3.05, 3.1, 3.13]])
 """Angles from the central direction to the view, radians; at the last one, a surface that reflects
@@ -21,15 +20,8 @@ PART = 0.5
 """Cells are to be no larger than this part of the width of the core: with the whole of it, the
 peaks of Phong's lobe of exponent 512 and of fibres were missed by 3 and 6 %."""
 MOST_CELLS = 2**14
-_ROWS = 2 * np.pi
-"""Two pixels to the width of the core: so many rows from pole to pole, times its width."""
 _PEAK = 0.75
 """Azimuths count that come so near to the peak."""
-
-
-def rows_beside(brdf: Brdf) -> float:
-    """Return of how many rows a probe's pixels are small beside a lobe: `COARSE_ROWS` at most."""
-    return min(_ROWS / float(np.median(Core.of(brdf).widths)), COARSE_ROWS)
 
 
 @record
