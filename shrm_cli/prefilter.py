@@ -236,5 +236,4 @@ def _maker(to: str) -> Callable[[Probe, Request], Prefiltered]:
         from shrm_cli.automatic import prefilter as choose
 
         return choose
-    make: Callable[[Probe, Request], Prefiltered] = registry.module(to, "prefilter").prefilter
-    return make
+    return registry.module(to, "prefilter").prefilter

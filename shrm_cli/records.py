@@ -143,5 +143,4 @@ class Displayed:
     def _repr_html_(self) -> str:
         """Return what IPython shows at the end of a cell."""
         # The module that draws is loaded when a notebook asks.
-        html: str = importlib.import_module("shrm_cli.notebook").html(self)
-        return html
+        return importlib.import_module("shrm_cli.notebook").html(self)

@@ -100,8 +100,7 @@ def shared(what: Hashable, given: tuple[Any, ...], make: Callable[[], Shared]) -
     key = (what, *map(id, given))
     if key not in found:
         found[key] = given, make()
-    made: Shared = found[key][1]
-    return made
+    return found[key][1]
 
 
 def half_vector(light: Array, view: Array) -> Half:

@@ -66,8 +66,7 @@ class _LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name in _COMMANDS:
-            command: click.Command = getattr(importlib.import_module(f"shrm_cli.cli.{name}"), name)
-            return command
+            return getattr(importlib.import_module(f"shrm_cli.cli.{name}"), name)
         point = _installed().get(name)
         try:
             return None if point is None else _load(point)

@@ -147,8 +147,7 @@ def _made(option: Option) -> Any:
 
 def words_of_call() -> list[str]:
     """Return the words that the running command, which has headings, was called with."""
-    words: list[str] = click.get_current_context().meta["shrm.words"]
-    return words
+    return click.get_current_context().meta["shrm.words"]
 
 
 _SPEC = (

@@ -119,8 +119,7 @@ def convert(
         refuse_arguments("a single `view`", mips=mips or None)
         surface = roughness, f0
         made = seen_from(found, name, view, by, size, sampling, surface, progress)
-    plain: Converted = replace(made, notes=(*made.notes, *notes))
-    return plain
+    return replace(made, notes=(*made.notes, *notes))
 
 
 def _code(found: Map, language: str | None) -> str | None:

@@ -223,8 +223,7 @@ def engine(name: str) -> Engine:
     """
     if name not in ENGINES:
         return _foreign(name)
-    found: Engine = importlib.import_module(f"shrm_cli.export.engines.{ENGINES[name]}").ENGINE
-    return found
+    return importlib.import_module(f"shrm_cli.export.engines.{ENGINES[name]}").ENGINE
 
 
 def _foreign(name: str) -> Engine:

@@ -200,5 +200,4 @@ def _pair(key: str, value: str) -> bytes:
 def _compressed(data: bytes) -> bytes:
     import zstandard
 
-    found: bytes = zstandard.ZstdCompressor(level=_LEVEL).compress(data)
-    return found
+    return zstandard.ZstdCompressor(level=_LEVEL).compress(data)

@@ -127,5 +127,4 @@ def smooth_points(mesh: "Mesh", faces: Integers, weights: Array, normals: Array)
     own = mesh.normals[corners]
     above = np.einsum("ncv,ncv->nc", mesh.vertices[corners] - points[:, None], own)
     height = np.einsum("nc,nc,ncv,nv->n", weights, above, own, flat) / 2
-    moved: Array = points + np.maximum(height, 0)[:, None] * flat
-    return moved
+    return points + np.maximum(height, 0)[:, None] * flat

@@ -70,8 +70,7 @@ class Dimming:
         frame = local_frame(*to_angles(self.direction))
         harmonics = real_harmonics(order, local.reshape(-1, 3) @ frame.T)
         area = np.repeat(weights * self.at(heights), count) * 2 * np.pi / count
-        found: Array = harmonics.T @ (area[:, None] * (harmonics @ coefficients))
-        return found
+        return harmonics.T @ (area[:, None] * (harmonics @ coefficients))
 
 
 @record(eq=False)

@@ -412,8 +412,7 @@ class Map(Displayed, ABC):
             If the map cannot be converted to that representation, or an option does not apply.
         """
         convert = getattr(registry.module(to, "prefilter"), "converted", registry.unconverted)
-        made: Map = convert(self.resampled(size, sampling), to, **options)
-        return made
+        return convert(self.resampled(size, sampling), to, **options)
 
     def with_info(self, info: MapInfo) -> Self:
         """Return the same map with another record of how it was made."""
@@ -447,8 +446,7 @@ class Map(Displayed, ABC):
 
     def encode(self) -> list[Part]:
         """Return the parts of a file that holds the map as OpenEXR's stacked cubes."""
-        parts: list[Part] = registry.module(self.representation, "file").encode(self)
-        return parts
+        return registry.module(self.representation, "file").encode(self)
 
     def save(
         self,

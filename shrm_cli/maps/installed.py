@@ -85,8 +85,7 @@ def home(name: str) -> ModuleType:
     for each in (*_NEEDED, *(_OFFERING if described.is_offered else ())):
         if not callable(getattr(found, each, None)):
             raise PluginError(f"the form {name!r}: {place} has no function {each}; write one")
-    module: ModuleType = found
-    return module
+    return found
 
 
 def _guarded(name: str, function: Callable[..., Any]) -> Callable[..., Any]:

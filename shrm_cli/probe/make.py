@@ -177,8 +177,7 @@ def soft_box_coverage(box: SoftBox, directions: Array) -> Array:
 def smoothstep(t: Array) -> Array:
     """Cubic from 0 to 1 for `t` in [0, 1], constant outside, with no slope at either end."""
     t = np.clip(t, 0.0, 1.0)
-    smooth: Array = t * t * (3 - 2 * t)
-    return smooth
+    return t * t * (3 - 2 * t)
 
 
 def shade_in_bands(directions: Array, shade: Callable[[Array], Array]) -> Image:
@@ -223,8 +222,7 @@ def latlong_solid_angles(size: int) -> Array:
     """
     middles = (np.arange(size) + 0.5) * (np.pi / size)
     # cos(top) - cos(bottom) as a product: the difference loses digits at the poles.
-    angles: Array = 2 * np.sin(middles) * np.sin(np.pi / (2 * size)) * (np.pi / size)
-    return angles
+    return 2 * np.sin(middles) * np.sin(np.pi / (2 * size)) * (np.pi / size)
 
 
 def _rgb(radiance: ArrayLike) -> Array:

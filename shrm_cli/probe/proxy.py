@@ -133,5 +133,4 @@ def carried(vectors: ArrayLike, before: ArrayLike, after: ArrayLike) -> Array:
 
 
 def _half_turned(vectors: Array, axis: Array) -> Array:
-    turned: Array = 2 * np.sum(axis * vectors, axis=-1, keepdims=True) * axis - vectors
-    return turned
+    return 2 * np.sum(axis * vectors, axis=-1, keepdims=True) * axis - vectors

@@ -190,8 +190,7 @@ def sun_radiance(elevation: float, turbidity: float) -> Array:
     spectrum = np.interp(wavelengths, data.SUN_WAVELENGTHS, data.SUN_RADIANCE) * np.exp(-depth)
     xyz = np.trapezoid(spectrum[:, None] * data.color_matching(wavelengths), wavelengths, axis=0)
     kilocandelas = xyz * (data.LUMINOUS_EFFICACY / 1000)
-    radiance: Array = np.maximum(data.rec709_from_xyz() @ kilocandelas, 0.0)
-    return radiance
+    return np.maximum(data.rec709_from_xyz() @ kilocandelas, 0.0)
 
 
 def atmosphere_depth(wavelengths: Array, elevation: float, turbidity: float) -> Array:
@@ -223,12 +222,11 @@ def atmosphere_depth(wavelengths: Array, elevation: float, turbidity: float) -> 
     water = np.interp(wavelengths, data.WATER_WAVELENGTHS, data.WATER_ABSORPTION) * WATER_CM * mass
     rayleigh = 0.008735 * microns**-4.08
     aerosols = beta * microns**-1.3
-    depth: Array = (
+    return (
         (rayleigh + aerosols + ozone) * mass
         + 1.41 * gas / (1 + 118.93 * gas) ** 0.45
         + 0.2385 * water / (1 + 20.07 * water) ** 0.45
     )
-    return depth
 
 
 def sun_disc_samples(sun: Array) -> Array:
@@ -257,8 +255,7 @@ def _perez(name: str, turbidity: float, cosine: Array, gamma: Array | float) -> 
     a, b, c, d, e = (slope * turbidity + offset for slope, offset in data.PEREZ[name])
     zenith_to_horizon = 1 + a * np.exp(b / cosine)
     around_sun = 1 + c * np.exp(d * gamma) + e * np.cos(gamma) ** 2
-    value: Array = zenith_to_horizon * around_sun
-    return value
+    return zenith_to_horizon * around_sun
 
 
 def _zenith_chromaticity(name: str, turbidity: float, sun_theta: float) -> float:

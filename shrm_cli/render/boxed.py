@@ -66,8 +66,7 @@ def reflected(
         looked_up(part, seen_from(made, center, vectors, points), shares)
         for part, center in parts_of(made, shown)
     ]
-    total: Array = sum(found[1:], found[0])
-    return total
+    return sum(found[1:], found[0])
 
 
 def looked_up(shown: ReflectedLight, vectors: Vectors, shares: Array | None = None) -> Array:

@@ -104,20 +104,17 @@ class MovedMap(ReflectedLight):
     @property
     def info(self) -> MapInfo:
         """How the first map was made; the box of a room does not turn with the light."""
-        found: MapInfo = self.first.info.without_box()
-        return found
+        return self.first.info.without_box()
 
     @property
     def varies(self) -> int:
         """How many parameters of the BRDF vary in the first map."""
-        found: int = self.first.varies
-        return found
+        return self.first.varies
 
     @property
     def center(self) -> str:
         """The central direction of the first map."""
-        found: str = self.first.center
-        return found
+        return self.first.center
 
     def radiance(
         self,

@@ -135,8 +135,7 @@ class _Paths:
         origins = points + LIFT * self._brightness.room.size * normals
 
         def dense(directions: Array) -> Array:
-            found: Array = np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0) / np.pi
-            return found
+            return np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0) / np.pi
 
         directions, lamps = self._emitters.arriving(origins, number, dense)
         cosines = np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0)

@@ -137,8 +137,7 @@ class Brightness:
                 return np.maximum(np.einsum("nsv,nv->ns", directions, of), 0)
 
             def dense(directions: Array, cosine: Any = cosine) -> Array:
-                found: Array = cosine(directions) * (_DIRECTIONS / np.pi)
-                return found
+                return cosine(directions) * (_DIRECTIONS / np.pi)
 
             directions, light = emitters.arriving(origins[part], start, dense)
             lit[part] = np.einsum("ns,nsc->nc", cosine(directions), light)

@@ -62,8 +62,7 @@ def turn_matrix(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Arra
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
     about_x = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
     about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
-    matrix: Array = about_y @ about_x @ about_z
-    return matrix
+    return about_y @ about_x @ about_z
 
 
 def turn_about(axis: ArrayLike, degrees: float) -> Array:
@@ -79,8 +78,7 @@ def turn_about(axis: ArrayLike, degrees: float) -> Array:
     x, y, z = normalize(np.asarray(axis, dtype=float))
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
-    matrix: Array = np.eye(3) + sine * cross + (1 - cosine) * cross @ cross
-    return matrix
+    return np.eye(3) + sine * cross + (1 - cosine) * cross @ cross
 
 
 def normalize(vectors: ArrayLike) -> Array:

@@ -277,8 +277,7 @@ def transfer(
     >>> shrm.transfer("triangle.obj", order=1, samples=16).summary()["vertices"]
     3
     """
-    baked: Transfer = bake(transfer_plan(mesh, **arguments), progress=progress)
-    return baked
+    return bake(transfer_plan(mesh, **arguments), progress=progress)
 
 
 def mesh_digest(vertices: Array, faces: NDArray[np.integer]) -> str:

@@ -97,8 +97,7 @@ class Transfer:
         if self.texels is None:
             return mesh.interpolated(values, faces, weights)
         rows, shares = self.texels.places(faces, weights)
-        found: Array = np.einsum("kc,kcv->kv", shares, values[rows])
-        return found
+        return np.einsum("kc,kcv->kv", shares, values[rows])
 
     def positions(self, mesh: Mesh) -> Array:
         """Return where the vertices or the texels are, shape (v, 3)."""

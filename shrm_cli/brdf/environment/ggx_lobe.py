@@ -38,8 +38,7 @@ class GgxLobe(NormalLobe):
         cosine = np.maximum(1 - 2 * square_sine, 0)
         a2 = self.width**2
         distribution = (self._peak * a2 * a2) / (a2 + (1 - a2) * square_sine) ** 2
-        value: Array = distribution * cosine / (cosine + np.sqrt(a2 + (1 - a2) * cosine**2))
-        return value
+        return distribution * cosine / (cosine + np.sqrt(a2 + (1 - a2) * cosine**2))
 
     @cached_property
     def _peak(self) -> float:

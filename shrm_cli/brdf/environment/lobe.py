@@ -28,8 +28,7 @@ def square_half_sine(light: Array, view: Array) -> Array:
     """
     x, y = light[..., 0] + view[..., 0], light[..., 1] + view[..., 1]
     z = light[..., 2] - view[..., 2]
-    value: Array = (x * x + y * y + z * z) / 4
-    return value
+    return (x * x + y * y + z * z) / 4
 
 
 class NormalLobe(Brdf):
@@ -113,8 +112,7 @@ class MaterialLobe(NormalLobe):
     def radial(self, square_sine: Array) -> Array:
         sine = 2 * np.sqrt(square_sine * np.maximum(1 - square_sine, 0))
         light = np.stack([sine, np.zeros_like(sine), 1 - 2 * square_sine], axis=-1)
-        value: Array = self.material.transfer(light, _AXIS).mean(axis=-1) * self._factor
-        return value
+        return self.material.transfer(light, _AXIS).mean(axis=-1) * self._factor
 
     def _whole(self) -> float:
         """The integral over the hemisphere.

@@ -73,8 +73,7 @@ class ViewTable:
     @property
     def nodes(self) -> Array:
         """N.V at the nodes, rising from 1e-5 to 1."""
-        nodes: Array = self._scale * np.sinh(np.linspace(*self._ends, _TABLE)) ** 2
-        return nodes
+        return self._scale * np.sinh(np.linspace(*self._ends, _TABLE)) ** 2
 
     def interpolated(self, table: Array, view: Array) -> Array:
         """Interpolate each row by the cubic polynomial through the four nearest nodes.

@@ -44,8 +44,7 @@ def encode(image: Array, edge: int) -> bytes:
     texels[..., :3] = image
     arm = library()
     source = arm.ASTCImage(_types().F16, width, height, data=texels.tobytes())
-    data: bytes = _context(edge).compress(source, arm.ASTCSwizzle.from_str("RGB1"))
-    return data
+    return _context(edge).compress(source, arm.ASTCSwizzle.from_str("RGB1"))
 
 
 def decode(data: bytes, height: int, width: int, edge: int) -> Array:

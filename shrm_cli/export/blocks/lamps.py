@@ -72,8 +72,7 @@ def light_error(light: Floats, wanted: Floats) -> Floats:
         What is read, and what should be.
     """
     off = light - wanted
-    error: Floats = (off**2).sum(axis=(0, 1)) + (off.sum(axis=1) ** 2).sum(axis=0)
-    return error
+    return (off**2).sum(axis=(0, 1)) + (off.sum(axis=1) ** 2).sum(axis=0)
 
 
 def nearest(texels: Texels, ends: Floats, count: int) -> Whole:

@@ -81,8 +81,7 @@ def relative_weights(light: Floats) -> Floats:
     are relative to the mean of the block: bright texels of a block count more.
     """
     norm = np.sqrt((light * light).sum(axis=0)) + np.float32(1e-7)
-    weights: Floats = 1 / (16 * norm * norm.mean(axis=0))
-    return weights
+    return 1 / (16 * norm * norm.mean(axis=0))
 
 
 def scaled(texels: Texels) -> tuple[Floats, Floats, Floats]:
@@ -193,8 +192,7 @@ def balanced(light: Callable[[Whole], Floats], wanted: Floats, indices: Whole, c
 
 def squared_error(texels: Texels, values: Floats) -> Floats:
     """Return the weighted squared error of blocks that read as values: shape (n,)."""
-    error: Floats = ((values - texels.values) ** 2 * texels.weights).sum(axis=(0, 1))
-    return error
+    return ((values - texels.values) ** 2 * texels.weights).sum(axis=(0, 1))
 
 
 def between(ends: Floats, at: Floats, on_second: Members) -> Floats:
@@ -208,5 +206,4 @@ def between(ends: Floats, at: Floats, on_second: Members) -> Floats:
     """
     first = np.where(on_second, ends[-2][:, None], ends[0][:, None])
     last = np.where(on_second, ends[-1][:, None], ends[1][:, None])
-    values: Floats = first + at * (last - first)
-    return values
+    return first + at * (last - first)

@@ -46,8 +46,7 @@ def starting_prices(blocks: Array) -> Floats:
 def bits_of_bytes(data: NDArray[np.uint8]) -> Floats:
     """Return how many bits each of the 256 bytes takes by an ideal code: shape (256,)."""
     counts = np.bincount(data.ravel(), minlength=256) + 0.5
-    bits: Floats = np.log2(counts.sum() / counts).astype(np.float32)
-    return bits
+    return np.log2(counts.sum() / counts).astype(np.float32)
 
 
 def mean_bits(data: NDArray[np.uint8]) -> float:

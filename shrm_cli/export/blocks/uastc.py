@@ -228,8 +228,7 @@ def _found(texels: Texels, numbers: Whole, indices: Whole, lamps: Whole) -> Foun
 
     def light(lights: Floats, at: Whole) -> Floats:
         chosen = np.take_along_axis(lights, at[None, :, None], axis=1)
-        found: Floats = chosen.swapaxes(1, 2).reshape(6, *at.shape)
-        return found
+        return chosen.swapaxes(1, 2).reshape(6, *at.shape)
 
     if lamps.size:
         there = lights[..., lamps]

@@ -326,7 +326,4 @@ def unpack(data: NDArray[np.uint8]) -> tuple[Whole, Whole]:
 
 def _number(bits: Whole) -> Whole:
     """Return the numbers that bits along the first axis are, the lowest first."""
-    number: Whole = sum(
-        (row << k for k, row in enumerate(bits)), np.zeros(bits.shape[1:], np.int64)
-    )
-    return number
+    return sum((row << k for k, row in enumerate(bits)), np.zeros(bits.shape[1:], np.int64))

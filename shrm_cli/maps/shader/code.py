@@ -245,8 +245,7 @@ def source_of(made: "Map", textures: str) -> Source:
     MapError
         If there is no such code for the map.
     """
-    found: Source = registry.module(made.representation, "shader").source(made.stored, textures)
-    return found
+    return registry.module(made.representation, "shader").source(made.stored, textures)
 
 
 def _comment(made: "Map", source: Source, version: str, textures: Sequence[str]) -> list[str]:

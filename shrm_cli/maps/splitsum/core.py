@@ -68,8 +68,7 @@ class LobeCore(NormalLobe):
         kept = (
             y2 * y2 * (1 + x * (4 + x * (10 + 20 * x)) + x4 * (35 + x * (56 + x * (84 + 120 * x))))
         )
-        value: Array = self.lobe.radial(square_sine) * kept
-        return value
+        return self.lobe.radial(square_sine) * kept
 
     def multipliers(self) -> Array:
         """Compute what the core multiplies the light's degrees with: shape (513,)."""

@@ -264,8 +264,7 @@ class Grid(ABC):
 def grid_class(name: str) -> type[Grid]:
     """The class of a grid, by a name out of `shrm_cli.vocabulary.GRIDS`."""
     module, _, member = GRIDS[name].partition(":")
-    found: type[Grid] = getattr(import_module(module), member)
-    return found
+    return getattr(import_module(module), member)
 
 
 def channels_at_once(pixels: Array) -> int:
