@@ -14,7 +14,6 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import AnyProbe, as_probe
-from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages, using
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
@@ -106,16 +105,12 @@ def analyze(
     curve = accuracy_curve(lighting, grid.coefficients, grid.order_f, curve_p)
     if not views:
         return Analysis(brdf, grid, curve)
-    source_height = source_height or _source_height(source, grid.order_f)
+    enough = max(4 * grid.order_f, _LEAST_ROWS)
+    if not source_height and source.grid.latlong_rows > enough:
+        source_height = enough
     truth = Reference(source, brdf, source_height, progress=stages.within, exact=True)
     pictures = order_pictures(
         lighting, grid.coefficients, brdf.center, [Viewer(*view) for view in views], grid.order_f,
         size, truth,
     )  # fmt: skip
     return Analysis(brdf, grid, curve, pictures, source_height)
-
-
-def _source_height(source: Probe, order_f: int) -> int | None:
-    """Return the rows to average the probe down to, or None if it has no more rows."""
-    enough = max(4 * order_f, _LEAST_ROWS)
-    return enough if source.grid.latlong_rows > enough else None

@@ -165,7 +165,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     factors = lambert_factors(order)[degrees(order), None]
     found = split_lamps(probe, count=lamps).lamps if lamps and mean.any() else ()
-    whole = 4 * np.pi * float(to_xyz[1] @ mean)
+    whole, stated = 4 * np.pi * float(to_xyz[1] @ mean), probe.chromaticities
     return ProbeStatistics(
         minimum=gathered.low,
         maximum=gathered.high,
@@ -181,7 +181,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         direction=direction,
         directionality=directionality,
         clipped=gathered.clipped(mean),
-        primaries=_primaries(probe),
+        primaries="not stated; taken for Rec.709" if stated is None else title_of(stated),
         lamps=found,
         lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / whole for lamp in found),
     )
@@ -190,12 +190,6 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
 def _over_green(mean: Array) -> Array | None:
     """A colour over its green, None where that is nothing beside the others."""
     return mean / mean[1] if mean[1] > _LEAST_GREEN * mean.max() else None
-
-
-def _primaries(probe: Probe) -> str:
-    """The name of a probe's primaries, or what there is to say of them."""
-    stated = probe.chromaticities
-    return "not stated; taken for Rec.709" if stated is None else title_of(stated)
 
 
 def _direction(luminance: Array) -> tuple[Array, float]:

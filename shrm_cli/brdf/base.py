@@ -200,9 +200,8 @@ class Brdf(ABC):
         known = {parameter.name: parameter for parameter in self.parameters}
         for key in values:
             if key not in known:
-                raise BrdfError(
-                    f"{self.name}: unknown parameter {key!r}; it has {_listing(list(known))}"
-                )
+                has = ", ".join(known) or "none"
+                raise BrdfError(f"{self.name}: unknown parameter {key!r}; it has {has}")
         self.values = {}
         for key, parameter in known.items():
             if parameter.is_optional and key not in values:
@@ -365,10 +364,6 @@ def added(values: Sequence[Array]) -> Array:
 
 def _either(names: Sequence[str]) -> str:
     return f"{', '.join(names[:-1])} or {names[-1]}" if len(names) > 1 else names[0]
-
-
-def _listing(names: list[str]) -> str:
-    return ", ".join(names) if names else "none"
 
 
 COMMA = re.compile(",")

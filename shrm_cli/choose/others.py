@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,7 +138,8 @@ def _measured(
     """Measure a map, with so many taps where the surface is brushed."""
     shown: ReflectedLight = made.shaded()
     if taps is not None:
-        shown = _brushed(made, brdf, taps)
+        roughness, anisotropy, f0 = brdf.brushed_surface  # type: ignore[attr-defined]
+        shown = made.shaded(roughness, f0, anisotropy, taps)
     elif isinstance(made, LightMap):
         shown = made.shaded(brdf.number("roughness"), brdf.color("f0"))
     error, share = truth.errors(shown, brdf.color("albedo") if made.is_white else 1.0)
@@ -153,9 +153,3 @@ def _measured(
         form, look_up.what, look_up.bytes, error, share, measured, cost.look_ups,
         cost.multiply_adds, {"to": form, **setting.arguments}, make,
     )  # fmt: skip
-
-
-def _brushed(made: Map, brdf: Any, taps: int) -> ReflectedLight:
-    """Return the light of a map as brushed GGX shows it."""
-    roughness, anisotropy, f0 = brdf.brushed_surface
-    return made.shaded(roughness, f0, anisotropy, taps)

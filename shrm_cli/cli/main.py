@@ -176,7 +176,8 @@ def main(arguments: list[str] | None = None) -> None:
     except click.ClickException as error:
         _fail(error.format_message(), error.exit_code)
     except ArgumentError as error:
-        _fail(f"{flags(str(error), arguments)}; see {_command(arguments)} --help", 2)
+        command = f"shrm {_named(arguments)}".rstrip()
+        _fail(f"{flags(str(error), arguments)}; see {command} --help", 2)
     except (KeyboardInterrupt, click.Abort):
         _fail("interrupted", 130)
     except _Stopped as stop:
@@ -221,11 +222,6 @@ def _one_line(error: BaseException, arguments: list[str]) -> str:
     elif (plugins := sys.modules.get("shrm_cli.plugins")) and (package := plugins.culprit(error)):
         told = f"the installed package {package!r} failed, please report it to its authors"
     return f"{told} ({what}); shrm --debug ... tells more"
-
-
-def _command(arguments: list[str]) -> str:
-    """Return the command that was called, as its help names it."""
-    return f"shrm {_named(arguments)}".rstrip()
 
 
 def _named(arguments: list[str]) -> str:

@@ -1,7 +1,7 @@
 """The levels of a split sum as an engine looks them up: its own sizes, its own roughnesses.
 
-Of a probe they are made so, exactly. The levels of a file are taken where they fit the engine's
-law, and refused where they do not, with the command that makes the right ones.
+The levels of a file are taken where they fit the engine's law, and refused where they do not, with
+the command that makes the right ones.
 """
 
 from collections.abc import Sequence
@@ -11,40 +11,11 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.export.engine import Engine
-from shrm_cli.maps.splitsum.prefilter import make_levels
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.cube import CubeSampler, cube_directions
 
 _SAME = 5e-4
 """Roughnesses that differ by this much are the same: files name them with few digits."""
-
-
-def levels_of_probe(
-    probe: Probe, engine: Engine, size: int
-) -> tuple[tuple[Array, ...], tuple[float, ...]]:
-    """Make an engine's levels of a probe.
-
-    Parameters
-    ----------
-    size : int
-        Texels along an edge of level 0.
-
-    Returns
-    -------
-    levels : tuple of ndarray, shape (6 N_k, N_k, 3)
-        OpenEXR cubes in world axes. One of roughness 0 is the probe, averaged over texels.
-    roughness : tuple of float
-
-    Raises
-    ------
-    ArgumentError
-        If the engine reads no such size.
-    """
-    sizes = engine.sizes(size)
-    roughness = engine.roughness(sizes)
-    cubes, _ = make_levels(probe, roughness, size, sizes=sizes)
-    return tuple(cubes), roughness
 
 
 def levels_of_map(
@@ -61,8 +32,9 @@ def levels_of_map(
 
     Returns
     -------
-    levels, roughness
-        As `levels_of_probe` returns them.
+    levels : tuple of ndarray, shape (6 N_k, N_k, 3)
+        OpenEXR cubes in world axes.
+    roughness : tuple of float
     told : list of str
         A sentence about levels that were interpolated to the engine's sizes.
 

@@ -16,7 +16,7 @@ from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export.asset import open_asset
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
-from shrm_cli.export.levels import levels_of_map, levels_of_probe
+from shrm_cli.export.levels import levels_of_map
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.quoting import code_span, markdown
 from shrm_cli.export.tamed import tamed
@@ -29,6 +29,7 @@ from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import Window
 from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.maps.request import Request
+from shrm_cli.maps.splitsum.prefilter import make_levels
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.naming import probe_stem
 from shrm_cli.orders import Orders
@@ -336,13 +337,17 @@ def gather(source: Source, engine: Engine, asked: Asked) -> tuple[Light, list[st
         light = replace(light, levels=levels, roughness=roughness, lobe=lobe)
     elif engine.wants_levels and source.probe is not None:
         size = asked.size or engine.default_size
-        levels, roughness = levels_of_probe(source.probe, engine, size)
-        light = replace(light, levels=levels, roughness=roughness)
+        sizes = engine.sizes(size)
+        roughness = engine.roughness(sizes)
+        cubes, _ = make_levels(source.probe, roughness, size, sizes=sizes)
+        light = replace(light, levels=tuple(cubes), roughness=roughness)
     if engine.wants_irradiance or engine.wants_diffuse:
         irradiance, diffuse, lines = _irradiance(source, itself, engine, asked)
         light = replace(light, irradiance=irradiance, diffuse=diffuse)
         warnings += lines
-        told = [*told, *([] if irradiance is None else _windowed(irradiance.window))]
+        if irradiance is not None and (window := irradiance.window).factors:
+            change = f"({window.name}), which changes it by {window.change:.1%} RMS"
+            told = [*told, f"irradiance: windowed {change}"]
     if itself is not None:
         light = _with_images(light, itself, engine, asked)
     if asked.safe and engine.sampler is not None and light.latlong is not None:
@@ -375,13 +380,6 @@ def _irradiance(
         known = provenance(light, Lambertian(), Orders(DIFFUSE_ORDER, 0, 0.0, 1.0))
         diffuse = Irradiance(coefficients, known)
     return cast(Irradiance | None, nine), diffuse, warnings
-
-
-def _windowed(window: Window) -> list[str]:
-    """Say what a window changes, if there is one."""
-    if not window.factors:
-        return []
-    return [f"irradiance: windowed ({window.name}), which changes it by {window.change:.1%} RMS"]
 
 
 def _nine(irradiance: Irradiance) -> Irradiance:

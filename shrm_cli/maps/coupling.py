@@ -213,7 +213,11 @@ def over_rings(lighting: Array, brdf: Array) -> Array:
     pairs = band // 2 + 1
     cosines, weights = gauss_legendre(2 * pairs)
     result = np.zeros(((band + 1) ** 2, (order_p + 1) ** 2, channels))
-    step = min(_pairs_at_once(order_f, order_p), -(-pairs // _LEAST_BLOCKS))
+    # For so many pairs of rings small-d values and waves stay within the bytes, or for one.
+    table = (2 * order_f + 1) * (order_p + 1) * (order_f + 1)
+    numbers = 2 * (band + 1) * (order_p + 1) ** 2 * 3
+    at_once = max(1, _TABLE_BYTES // (8 * (table + 4 * numbers)))
+    step = min(at_once, -(-pairs // _LEAST_BLOCKS))
     for start in range(0, pairs, step):
         one = np.arange(start, min(start + step, pairs))
         rings = np.concatenate([one, 2 * pairs - 1 - one])
@@ -223,16 +227,6 @@ def over_rings(lighting: Array, brdf: Array) -> Array:
         _integrate(waves, legendre_table(band, cosines[rings]), weights[rings], result)
         progress.report(int(one[-1]) + 1, pairs)
     return result
-
-
-def _pairs_at_once(order_f: int, order_p: int) -> int:
-    """Return for how many pairs of rings small-d values and waves stay within `_TABLE_BYTES`.
-
-    It is one at least, even if that takes more.
-    """
-    table = (2 * order_f + 1) * (order_p + 1) * (order_f + 1)
-    waves = 2 * (order_f + order_p + 1) * (order_p + 1) ** 2 * 3
-    return max(1, _TABLE_BYTES // (8 * (table + 4 * waves)))
 
 
 def _local_modes(light: ComplexArray, brdf: Array, theta: Array) -> ComplexArray:

@@ -107,14 +107,6 @@ def _choice(option: Option, value: object) -> str | None:
     return value if isinstance(value, str) and value in option.choices else None
 
 
-def _switch(option: Option, value: object) -> bool | None:
-    return value if isinstance(value, bool) else None
-
-
-def _text(option: Option, value: object) -> str | None:
-    return value if isinstance(value, str) else None
-
-
 def _interval(option: Option, value: object) -> tuple[float, float] | None:
     first, last = (float(end) for end in value)  # type: ignore[attr-defined]
     low, high = option.limits
@@ -144,8 +136,8 @@ _CHECKS: dict[str, Callable[[Option, object], Any]] = {
     "integer": _whole_within,
     "fraction": _fraction,
     "choice": _choice,
-    "switch": _switch,
-    "text": _text,
+    "switch": lambda option, value: value if isinstance(value, bool) else None,
+    "text": lambda option, value: value if isinstance(value, str) else None,
     "interval": _interval,
     "levels": _levels,
     "components": _components,

@@ -65,7 +65,12 @@ def profile_primaries(profile: bytes) -> tuple[float, ...] | None:
     ICC.1:2022, 8.3.3 (three-component matrix-based profiles), 9.2.14 (chad), annex E.
     """
     try:
-        found = {name: _fixed(data) for name, data in _tags(profile) if name in _COLORANT_TAGS}
+        found = {
+            # The numbers of an XYZType or an s15Fixed16ArrayType.
+            name: np.frombuffer(data[8 : 8 + (len(data) - 8) // 4 * 4], ">i4") / 65536
+            for name, data in _tags(profile)
+            if name in _COLORANT_TAGS
+        }
     except struct.error:
         return None
     if not {b"rXYZ", b"gXYZ", b"bXYZ"} <= found.keys():
@@ -93,17 +98,12 @@ def _tags(profile: bytes) -> Iterator[tuple[bytes, bytes]]:
         yield name, profile[start : start + size]
 
 
-def _fixed(data: bytes) -> Array:
-    """The numbers of an XYZType or an s15Fixed16ArrayType."""
-    return np.frombuffer(data[8 : 8 + (len(data) - 8) // 4 * 4], ">i4") / 65536
-
-
 def _curve(data: bytes) -> Curve | None:
     """The curve of one tag."""
     if data[:4] == b"curv":
         (count,) = struct.unpack_from(">I", data, 8)
         if count == 0:
-            return _identity
+            return lambda values: values
         if count == 1:
             (exponent,) = struct.unpack_from(">H", data, 12)
             return _power(exponent / 256) if exponent else None
@@ -117,10 +117,6 @@ def _curve(data: bytes) -> Curve | None:
             numbers = struct.unpack_from(f">{_PARAMETERS[kind]}i", data, 12)
             return _parametric(kind, [number / 65536 for number in numbers])
     return None
-
-
-def _identity(values: Array) -> Array:
-    return values
 
 
 def _power(exponent: float) -> Curve:

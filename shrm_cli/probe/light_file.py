@@ -114,12 +114,9 @@ def _box_of(
     (box,) = told if len(told) == 1 else (None,)
     turned = None if box is None else box.turned(options.matrix())
     if turned is None and told and options.box is None:
-        return None, (f"{name}: it has no proxy box, for {_why_no_box(len(told))}",)
+        why = "those of its probes differ" if len(told) > 1 else "it is not turned by right angles"
+        return None, (f"{name}: it has no proxy box, for {why}",)
     return turned, ()
-
-
-def _why_no_box(count: int) -> str:
-    return "those of its probes differ" if count > 1 else "it is not turned by right angles"
 
 
 def read_light_tables(name: str) -> tuple[dict[str, list[dict[str, Any]]], Any]:

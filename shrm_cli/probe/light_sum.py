@@ -100,7 +100,10 @@ class SumImage:
             {"file": term.probe.name, "scale": term.scale.tolist(), **term.probe.reading()}
             for term in self.terms
         ]
-        found: dict[str, Any] = {} if self.series is None else _facts_of_series(self.series)
+        found: dict[str, Any] = {}
+        if self.series is not None:
+            found["order"] = order_of(len(self.series))
+            found["lighting_coefficients"] = self.series.tolist()
         if self.file_format != "coefficients":
             found |= {"probes": probes, "discs": [_facts_of(disc) for disc in self.discs]}
         return found
@@ -246,10 +249,6 @@ class LightSum(Probe):
             for line in term.probe.report.warnings()
         )
         self.report.notes = (*self.image_of_sum.notes, *of_probes)
-
-
-def _facts_of_series(series: Array) -> dict[str, Any]:
-    return {"order": order_of(len(series)), "lighting_coefficients": series.tolist()}
 
 
 def _facts_of(disc: Disc) -> dict[str, Any]:

@@ -82,7 +82,9 @@ def source_pixels(probe: Probe, height: int | None = None) -> tuple[Array, Array
         As `Source.of` takes them.
     """
     probe = coarse_probe(probe, LEAST_ROWS)
-    return _pixels(probe) if height is None else _reduced(probe, height)
+    if height is None:
+        return _pixels(probe)
+    return LatLong(height).directions(), latlong_light(probe, height)
 
 
 def _pixels(probe: Probe) -> tuple[Array, Array]:
@@ -92,12 +94,6 @@ def _pixels(probe: Probe) -> tuple[Array, Array]:
     for start in range(0, len(directions), _BAND_ROWS):
         directions[start : start + _BAND_ROWS] @= probe.matrix.T
     return directions, light
-
-
-def _reduced(probe: Probe, height: int) -> tuple[Array, Array]:
-    """The same of the lat-long that a probe is averaged down to."""
-    light = latlong_light(probe, height)
-    return LatLong(height).directions(), light
 
 
 def latlong_light(probe: Probe, height: int) -> Array:

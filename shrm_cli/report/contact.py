@@ -195,13 +195,12 @@ def contact_page(
     return whole_page(
         title,
         tag("header", tag("p.kind", "Contact sheet"), tag("h1", title), tag("p.quiet", what)),
-        [_failure(*each, worded) for each in contacts.failures],
+        [
+            tag("p.failure", tag("b", tag("code", name), ": "), worded(why))
+            for name, why in contacts.failures
+        ],
         tag("div.scroll.sheet", tag("table", tag("thead", head), tag("tbody", body)), tabindex="0"),
     )
-
-
-def _failure(name: str, why: str, worded: Callable[[str], str]) -> Html:
-    return tag("p.failure", tag("b", tag("code", name), ": "), worded(why))
 
 
 def _heading(brdf: str, form: str) -> Part:

@@ -134,21 +134,9 @@ def as_part(grid: ProbeGrid, direct: bool) -> Part:
     return Part(channels, {"shrm:grid": json.dumps(facts)})
 
 
-def _write_json(path: str | os.PathLike[str], grid: ProbeGrid, direct: bool) -> None:
-    write_bytes(path, (as_json(grid, direct) + "\n").encode())
-
-
-def _write_volume(path: str | os.PathLike[str], grid: ProbeGrid, direct: bool) -> None:
-    write_bytes(path, as_volume(grid, direct))
-
-
-def _write_image(path: str | os.PathLike[str], grid: ProbeGrid, direct: bool) -> None:
-    write_parts(path, [as_part(grid, direct)], "float")
-
-
-WRITERS: dict[str, Callable[[str | os.PathLike[str], ProbeGrid, bool], None]] = {
-    ".json": _write_json,
-    ".ktx2": _write_volume,
-    ".exr": _write_image,
+WRITERS: dict[str, Callable[[str | os.PathLike[str], ProbeGrid, bool], object]] = {
+    ".json": lambda path, *light: write_bytes(path, (as_json(*light) + "\n").encode()),
+    ".ktx2": lambda path, *light: write_bytes(path, as_volume(*light)),
+    ".exr": lambda path, *light: write_parts(path, [as_part(*light)], "float"),
 }
 """What a grid is written as, by the suffix; each takes whether light of lamps counts."""

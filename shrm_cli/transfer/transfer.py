@@ -106,10 +106,7 @@ class Transfer:
     def shades_lamps(self, glossy: bool) -> bool:
         """Return whether lamps may be shaded apart: what the mesh sends of their light is known.
 
-        Parameters
-        ----------
-        glossy : bool
-            Whether the matrices are what shades, which hold direct and reflected light together.
+        Matrices, by which glossy surfaces are shaded, hold direct and reflected light together.
         """
         return not self.facts.bounces or (self.direct is not None and not glossy)
 

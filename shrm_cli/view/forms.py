@@ -104,7 +104,8 @@ def _facts(made: Map) -> list[tuple[str, str]]:
     info, summary = made.info, made.summary()
     facts = [("form", registry.description(made.representation).title)]
     if "f0" not in made.surface_arguments and not made.is_white:
-        facts.append(("BRDF", _spaced(spec_of(info.brdf))))
+        places_to_break = re.sub(r"([,+:])", "\\1\u200b", spec_of(info.brdf))
+        facts.append(("BRDF", places_to_break))
     facts.append(("probe", info.probe or "unknown"))
     if made.cube_count:
         facts.append(("cubes", f"{made.cube_count} of 6 \u00d7 {made.size}\u00b2"))
@@ -122,8 +123,3 @@ def _facts(made: Map) -> list[tuple[str, str]]:
         if value > 0:
             facts.append((word, f"{value:.2%}"))
     return facts
-
-
-def _spaced(spec: str) -> str:
-    """Return a specification with places to break lines at."""
-    return re.sub(r"([,+:])", "\\1\u200b", spec)

@@ -8,8 +8,6 @@ import numpy as np
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import ArgumentError
@@ -187,7 +185,9 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
         kind.check_images(size, count)
         integral = Reference(probe, brdf, request.source_height, request.eps, exact=True)
         lighting = project(probe, coefficients.order_f)
-        tail = _tail_coefficients(brdf, integral.angle, coefficients)
+        # What the truncated lobe lacks is little, so that an accuracy of one percent suffices.
+        rest, kept = lobe_tail(brdf, integral.angle), coefficients
+        tail = compute_coefficients(rest, kept.order_f, kept.order_p, 1e-2)
         captured = 1 - tail.total_energy.sum() / max(coefficients.total_energy.sum(), 1e-300)
         orders = replace(orders, captured=float(captured))
         info = replace(
@@ -205,14 +205,6 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
         info = replace(info, added_error=kind.from_shrm(smooth, views).info.added_error)
     built = tabulate(kind, integral, brdf.center, info, size, views, sampling)
     return Prefiltered(built, {"error_bound": None, "predicted_wrong_share": None})
-
-
-def _tail_coefficients(brdf: Brdf, angle: float, whole: BrdfCoefficients) -> BrdfCoefficients:
-    """Compute the coefficients of what a lobe truncated at `angle` (radians) lacks.
-
-    They are small, so that an accuracy of one percent suffices.
-    """
-    return compute_coefficients(lobe_tail(brdf, angle), whole.order_f, whole.order_p, 1e-2)
 
 
 class Integral(Protocol):

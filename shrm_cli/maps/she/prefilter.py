@@ -117,7 +117,8 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     low, high = roughness
     order_f = int(np.clip(np.ceil(_ORDER_OF_ALPHA / low**2), *_ORDERS_F))
     lighting = project(probe, order_f)
-    rings = _rings(p_order, q_order)
+    # With fewer rings than the orders need, the fit would be free between them.
+    rings = max(_LEAST_RINGS, p_order + 2, q_order)
     samples = sample_reflectance(lighting, _sampled_roughness(roughness, law), rings, *_VIEW_RINGS)
     if not samples.reflected.any():
         raise MapError(f"{probe.name}: the probe is black, and has no logarithm")
@@ -159,14 +160,6 @@ def _facts(made: SphericalHarmonicExponential, roughness: tuple[float, float]) -
         "ggx_alpha": list(made.ggx_alpha),
         "fit_residual": made.info.fit_residual,
     }
-
-
-def _rings(order_p: int, order_q: int) -> int:
-    """Choose the number of rings of mirror directions.
-
-    With fewer rings than the orders need, the fit would be free between them.
-    """
-    return max(_LEAST_RINGS, order_p + 2, order_q)
 
 
 def _sampled_roughness(roughness: tuple[float, float], law: Law) -> tuple[float, ...]:

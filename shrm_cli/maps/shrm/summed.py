@@ -21,14 +21,6 @@ from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import Frame, Sampling
 
 
-def _stating(
-    term: Shrm | CompressedShrm, added_error: float, filter_error: float
-) -> Shrm | CompressedShrm:
-    """A term with other errors in its record."""
-    info = replace(term.info, added_error=added_error, filter_error=filter_error)
-    return replace(term, info=info)
-
-
 def rms(term: Shrm | CompressedShrm) -> float:
     """Return the RMS of a map's radiance over mirror directions and views, by Parseval's theorem.
 
@@ -128,9 +120,11 @@ class SummedShrm(ReflectionMap):
             order = self.info.order_carried + self.info.order_p
             looked_up = [look_up_error(term.planes()[0], term.sampling, order) for term in moved]
             info = replace(info, filter_error=joint_error(strengths, looked_up, whole))
-        errors = info.added_error, info.filter_error
-        terms = tuple(_stating(each, *errors) for each in moved)
-        return SummedShrm(terms, info)
+        terms = []
+        for each in moved:
+            known = replace(each.info, added_error=info.added_error, filter_error=info.filter_error)
+            terms.append(replace(each, info=known))
+        return SummedShrm(tuple(terms), info)
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
         """Refuse: a sum has no single SHRM, because its terms have different centers."""
