@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -83,29 +83,17 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
         "shrm:sources": registry.sources(reflection_map.representation),
         "shrm:frame": reflection_map.frame,
         "shrm:center": reflection_map.center,
-        "shrm:F": info.order_f,
         "shrm:P": order_p,
-        "shrm:epsilon": float(info.eps),
-        "shrm:brdf_energy_captured": float(info.captured),
-        "shrm:predicted_error": float(info.predicted_error),
-        "shrm:brdf": json.dumps(info.brdf, sort_keys=True),
-        "shrm:probe": info.probe,
-        "shrm:probe_sha256": info.probe_sha256,
     }
-    if info.added_error:
-        header["shrm:added_error"] = float(info.added_error)
-    if info.fit_residual:
-        header["shrm:fit_residual"] = float(info.fit_residual)
-    if info.order_carried != info.order_f:
-        header["shrm:carried"] = info.order_carried
-    if info.filter_error:
-        header["shrm:filter_error"] = float(info.filter_error)
-    if info.storage_error:
-        header["shrm:storage_error"] = float(info.storage_error)
-    if info.domain != "frequency":
-        header["shrm:domain"] = info.domain
-    if info.options:
-        header["shrm:options"] = options_text(info.options)
+    values = {
+        **vars(info),
+        "brdf": json.dumps(info.brdf, sort_keys=True),
+        "carried": -1 if info.order_carried == info.order_f else info.order_carried,
+        "options": options_text(info.options),
+    }
+    for name, each in _ATTRIBUTES.items():
+        if each.field and values[each.field] != each.default:
+            header[f"shrm:{name}"] = each.kind(values[each.field])
     if info.chromaticities is not None:
         header["chromaticities"] = tuple(info.chromaticities)
     return header
@@ -193,17 +181,17 @@ def read_attributes(part: StoredPart) -> dict[str, Any]:
         name = repr(found[:_MOST_NAME])
         raise MapError(f"{path}: a map of representation {name}, which this version cannot read")
     result: dict[str, Any] = {"representation": found}
-    for name, (kind, is_valid) in _ATTRIBUTES.items():
+    for name, each in _ATTRIBUTES.items():
         value: Any = part.attribute(f"shrm:{name}")
         if value is None:
             # An empty string reads as missing: the library that reads files leaves it out.
-            value = _OPTIONAL.get(name, "" if kind is str else None)
+            value = "" if each.default is None and each.kind is str else each.default
         if isinstance(value, str):  # bytes that are not valid text could not be printed
             value = value.encode("utf-8", "replace").decode()
-        is_sound = type(value) is kind and is_valid(value)
+        is_sound = type(value) is each.kind and each.is_valid(value)
         if not is_sound:
             raise MapError(f"{path}: its attribute shrm:{name} is missing or wrong; make it again")
-        result[name] = shortest(value) if kind is float else value
+        result[name] = shortest(value) if each.kind is float else value
     held = {name: parse_json(result[name], _MOST_DEPTH) for name in ("brdf", "options")}
     return {**result, **held}
 
@@ -216,24 +204,10 @@ def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
     attributes : dict
         The attributes of the part, as `read_attributes` returns them.
     """
-    return MapInfo(
-        attributes["F"],
-        attributes["P"],
-        attributes["epsilon"],
-        attributes["brdf_energy_captured"],
-        attributes["predicted_error"],
-        attributes["brdf"],
-        attributes["probe"],
-        attributes["probe_sha256"],
-        sound_primaries(part.attribute("chromaticities")),
-        attributes["added_error"],
-        attributes["fit_residual"],
-        carried=attributes["carried"] if attributes["carried"] >= 0 else None,
-        filter_error=attributes["filter_error"],
-        storage_error=attributes["storage_error"],
-        domain=attributes["domain"],
-        options=attributes["options"],
-    )
+    values = {each.field: attributes[name] for name, each in _ATTRIBUTES.items() if each.field}
+    values["carried"] = None if attributes["carried"] < 0 else attributes["carried"]
+    primaries = sound_primaries(part.attribute("chromaticities"))
+    return MapInfo(order_p=attributes["P"], chromaticities=primaries, **values)
 
 
 def _is_json_object(text: str) -> bool:
@@ -249,44 +223,45 @@ def _is_size(value: float) -> bool:
     return 0 <= value <= _LARGEST
 
 
-# The type of each attribute of a map, and a condition that its value must meet.
-_ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
-    "version": (int, lambda value: value >= 1),
-    "frame": (str, FRAMES.__contains__),
-    "center": (str, CENTERS.__contains__),
-    "F": (int, lambda value: 0 <= value <= MAX_ORDER_F),
-    "P": (int, lambda value: 0 <= value <= MAX_ORDER_P),
-    "epsilon": (float, _is_size),
-    "brdf_energy_captured": (float, math.isfinite),
-    "predicted_error": (float, _is_size),
-    "brdf": (str, _is_json_object),
-    "probe": (str, lambda value: len(value) <= _MOST_TEXT),
-    "probe_sha256": (str, lambda value: len(value) <= _MOST_TEXT),
-    "added_error": (float, _is_size),
-    "fit_residual": (float, _is_size),
-    "carried": (int, lambda value: -1 <= value <= MAX_ORDER_F),
-    "filter_error": (float, _is_size),
-    "storage_error": (float, _is_size),
-    "domain": (str, DOMAINS.__contains__),
-    "options": (str, _is_json_object),
-    "program": (str, lambda value: len(value) <= _MOST_TEXT),
-    "sources": (str, lambda value: len(value) <= _MOST_TEXT),
-    "layout": (str, LAYOUTS.__contains__),
-    "orientation": (str, ORIENTATIONS.__contains__),
-    "sampling": (str, ("", *SAMPLINGS).__contains__),
-}
+def _is_text(value: str) -> bool:
+    return len(value) <= _MOST_TEXT
 
-# The attributes that a part may lack, and the value that each of them then has.
-_OPTIONAL: dict[str, Any] = {
-    "added_error": 0.0,
-    "fit_residual": 0.0,
-    "carried": -1,
-    "filter_error": 0.0,
-    "storage_error": 0.0,
-    "domain": "frequency",
-    "options": "{}",
-    "program": "",
-    "sources": "",
-    "layout": "openexr",
-    "orientation": "openexr",
+
+class _Attribute(NamedTuple):
+    """An attribute of a map."""
+
+    kind: type
+    is_valid: Callable[[Any], bool]
+    """A condition that its value must meet."""
+    field: str = ""
+    """The field of `MapInfo` that it holds, if it holds one."""
+    default: Any = None
+    """What a part has that lacks it, and why it is not written; None where none may lack it."""
+
+
+_ATTRIBUTES = {
+    "version": _Attribute(int, lambda value: value >= 1),
+    "frame": _Attribute(str, FRAMES.__contains__),
+    "center": _Attribute(str, CENTERS.__contains__),
+    "F": _Attribute(int, lambda value: 0 <= value <= MAX_ORDER_F, "order_f"),
+    "P": _Attribute(int, lambda value: 0 <= value <= MAX_ORDER_P),
+    "epsilon": _Attribute(float, _is_size, "eps"),
+    "brdf_energy_captured": _Attribute(float, math.isfinite, "captured"),
+    "predicted_error": _Attribute(float, _is_size, "predicted_error"),
+    "brdf": _Attribute(str, _is_json_object, "brdf"),
+    "probe": _Attribute(str, _is_text, "probe"),
+    "probe_sha256": _Attribute(str, _is_text, "probe_sha256"),
+    "added_error": _Attribute(float, _is_size, "added_error", 0.0),
+    "fit_residual": _Attribute(float, _is_size, "fit_residual", 0.0),
+    "carried": _Attribute(int, lambda value: -1 <= value <= MAX_ORDER_F, "carried", -1),
+    "filter_error": _Attribute(float, _is_size, "filter_error", 0.0),
+    "storage_error": _Attribute(float, _is_size, "storage_error", 0.0),
+    "domain": _Attribute(str, DOMAINS.__contains__, "domain", "frequency"),
+    "options": _Attribute(str, _is_json_object, "options", "{}"),
+    "program": _Attribute(str, _is_text),
+    "sources": _Attribute(str, _is_text),
+    "layout": _Attribute(str, LAYOUTS.__contains__, default="openexr"),
+    "orientation": _Attribute(str, ORIENTATIONS.__contains__, default="openexr"),
+    "sampling": _Attribute(str, ("", *SAMPLINGS).__contains__),
 }
+"""The attributes of maps by their names."""
