@@ -85,13 +85,9 @@ def choose_orders(
     coefficients : BrdfCoefficients
         The coefficients of the BRDF, to orders at least as high as `orders`.
 
-    Raises
-    ------
-    OrderError
-        If the tolerance is outside (0, 1) or, without `most_p`, cannot be met within F = 512 and
-        P = 32, or if a given order is outside these limits.
-    BrdfError
-        If the coefficients of the BRDF cannot be computed.
+    Raises OrderError if the tolerance is outside (0, 1) or, without `most_p`, cannot be met within
+    F = 512 and P = 32, or if a given order is outside these limits. Raises BrdfError if the
+    coefficients of the BRDF cannot be computed.
     """
     if not 0 < eps < 1:
         raise OrderError(f"the tolerance must lie between 0 and 1, not {eps:g}")
@@ -113,10 +109,7 @@ def known_coefficients(brdf: Brdf, eps: float) -> BrdfCoefficients:
     brdf, eps
         As `choose_orders` takes them.
 
-    Raises
-    ------
-    BrdfError
-        If the coefficients of the BRDF cannot be computed.
+    Raises BrdfError if the coefficients of the BRDF cannot be computed.
     """
     return _sufficient_coefficients(brdf, eps, 0, 0, None)
 
@@ -133,10 +126,7 @@ def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, eps: float) ->
     eps : float
         The fraction of the energy that may be missed.
 
-    Raises
-    ------
-    OrderError
-        If the tolerance cannot be met.
+    Raises OrderError if the tolerance cannot be met.
     """
     missed = 1 - coefficients.captured()[-1, -1]
     if missed > eps:
@@ -238,10 +228,7 @@ def extended(
     order_f : int
         The order F of the result, where it is higher than that of the coefficients.
 
-    Raises
-    ------
-    BrdfError
-        If the coefficients cannot be computed.
+    Raises BrdfError if the coefficients cannot be computed.
     """
     if order_f <= coefficients.order_f:
         return coefficients

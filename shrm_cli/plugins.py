@@ -91,10 +91,7 @@ def where(point: EntryPoint) -> str:
 def load(point: EntryPoint) -> object:
     """Import what an entry point names.
 
-    Raises
-    ------
-    PluginError
-        Whatever goes wrong as its modules are imported.
+    Raises PluginError: whatever goes wrong as its modules are imported.
     """
     _loaded.setdefault(point.module.partition(".")[0], point)
     try:

@@ -184,9 +184,7 @@ def in_order(
     ------
     Whatever `work` returns.
 
-    Raises
-    ------
-    Whatever `work` raises; jobs that have not begun are then left out.
+    Raises Whatever `work` raises; jobs that have not begun are then left out..
     """
     threads = min(settings.current().threads or os.cpu_count() or 1, len(jobs))
     if threads <= 1 or not is_large:

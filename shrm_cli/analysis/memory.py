@@ -96,10 +96,7 @@ def within_limit(
     limit : int, optional
         The most bytes that the comparison may take; `default_max_memory` by default.
 
-    Raises
-    ------
-    ArgumentError
-        If it would take more even with small maps.
+    Raises ArgumentError if it would take more even with small maps.
     """
     limit = default_max_memory() if limit is None else limit
     pixels = views * len(heights) * size**2
@@ -143,10 +140,7 @@ def check_sheet(pixels: int, size: int, held: int, limit: int | None = None) -> 
     limit : int, optional
         The most bytes that it may take; `default_max_memory` by default.
 
-    Raises
-    ------
-    ArgumentError
-        If it would take more.
+    Raises ArgumentError if it would take more.
     """
     limit = default_max_memory() if limit is None else limit
     needed = _PROGRAM + pixels * _PIXEL_OF_SHEET + _drawing(size) + held

@@ -85,12 +85,8 @@ def energy_grid(
         The largest orders of the grid; by default 32 and 8, or more if a tolerance needs them. A
         zonal BRDF has P = 0 only.
 
-    Raises
-    ------
-    OrderError
-        If a tolerance is outside (0, 1), or cannot be met.
-    BrdfError
-        If the BRDF is anisotropic, or its coefficients do not converge.
+    Raises OrderError if a tolerance is outside (0, 1), or cannot be met. Raises BrdfError if the
+    BRDF is anisotropic, or its coefficients do not converge.
     """
     # Attempts at the orders of each tolerance follow one another, and nobody knows how many.
     rising = Rising(progress)
@@ -125,10 +121,7 @@ def material_energies(
         Fractions of the energy (eq. 5.18) for P = 0, 1, and so on. A BRDF that does not depend on
         the view has the same fraction for all P.
 
-    Raises
-    ------
-    BrdfError
-        If a BRDF is anisotropic, or its coefficients do not converge.
+    Raises BrdfError if a BRDF is anisotropic, or its coefficients do not converge.
     """
     rows = []
     for index, brdf in enumerate(brdfs):
@@ -178,10 +171,7 @@ def accuracy_curve(
     coefficients : BrdfCoefficients
         Coefficients of the BRDF to a much higher F than `order_f`.
 
-    Raises
-    ------
-    ValueError
-        If the lighting or the coefficients are of too low an order.
+    Raises ValueError if the lighting or the coefficients are of too low an order.
     """
     if lighting.order < coefficients.order_f:
         raise ValueError(f"lighting of order {lighting.order}, not {coefficients.order_f}")
@@ -248,10 +238,7 @@ class OrderPictures:
         row of absolute differences from the truth, which are not amplified. The exposure, in
         stops, is the same for both.
 
-        Raises
-        ------
-        OutputError
-            If the sheet would be too large, or its labels cannot be drawn.
+        Raises OutputError if the sheet would be too large, or its labels cannot be drawn.
         """
         orders = len(self.pictures)
         tiles: list[Picture] = []
@@ -302,12 +289,8 @@ def order_pictures(
     truth : Reflecting, optional
         The exact reflected light, such as `shrm_cli.reference.Reference`.
 
-    Raises
-    ------
-    MapError
-        If the map of these orders would be too large.
-    OutputError
-        If the sheet of all pictures would be too large.
+    Raises MapError if the map of these orders would be too large. Raises OutputError if the sheet
+    of all pictures would be too large.
     """
     orders = range(min(PICTURE_ORDER_P, coefficients.order_p) + 1)
     _pictures_layout(len(orders), len(views), size, truth is not None)

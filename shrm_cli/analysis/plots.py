@@ -59,10 +59,7 @@ def plot_energy(
     title : str
         Name of the BRDF.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     floor = min((tolerance for *_, tolerance in orders), default=0.01) / 20
     with _default_style():
@@ -115,10 +112,7 @@ def plot_accuracy(
     title : str
         Names of the BRDF and the probe.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     with _default_style():
         figure, (axes,) = _figure(f"{title}, P = {order_p}", columns=1, width=_WIDTH)
@@ -161,10 +155,7 @@ def plot_materials(
     order_f : int
         F, the same for all BRDFs.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     with _default_style():
         from matplotlib import colormaps
@@ -194,10 +185,7 @@ def plot_offers(path: str | os.PathLike[str], choices: Sequence[tuple[str, Choic
     choices : sequence of (str, Choice)
         At least one, with the path of its probe: a row of charts for each.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     with _default_style():
         from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -105,10 +105,7 @@ class RepresentationTable:
 
         It has a row for each roughness, which begins with the truth. The exposure is in stops.
 
-        Raises
-        ------
-        OutputError
-            If the sheet would be too large, or its labels cannot be drawn.
+        Raises OutputError if the sheet would be too large, or its labels cannot be drawn.
         """
         size = self.truth.shape[-2]
         tiles, labels = [], []
@@ -127,10 +124,7 @@ class RepresentationTable:
 def table_layout(surfaces: int, size: int) -> SheetLayout:
     """Lay out a sheet for a number of surfaces, with tiles of a size in pixels.
 
-    Raises
-    ------
-    OutputError
-        If the sheet would be too large.
+    Raises OutputError if the sheet would be too large.
     """
     columns = 1 + len(COMPARED)
     return arrange(columns * surfaces, size, columns)
@@ -163,10 +157,7 @@ def plan_comparison(
         The most bytes of memory that may be taken; by default half of the machine's memory. Where
         they are too few, maps of fewer bytes than the default are made.
 
-    Raises
-    ------
-    ArgumentError
-        If the pictures or the probe alone would take more.
+    Raises ArgumentError if the pictures or the probe alone would take more.
     """
     heights = [height] * len(surfaces)
     memory = within_limit(probe, heights, len(viewers), size, len(COMPARED), max_memory)
@@ -186,10 +177,8 @@ def compare_representations(plan: Plan, progress: Progress | None = None) -> Rep
     plan : Plan
         What `plan_comparison` returns.
 
-    Raises
-    ------
-    ProbeError
-        If the probe cannot be read. If a map cannot be made, its result says so instead.
+    Raises ProbeError if the probe cannot be read. If a map cannot be made, its result says so
+    instead.
     """
     stages = Stages(progress, plan.truths + plan.maps)
     stages.done(0, 0)

@@ -58,10 +58,7 @@ class ClusterWorkers:
     def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
         """Hand a call to the cluster.
 
-        Raises
-        ------
-        ClusterError
-            If the scheduler has been away for so long that dask has given it up.
+        Raises ClusterError if the scheduler has been away for so long that dask has given it up.
         """
         try:
             return self.executor.submit(function, *arguments)
@@ -100,12 +97,10 @@ def cluster_executor(scheduler: str, jobs: int | None = None) -> Iterator[Cluste
     ClusterWorkers
         Tasks that have not begun when the block ends are cancelled.
 
-    Raises
-    ------
-    ClusterError
-        If dask is not installed, nobody answers at the address, no worker joins, or the workers
-        have other versions of `shrm` or of Python. Also if the scheduler goes away: dask cancels
-        all tasks then, and the CancelledError that their results raise in the block becomes one.
+    Raises ClusterError if dask is not installed, nobody answers at the address, no worker joins, or
+    the workers have other versions of `shrm` or of Python. Also if the scheduler goes away: dask
+    cancels all tasks then, and the CancelledError that their results raise in the block becomes
+    one.
     """
     try:
         import distributed
@@ -156,10 +151,7 @@ def limit_worker_threads() -> None:
 def _started(jobs: int | None) -> Iterator[Any]:
     """Start a cluster on this machine, reached by nobody else, and end it after the block.
 
-    Raises
-    ------
-    ClusterError
-        If the package that makes certificates is missing.
+    Raises ClusterError if the package that makes certificates is missing.
     """
     import dask
     from distributed import LocalCluster
@@ -207,10 +199,7 @@ def _stop_pages(server: Any) -> None:
 def _prepare(client: Any, scheduler: str) -> None:
     """Wait for a worker, compare its versions with ours, and limit the threads of all workers.
 
-    Raises
-    ------
-    ClusterError
-        If there is no worker, or one that cannot take part.
+    Raises ClusterError if there is no worker, or one that cannot take part.
     """
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)
@@ -252,10 +241,7 @@ def _check_versions(client: Any, scheduler: str) -> None:
     The functions that are run belong to the standard library: a worker that lacks `shrm` knows
     them too.
 
-    Raises
-    ------
-    ClusterError
-        If a worker has another `shrm`, none, or a Python of another minor version.
+    Raises ClusterError if a worker has another `shrm`, none, or a Python of another minor version.
     """
     ours = {"Python": sysconfig.get_python_version(), "shrm": __version__}
     found = {

@@ -128,14 +128,8 @@ def lighting_of(probe: Probe, order: int, what: What = "radiance", window: str =
     ndarray, shape ((order+1)^2, 3)
         Over the real harmonics of world axes, index l(l+1)+m.
 
-    Raises
-    ------
-    OrderError
-        If the order is outside 0 .. 512.
-    MapError
-        If the window is unknown.
-    ProbeError
-        If the probe cannot be read, or its light is beyond 32-bit floats.
+    Raises OrderError if the order is outside 0 .. 512. Raises MapError if the window is unknown.
+    Raises ProbeError if the probe cannot be read, or its light is beyond 32-bit floats.
     """
     if not 0 <= order <= MAX_ORDER_F:
         raise OrderError(f"order {order} is outside 0 .. {MAX_ORDER_F}")
@@ -148,12 +142,8 @@ def lighting_of(probe: Probe, order: int, what: What = "radiance", window: str =
 def check_collection(path: str | os.PathLike[str]) -> None:
     """Check, before the work begins, that a collection can be written.
 
-    Raises
-    ------
-    OutputError
-        If the suffix is none of `SUFFIXES`, the file cannot be written, or a package is missing.
-    RemoteError
-        If it is a URL whose store cannot be reached.
+    Raises OutputError if the suffix is none of `SUFFIXES`, the file cannot be written, or a package
+    is missing. Raises RemoteError if it is a URL whose store cannot be reached.
     """
     said = _printable(path)
     if Path(path).suffix.lower() not in SUFFIXES:
@@ -173,12 +163,8 @@ def write_collection(path: str | os.PathLike[str], collection: Collection) -> No
     ``settings``. A table has a row for each probe, with the columns ``probe``, ``sha256`` and
     ``coefficients``: a list of fixed length, the three channels of the first coefficient first.
 
-    Raises
-    ------
-    OutputError
-        If there is nothing to write, or the file cannot be written.
-    RemoteError
-        If it cannot be uploaded.
+    Raises OutputError if there is nothing to write, or the file cannot be written. Raises
+    RemoteError if it cannot be uploaded.
     """
     check_collection(path)
     if not collection.names:
@@ -204,10 +190,7 @@ def _write(path: Path, collection: Collection, settings: str) -> None:
 def read_collection(path: str | os.PathLike[str]) -> Collection:
     """Read a collection from an ``.npz``.
 
-    Raises
-    ------
-    MapError
-        If the file is missing or damaged, or holds something else.
+    Raises MapError if the file is missing or damaged, or holds something else.
     """
     path = Path(path)
     note(path)
@@ -226,10 +209,7 @@ def read_collection(path: str | os.PathLike[str]) -> Collection:
 def _settings(said: Any) -> tuple[What, int, str]:
     """Return what is collected, the order and the window that the settings of a file say.
 
-    Raises
-    ------
-    ValueError
-        If they are others than `Collection.settings` gives.
+    Raises ValueError if they are others than `Collection.settings` gives.
     """
     if not isinstance(said, dict) or said.get("version") != _VERSION:
         raise ValueError("not a collection of this version")
@@ -252,10 +232,7 @@ def _printable(name: str | os.PathLike[str]) -> str:
 def _parquet(path: str | os.PathLike[str]) -> tuple[Any, Any]:
     """Return pyarrow and its module for Parquet.
 
-    Raises
-    ------
-    OutputError
-        If it is not installed.
+    Raises OutputError if it is not installed.
     """
     try:
         import pyarrow

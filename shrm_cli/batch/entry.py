@@ -250,10 +250,7 @@ def every_engine(names: Iterable[str]) -> tuple[str, ...]:
 def _check_field(value: str, name: str, probe: str) -> None:
     """Refuse what would lead an output out of its folder, as names in a server's listing may.
 
-    Raises
-    ------
-    ProbeError
-        As `unsound` tells.
+    Raises ProbeError as `unsound` tells.
     """
     why = unsound(value)
     if why:
@@ -284,10 +281,7 @@ def found_probes(
     list of (str, str)
         In the order of the patterns, and of the alphabet within each; each probe once.
 
-    Raises
-    ------
-    ProbeError
-        If a pattern matches no probe.
+    Raises ProbeError if a pattern matches no probe.
     """
     found: dict[str, str] = {}
     outputs: dict[str, None] = {}
@@ -394,10 +388,8 @@ def _below(name: str, pattern: str) -> str:
 def checked(jobs: list[Job]) -> list[Job]:
     """Return jobs whose outputs have names of their own, and are none of the inputs.
 
-    Raises
-    ------
-    OutputError
-        If two jobs have one output, an output is an input, or has a suffix that no map has.
+    Raises OutputError if two jobs have one output, an output is an input, or has a suffix that no
+    map has.
     """
     inputs = _inputs((job.probe for job in jobs), jobs)
     made: dict[str, Job] = {}
@@ -433,10 +425,7 @@ def check_others(others: Iterable[str], chunks: Sequence[Chunk]) -> None:
     others : iterable of str
         Paths or URLs of logs, pages, collections and files of farms.
 
-    Raises
-    ------
-    OutputError
-        If one is an input, an output, or another one of them.
+    Raises OutputError if one is an input, an output, or another one of them.
     """
     jobs = [job for chunk in chunks for job in chunk.jobs]
     inputs = _inputs((chunk.probe for chunk in chunks), jobs)

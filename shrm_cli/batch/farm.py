@@ -35,10 +35,7 @@ def part_of(name: str, count: int) -> int:
 def parse_part(text: str) -> tuple[int, int, int]:
     """Return the first part, the last part and the number of parts that a text such as 3-5/9 names.
 
-    Raises
-    ------
-    ArgumentError
-        If the text is not ``K/N`` or ``A-B/N`` with 1 <= A <= B <= N.
+    Raises ArgumentError if the text is not ``K/N`` or ``A-B/N`` with 1 <= A <= B <= N.
     """
     match = _PART.fullmatch(text)
     if match is not None:
@@ -60,10 +57,7 @@ def command_lines(arguments: Sequence[str], parts: int) -> list[str]:
     parts : int
         The number of parts.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument holds a line break or another control character.
+    Raises ArgumentError if an argument holds a line break or another control character.
     """
     _check(arguments, "commands")
     words = shlex.join(arguments)
@@ -90,10 +84,7 @@ def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batc
     str
         JSON, which is YAML too.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument holds a line break or another control character.
+    Raises ArgumentError if an argument holds a line break or another control character.
 
     References
     ----------

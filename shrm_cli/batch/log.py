@@ -83,10 +83,7 @@ Log = Callable[[Record], None]
 def opened_log(path: str | os.PathLike[str], jobs: int) -> Iterator[Log]:
     """Append to a log, which is made if there is none.
 
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
+    Raises OutputError if it cannot be written.
     """
     try:
         if os.path.exists(path) and not os.path.isfile(path):

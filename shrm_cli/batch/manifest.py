@@ -63,10 +63,7 @@ def is_manifest(name: str) -> bool:
 def read_manifest(name: str) -> list[Entry]:
     """Read the entries of a manifest.
 
-    Raises
-    ------
-    ProbeError
-        If there is no such file, it is no TOML, or a key or a value is unknown.
+    Raises ProbeError if there is no such file, it is no TOML, or a key or a value is unknown.
     """
     found = _read(name)
     note(name)

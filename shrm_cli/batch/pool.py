@@ -48,10 +48,7 @@ class ProcessWorkers:
     def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
         """Hand a call to a process.
 
-        Raises
-        ------
-        BrokenExecutor
-            If a process has died, and the pool is to be renewed.
+        Raises BrokenExecutor if a process has died, and the pool is to be renewed.
         """
         return self.executor.submit(ending, function, *arguments)
 

@@ -72,10 +72,7 @@ def run(
     is_remote : bool
         Whether handing out a task is slow, so that tasks are made longer.
 
-    Raises
-    ------
-    KeyboardInterrupt
-        After what was being done, if it ended soon, has been told.
+    Raises KeyboardInterrupt: after what was being done, if it ended soon, has been told.
     """
     seconds = max(_TASK_SECONDS, _WORKER_SECONDS * workers.workers) if is_remote else 0.0
     feeder = _Feeder(workers, terms, tell, seconds)

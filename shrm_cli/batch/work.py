@@ -159,10 +159,7 @@ def _record(job: Job, probe: Probe, terms: Terms, start: float) -> Record:
 def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     """Make a map, unless it is there already.
 
-    Raises
-    ------
-    OutputError
-        If a file is there that is none of this output's earlier states.
+    Raises OutputError if a file is there that is none of this output's earlier states.
     """
     is_export = job.recipe.to == EXPORT
     request = None if is_export else request_of(job.recipe, probe)
@@ -223,10 +220,7 @@ def local_file(name: str) -> Iterator[Path]:
 def request_of(recipe: Recipe, probe: Probe) -> Request:
     """Return what a recipe asks of a probe, the BRDF with the probe's primaries.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF cannot be used.
+    Raises BrdfError if the BRDF cannot be used.
     """
     if recipe.brdf is None:
         return Request.of(recipe.to, recipe.arguments, probe)

@@ -400,10 +400,7 @@ def cut(pattern: re.Pattern[str], text: str) -> Iterator[str]:
 def inside(key: str, value: object) -> str:
     """The specification that a value holds in its parentheses.
 
-    Raises
-    ------
-    BrdfError
-        If the value has none.
+    Raises BrdfError if the value has none.
     """
     text = str(value)
     if not (isinstance(value, str) and text.startswith("(") and text.endswith(")")):

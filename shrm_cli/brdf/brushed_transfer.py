@@ -104,10 +104,7 @@ def compute_brushed_transfer(
     TransferFunctions
         Its nodes are indexed [part, azimuth, theta_o], flattened: real parts come first.
 
-    Raises
-    ------
-    BrdfError
-        For the reasons of `compute_transfer`.
+    Raises BrdfError for the reasons of `compute_transfer`.
     """
     azimuths = Azimuths(FEWEST_STEPS, quarters_that_differ(brdf))
     most = FEWEST_STEPS if brdf.is_measured else most_steps

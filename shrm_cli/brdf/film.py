@@ -28,10 +28,7 @@ _WHITE = 1 - 1e-12
 def film_of(brdf: Brdf) -> tuple[float, float] | None:
     """The thickness and the index of refraction of a BRDF's film, whose default joins its values.
 
-    Raises
-    ------
-    BrdfError
-        If it has the index alone.
+    Raises BrdfError if it has the index alone.
     """
     if "film" in brdf.values:
         # It stands where it would if it had been given, so that records are parsed to the same.

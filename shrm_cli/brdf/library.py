@@ -60,10 +60,7 @@ def _module_names(places: tuple[str, ...]) -> tuple[str, ...]:
 def load_class(package: str, name: str) -> type[Brdf]:
     """Load one module of a package, and return its BRDF: the class that calls itself `name`.
 
-    Raises
-    ------
-    BrdfError
-        If the module holds none of that name, or several.
+    Raises BrdfError if the module holds none of that name, or several.
     """
     module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
     found = [each for each in brdf_classes(module) if each.name == name]
@@ -100,11 +97,8 @@ def model_names() -> list[str]:
 def find_model(name: str) -> type[Brdf]:
     """Load the model of that name, and no other. The names of `shrm` itself come first.
 
-    Raises
-    ------
-    BrdfError
-        If there is none, and then names that look like it are suggested; or if an installed
-        package has one that cannot be used.
+    Raises BrdfError if there is none, and then names that look like it are suggested; or if an
+    installed package has one that cannot be used.
     """
     for package in (MODELS, LAYERED):
         if name in module_names(package):
@@ -144,10 +138,8 @@ def checked_model(found: object, where: str) -> type[Brdf]:
     where : str
         Where it is, for the messages: ``mine.py: Mine``.
 
-    Raises
-    ------
-    BrdfError
-        If it is no subclass of `Brdf`, lacks `evaluate`, or says impossible things of itself.
+    Raises BrdfError if it is no subclass of `Brdf`, lacks `evaluate`, or says impossible things of
+    itself.
     """
     if not (isinstance(found, type) and issubclass(found, Brdf)):
         raise BrdfError(f"{where} is not a subclass of Brdf; make it one")
@@ -167,10 +159,8 @@ def checked_model(found: object, where: str) -> type[Brdf]:
 def make_checked(model: type[Brdf], values: Mapping[str, Value], where: str) -> Brdf:
     """An instance of a foreign model, evaluated once at a few directions.
 
-    Raises
-    ------
-    BrdfError
-        If making or evaluating it fails, or what it returns is not what `Brdf.evaluate` should.
+    Raises BrdfError if making or evaluating it fails, or what it returns is not what
+    `Brdf.evaluate` should.
     """
     try:
         brdf = model(**values)
@@ -222,10 +212,7 @@ def parse_recorded(
     primaries : sequence of 8 float, optional
         The chromaticities that the colors of metals are converted to; those of Rec.709 by default.
 
-    Raises
-    ------
-    BrdfError
-        If a model or a parameter is unknown, malformed, repeated or out of its range.
+    Raises BrdfError if a model or a parameter is unknown, malformed, repeated or out of its range.
     """
 
     def parse(term: str) -> Brdf:
@@ -247,10 +234,7 @@ def of_model(spec: str, primaries: Primaries | None, parse: Callable[[str], Brdf
     parse : callable
         Makes the BRDFs that values hold of their specifications.
 
-    Raises
-    ------
-    BrdfError
-        As of `parse_recorded`.
+    Raises BrdfError as of `parse_recorded`.
     """
     name, colon, rest = spec.strip().partition(":")
     model = find_model(name)

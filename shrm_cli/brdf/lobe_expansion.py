@@ -148,10 +148,7 @@ class LobeExpander:
         count, azimuth_count : int
             The numbers of nodes in theta_i and, over half a turn, in phi: multiples of 3.
 
-        Raises
-        ------
-        BrdfError
-            If a value of the BRDF is not finite.
+        Raises BrdfError if a value of the BRDF is not finite.
         """
         weights, coarse_weights = (self.rule.nodes(n)[1] for n in (count, count // 3))
         # phi runs over half a circle, and its mirror image doubles that; the other 2 pi is the

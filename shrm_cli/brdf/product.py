@@ -94,10 +94,7 @@ class ProductQuadrature:
             The relative RMS change at which to stop, if no more nodes are needed than the BRDF
             is worth.
 
-        Raises
-        ------
-        BrdfError
-            If the BRDF is not finite.
+        Raises BrdfError if the BRDF is not finite.
         """
         effort = _MODELS
         if brdf.is_measured:
@@ -145,10 +142,7 @@ class ProductQuadrature:
             The integrals of the squared product functions, which by Parseval are the sums of the
             squared coefficients of all degrees.
 
-        Raises
-        ------
-        BrdfError
-            If a value is not finite.
+        Raises BrdfError if a value is not finite.
         """
         parts = [self._block(views[part], order) for part in self.blocks(len(views))]
         coefficients, energy = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -225,10 +219,7 @@ class ProductFunctions:
     def coefficients(self, views: Array, order: int) -> Array:
         """Project the functions of all terms, as `ProductQuadrature.coefficients` does of one.
 
-        Raises
-        ------
-        BrdfError
-            If a value of the BRDF is not finite.
+        Raises BrdfError if a value of the BRDF is not finite.
         """
         jobs = self._jobs(views)
         count = sum(len(part) * rule.along * rule.around for _, rule, part in jobs)

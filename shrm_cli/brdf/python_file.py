@@ -58,10 +58,7 @@ def file_term(text: str) -> FileTerm | None:
 def load_model(term: FileTerm) -> type[Brdf]:
     """Run a Python file, and return the class that a term names.
 
-    Raises
-    ------
-    BrdfError
-        If there is no such file, it fails, or it has no BRDF of that name.
+    Raises BrdfError if there is no such file, it fails, or it has no BRDF of that name.
     """
     if not term.is_there:
         raise BrdfError(f"{term.path}: no such file; give path/to/file.py:Class")

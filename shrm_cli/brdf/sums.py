@@ -254,11 +254,8 @@ def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
     parse : callable
         Makes the BRDF of one term from its specification.
 
-    Raises
-    ------
-    BrdfError
-        If there are too many terms, or one is empty or has no sound weight, or cannot be parsed or
-        added.
+    Raises BrdfError if there are too many terms, or one is empty or has no sound weight, or cannot
+    be parsed or added.
     """
     terms = []
     parts = list(cut(_PLUS, spec))

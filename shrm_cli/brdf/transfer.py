@@ -160,11 +160,8 @@ def compute_transfer(
         Where the samples were not enough for the accuracy, as with noise and kinks of measured
         data, it tells the accuracy that they reached.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF is anisotropic or not finite, or if a model, that is not measured, is missed
-        by more than a fiftieth of its energy.
+    Raises BrdfError if the BRDF is anisotropic or not finite, or if a model, that is not measured,
+    is missed by more than a fiftieth of its energy.
     """
     if not brdf.isotropic:
         raise BrdfError(
@@ -410,10 +407,8 @@ def compute_coefficients(
     BrdfCoefficients
         Where the samples were not enough for the accuracy, it tells what they reached.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF is anisotropic or not finite, or cannot be sampled; see `compute_transfer`.
+    Raises BrdfError if the BRDF is anisotropic or not finite, or cannot be sampled; see
+    `compute_transfer`.
     """
     order_p = 0 if brdf.zonal else order_p
     if isinstance(brdf, Sum):

@@ -108,10 +108,7 @@ def made_offers(
 ) -> list[Offer]:
     """Make a map once, and measure it as it is looked up in each way.
 
-    Raises
-    ------
-    ShrmError
-        If it cannot be made.
+    Raises ShrmError if it cannot be made.
     """
     needed = {"brdf": brdf} if registry.description(form).needs_brdf else {}
 

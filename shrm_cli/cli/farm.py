@@ -56,10 +56,7 @@ farm_options = several(
 def refuse_for_farms() -> None:
     """Refuse options that hold for a whole run, beside those that divide it.
 
-    Raises
-    ------
-    click.UsageError
-        If one is given.
+    Raises click.UsageError if one is given.
     """
     given = given_options()
     for name in _FOR_ALL.keys() & given.keys():

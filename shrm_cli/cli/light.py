@@ -114,10 +114,8 @@ def _edit(values: dict[str, Any]) -> Edit:
 def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> tuple[Tables, Any]:
     """Return the tables of a light file after the edit, with those of lights that are added.
 
-    Raises
-    ------
-    ProbeError
-        If the light is no light file, or one lies in another folder than what is written.
+    Raises ProbeError if the light is no light file, or one lies in another folder than what is
+    written.
     """
     from shrm_cli.errors import ProbeError
     from shrm_cli.probe.image_file import is_light_file

@@ -65,11 +65,8 @@ LIGHT_MOVES = ("turn_light", "blend_to", "blend", "irradiance_to", "background_t
 def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str]]:
     """Return how many frames there are, None for a picture, and the files that they make.
 
-    Raises
-    ------
-    OutputError
-        If what writes a moving picture is not installed, or a name has a number and should have
-        none, or the other way round.
+    Raises OutputError if what writes a moving picture is not installed, or a name has a number and
+    should have none, or the other way round.
     """
     from shrm_cli.files.animation import check_animation, is_animated
     from shrm_cli.render.moving import check_one_file, frame_paths
@@ -86,10 +83,7 @@ def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str
 def scene_keys(mesh: str | None) -> list[Key]:
     """Return the keyframes of a scene, which say how many frames there are.
 
-    Raises
-    ------
-    click.UsageError
-        If there are some, and an option says the same.
+    Raises click.UsageError if there are some, and an option says the same.
     """
     from shrm_cli.render.keys import read_keys
     from shrm_cli.render.scene_file import is_scene_name
@@ -105,10 +99,7 @@ def moments(
 ) -> list[Moment]:
     """Return the frames that are drawn, or the one picture.
 
-    Raises
-    ------
-    click.UsageError
-        If an option does not apply.
+    Raises click.UsageError if an option does not apply.
     """
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.moving import Moment, moving_light, turntable
@@ -134,12 +125,8 @@ def moments(
 def open_others(paths: Sequence[str], maps: Sequence[Map]) -> list[Map]:
     """Read the maps that others become, and check that they can.
 
-    Raises
-    ------
-    click.UsageError
-        If there is not one for each map.
-    MapError
-        If a map cannot be read, or cannot become the other one.
+    Raises click.UsageError if there is not one for each map. Raises MapError if a map cannot be
+    read, or cannot become the other one.
     """
     from shrm_cli.maps.file import open_map
     from shrm_cli.render.moving import check_blend
@@ -155,12 +142,9 @@ def open_others(paths: Sequence[str], maps: Sequence[Map]) -> list[Map]:
 def open_other_light(stage: Stage, values: dict[str, Any]) -> Stage:
     """Return the stage under the irradiance that its own becomes, the same one where it has none.
 
-    Raises
-    ------
-    click.UsageError
-        If light besides that of MAP would stay as it is, or --irradiance-to does not apply.
-    MapError
-        If its map is no irradiance, or cannot be what the first one becomes.
+    Raises click.UsageError if light besides that of MAP would stay as it is, or --irradiance-to
+    does not apply. Raises MapError if its map is no irradiance, or cannot be what the first one
+    becomes.
     """
     from shrm_cli.render.moving import check_blend
     from shrm_cli.render.scene_file import as_irradiance

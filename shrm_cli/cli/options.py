@@ -114,10 +114,7 @@ def _own_options(command: click.Command, words: Sequence[str], is_lenient: bool)
     is_lenient : bool
         Whether a form that cannot be used has none, because a shell completes.
 
-    Raises
-    ------
-    PluginError
-        If the form cannot be used.
+    Raises PluginError if the form cannot be used.
     """
     kinds = [e.type for e in command.params if isinstance(e.type, Named) and "--to" in e.opts]
     if not kinds:
@@ -287,10 +284,7 @@ def make_read_options(values: dict[str, Any], sampling: str | None = None) -> Re
     sampling : str, optional
         Where the edge pixels lie, in place of the value of --sampling.
 
-    Raises
-    ------
-    click.BadParameter
-        If --clamp is not positive, or an angle is not finite.
+    Raises click.BadParameter if --clamp is not positive, or an angle is not finite.
     """
     from shrm_cli.probe.options import ReadOptions, with_keywords
 

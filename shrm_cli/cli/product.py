@@ -128,10 +128,8 @@ def product(
 def _ranges(texts: tuple[str, ...]) -> list[tuple[str, float, float]]:
     """Return the names and the ends of the ranges that --vary means.
 
-    Raises
-    ------
-    click.UsageError
-        If one is not NAME=LOW..HIGH with LOW below HIGH, or if they are too many.
+    Raises click.UsageError if one is not NAME=LOW..HIGH with LOW below HIGH, or if they are too
+    many.
     """
     found: dict[str, tuple[float, float]] = {}
     for text in texts:

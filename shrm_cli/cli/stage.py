@@ -109,10 +109,7 @@ def open_stage(
     stage : Stage
     warnings : list of str
 
-    Raises
-    ------
-    click.UsageError
-        If there is no map, one too many, or an option that does not apply.
+    Raises click.UsageError if there is no map, one too many, or an option that does not apply.
     """
     from shrm_cli.errors import ArgumentError
     from shrm_cli.geometry.load import load_mesh
@@ -162,11 +159,8 @@ def open_stage(
 def refuse_mesh_options(mesh: str | None, transfer: str | None) -> None:
     """Refuse options that say nothing to what is drawn.
 
-    Raises
-    ------
-    click.UsageError
-        If an option about meshes is given without one, a transfer with a scene, or an option that
-        says of a surface what its transfer holds.
+    Raises click.UsageError if an option about meshes is given without one, a transfer with a scene,
+    or an option that says of a surface what its transfer holds.
     """
     refuse_inapplicable(dict.fromkeys(_OPTIONS, Applies(mesh is not None, "with --mesh")))
     if transfer is not None and mesh is not None:
@@ -195,10 +189,7 @@ class Baked:
     def drawn(self, stage: Stage) -> list[list[Any]]:
         """Return the surfaces of a mesh with its own shadows, under each of the maps.
 
-        Raises
-        ------
-        TransferError
-            If the transfer does not fit the mesh or a map.
+        Raises TransferError if the transfer does not fit the mesh or a map.
         """
         from shrm_cli.render.vertex_colors import vertex_colors
 
@@ -234,12 +225,8 @@ def open_baked(
     window : str, optional
         As `lit_maps` takes it.
 
-    Raises
-    ------
-    click.UsageError
-        If there is neither a map nor a probe, or a window does not apply.
-    TransferError, ProbeError
-        If a file cannot be read.
+    Raises click.UsageError if there is neither a map nor a probe, or a window does not apply.
+    Raises TransferError or ProbeError if a file cannot be read.
     """
     from shrm_cli.lights.split import split_lamps
     from shrm_cli.maps.info import probe_name

@@ -65,10 +65,7 @@ def echo(text: str, err: bool = False) -> None:
     err : bool
         Whether to print to stderr.
 
-    Raises
-    ------
-    OSError
-        If there is no stdout.
+    Raises OSError if there is no stdout.
     """
     _write(_shortened(escaped(shown(text)), _MOST_RESULT), err)
 

@@ -119,10 +119,7 @@ def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:
     rules : mapping of str to Applies
         Rules by the names of the options' values. Options without a rule always apply.
 
-    Raises
-    ------
-    click.UsageError
-        If an option was given that does not apply.
+    Raises click.UsageError if an option was given that does not apply.
     """
     for name, flag in given_options().items():
         rule = rules.get(name)
@@ -139,10 +136,7 @@ def renamed(**options: str) -> Iterator[None]:
     **options
         By the library's name of an argument: the command's name for it.
 
-    Raises
-    ------
-    ArgumentError
-        If the block raises one.
+    Raises ArgumentError if the block raises one.
     """
     try:
         yield
@@ -154,10 +148,7 @@ def renamed(**options: str) -> Iterator[None]:
 def exclude(one: str, other: str) -> None:
     """Refuse two options, given by the names of their values, that contradict each other.
 
-    Raises
-    ------
-    click.UsageError
-        If both are given on the command line.
+    Raises click.UsageError if both are given on the command line.
     """
     given = given_options()
     if one in given and other in given:
@@ -206,10 +197,7 @@ def check_outputs(
     suffixes : iterable of str
         The suffixes that the targets' names may have, in lower case; by default any.
 
-    Raises
-    ------
-    OutputError
-        If a target cannot be written, is one of the inputs, or has another suffix.
+    Raises OutputError if a target cannot be written, is one of the inputs, or has another suffix.
     """
     from shrm_cli.brdf.spec import named_files
 
@@ -226,10 +214,7 @@ def keep_other_map(target: str, probe: Probe, request: Request, precision: Preci
     target : str
         The name of the file, which need not exist.
 
-    Raises
-    ------
-    OutputError
-        If the file exists, and other inputs or options made it.
+    Raises OutputError if the file exists, and other inputs or options made it.
     """
     from shrm_cli.batch.made import difference
 
@@ -242,10 +227,7 @@ def keep_other_map(target: str, probe: Probe, request: Request, precision: Preci
 def keep_edited(target: str) -> None:
     """Refuse to replace what `shrm` wrote and somebody has edited since.
 
-    Raises
-    ------
-    OutputError
-        If the file exists and its digest tells so.
+    Raises OutputError if the file exists and its digest tells so.
     """
     from shrm_cli.batch.made import change_of
 
@@ -274,10 +256,7 @@ def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
     recipe : mapping of str to value
         What `picture_attributes` will store.
 
-    Raises
-    ------
-    OutputError
-        If the file exists, and another recipe, or none, made it.
+    Raises OutputError if the file exists, and another recipe, or none, made it.
     """
     from shrm_cli.files.parts import peek
 

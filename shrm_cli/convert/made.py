@@ -53,10 +53,7 @@ class Converted(ABC):
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
         """Write it, whole or not at all, and return what is to be told of it.
 
-        Raises
-        ------
-        OutputError
-            If it cannot be written.
+        Raises OutputError if it cannot be written.
         """
 
 
@@ -170,12 +167,8 @@ class ConvertedProbe(Converted):
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
         """Write the image, or six of them, whose names have the faces in place of ``%``.
 
-        Raises
-        ------
-        ArgumentError
-            If there should be six, and the name has no ``%``.
-        OutputError
-            If one cannot be written.
+        Raises ArgumentError if there should be six, and the name has no ``%``. Raises OutputError
+        if one cannot be written.
         """
         from shrm_cli.files.image import probe_attributes, write_images
         from shrm_cli.probe.open import face_paths

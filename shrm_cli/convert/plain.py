@@ -79,12 +79,7 @@ def seen_from(
     surface : tuple of (float or None, str or None)
         Roughness and reflectance of maps of light alone.
 
-    Raises
-    ------
-    ArgumentError
-        If the map is none of those.
-    MapError
-        If it holds no light.
+    Raises ArgumentError if the map is none of those. Raises MapError if it holds no light.
     """
     if isinstance(found, MaterialMap):
         raise MapError(
@@ -149,10 +144,7 @@ def mips_of(
 ) -> Mips:
     """Return the mip levels of a split sum.
 
-    Raises
-    ------
-    MapError
-        If the map is no split sum whose levels halve.
+    Raises MapError if the map is no split sum whose levels halve.
     """
     found, sampled = mip_chain(made, name), sampling or "center"
     if layout == "openexr":

@@ -84,12 +84,8 @@ class Asset:
 def open_asset(path: str) -> Asset:
     """Read a glTF or GLB file, and what lies beside it.
 
-    Raises
-    ------
-    MapError
-        If it cannot be read, or cannot hold a light.
-    MeshError
-        If it is damaged, or not of version 2.
+    Raises MapError if it cannot be read, or cannot hold a light. Raises MeshError if it is damaged,
+    or not of version 2.
     """
     try:
         if Path(path).stat().st_size > MOST_BYTES:

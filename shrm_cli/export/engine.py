@@ -169,10 +169,7 @@ class Engine(ABC):
     def sizes(self, size: int) -> tuple[int, ...]:
         """Return the texels along an edge of each level, for a level 0 of `size`.
 
-        Raises
-        ------
-        ArgumentError
-            If the engine reads no such size.
+        Raises ArgumentError if the engine reads no such size.
         """
         return halving(size, self.least)
 
@@ -195,10 +192,7 @@ class Engine(ABC):
         texels : TexelFormat
             Of cubes; RGBA16F for engines that leave no choice.
 
-        Raises
-        ------
-        MapError
-            If a value is not finite.
+        Raises MapError if a value is not finite.
         """
 
 
@@ -214,12 +208,8 @@ class PanoramaEngine(Engine):
 def engine(name: str) -> Engine:
     """Return the engine of a name of `vocabulary.ENGINES`, or of an installed package.
 
-    Raises
-    ------
-    ArgumentError
-        If there is none.
-    PluginError
-        If the one of an installed package cannot be used.
+    Raises ArgumentError if there is none. Raises PluginError if the one of an installed package
+    cannot be used.
     """
     if name not in ENGINES:
         return _foreign(name)
@@ -264,10 +254,7 @@ def halving(size: int, least: int, count: int | None = None) -> tuple[int, ...]:
     count : int, optional
         The number of levels; all down to the least by default.
 
-    Raises
-    ------
-    ArgumentError
-        If the size is no power of two, or too small for so many levels.
+    Raises ArgumentError if the size is no power of two, or too small for so many levels.
     """
     if size < 1 or size & (size - 1):
         raise ArgumentError("size", f"{size} is no power of two, which the mips of a cube need")

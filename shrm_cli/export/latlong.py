@@ -27,10 +27,7 @@ def rolled(image: Array, degrees: int) -> Array:
     degrees : int
         A multiple of 90: the azimuth of the new centre, from +Z towards +X.
 
-    Raises
-    ------
-    MapError
-        If the columns are not a whole number of such parts.
+    Raises MapError if the columns are not a whole number of such parts.
     """
     steps, rest = divmod(image.shape[1] * degrees, 360)
     if rest:

@@ -38,12 +38,8 @@ def levels_of_map(
     told : list of str
         A sentence about levels that were interpolated to the engine's sizes.
 
-    Raises
-    ------
-    MapError
-        If the roughnesses are not the engine's, or level 0 has another size.
-    ArgumentError
-        If the engine reads no such size.
+    Raises MapError if the roughnesses are not the engine's, or level 0 has another size. Raises
+    ArgumentError if the engine reads no such size.
     """
     wanted = split.size if size is None else size
     sizes = engine.sizes(wanted)

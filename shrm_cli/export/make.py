@@ -70,10 +70,7 @@ class Source:
     def of_maps(cls, name: str, maps: Sequence[tuple[str, Map]]) -> "Source":
         """Return the source that some maps are, by the paths of their files.
 
-        Raises
-        ------
-        MapError
-            If they are not one split sum, one irradiance map, or one of each.
+        Raises MapError if they are not one split sum, one irradiance map, or one of each.
         """
         split = [(path, each) for path, each in maps if isinstance(each, SplitSum)]
         irradiance = [each for _, each in maps if isinstance(each, Irradiance)]
@@ -417,10 +414,7 @@ def write(package: Package, folder: Path, kept: bool = True) -> list[Path]:
     kept : bool
         Whether files that exist are replaced by files of the same bytes only.
 
-    Raises
-    ------
-    OutputError
-        If a file cannot be written, or would replace another one.
+    Raises OutputError if a file cannot be written, or would replace another one.
     """
     paths = [folder / file.name for file in package.files]
     with made_folder(folder), keeping(*map(str, paths if kept else [])), together():

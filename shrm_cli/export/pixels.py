@@ -80,10 +80,7 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
     data : bytes
     clipped : Clipped
 
-    Raises
-    ------
-    MapError
-        If a value is not finite.
+    Raises MapError if a value is not finite.
     """
     broken = int(np.count_nonzero(~np.isfinite(image).all(axis=-1)))
     if broken:

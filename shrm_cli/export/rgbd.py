@@ -38,10 +38,7 @@ def rgbd_pictures(faces: Array, what: str) -> tuple[list[bytes], Clipped]:
     what : str
         What the level is called in messages.
 
-    Raises
-    ------
-    MapError
-        If a value is not finite.
+    Raises MapError if a value is not finite.
     """
     data, clipped = encoded(faces, RGBD, what)
     pixels = np.frombuffer(data, np.uint8).reshape(*faces.shape[:-1], 4)[:, ::-1]

@@ -34,10 +34,7 @@ def write_texture(path: str | os.PathLike[str], table: Array, precision: Precisi
     str
         What the texels are: ``"half"``, ``"float"`` or ``"16 bits"``.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written, or cannot hold the table.
+    Raises OutputError if the file cannot be written, or cannot hold the table.
     """
     if table.shape[-1] > _COLUMNS:
         raise OutputError(f"{path}: textures hold three columns, not {table.shape[-1]}; take .exr")

@@ -55,10 +55,7 @@ def held_bytes(path: str | os.PathLike[str], pixels: int, frames: int) -> int:
 def check_animation(path: str | os.PathLike[str]) -> None:
     """Check, before the work begins, that what writes a moving picture is installed.
 
-    Raises
-    ------
-    OutputError
-        If it is not.
+    Raises OutputError if it is not.
     """
     if Path(path).suffix.lower() == ".mp4":
         _ffmpeg(path)
@@ -79,10 +76,7 @@ def write_animation(path: str | os.PathLike[str], frames: Iterable[Image8], rate
     rate : float
         Frames a second. GIFs count in hundredths of a second.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written, or what writes it is not installed.
+    Raises OutputError if the file cannot be written, or what writes it is not installed.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in ANIMATED:

@@ -38,10 +38,7 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
     ----------
     pixel_type : {"half", "float"}
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     dtype = np.float32 if pixel_type == "float" else np.float16
 
@@ -83,10 +80,7 @@ def _header(part: Part) -> dict[str, Any]:
 def open_file(path: str | os.PathLike[str]) -> "ExrFile | None":
     """Open an OpenEXR file; return None if it is missing, damaged or of another format.
 
-    Raises
-    ------
-    MapError
-        If it has so many channels, attributes or parts that nothing sound has as many.
+    Raises MapError if it has so many channels, attributes or parts that nothing sound has as many.
     """
     if much := excess(path):
         raise MapError(f"{os.fspath(path)}: {much}, which is too much; export it again")

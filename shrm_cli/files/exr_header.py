@@ -70,10 +70,7 @@ def excess(path: str | os.PathLike[str]) -> str:
     path : path-like
         A regular file of any format.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read.
+    Raises OSError if it cannot be read.
     """
     if Path(path).stat().st_size < len(MAGIC):
         return ""
@@ -158,10 +155,8 @@ def beginnings(path: str | os.PathLike[str]) -> dict[str, bytes]:
 def header_attributes(data: mmap.mmap) -> Iterator[tuple[bytes, bytes, int, int]]:
     """Name, type, place and size of each attribute of a file's first header.
 
-    Raises
-    ------
-    IndexError, struct.error, ValueError
-        If the header is damaged, or the file of another format.
+    Raises IndexError, struct.error or ValueError if the header is damaged, or the file of another
+    format.
     """
     if data[: len(MAGIC)] != MAGIC:
         raise ValueError("no OpenEXR file")
@@ -292,10 +287,7 @@ def condition(path: str | os.PathLike[str]) -> Condition:
         overwritten. ``other`` is one whose bytes differ otherwise: somebody has edited it, or it
         is damaged within. ``unknown`` is a file without a digest.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
+    Raises OSError if the file cannot be read.
     """
     if os.path.getsize(path) <= len(MAGIC):
         return "unknown"

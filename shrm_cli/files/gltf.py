@@ -35,10 +35,7 @@ def read_tree(name: str, data: bytes) -> tuple[Json, bytes | None]:
     name : str
         The path of the file, for messages.
 
-    Raises
-    ------
-    MeshError
-        If it is damaged, or not of version 2.
+    Raises MeshError if it is damaged, or not of version 2.
     """
     text, chunk = _chunks(name, data) if data.startswith(GLB_HEAD) else (data, None)
     try:
@@ -138,10 +135,7 @@ def picture_of(
 ) -> Path | bytes:
     """Return the picture of a texture: its file, or the bytes that the glTF file holds.
 
-    Raises
-    ------
-    ValueError
-        If it is not beside the file, or no PNG or JPEG.
+    Raises ValueError if it is not beside the file, or no PNG or JPEG.
     """
     if "source" not in texture:
         raise ValueError("a texture that is neither PNG nor JPEG; export it so")

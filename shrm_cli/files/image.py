@@ -29,10 +29,7 @@ def write_image(
     attributes : mapping, optional
         Attributes of the file by name.
 
-    Raises
-    ------
-    OutputError
-        If a value is not finite, half would overflow, or the file cannot be written.
+    Raises OutputError if a value is not finite, half would overflow, or the file cannot be written.
     """
     channels = {c: pixels[..., k] for k, c in enumerate("RGB")}
     return write_parts(path, [Part(channels, dict(attributes or {}))], precision)
@@ -55,10 +52,7 @@ def write_images(
     precision, attributes
         As in `write_image`.
 
-    Raises
-    ------
-    OutputError
-        If a value is not finite, half would overflow, or a file cannot be written.
+    Raises OutputError if a value is not finite, half would overflow, or a file cannot be written.
     """
     chosen = choose_storage(paths[0], images, precision).pixel_type
     with together():

@@ -36,10 +36,7 @@ def parse_json(text: object, most_depth: int = _MOST_DEPTH) -> Any:
     most_depth : int
         The most lists and objects within each other.
 
-    Raises
-    ------
-    ValueError
-        If it is anything else than sound JSON of moderate length and depth.
+    Raises ValueError if it is anything else than sound JSON of moderate length and depth.
     """
     if not isinstance(text, str) or len(text) > _MOST_CHARACTERS:
         raise ValueError("no text, or too long")
@@ -118,10 +115,7 @@ def read_toml(
     text : bytes
         The file as it is.
 
-    Raises
-    ------
-    ShrmError
-        Of the class `error`, if the file cannot be read, is larger, or is no TOML.
+    Raises ShrmError: of the class `error`, if the file cannot be read, is larger, or is no TOML.
     """
     try:
         with open(name, "rb") as stream:

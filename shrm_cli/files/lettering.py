@@ -47,10 +47,7 @@ def text_coverage(text: str, font_size: int, width: int, height: int) -> Array:
     ndarray of float32, shape (height, width, 1)
         The fraction of each pixel that the text covers.
 
-    Raises
-    ------
-    OutputError
-        If OpenImageIO cannot draw text.
+    Raises OutputError if OpenImageIO cannot draw text.
     """
     # The name of a file may hold bytes that are not text.
     text = text.encode("utf-8", "replace").decode()

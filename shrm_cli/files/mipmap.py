@@ -37,10 +37,7 @@ def write_mipmap(
         Texts, numbers and ``chromaticities`` by name. ``envmap`` of ``latlong`` marks a
         border-sampled lat-long, as texture systems want it.
 
-    Raises
-    ------
-    OutputError
-        If a value is not finite, half would overflow, or the file cannot be written.
+    Raises OutputError if a value is not finite, half would overflow, or the file cannot be written.
     """
     pixel_type = choose_storage(path, levels, precision).pixel_type
     with replacing(path) as temporary:

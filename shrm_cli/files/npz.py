@@ -69,10 +69,7 @@ class Archive:
             The most bytes of its numbers. By default they must not be packed, so that they are no
             more than what the file holds.
 
-        Raises
-        ------
-        ValueError
-            If there is no such array, or it is another one than expected.
+        Raises ValueError if there is no such array, or it is another one than expected.
         """
         limit = self._stored(name) if most is None else most + MOST_TEXT
         return self._array(name, dimensions, "f", range(4, 9, 4), limit)
@@ -84,10 +81,7 @@ class Archive:
     def those_of(self, dimensions: Mapping[str, int]) -> dict[str, NDArray[Any]]:
         """Return the arrays that there are among some, given by their numbers of axes.
 
-        Raises
-        ------
-        ValueError
-            If one is another than expected.
+        Raises ValueError if one is another than expected.
         """
         return {
             name: self.numbers(name, axes)
@@ -98,11 +92,8 @@ class Archive:
     def text(self, name: str) -> str:
         """Return a single text.
 
-        Raises
-        ------
-        ValueError
-            If there is none of this name, or it holds what is no character. Python would make a
-            string of that, but fail later.
+        Raises ValueError if there is none of this name, or it holds what is no character. Python
+        would make a string of that, but fail later.
         """
         (text,) = _texts(self._array(name, 0, "U", range(4, MOST_TEXT), MOST_TEXT).reshape(1))
         return text
@@ -110,20 +101,14 @@ class Archive:
     def texts(self, name: str) -> list[str]:
         """Return a list of texts, which must not be packed.
 
-        Raises
-        ------
-        ValueError
-            If there is none of this name, or one holds what is no character.
+        Raises ValueError if there is none of this name, or one holds what is no character.
         """
         return _texts(self._array(name, 1, "U", range(4, MOST_TEXT), self._stored(name)))
 
     def _stored(self, name: str) -> int:
         """Bytes of an array that is not packed.
 
-        Raises
-        ------
-        ValueError
-            If it is packed.
+        Raises ValueError if it is packed.
         """
         info = self._members.get(name)
         if info is not None and info.compress_type != zipfile.ZIP_STORED:
@@ -159,12 +144,7 @@ class Archive:
 def opened(path: Path) -> Iterator[Archive]:
     """Yield an archive; what its reader says of damage within the block becomes a ValueError.
 
-    Raises
-    ------
-    ValueError
-        If the archive is damaged or truncated.
-    OSError
-        If it cannot be read.
+    Raises ValueError if the archive is damaged or truncated. Raises OSError if it cannot be read.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -207,10 +187,7 @@ def holds(path: str | os.PathLike[str], names: set[str]) -> bool:
 def read_npy(content: bytes) -> NDArray[Any]:
     """Return the array of a .npy file, of which no more memory is taken than its bytes are.
 
-    Raises
-    ------
-    ValueError
-        If it is no array of plain numbers.
+    Raises ValueError if it is no array of plain numbers.
     """
     stream = io.BytesIO(content)
     shape, fortran, dtype = _header("it", stream)
@@ -227,10 +204,7 @@ def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
     Numbers are written as they lie, in pieces, so that arrays on disk are never in memory whole.
     They are not packed: what is large here hardly becomes smaller.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, value in arrays.items():

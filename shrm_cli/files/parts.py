@@ -94,10 +94,7 @@ class StoredPart(ABC):
     def read(self, names: Sequence[str]) -> Array:
         """Read the named channels as float32, shape (H, W, len(names)).
 
-        Raises
-        ------
-        MapError
-            If the file is damaged, or a value is not finite.
+        Raises MapError if the file is damaged, or a value is not finite.
         """
 
     def text(self, name: str) -> str:
@@ -146,11 +143,8 @@ def write_parts(
     precision : {"auto", "half", "float"}
         ``auto`` is half unless a value exceeds its range, or light is so dim that it loses digits.
 
-    Raises
-    ------
-    OutputError
-        If the suffix is unknown, a value is not finite, half would overflow, or the file cannot
-        be written.
+    Raises OutputError if the suffix is unknown, a value is not finite, half would overflow, or the
+    file cannot be written.
     """
     storage, parts = prepared(path, parts, precision)
     write_chosen(path, parts, storage.pixel_type)
@@ -190,10 +184,7 @@ def write_chosen(
 ) -> None:
     """Write a file as `write_parts` does, of values that `choose_storage` has looked at already.
 
-    Raises
-    ------
-    OutputError
-        If the suffix is unknown, or the file cannot be written.
+    Raises OutputError if the suffix is unknown, or the file cannot be written.
     """
     _container(path).write(path, parts, pixel_type)
 
@@ -218,10 +209,8 @@ def choose_storage(
     allowed : float
         The relative RMS error that half may make. Ordinary rounding, `HALF_ROUNDING`, always may.
 
-    Raises
-    ------
-    OutputError
-        If a value is not finite in 32-bit float, or half is asked for and would overflow.
+    Raises OutputError if a value is not finite in 32-bit float, or half is asked for and would
+    overflow.
     """
     return _examined(path, list(planes), precision, allowed)[0]
 
@@ -276,10 +265,7 @@ def _rounded(plane: Array) -> tuple[Array, float, float]:
 def open_file(path: str | os.PathLike[str]) -> StoredFile:
     """Open a file of parts.
 
-    Raises
-    ------
-    MapError
-        If it is missing, is not a regular file, or is of no known container format.
+    Raises MapError if it is missing, is not a regular file, or is of no known container format.
     """
     if not Path(path).exists():
         raise MapError(f"{path}: no such file")
@@ -308,10 +294,7 @@ def peek(path: str | os.PathLike[str]) -> StoredFile | None:
 def _container(path: str | os.PathLike[str]) -> ModuleType:
     """Return the module that writes files with the suffix of a name.
 
-    Raises
-    ------
-    OutputError
-        If the suffix is not that of a container format.
+    Raises OutputError if the suffix is not that of a container format.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in CONTAINERS:

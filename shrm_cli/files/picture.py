@@ -26,10 +26,7 @@ _ROWS_AT_ONCE = 256
 def file_type(path: str | os.PathLike[str]) -> FileType:
     """Return the type of picture that the suffix of a file's name asks for.
 
-    Raises
-    ------
-    OutputError
-        If its suffix is neither ``.png`` nor ``.exr``.
+    Raises OutputError if its suffix is neither ``.png`` nor ``.exr``.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".png":
@@ -65,11 +62,8 @@ def write_picture(
         The pixel type written: ``"8-bit sRGB"``, ``"half"`` or ``"float"``. Of a PNG it says
         how much of a converted picture was clipped.
 
-    Raises
-    ------
-    OutputError
-        If the suffix is another one, a value is NaN, a value of an EXR is not finite or overflows
-        half, or the file cannot be written.
+    Raises OutputError if the suffix is another one, a value is NaN, a value of an EXR is not finite
+    or overflows half, or the file cannot be written.
     """
     if file_type(path) == "exr":
         return write_image(path, pixels, precision, attributes)
@@ -92,10 +86,7 @@ def in_srgb(
     primaries : tuple of 8 float, optional
         Its chromaticities; None is Rec.709.
 
-    Raises
-    ------
-    OutputError
-        If a value is NaN.
+    Raises OutputError if a value is NaN.
     """
     if np.isnan(pixels).any():
         raise OutputError(

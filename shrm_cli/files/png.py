@@ -76,10 +76,7 @@ def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8 | np.uint16
     ----------
     pixels : ndarray of uint8 or uint16, shape (H, W, 3)
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     with replacing(path) as temporary:
         _write_png(temporary, pixels)

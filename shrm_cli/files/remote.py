@@ -38,10 +38,7 @@ def matching(pattern: str) -> list[str]:
         addresses of web servers ``?`` begins the query, and servers that list no folders match
         nothing but whole addresses.
 
-    Raises
-    ------
-    RemoteError
-        If the place cannot be listed.
+    Raises RemoteError if the place cannot be listed.
     """
     with _reached(pattern) as (system, path):
         found = system.glob(path, detail=True)
@@ -52,10 +49,7 @@ def matching(pattern: str) -> list[str]:
 def exists(url: str) -> bool:
     """Whether there is a file at a URL.
 
-    Raises
-    ------
-    RemoteError
-        If the place cannot be asked.
+    Raises RemoteError if the place cannot be asked.
     """
     with _reached(url) as (system, path):
         try:
@@ -78,10 +72,8 @@ def fetched(
     most_bytes : int
         The most bytes that the file may have.
 
-    Raises
-    ------
-    RemoteError
-        If the file cannot be fetched, has more bytes, or ends before its stated size.
+    Raises RemoteError if the file cannot be fetched, has more bytes, or ends before its stated
+    size.
     """
     with scratch_folder(folder) as own:
         with _reached(url) as (system, path):
@@ -99,12 +91,8 @@ def written(output: str | os.PathLike[str]) -> Iterator[Path]:
     output : str or path-like
         A path, which is checked, or a URL.
 
-    Raises
-    ------
-    OutputError
-        If the path cannot be written.
-    RemoteError
-        If the file cannot be uploaded.
+    Raises OutputError if the path cannot be written. Raises RemoteError if the file cannot be
+    uploaded.
     """
     if not is_remote(output):
         check_target(output)
@@ -125,10 +113,7 @@ def publish(local: str | os.PathLike[str], url: str) -> None:
     another name beside the target, and renamed. File systems of the second kind are known by
     their own way to rename: fsspec's general one copies, which would gain nothing.
 
-    Raises
-    ------
-    RemoteError
-        If the file cannot be uploaded.
+    Raises RemoteError if the file cannot be uploaded.
     """
     with _reached(url) as (system, path):
         if not _renames(system):
@@ -152,10 +137,7 @@ def _opened(url: str) -> tuple[Any, str]:
 
     File systems remember lists of files, which other processes change.
 
-    Raises
-    ------
-    RemoteError
-        If a package is missing, or the URL is one within another.
+    Raises RemoteError if a package is missing, or the URL is one within another.
     """
     match = SCHEME.match(url)
     if match is None or "::" in url:

@@ -45,10 +45,7 @@ def beside(name: str, path: str, what: str = "texture") -> Path:
     what : str
         What it is, for messages.
 
-    Raises
-    ------
-    ValueError
-        If it leads elsewhere, or there is no such file.
+    Raises ValueError if it leads elsewhere, or there is no such file.
     """
     shown = repr(path[:80])
     parts = path.split("/")
@@ -83,10 +80,7 @@ def mean_color(texture: Path | bytes, is_srgb: bool) -> Array:
         Linear red, green, blue, and alpha. A channel that is missing is as the first one; alpha
         is 1 then.
 
-    Raises
-    ------
-    ValueError
-        If it cannot be read, with why and what to do.
+    Raises ValueError if it cannot be read, with why and what to do.
     """
     pixels = _stored(texture)
     pixels = pixels.reshape(-1, pixels.shape[2])

@@ -115,10 +115,7 @@ def check_target(
     suffixes : tuple of str, optional
         The suffixes that the target's name may have, in lower case; by default any.
 
-    Raises
-    ------
-    OutputError
-        If the target cannot be written, is one of the inputs, or has another suffix.
+    Raises OutputError if the target cannot be written, is one of the inputs, or has another suffix.
     """
     if os.fspath(target).endswith((os.sep, os.altsep or os.sep)):  # which a Path forgets
         raise OutputError(f"{target}: a directory; name a file to write")
@@ -184,11 +181,9 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     temporary file is removed and the target stays as it was. A killed process can leave a
     temporary file behind; the next process that writes the same target removes it.
 
-    Raises
-    ------
-    OutputError
-        If the target is not a regular file or is an input, if it is kept (see `keeping`) and the
-        new file differs from it, or if the block raises an OSError, such as for a full disk.
+    Raises OutputError if the target is not a regular file or is an input, if it is kept (see
+    `keeping`) and the new file differs from it, or if the block raises an OSError, such as for a
+    full disk.
     """
     target = Path(target)
     prefix = own_prefix(target.stem[:_STEM])
@@ -230,10 +225,7 @@ def write_bytes(target: str | os.PathLike[str], data: bytes) -> None:
 def together() -> Iterator[None]:
     """Context manager within which files become their targets at its end, or none of them does.
 
-    Raises
-    ------
-    OutputError
-        If a file cannot become its target; those before it have become theirs then.
+    Raises OutputError if a file cannot become its target; those before it have become theirs then.
     """
     waiting: list[tuple[Path, Path]] = []
     token = _together.set(waiting)
@@ -349,10 +341,7 @@ def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Pat
     inside : path-like, optional
         Where the folder is made; by default where the system has its temporary files.
 
-    Raises
-    ------
-    OutputError
-        If no folder can be made there.
+    Raises OutputError if no folder can be made there.
     """
     try:
         where = Path(tempfile.gettempdir() if inside is None else inside)

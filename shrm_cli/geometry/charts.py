@@ -30,10 +30,7 @@ def charted(mesh: Mesh, size: int) -> Sampled:
         Texels along the edge: of a square texture for the mesh's own coordinates, and the most for
         charts that are made.
 
-    Raises
-    ------
-    MeshError
-        If xatlas is needed and not installed, or the charts do not fit.
+    Raises MeshError if xatlas is needed and not installed, or the charts do not fit.
     """
     if mesh.uvs is not None and mesh.uvs.min() >= 0 and mesh.uvs.max() <= 1:
         own = mesh.uvs[mesh.faces]

@@ -26,10 +26,7 @@ _WORDS = re.compile(rb"\s*solid\b.*?facet\s+normal\b", re.DOTALL | re.IGNORECASE
 def check_ply(name: str, data: bytes) -> None:
     """Check that a PLY file is long enough for the elements that its header declares.
 
-    Raises
-    ------
-    MeshError
-        If it is not, or the header is damaged.
+    Raises MeshError if it is not, or the header is damaged.
     """
     end = data.find(b"end_header", 0, _MOST_HEADER)
     if end < 0:
@@ -76,10 +73,7 @@ def _check_rows(name: str, rows: list[tuple[str, int, int]], left: int) -> None:
 def check_stl(name: str, data: bytes) -> None:
     """Check that a binary STL file is as long as its triangles, and that others are text.
 
-    Raises
-    ------
-    MeshError
-        If it is neither.
+    Raises MeshError if it is neither.
     """
     count = int.from_bytes(data[_STL_HEADER - 4 : _STL_HEADER], "little")
     if len(data) >= _STL_HEADER and len(data) == _STL_HEADER + count * _STL_TRIANGLE:

@@ -68,10 +68,7 @@ def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial 
     materials : list of SurfaceMaterial or None
         Those of the primitives, in their order.
 
-    Raises
-    ------
-    MeshError
-        If it is damaged, claims more than is there, or needs what is not read.
+    Raises MeshError if it is damaged, claims more than is there, or needs what is not read.
     """
     tree, chunk = read_tree(name, data)
     try:

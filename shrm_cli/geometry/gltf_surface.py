@@ -43,10 +43,8 @@ class SurfaceReader:
     def material(self, given: Json) -> SurfaceMaterial:
         """Return a material.
 
-        Raises
-        ------
-        ValueError, KeyError, TypeError
-            If it is damaged, or a texture is not beside the file.
+        Raises ValueError, KeyError or TypeError if it is damaged, or a texture is not beside the
+        file.
         """
         pbr = table(given.get("pbrMetallicRoughness", {}))
         color = [_unit(each) for each in pbr.get("baseColorFactor", (1, 1, 1, 1))]

@@ -68,10 +68,7 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
         `vertex` of PLY, the corners of the triangles of STL, and of glTF the elements of the
         POSITION of all primitives of triangles, mesh after mesh.
 
-    Raises
-    ------
-    MeshError
-        If the file cannot be read, is damaged or too large, or has nothing to draw.
+    Raises MeshError if the file cannot be read, is damaged or too large, or has nothing to draw.
     """
     name = os.fspath(path)
     note(path)

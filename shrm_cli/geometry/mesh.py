@@ -89,10 +89,7 @@ class Mesh:
             It multiplies columns (x, y, z, 1). Normals stay perpendicular to the surface, and
             mirrored triangles are turned, so that their outside stays outside.
 
-        Raises
-        ------
-        MeshError
-            If the transformation is not finite or flattens the mesh.
+        Raises MeshError if the transformation is not finite or flattens the mesh.
         """
         rows = np.asarray(matrix, dtype=float)[:3]
         linear, shift = rows[:, :3], rows[:, 3]
@@ -161,11 +158,8 @@ def make_mesh(
         Which vertex each vertex of the file is, where several of the file are one here; by default
         the first that `file_vertices` gives.
 
-    Raises
-    ------
-    MeshError
-        If there are no triangles with an area, a coordinate is not finite, or a triangle names a
-        vertex that does not exist.
+    Raises MeshError if there are no triangles with an area, a coordinate is not finite, or a
+    triangle names a vertex that does not exist.
     """
     points, triangles = np.asarray(vertices, dtype=float), np.asarray(faces)
     if points.ndim != 2 or points.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:

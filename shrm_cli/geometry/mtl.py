@@ -51,10 +51,7 @@ def read_materials(
     wanted : sequence of str
         The names of the materials. Those that no file has say so in their `unread`.
 
-    Raises
-    ------
-    MeshError
-        If a file of materials is too large, or is damaged.
+    Raises MeshError if a file of materials is too large, or is damaged.
     """
     known: dict[str, SurfaceMaterial] = {}
     for each in libraries:
@@ -153,10 +150,7 @@ class _Material:
 def _numbers(words: Sequence[str]) -> list[float]:
     """Return up to three numbers.
 
-    Raises
-    ------
-    ValueError
-        If there are none, or they are no numbers or out of range.
+    Raises ValueError if there are none, or they are no numbers or out of range.
     """
     numbers = [float(each) for each in words[:3]]
     if not numbers or not all(abs(each) <= _LARGEST for each in numbers):

@@ -42,10 +42,7 @@ def brushed_tangents(mesh: Mesh, brush: str | tuple[float, float, float] | None 
     brush : {"uv"} or tuple of 3 float, optional
         Along the texture coordinate u, or a direction; by default around +Y.
 
-    Raises
-    ------
-    ArgumentError
-        If they are to follow texture coordinates, and the mesh has none.
+    Raises ArgumentError if they are to follow texture coordinates, and the mesh has none.
     """
     if brush is None:
         return horizontal_tangents(mesh.normals)

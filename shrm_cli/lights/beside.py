@@ -48,12 +48,8 @@ class Beside:
 def split_for(probe: Probe, brdf: Brdf) -> Beside:
     """Take the lamps out of a probe, for a map of what a BRDF reflects.
 
-    Raises
-    ------
-    ArgumentError
-        If the BRDF is one whose reflection of discs is not integrated.
-    ProbeError
-        If the probe cannot be read.
+    Raises ArgumentError if the BRDF is one whose reflection of discs is not integrated. Raises
+    ProbeError if the probe cannot be read.
     """
     if brdf.center == "tangent":
         raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")

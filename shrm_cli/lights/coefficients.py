@@ -23,10 +23,7 @@ _BASIS = (
 def write_coefficients(path: str, coefficients: Array) -> None:
     """Write a light's coefficients, shape (n, 3), as .txt, .npy or .json; see `probe.series`.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     write_bytes(path, _CONTENTS[Path(path).suffix.lower()](coefficients))
 
@@ -41,10 +38,7 @@ def write_light_file(path: str, tables: Tables, working: Any = None) -> None:
     working : str or list of float, optional
         The primaries of the sum.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     lines = [] if working is None else [f"working = {_toml(working)}", ""]
     for kind, some in tables.items():

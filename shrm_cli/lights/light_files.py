@@ -20,10 +20,7 @@ def write_residual(path: str, split: LampSplit, precision: Precision = "auto") -
 
     A cube is stacked, in OpenEXR's order and orientation, whatever it was.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written, or half precision would overflow.
+    Raises OutputError if the file cannot be written, or half precision would overflow.
     """
     probe = split.residual_probe
     is_tagged = probe.sampling == "border" and probe.layout in ("latlong", "openexr")
@@ -73,10 +70,7 @@ def usd_text(split: LampSplit, residual: str) -> str:
         Distant lights are normalized: colour times intensity is the irradiance of a surface that
         faces them, as `UsdLuxLightAPI` defines it. They send light along -Z of their own axes.
 
-    Raises
-    ------
-    OutputError
-        If the residual is no lat-long sampled at pixel centres, as domes take them.
+    Raises OutputError if the residual is no lat-long sampled at pixel centres, as domes take them.
     """
     probe = split.residual_probe
     if (probe.layout, probe.sampling) != ("latlong", "center"):
@@ -98,10 +92,7 @@ def usd_layer(name: str, panorama: str, discs: Sequence[Disc]) -> str:
         The name of its file, relative to the folder of the layer.
     discs : sequence of Disc
 
-    Raises
-    ------
-    OutputError
-        If USD cannot name such a file.
+    Raises OutputError if USD cannot name such a file.
     """
     parts = [_USD_HEAD.format(name=name, file=_usd_asset(panorama))]
     for number, disc in enumerate(discs, 1):
@@ -120,10 +111,7 @@ def usd_layer(name: str, panorama: str, discs: Sequence[Disc]) -> str:
 def relative_name(residual: str, path: str) -> str:
     """The name of the residual's file as a file beside or above it has it.
 
-    Raises
-    ------
-    OutputError
-        If the residual is not in the folder of the file or below it.
+    Raises OutputError if the residual is not in the folder of the file or below it.
     """
     folder = Path(path).absolute().parent.resolve()
     target = Path(residual).absolute()

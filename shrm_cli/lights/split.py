@@ -64,10 +64,7 @@ class LampSplit:
         pixels, these pixels take the value of theirs: what is taken out of them together is the
         same.
 
-        Raises
-        ------
-        ProbeError
-            If the probe cannot be read.
+        Raises ProbeError if the probe cannot be read.
         """
         result = self.probe.image()
         factor = self.probe.height // self.grid.shape[0]

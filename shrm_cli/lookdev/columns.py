@@ -102,10 +102,7 @@ class Column:
 def metered(probe: Probe) -> float:
     """Return the exposure of a probe in stops, a multiple of a tenth; 0 if it is black.
 
-    Raises
-    ------
-    ProbeError
-        If the probe cannot be read.
+    Raises ProbeError if the probe cannot be read.
     """
     ball = prefilter_with_facts(probe, "irradiance", {"window": "auto"}).map
     normals = cube_directions(_TEXELS)

@@ -64,11 +64,8 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
     order_p : int
         The order P of the map, which may be lower than that of its BRDF.
 
-    Raises
-    ------
-    MapError
-        If its errors are no numbers, as of light whose squares are beyond floats: no reader would
-        take such a file.
+    Raises MapError if its errors are no numbers, as of light whose squares are beyond floats: no
+    reader would take such a file.
     """
     info = reflection_map.info
     if not np.isfinite([info.predicted_error, info.filter_error, info.added_error]).all():
@@ -164,10 +161,8 @@ def read_attributes(part: StoredPart) -> dict[str, Any]:
     dict
         The value of each attribute by its name without the prefix ``shrm:``.
 
-    Raises
-    ------
-    MapError
-        If the part is not of a map that this version reads, or an attribute is missing or wrong.
+    Raises MapError if the part is not of a map that this version reads, or an attribute is missing
+    or wrong.
     """
     from shrm_cli.files.json_text import parse_json
 

@@ -172,10 +172,8 @@ def carry(
     is_exact_view : bool
         Whether to keep every degree of the view up to P as it is.
 
-    Raises
-    ------
-    ProbeError, BrdfError
-        If the probe cannot be read, or the coefficients cannot be extended.
+    Raises ProbeError or BrdfError if the probe cannot be read, or the coefficients cannot be
+    extended.
     """
     f, p = orders.order_f, orders.order_p
     most = min(largest_f(p), MAX_ORDER_F)

@@ -159,10 +159,7 @@ def _axes(recorded: Any) -> NDArray[np.floating]:
 def check_names(made: "Map") -> None:
     """Check the names in a map of one term, of which code would take an unknown one for another.
 
-    Raises
-    ------
-    ValueError
-        If its frame, center or sampling is unknown.
+    Raises ValueError if its frame, center or sampling is unknown.
     """
     for what, known in (("frame", FRAMES), ("center", CENTERS), ("sampling", SAMPLINGS)):
         if (name := getattr(made, what)) not in known:
@@ -233,10 +230,8 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Br
     advice : str
         What an error message tells the user to do.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDFs of the maps differ or cannot be evaluated, or a measured file is not there.
+    Raises BrdfError if the BRDFs of the maps differ or cannot be evaluated, or a measured file is
+    not there.
     """
     (path, first), *others = infos.items()
     for other, info in others:

@@ -33,12 +33,7 @@ def names() -> list[str]:
 def description(name: str) -> Representation:
     """Return the description of a form.
 
-    Raises
-    ------
-    ArgumentError
-        If there is none of that name.
-    PluginError
-        If it cannot be used.
+    Raises ArgumentError if there is none of that name. Raises PluginError if it cannot be used.
     """
     point = installed(FORMS).get(name)
     if point is None:
@@ -60,12 +55,8 @@ def description(name: str) -> Representation:
 def module(name: str, part: str) -> SimpleNamespace:
     """Return the functions of a form, among which are those of a module such as ``file``.
 
-    Raises
-    ------
-    PluginError
-        If the form's home cannot be loaded, or lacks one; and where one fails.
-    MapError
-        If it is ``shader``, and the form has none.
+    Raises PluginError if the form's home cannot be loaded, or lacks one; and where one fails.
+    Raises MapError if it is ``shader``, and the form has none.
     """
     found = home(name)
     if part == "shader" and not hasattr(found, "source"):

@@ -58,10 +58,7 @@ class Option:
     def checked(self, value: object) -> Any:
         """Return a value as the makers of maps take it: numbers of numpy become Python's.
 
-        Raises
-        ------
-        ArgumentError
-            If it is of another kind or outside the limits.
+        Raises ArgumentError if it is of another kind or outside the limits.
         """
         try:
             found = _CHECKS[self.kind](self, value)

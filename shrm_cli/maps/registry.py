@@ -275,10 +275,7 @@ def module(representation: str, name: str) -> Any:
     name : str
         One of the names that the docstring of `shrm_cli.maps.base` lists.
 
-    Raises
-    ------
-    PluginError
-        If the form of an installed package cannot be used.
+    Raises PluginError if the form of an installed package cannot be used.
     """
     if representation not in REPRESENTATIONS:
         from shrm_cli.maps import installed
@@ -291,10 +288,7 @@ def module(representation: str, name: str) -> Any:
 def map_class(representation: str) -> "type[Map]":
     """Return the class of the maps of a representation.
 
-    Raises
-    ------
-    PluginError
-        If the form of an installed package has none.
+    Raises PluginError if the form of an installed package has none.
     """
     if representation in REPRESENTATIONS:
         defining = importlib.import_module(f"shrm_cli.maps.{REPRESENTATIONS[representation]}")
@@ -315,12 +309,8 @@ def map_class(representation: str) -> "type[Map]":
 def description(representation: str) -> Representation:
     """Return the description of a representation; ``auto`` has one too, though it is none.
 
-    Raises
-    ------
-    ArgumentError
-        If there is no such representation.
-    PluginError
-        If it is a form of an installed package that cannot be used.
+    Raises ArgumentError if there is no such representation. Raises PluginError if it is a form of
+    an installed package that cannot be used.
     """
     if representation == AUTO:
         return AUTOMATIC
@@ -376,10 +366,7 @@ def descriptions(*more: str) -> dict[str, Representation]:
 def unconverted(source: "Map", to: str, **options: Any) -> "Map":
     """Return a map of a form that nothing else becomes, which no option changes.
 
-    Raises
-    ------
-    ArgumentError
-        If it is of another form, or an option is given.
+    Raises ArgumentError if it is of another form, or an option is given.
     """
     if source.representation != to:
         why = f"it is made from the probe, by shrm prefilter PROBE --to {to}"

@@ -82,10 +82,8 @@ class Request:
         probe : Probe
             The light, in whose primaries the colours of the BRDF are taken.
 
-        Raises
-        ------
-        ArgumentError, BrdfError
-            If an argument does not apply, or has a value that it cannot have.
+        Raises ArgumentError or BrdfError if an argument does not apply, or has a value that it
+        cannot have.
         """
         to = resolved_form(to, given)
         named = {name: value for name, value in given.items() if value is not None}
@@ -179,10 +177,7 @@ def resolved_form(to: str, given: Mapping[str, Any]) -> str:
 def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments but for the BRDF as the makers of maps take them.
 
-    Raises
-    ------
-    ArgumentError
-        If one has a value that it cannot have.
+    Raises ArgumentError if one has a value that it cannot have.
     """
     options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
     return {name: options[name].checked(value) for name, value in given.items()}
@@ -198,10 +193,8 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
     given : iterable of str
         Names of the arguments of `shrm_cli.prefilter.prefilter` that are given.
 
-    Raises
-    ------
-    ArgumentError
-        If the representation is unknown, does not obey an argument, or lacks a BRDF.
+    Raises ArgumentError if the representation is unknown, does not obey an argument, or lacks a
+    BRDF.
     """
     chosen, given = registry.description(to), set(given)
     known = registry.descriptions(to)

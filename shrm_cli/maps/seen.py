@@ -130,12 +130,8 @@ def first_that_keeps(
     Prefiltered
         Where none keeps them, the map of the least error.
 
-    Raises
-    ------
-    ArgumentError
-        If a setting is given that the error chooses.
-    OrderError, ProbeError, BrdfError, MapError
-        As the maker has them.
+    Raises ArgumentError if a setting is given that the error chooses. Raises OrderError,
+    ProbeError, BrdfError or MapError as the maker has them.
     """
     form = registry.description(request.to)
     asking = "error" if request.seen is None else "seen"

@@ -152,10 +152,7 @@ def check_size(order_f: int, order_p: int, size: int | None = None) -> None:
     size : int, optional
         Texels along a face's edge; `choose_size` by default.
 
-    Raises
-    ------
-    MapError
-        If the map would be too large.
+    Raises MapError if the map would be too large.
     """
     series = (order_f + order_p + 1) ** 2 * (order_p + 1) ** 2 * 3
     if series > MAX_SERIES:

@@ -58,12 +58,8 @@ def store(
         The pixel type written, and the error that it makes. An error beyond ordinary rounding is
         written into the file as well.
 
-    Raises
-    ------
-    OutputError
-        If half would overflow, or the file cannot be written.
-    MapError
-        If the map cannot be written in that layout.
+    Raises OutputError if half would overflow, or the file cannot be written. Raises MapError if the
+    map cannot be written in that layout.
     """
     arrangement = Arrangement(layout, orientation, reflection_map.sampling)
     if layout == "latlong" and reflection_map.turns_with_texels:
@@ -188,11 +184,8 @@ class StoredImage:
     def of(cls, part: StoredPart) -> StoredImage:
         """Return the image in a part.
 
-        Raises
-        ------
-        MapError
-            If its attributes are wrong, maps are not laid out so, or its size does not fit the
-            layout or is larger than maps may be.
+        Raises MapError if its attributes are wrong, maps are not laid out so, or its size does not
+        fit the layout or is larger than maps may be.
         """
         attributes = read_attributes(part)
         path, layout = part.path, attributes["layout"]
@@ -230,10 +223,7 @@ class StoredImage:
         what : str
             What the channels make up, for the message.
 
-        Raises
-        ------
-        MapError
-            If other channels are there, or some are missing.
+        Raises MapError if other channels are there, or some are missing.
         """
         if not self.part.holds(names):
             raise MapError(f"{self.path}: its channels are not those of {what}")
@@ -246,10 +236,7 @@ class StoredImage:
         turns_with_texels : bool
             Whether the values belong to local axes, which turn from texel to texel.
 
-        Raises
-        ------
-        MapError
-            If the values turn, and the part is a lat-long.
+        Raises MapError if the values turn, and the part is a lat-long.
         """
         if self.arrangement.layout == "latlong" and turns_with_texels:
             raise MapError(f"{self.path}: a local map cannot be a lat-long; make it again")
@@ -257,10 +244,7 @@ class StoredImage:
     def stack(self, names: Sequence[str]) -> Array:
         """Read channels as an OpenEXR cube, shape (6N, N, len(names)).
 
-        Raises
-        ------
-        MapError
-            If the file is damaged.
+        Raises MapError if the file is damaged.
         """
         wanted = self.part.read(names)
         return wanted if self.arrangement.is_plain else self.arrangement.undo(wanted)

@@ -26,10 +26,7 @@ def open_photograph(
     as_stored : bool
         Whether to leave all numbers as they are stored, integers as parts of the largest.
 
-    Raises
-    ------
-    ProbeError
-        If there is no such image, it is turned, or too large.
+    Raises ProbeError if there is no such image, it is turned, or too large.
     """
     opened = ImageFile.open(path, linearize or as_stored)
     if opened.width * opened.height > MOST_PIXELS:
@@ -43,10 +40,7 @@ def open_photograph(
 def pixels_of(opened: ImageFile) -> Array:
     """Return the pixels of a photograph, shape (H, W, 3).
 
-    Raises
-    ------
-    ProbeError
-        If one is not finite, or the file is damaged.
+    Raises ProbeError if one is not finite, or the file is damaged.
     """
     pixels = opened.read(0, opened.height)
     if not np.isfinite(pixels).all():

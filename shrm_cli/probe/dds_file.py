@@ -59,10 +59,7 @@ class DdsFile:
     def open(cls, path: Path) -> "DdsFile | None":
         """Open a file; None where it is no DDS file, or one that image libraries can read.
 
-        Raises
-        ------
-        ProbeError
-            If it is a DDS file of no use as a probe, or cut short.
+        Raises ProbeError if it is a DDS file of no use as a probe, or cut short.
         """
         with open(path, "rb") as stream:
             head = stream.read(_HEADER.size + _EXTENSION.size)

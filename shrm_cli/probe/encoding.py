@@ -57,10 +57,7 @@ class RadianceHeader:
     def read(cls, path: Path) -> "RadianceHeader | None":
         """Read the header of a file; None where it is no Radiance picture.
 
-        Raises
-        ------
-        ProbeError
-            If the pixels are XYZ, or a number of the header cannot be one.
+        Raises ProbeError if the pixels are XYZ, or a number of the header cannot be one.
         """
         with open(path, "rb") as stream:
             text = stream.read(_LONGEST)
@@ -161,10 +158,7 @@ def encoding_of(
     integers : bool
         Whether the pixels are integers, which are decoded.
 
-    Raises
-    ------
-    ProbeError
-        If the numbers are encoded in a way that is not known here.
+    Raises ProbeError if the numbers are encoded in a way that is not known here.
     """
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
     if header is not None:
@@ -302,11 +296,8 @@ def choose_layer(path: Path, source: Any, part: str | None, layer: str | None) -
     layer : str, optional
         Name of the layer or view that is wanted.
 
-    Raises
-    ------
-    ProbeError
-        If nothing is light, or what is cannot be told from the rest, or there is no such part or
-        layer.
+    Raises ProbeError if nothing is light, or what is cannot be told from the rest, or there is no
+    such part or layer.
     """
     found = list(_layers(path, source, part))
     found = [each for each in found if each.is_color] or found

@@ -145,10 +145,7 @@ class ArrayImage:
         ----------
         array : array_like of a floating type, shape (H, W, 3) or (H, W)
 
-        Raises
-        ------
-        ProbeError
-            If it cannot be radiance.
+        Raises ProbeError if it cannot be radiance.
         """
         values = np.asarray(array)
         if values.ndim not in (2, 3) or values.shape[2:] not in ((), (3,)) or values.size == 0:
@@ -204,10 +201,7 @@ def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
         What messages call the image.
     envmap : {"latlong", "cube", ""}
 
-    Raises
-    ------
-    ProbeError
-        If they do not tell.
+    Raises ProbeError if they do not tell.
     """
     if envmap:
         return "openexr" if envmap == "cube" else envmap

@@ -93,10 +93,7 @@ class ImageFile:
         part, layer : str, optional
             Which of several to read; see `choose_layer`.
 
-        Raises
-        ------
-        ProbeError
-            If there is no such image, or it is not usable as radiance.
+        Raises ProbeError if there is no such image, or it is not usable as radiance.
         """
         path = check_file(path)
         _check_whole(path)
@@ -321,10 +318,7 @@ def stored_image(path: str | os.PathLike[str], most: int) -> Array:
     ndarray of float32, shape (H, W, 3)
         Integers as shares of their largest.
 
-    Raises
-    ------
-    ProbeError
-        If there is no such image, it is too large, or a number is not finite.
+    Raises ProbeError if there is no such image, it is too large, or a number is not finite.
     """
     opened = replace(ImageFile.open(path, linearize=True), encoding=Encoding())
     note(path)
@@ -341,9 +335,7 @@ def stored_image(path: str | os.PathLike[str], most: int) -> Array:
 def check_file(name: str | os.PathLike[str]) -> Path:
     """The path of a file, without what would block, mislead, or make noise when it is opened.
 
-    Raises
-    ------
-    ProbeError
+    Raises ProbeError.
     """
     path = Path(name)
     try:

@@ -70,10 +70,7 @@ def open_light_file(name: str, options: ReadOptions, opening: Callable[..., Prob
     opening : callable
         Opens the probes that it names, as `open_probe` does.
 
-    Raises
-    ------
-    ProbeError
-        If it is no sound light file, or an option does not apply.
+    Raises ProbeError if it is no sound light file, or an option does not apply.
     """
     _check_options(name, options)
     path = check_file(name)
@@ -122,10 +119,7 @@ def _box_of(
 def read_light_tables(name: str) -> tuple[dict[str, list[dict[str, Any]]], Any]:
     """Return the tables of a light file by their kinds, as they are, and what it says of `working`.
 
-    Raises
-    ------
-    ProbeError
-        If it is no TOML of such tables.
+    Raises ProbeError if it is no TOML of such tables.
     """
     return _parsed(name)[:2]
 

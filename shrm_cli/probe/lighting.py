@@ -182,10 +182,7 @@ class Projection:
     def to_order(self, order: int) -> Lighting:
         """Return the light to an order at least as high as this one.
 
-        Raises
-        ------
-        ProbeError
-            If the probe cannot be read.
+        Raises ProbeError if the probe cannot be read.
         """
         if self._known is None or self._known.order < order:
             self._known = project(self.probe, order)

@@ -183,9 +183,7 @@ def as_probe(probe: AnyProbe) -> Probe:
 
     Files and pixels are understood as `open_probe` and `Probe.from_array` do without options.
 
-    Raises
-    ------
-    ProbeError
+    Raises ProbeError.
     """
     if isinstance(probe, Probe):
         return probe
@@ -214,12 +212,8 @@ def read_by_package(name: str) -> tuple[ReadImage, Mapping[str, Any]] | None:
     mapping of str
         What the package says of it: `Probe.from_array` has these arguments.
 
-    Raises
-    ------
-    PluginError
-        If the package's function cannot be loaded, fails, or returns something else.
-    ProbeError
-        If there is no such file, or the pixels are no image.
+    Raises PluginError if the package's function cannot be loaded, fails, or returns something else.
+    Raises ProbeError if there is no such file, or the pixels are no image.
     """
     from shrm_cli import plugins  # rarely needed
 

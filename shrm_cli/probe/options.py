@@ -149,10 +149,7 @@ class ReadKeywords(TypedDict, total=False):
 def with_keywords(options: ReadOptions, keywords: ReadKeywords) -> ReadOptions:
     """The options with some of them replaced.
 
-    Raises
-    ------
-    ProbeError
-        If a keyword is not one of `ReadKeywords`, or its value is not one of its own.
+    Raises ProbeError if a keyword is not one of `ReadKeywords`, or its value is not one of its own.
     """
     of_pixels = {each.name for each in fields(PixelPolicy)}
     known = {each.name for each in fields(ReadOptions)} | of_pixels
@@ -178,10 +175,7 @@ def chromaticities_of(
     value : str or sequence of 8 float, optional
         A name of `vocabulary.PRIMARIES`, or CIE x and y of red, green, blue and white.
 
-    Raises
-    ------
-    ProbeError
-        If it is neither, or light cannot have such primaries.
+    Raises ProbeError if it is neither, or light cannot have such primaries.
     """
     if value is None:
         return None

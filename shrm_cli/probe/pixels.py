@@ -133,9 +133,7 @@ def find_nonfinite(pixels: Array, first_row: int, report: PixelReport) -> NDArra
 def refuse_nonfinite(name: str, report: PixelReport) -> None:
     """Raise if any pixel was found to be NaN or infinite.
 
-    Raises
-    ------
-    ProbeError
+    Raises ProbeError.
     """
     if report.first_nonfinite is not None:
         column, row = report.first_nonfinite
@@ -254,10 +252,8 @@ class BlockReader:
     def blocks(self) -> Iterator[Block]:
         """Yield the image in blocks of rows, by faces, or as a whole where it cannot be cut.
 
-        Raises
-        ------
-        ProbeError
-            If a file is damaged, or has NaN or infinite pixels that are not to be filled.
+        Raises ProbeError if a file is damaged, or has NaN or infinite pixels that are not to be
+        filled.
         """
         if self.grid.most_pixels is None:
             return self._by_rows()

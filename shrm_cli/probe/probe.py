@@ -283,10 +283,7 @@ def make_probe(
     sampling, chromaticities, proxy
         What the images say of themselves; the options overrule the sampling.
 
-    Raises
-    ------
-    ProbeError
-        If the images do not suit the layout, or an option does not suit them.
+    Raises ProbeError if the images do not suit the layout, or an option does not suit them.
     """
     first = images[0]
     check_shape(name, layout, first.width, first.height, len(images))

@@ -58,10 +58,8 @@ def coarse_probe(probe: Probe, rows: int) -> Probe:
         a probe in memory, without the files of the first one; what the pixels needed stands in
         the report of the first one.
 
-    Raises
-    ------
-    ProbeError
-        If the file is damaged, or has NaN or infinite pixels that are not to be filled.
+    Raises ProbeError if the file is damaged, or has NaN or infinite pixels that are not to be
+    filled.
     """
     found = probe.grid.area_ratios()
     for count in range(probe.height // max(rows, LEAST_ROWS), 1, -1):
@@ -156,10 +154,7 @@ def to_grid(probe: Probe, target: Grid) -> Array:
     ndarray of float32, shape (rows, columns, 3)
         It is not negative, and 0 where the grid holds nothing.
 
-    Raises
-    ------
-    ProbeError
-        If the size is out of its range, or the probe cannot be read.
+    Raises ProbeError if the size is out of its range, or the probe cannot be read.
     """
     if not target.smallest <= target.size <= target.largest:
         raise ProbeError(

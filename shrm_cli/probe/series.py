@@ -91,10 +91,7 @@ def read_series(
     part : str, optional
         The number of a light among several.
 
-    Raises
-    ------
-    ProbeError
-        If the file holds no such numbers.
+    Raises ProbeError if the file holds no such numbers.
     """
     path, suffix = check_file(name), Path(name).suffix.lower()
     if suffix == ".exr":
@@ -131,10 +128,7 @@ def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array
     basis, of
         As `read_series` takes them.
 
-    Raises
-    ------
-    ValueError
-        If they are something else.
+    Raises ValueError if they are something else.
     """
     found = _rows(np.asarray(values))
     degree = degrees(order_of(len(found)))
@@ -167,10 +161,7 @@ def sum_of(lights: Sequence[Array]) -> Array | None:
 def open_series(name: str, options: ReadOptions) -> "LightSum":
     """Open a file of coefficients as a probe.
 
-    Raises
-    ------
-    ProbeError
-        If it holds none, or an option does not apply.
+    Raises ProbeError if it holds none, or an option does not apply.
     """
     from shrm_cli.probe.light_sum import LightSum, SumImage
 
@@ -190,10 +181,7 @@ def open_series(name: str, options: ReadOptions) -> "LightSum":
 def _check_options(name: str, options: ReadOptions) -> None:
     """Refuse options that say nothing about coefficients.
 
-    Raises
-    ------
-    ProbeError
-        If one is given.
+    Raises ProbeError if one is given.
     """
     plain = ReadOptions()
     for each in ("layout", "orientation", "sampling", "linearize", "layer", "pixels"):

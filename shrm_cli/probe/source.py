@@ -106,10 +106,7 @@ def latlong_light(probe: Probe, height: int) -> Array:
     height : int
         Rows of the lat-long.
 
-    Raises
-    ------
-    ProbeError
-        If the probe cannot be read.
+    Raises ProbeError if the probe cannot be read.
     """
     grid = LatLong(height)
     with using(None):

@@ -59,11 +59,8 @@ def open_stage(name: str, options: ReadOptions, opening: Callable[..., Probe]) -
     opening : callable
         Opens the textures, as `open_probe` does.
 
-    Raises
-    ------
-    ProbeError
-        If OpenUSD is not installed, the stage is damaged or has no such light, or one of its
-        layers or textures lies elsewhere or cannot be read.
+    Raises ProbeError if OpenUSD is not installed, the stage is damaged or has no such light, or one
+    of its layers or textures lies elsewhere or cannot be read.
     """
     try:
         import pxr.Tf

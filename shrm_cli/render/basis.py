@@ -63,10 +63,7 @@ def basis_subject(
     size : int
         Width and height of a picture, pixels.
 
-    Raises
-    ------
-    TransferError
-        If it was baked for another mesh.
+    Raises TransferError if it was baked for another mesh.
     """
     if mesh is None:
         return SphereSubject(size), list(maps)

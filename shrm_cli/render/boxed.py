@@ -96,10 +96,7 @@ class Placed(ReflectedLight):
     ) -> "Placed":
         """Place a map; the radius is a tenth of the box's shortest edge by default.
 
-        Raises
-        ------
-        ArgumentError
-            If the map knows of no box.
+        Raises ArgumentError if the map knows of no box.
         """
         box = made.info.proxy
         if box is None:

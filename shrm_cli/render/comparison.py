@@ -110,10 +110,7 @@ class Comparison:
         FlipError or None
             None where FLIP is not defined: if the baseline is black or a pixel is not finite.
 
-        Raises
-        ------
-        ModuleNotFoundError
-            If `flip_evaluator` is not installed.
+        Raises ModuleNotFoundError if `flip_evaluator` is not installed.
         """
         coverage = whole_coverage(self.baseline.shape[-2])
         matrix = to_rec709(self.primaries)
@@ -150,10 +147,7 @@ class Comparison:
         ndarray of float32, shape (*comparison_layout(M, V, S).shape, 3)
             Linear. The tiles are exposed; the paper and the labels are not.
 
-        Raises
-        ------
-        OutputError
-            If the sheet would be too large, or the labels cannot be drawn.
+        Raises OutputError if the sheet would be too large, or the labels cannot be drawn.
         """
         many, views, size = self.others.shape[:3]
         tiles, labels = [], []
@@ -186,10 +180,7 @@ def comparison_layout(others: int, views: int, size: int) -> SheetLayout:
     size : int
         Width and height of a tile, pixels.
 
-    Raises
-    ------
-    OutputError
-        If the sheet would be too large.
+    Raises OutputError if the sheet would be too large.
     """
     columns = 1 + 2 * others
     return arrange(columns * views, size, columns)

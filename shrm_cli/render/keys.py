@@ -48,10 +48,7 @@ class Key:
 def read_keys(path: str | os.PathLike[str]) -> list[Key]:
     """Return the keyframes of a scene file; there may be none.
 
-    Raises
-    ------
-    MeshError
-        If it is no scene file, or a key is not as the top of this module has it.
+    Raises MeshError if it is no scene file, or a key is not as the top of this module has it.
     """
     name = os.fspath(path)
     keys: list[Key] = []

@@ -33,10 +33,7 @@ def ggx_surface(
     anisotropy : float, optional
         That of glTF; without it the surface is not brushed.
 
-    Raises
-    ------
-    BrdfError
-        If a parameter is out of its range.
+    Raises BrdfError if a parameter is out of its range.
     """
     given = {"roughness": roughness, "f0": f0, "anisotropy": anisotropy or None}
     return Ggx(**{key: value for key, value in given.items() if value is not None})
@@ -57,10 +54,7 @@ def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color
     primaries : tuple of 8 float, optional
         The chromaticities of the light, which the colors of metals are converted to.
 
-    Raises
-    ------
-    BrdfError
-        If it is no color.
+    Raises BrdfError if it is no color.
     """
     return parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
 
@@ -161,12 +155,8 @@ def lit_maps(
     warnings : list of str
         One for each map that reflects less than nothing somewhere.
 
-    Raises
-    ------
-    MapError
-        If a map needs light and there is none, or there is no such window.
-    ProbeError
-        If the probe cannot be read.
+    Raises MapError if a map needs light and there is none, or there is no such window. Raises
+    ProbeError if the probe cannot be read.
     """
     light = None if probe is None else Projection(probe)
     found, warnings = [], []

@@ -207,10 +207,7 @@ def check_blend(first: Map, second: Map, name: str) -> None:
     name : str
         The second one's file, for the message.
 
-    Raises
-    ------
-    MapError
-        If they are of different BRDFs, or in different primaries.
+    Raises MapError if they are of different BRDFs, or in different primaries.
     """
     one, other = first.info, second.info
     are_lights = isinstance(first, LightMap), isinstance(second, LightMap)
@@ -232,10 +229,7 @@ _NUMBER = re.compile(r"%0([1-9]\d?)d")
 def frame_paths(pattern: str, count: int) -> list[str]:
     """Return the names of frames, numbered from 1 where the pattern has ``%04d`` or the like.
 
-    Raises
-    ------
-    OutputError
-        If the pattern, without its folder, does not have exactly one such place.
+    Raises OutputError if the pattern, without its folder, does not have exactly one such place.
     """
     folder, name = os.path.split(pattern)
     if len(_NUMBER.findall(name)) != 1:
@@ -249,10 +243,7 @@ def frame_paths(pattern: str, count: int) -> list[str]:
 def check_one_file(name: str) -> None:
     """Check that the name of a moving picture, which is one file, has no place for a number.
 
-    Raises
-    ------
-    OutputError
-        If it has one.
+    Raises OutputError if it has one.
     """
     if _NUMBER.search(name):
         raise OutputError(f"{name}: a moving picture is one file; leave the number out of its name")

@@ -70,10 +70,7 @@ def one_view(
         Radiance, linear, in the primaries of the map: +Z in the centre, +X in the left quarter,
         +Y in the top row. Small negative values of truncated expansions are kept.
 
-    Raises
-    ------
-    ArgumentError
-        If `by` is something else.
+    Raises ArgumentError if `by` is something else.
     """
     if by not in LOOKUPS:
         raise ArgumentError("by", f"{by!r} is none of {', '.join(LOOKUPS)}")

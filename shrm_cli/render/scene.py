@@ -99,10 +99,7 @@ class Scene(Generic[Material]):
         ndarray of float32, shape (*shape, 3)
             Linear. The subjects are exposed; the paper and the labels of a sheet are not.
 
-        Raises
-        ------
-        OutputError
-            If a sheet would be too large, or its labels cannot be drawn.
+        Raises OutputError if a sheet would be too large, or its labels cannot be drawn.
         """
         layout = self.layout
         behind = None

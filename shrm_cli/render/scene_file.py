@@ -87,12 +87,7 @@ class Shown:
         shelf : Shelf, optional
             The textures of the picture; by default those of this mesh alone.
 
-        Raises
-        ------
-        BrdfError
-            If `f0` is no colour.
-        MeshError
-            If a texture cannot be read.
+        Raises BrdfError if `f0` is no colour. Raises MeshError if a texture cannot be read.
         """
         given: dict[str, Any] = {
             "map": self.map, "anisotropy": self.anisotropy, "taps": self.taps
@@ -136,12 +131,8 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
         The maps that the pictures are of, which objects without a map are drawn by. The first one
         tells the primaries of the light.
 
-    Raises
-    ------
-    MeshError
-        If it is no such file, or a mesh cannot be read.
-    MapError, BrdfError
-        If a map cannot be read, or a reflectance is no colour.
+    Raises MeshError if it is no such file, or a mesh cannot be read. Raises MapError or BrdfError
+    if a map cannot be read, or a reflectance is no colour.
     """
     name = os.fspath(path)
     note(path)
@@ -162,10 +153,7 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
 def read_tables(name: str) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
     """Return the tables of a scene file: its objects and its keyframes.
 
-    Raises
-    ------
-    MeshError
-        If it is no such file.
+    Raises MeshError if it is no such file.
     """
     if not Path(name).is_file():
         raise MeshError(f"{name}: no such file; name a mesh, or a scene in TOML")
@@ -227,10 +215,7 @@ def _actor(
 def as_irradiance(path: str, opened: Callable[[str], Map] = open_map) -> Map:
     """Return the map of a file, which is of a white diffuse surface.
 
-    Raises
-    ------
-    MeshError
-        If it is another map.
+    Raises MeshError if it is another map.
     """
     found = opened(path)
     if not found.is_white:

@@ -90,10 +90,7 @@ def seen_errors(picture: ArrayLike, truth: ArrayLike, weights: ArrayLike = 1.0) 
 def spread_weights(weights: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return the weight of each pixel of a picture.
 
-    Raises
-    ------
-    ArgumentError
-        If the weights do not fit the shape, or no pixel counts.
+    Raises ArgumentError if the weights do not fit the shape, or no pixel counts.
     """
     given = np.asarray(weights, dtype=float)
     try:

@@ -91,10 +91,7 @@ def arrange(
     tall : int, optional
         Height of a tile; by default tiles are square.
 
-    Raises
-    ------
-    OutputError
-        If the sheet has more than `MAX_PIXELS` pixels.
+    Raises OutputError if the sheet has more than `MAX_PIXELS` pixels.
     """
     wanted = columns or isqrt(count - 1) + 1
     layout = SheetLayout(count, min(wanted, count), tile, tall)
@@ -122,10 +119,7 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
     labels : sequence of str
         A label is shortened in its middle if it is wider than its tile.
 
-    Raises
-    ------
-    OutputError
-        If the labels cannot be drawn.
+    Raises OutputError if the labels cannot be drawn.
     """
     sheet = np.full((*layout.shape, 3), PAPER, dtype=np.float32)
     for index, (tile, label) in enumerate(zip(tiles, labels, strict=True)):
@@ -178,10 +172,7 @@ class Grid:
     def check(self) -> None:
         """Check that the sheet is not too large.
 
-        Raises
-        ------
-        OutputError
-            If it has more than `MAX_PIXELS` pixels.
+        Raises OutputError if it has more than `MAX_PIXELS` pixels.
         """
         _check_size(self.shape, "`size`, or fewer probes or materials")
 
@@ -202,10 +193,7 @@ def draw_grid(
         Row and column of a cell, and its picture, shape (tile, tile, 3), linear and exposed, or
         why there is none.
 
-    Raises
-    ------
-    OutputError
-        If text cannot be drawn.
+    Raises OutputError if text cannot be drawn.
     """
     sheet = np.full((*grid.shape, 3), PAPER, dtype=np.float32)
     ink = 1 - PAPER

@@ -180,10 +180,7 @@ class Shelf:
         name : str
             The mesh's file, for messages.
 
-        Raises
-        ------
-        MeshError
-            If it is missing or damaged, or all textures are too large.
+        Raises MeshError if it is missing or damaged, or all textures are too large.
         """
         key = texture.picture, texture.is_srgb
         try:

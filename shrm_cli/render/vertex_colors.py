@@ -165,12 +165,8 @@ def vertex_colors(
     path : str
         The file of the map, beside which a measured BRDF is looked for.
 
-    Raises
-    ------
-    TransferError
-        If the map is another one, or the transfer does not fit.
-    BrdfError
-        If there are lamps, and the map's BRDF cannot be evaluated.
+    Raises TransferError if the map is another one, or the transfer does not fit. Raises BrdfError
+    if there are lamps, and the map's BRDF cannot be evaluated.
     """
     held = light.harmonic_light
     if held is None:

@@ -54,10 +54,7 @@ class Plan:
     def recipes(self) -> list[Recipe]:
         """Return the maps to be made of any probe.
 
-        Raises
-        ------
-        ArgumentError
-            As `Entry.recipes` has it.
+        Raises ArgumentError as `Entry.recipes` has it.
         """
         entry = Entry((), self.brdfs, self.forms, arguments=self.arguments, runs_code=True)
         return entry.recipes()
@@ -150,10 +147,7 @@ def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> 
     Measured
         A BRDF or a form that fails is among its failures, and does not stop the others.
 
-    Raises
-    ------
-    ArgumentError
-        If nothing of this plan could be made of any probe.
+    Raises ArgumentError if nothing of this plan could be made of any probe.
     """
     recipes = plan.recipes()
     if not recipes:

@@ -26,10 +26,7 @@ _DIMENSIONS = {"reflected": 3, "direct": 3, "alive": 1, "moments": 3, "box": 2}
 def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
     """Write a grid, whole or not at all; the same grid gives the same bytes.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     lattice = grid.lattice
     arrays: dict[str, Any] = {
@@ -52,10 +49,7 @@ def is_grid(path: str | os.PathLike[str]) -> bool:
 def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
     """Read a grid.
 
-    Raises
-    ------
-    MeshError
-        If the file is missing or damaged, or holds something else.
+    Raises MeshError if the file is missing or damaged, or holds something else.
     """
     missing, again = "name a grid that shrm grid wrote", "make it again with shrm grid"
     with npz.told(Path(path), MeshError, missing, again) as archive:

@@ -57,10 +57,7 @@ def open_room(
 ) -> OpenRoom:
     """Read a room; the arguments are those of `grid`.
 
-    Raises
-    ------
-    MeshError, ProbeError
-        If a file cannot be read, or nothing sends light.
+    Raises MeshError or ProbeError if a file cannot be read, or nothing sends light.
     """
     albedo, emission = dict(albedo or {}), dict(emission or {})
     mesh = load_mesh(os.fspath(source))

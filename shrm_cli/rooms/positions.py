@@ -38,12 +38,8 @@ def read_positions(
     ProbeGrid
         What it holds counts as reflected. Of walls it knows nothing.
 
-    Raises
-    ------
-    MeshError
-        If it is no such table, or its positions are not all points of a lattice.
-    ProbeError
-        If a probe cannot be read.
+    Raises MeshError if it is no such table, or its positions are not all points of a lattice.
+    Raises ProbeError if a probe cannot be read.
     """
     path = Path(path)
     note(path)

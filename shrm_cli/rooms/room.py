@@ -54,10 +54,7 @@ class Room:
         sky, discs
             As of `Room`.
 
-        Raises
-        ------
-        MeshError
-            If no material has a name, or nothing sends light.
+        Raises MeshError if no material has a name, or nothing sends light.
         """
         names = [each.name for each in mesh.materials]
         if max((max(each) for each in changes.get("albedo", {}).values()), default=0) > 1:

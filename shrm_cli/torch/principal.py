@@ -42,10 +42,7 @@ def principal_lobes(probe: Probe, brdf: Brdf | str, **options: Any) -> list["Pri
     **options
         Further arguments of `shrm_cli.prefilter` with ``to="principal"``, such as `eps`.
 
-    Raises
-    ------
-    ArgumentError, BrdfError
-        If an argument does not apply, or the BRDF is anisotropic.
+    Raises ArgumentError or BrdfError if an argument does not apply, or the BRDF is anisotropic.
     """
     request = Request.of("principal", {"brdf": brdf, **options}, probe)
     if not request.brdf.isotropic:

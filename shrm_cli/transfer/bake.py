@@ -106,10 +106,7 @@ class Plan:
     def reflected(self) -> Array:
         """The albedo of the mesh, or of each site, as an array of shape (1 or s, channels).
 
-        Raises
-        ------
-        ArgumentError
-            If it has another shape, or numbers outside of 0 .. 1.
+        Raises ArgumentError if it has another shape, or numbers outside of 0 .. 1.
         """
         albedo = np.atleast_2d(np.asarray(self.albedo, dtype=float))
         rows, channels = albedo.shape[0], albedo.shape[-1]
@@ -222,12 +219,8 @@ def transfer_plan(
     texture : int, optional
         Texels along the edge of a texture for which is baked, in place of the vertices.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument has a value that it cannot have, or the mesh lacks what it names.
-    MeshError, BrdfError
-        If a file cannot be read.
+    Raises ArgumentError if an argument has a value that it cannot have, or the mesh lacks what it
+    names. Raises MeshError or BrdfError if a file cannot be read.
     """
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.maps.product.prefilter import product_texture
@@ -312,10 +305,7 @@ def bake(
     -------
     Transfer, or what `use` returns
 
-    Raises
-    ------
-    OutputError
-        If unfinished work cannot be kept.
+    Raises OutputError if unfinished work cannot be kept.
     """
     use = use or (lambda transfer: transfer)
     if rays is None:

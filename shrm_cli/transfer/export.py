@@ -52,10 +52,7 @@ _VERTICES, _INDICES = 34962, 34963
 def write_glb(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> None:
     """Write a mesh with transfer vectors as binary glTF 2, whole or not at all.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     attributes = {
         "POSITION": mesh.vertices,
@@ -112,10 +109,7 @@ def write_glb(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> N
 def write_ply(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> None:
     """Write a mesh with transfer vectors as binary PLY, whole or not at all.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     count, size, channels = transfer.vectors.shape
     colors = [""] if channels == 1 else ["_r", "_g", "_b"]
@@ -147,10 +141,8 @@ def write_ply(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> N
 def write_pifu(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> None:
     """Write the first 9 coefficients as PIFu does, and the triangles beside them.
 
-    Raises
-    ------
-    OutputError
-        If the transfer has fewer coefficients or is coloured, or a file cannot be written.
+    Raises OutputError if the transfer has fewer coefficients or is coloured, or a file cannot be
+    written.
     """
     columns = (PIFU_ORDER + 1) ** 2
     if transfer.order < PIFU_ORDER or transfer.vectors.shape[2] != 1:

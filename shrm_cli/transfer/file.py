@@ -46,10 +46,7 @@ def write_transfer(
     mesh : Mesh, optional
         The mesh of the transfer, which tells which row is which vertex of its file.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     arrays: dict[str, Any] = {"vectors": transfer.vectors, "albedo": transfer.albedo}
     if transfer.direct is not None:
@@ -79,10 +76,7 @@ def write_transfer(
 def read_transfer(path: str | os.PathLike[str]) -> Transfer:
     """Read a transfer.
 
-    Raises
-    ------
-    TransferError
-        If the file is missing or damaged, or holds something else.
+    Raises TransferError if the file is missing or damaged, or holds something else.
     """
     missing = "name a transfer that shrm transfer wrote"
     with npz.told(Path(path), TransferError, missing, _AGAIN) as archive:
@@ -98,10 +92,7 @@ def read_transfer(path: str | os.PathLike[str]) -> Transfer:
 def _texels(archive: npz.Archive) -> Texels:
     """Read a texture.
 
-    Raises
-    ------
-    ValueError
-        If it is not sound.
+    Raises ValueError if it is not sound.
     """
     rows = archive.integers("rows", 2)
     corners, positions = archive.numbers("texcoords", 3), archive.numbers("positions", 2)
@@ -144,10 +135,7 @@ def _check(arrays: dict[str, Array]) -> None:
 def _facts(held: Any) -> Facts:
     """Return the facts of a JSON object.
 
-    Raises
-    ------
-    ValueError
-        If they are not sound.
+    Raises ValueError if they are not sound.
     """
     if not isinstance(held, dict):
         raise ValueError("its settings are not a JSON object")

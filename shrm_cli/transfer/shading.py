@@ -89,10 +89,7 @@ def glossy_colors(
     ndarray, shape (v, 3)
         0 where a vertex faces away.
 
-    Raises
-    ------
-    TransferError
-        If the transfer has no matrices.
+    Raises TransferError if the transfer has no matrices.
     """
     transfer.check_glossy()
     assert transfer.matrices is not None

@@ -55,10 +55,7 @@ def sites_of(mesh: Mesh, texture: int | None = None) -> Sites:
     texture : int, optional
         Texels along the texture's edge, as `charted` takes them.
 
-    Raises
-    ------
-    MeshError
-        If there are no charts for a texture.
+    Raises MeshError if there are no charts for a texture.
     """
     lift = OFFSET * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     if texture is None:

@@ -113,10 +113,7 @@ class Transfer:
     def bounced(self) -> "Transfer":
         """Return the transfer of that light alone which the mesh itself sent.
 
-        Raises
-        ------
-        TransferError
-            If the vectors before any bounce are not known.
+        Raises TransferError if the vectors before any bounce are not known.
         """
         if self.direct is None:
             raise TransferError(
@@ -134,10 +131,7 @@ class Transfer:
             `bake.mesh_digest` of the mesh.
         mesh : Mesh
 
-        Raises
-        ------
-        TransferError
-            If it is another one.
+        Raises TransferError if it is another one.
         """
         fits = self.texels is None or len(self.texels.texcoords) == len(mesh.faces)
         if digest != self.facts.mesh_sha256 or not fits:
@@ -149,10 +143,7 @@ class Transfer:
     def check_glossy(self) -> None:
         """Check that there are matrices.
 
-        Raises
-        ------
-        TransferError
-            If there are none.
+        Raises TransferError if there are none.
         """
         if self.matrices is None:
             raise TransferError(

@@ -123,10 +123,7 @@ def unfinished(output: Path, key: str, shapes: Shapes, step: int) -> Iterator[Fi
 
     A block that fails or is interrupted leaves the file, and the next run goes on with it.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     path = output.with_name(output.name + SUFFIX)
     try:

@@ -75,10 +75,7 @@ class Blocks:
             ``format``, ``width``, ``height``, ``depth`` (0 for a single picture), ``block``, and
             of a rounded one the block of ``exponents`` and its RMS ``error``.
 
-        Raises
-        ------
-        MapError
-            If a value is not a number.
+        Raises MapError if a value is not a number.
         """
         found = np.asarray(values, dtype=np.float32)
         if np.isnan(found).any():

@@ -34,10 +34,7 @@ def described_map(
     taps : {3, 5, 8}, optional
         How many look-ups the light of brushed surfaces takes.
 
-    Raises
-    ------
-    MapError
-        If shaders have no words for the map.
+    Raises MapError if shaders have no words for the map.
     """
     if isinstance(made, MaterialMap):
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")

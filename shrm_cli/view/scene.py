@@ -120,12 +120,8 @@ def make_scene(
     is_rounded : bool
         Whether textures of light are rounded, by a percent or so, to make a page small.
 
-    Raises
-    ------
-    MapError
-        If a map cannot be shown, or the page would be too large.
-    ProbeError, BrdfError, MeshError
-        If the probe, the BRDF of the truth or the mesh cannot be used.
+    Raises MapError if a map cannot be shown, or the page would be too large. Raises ProbeError,
+    BrdfError or MeshError if the probe, the BRDF of the truth or the mesh cannot be used.
     """
     start, truth = start or Start(), truth or Truth()
     if not maps:

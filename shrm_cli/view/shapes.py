@@ -35,10 +35,7 @@ def described_shapes(
     is_brushed : bool
         Whether a map cares for tangents: those along texture coordinates are added then, too.
 
-    Raises
-    ------
-    MeshError
-        If the mesh has no extent.
+    Raises MeshError if the mesh has no extent.
     """
     shapes = [{"name": "Sphere", "file": ""}, _described(figure(), "Figure", "", blocks)]
     if mesh is not None:

@@ -96,10 +96,7 @@ def brushed_table(brdf: Ggx, size: int) -> Array:
     ndarray, shape (size, size, 6)
         Scale and bias along, between and across.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF has alphas of its own, a roughness or a reflectance.
+    Raises BrdfError if the BRDF has alphas of its own, a roughness or a reflectance.
     """
     usual = Ggx().values
     if any(brdf.values.get(key) != value for key, value in usual.items()):

@@ -43,10 +43,7 @@ def lobe_moments(roughness: float, cosines: ArrayLike) -> Array:
     ndarray, shape (2, 3, n)
         Indexed [without Fresnel's term or with the tail; 1, N.L or T.L; view].
 
-    Raises
-    ------
-    MapError
-        If the roughness is outside 0 .. 1.
+    Raises MapError if the roughness is outside 0 .. 1.
     """
     if not 0 <= roughness <= 1:
         raise MapError(f"roughness {roughness:g} is outside 0 .. 1")

@@ -116,10 +116,7 @@ def write_dfg(
     brdf : str
         The specification of the BRDF.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     meaning = MEANINGS[kind]
     header = {
@@ -151,10 +148,7 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         ``reflectance``, for moments ``mean_direction``, and ``columns`` and ``brdf`` where
         these are others. None if the file is anything else.
 
-    Raises
-    ------
-    BrdfError
-        If the table is damaged.
+    Raises BrdfError if the table is damaged.
     """
     found = peek(path)
     if found is None or found.first.text("shrm:table") != "dfg":

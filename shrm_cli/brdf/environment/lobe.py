@@ -57,10 +57,8 @@ class NormalLobe(Brdf):
 def check_varies(brdf: Brdf) -> None:
     """Check that a BRDF has a lobe for every roughness, and that none is asked for.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF has no roughness, is one that `MaterialLobe` refuses, or is given a roughness.
+    Raises BrdfError if the BRDF has no roughness, is one that `MaterialLobe` refuses, or is given a
+    roughness.
     """
     if not brdf.isotropic:
         MaterialLobe(brdf)

@@ -35,10 +35,7 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike) -> Array:
     cosines : array_like, shape (n,)
         N.V; values below 1e-5 count as 1e-5.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF is one that `MaterialLobe` refuses.
+    Raises BrdfError if the BRDF is one that `MaterialLobe` refuses.
     """
     width = MaterialLobe(brdf).width
     view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
@@ -102,10 +99,7 @@ def albedo_table(brdf: Brdf, size: int) -> Array:
     ndarray, shape (size, size, 3)
         Read-only where the process keeps it for the next map of this BRDF.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF has no roughness, or is one that `MaterialLobe` refuses.
+    Raises BrdfError if the BRDF has no roughness, or is one that `MaterialLobe` refuses.
     """
     return remembered(brdf, ("albedo table", size), lambda: _tabulated(brdf, size))
 

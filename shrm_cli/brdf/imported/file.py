@@ -33,10 +33,7 @@ def open_material(path: Path, wanted: str, primaries: Primaries | None = None) -
     ShrmWarning
         For what is averaged, and for what is left out.
 
-    Raises
-    ------
-    BrdfError
-        If the file cannot be read, or the material cannot be held.
+    Raises BrdfError if the file cannot be read, or the material cannot be held.
     """
     check_file(path)
     note(path)

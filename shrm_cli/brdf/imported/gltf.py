@@ -53,10 +53,7 @@ def read_gltf_material(name: str, data: bytes, wanted: str) -> Material:
     wanted : str
         Empty for the only material.
 
-    Raises
-    ------
-    BrdfError
-        If the file is damaged, has no such material, or needs what is not read.
+    Raises BrdfError if the file is damaged, has no such material, or needs what is not read.
     """
     try:
         tree, chunk = read_tree(name, data)

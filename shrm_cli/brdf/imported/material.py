@@ -26,10 +26,7 @@ class Material:
 def chosen(name: str, names: Sequence[str], wanted: str) -> int:
     """The place of a material among those of a file, by its name or else by its number.
 
-    Raises
-    ------
-    BrdfError
-        If there is none, or several and none is named.
+    Raises BrdfError if there is none, or several and none is named.
     """
     if wanted in names and wanted:
         return names.index(wanted)

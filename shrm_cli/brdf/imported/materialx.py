@@ -42,10 +42,7 @@ def read_materialx(name: str, data: bytes, wanted: str) -> Material:
     wanted : str
         The name of a material, or of a surface; empty for the only material.
 
-    Raises
-    ------
-    BrdfError
-        If the file is damaged, has no such material, or needs what is not read.
+    Raises BrdfError if the file is damaged, has no such material, or needs what is not read.
     """
     try:
         import MaterialX

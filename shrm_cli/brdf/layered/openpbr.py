@@ -134,10 +134,7 @@ class OpenPbr(Sum):
 def _held(values: dict[str, Value]) -> dict[str, Value]:
     """The parameters that decide the surface.
 
-    Raises
-    ------
-    BrdfError
-        If another one has a weight that cannot be left out.
+    Raises BrdfError if another one has a weight that cannot be left out.
     """
     for name, what in _REFUSED.items():
         if values.get(name, 0.0) != 0:

@@ -87,10 +87,7 @@ def formats() -> list[type[MeasuredBrdf]]:
 def open_measured(path: str | os.PathLike[str]) -> Brdf:
     """The measured BRDF in a file, whose format its content tells.
 
-    Raises
-    ------
-    BrdfError
-        If it is missing, no regular file, of no known format, or damaged.
+    Raises BrdfError if it is missing, no regular file, of no known format, or damaged.
     """
     path = check_file(path)
     note(path)

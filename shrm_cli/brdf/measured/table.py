@@ -127,10 +127,7 @@ class Table(MeasuredBrdf):
     def open(cls, path: str | os.PathLike[str]) -> "Table":
         """Read a table from OpenEXR or .npz.
 
-        Raises
-        ------
-        BrdfError
-            If the file is missing or damaged, or holds something else.
+        Raises BrdfError if the file is missing or damaged, or holds something else.
         """
         values = file_values(path)
         return cls(*read_table(path), values)
@@ -197,10 +194,7 @@ def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
     shape : tuple of three int
         The numbers of nodes of theta_h, theta_d and phi_d.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF is anisotropic, or not finite.
+    Raises BrdfError if the BRDF is anisotropic, or not finite.
     """
     if not brdf.isotropic:
         raise BrdfError(f"{brdf!r}: anisotropic; a table holds isotropic BRDFs only")
@@ -266,10 +260,7 @@ def read_table(path: str | os.PathLike[str]) -> Stored:
         The angles of the values, radians.
     settings : TableSettings
 
-    Raises
-    ------
-    BrdfError
-        If the file is missing or damaged, or holds something else.
+    Raises BrdfError if the file is missing or damaged, or holds something else.
     """
     path = check_file(path)
     try:
@@ -288,10 +279,7 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
     path : path-like
         The suffix, .exr or .npz, decides on the format.
 
-    Raises
-    ------
-    OutputError
-        If the name has another suffix, or the file cannot be written.
+    Raises OutputError if the name has another suffix, or the file cannot be written.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".npz":

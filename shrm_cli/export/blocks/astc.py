@@ -23,10 +23,7 @@ _QUALITY = 60
 def library() -> ModuleType:
     """Return Arm's encoder.
 
-    Raises
-    ------
-    ArgumentError
-        If it is not installed.
+    Raises ArgumentError if it is not installed.
     """
     try:
         import astc_encoder

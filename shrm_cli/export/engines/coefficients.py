@@ -35,10 +35,7 @@ _MEANINGS = {
 def coefficients_json(coefficients: ArrayLike) -> str:
     """Return JSON of nine lighting coefficients L_lm, shape (9, 3), in all conventions.
 
-    Raises
-    ------
-    ValueError
-        If one is not finite.
+    Raises ValueError if one is not finite.
     """
     known = np.asarray(coefficients, dtype=float)
     record = {

@@ -104,10 +104,7 @@ class ExplicitMap(ReflectionMap):
     def check_count(cls, count: int) -> None:
         """Check that a map can have `count` images.
 
-        Raises
-        ------
-        ValueError
-            If it cannot.
+        Raises ValueError if it cannot.
         """
 
     @classmethod
@@ -173,10 +170,7 @@ class ExplicitMap(ReflectionMap):
         int or None
             None where the number is not given.
 
-        Raises
-        ------
-        ArgumentError
-            If the argument of another kind is given.
+        Raises ArgumentError if the argument of another kind is given.
         """
         refuse_arguments(f"maps of representation {cls.representation}", slices=slices, views=views)
         return None
@@ -199,10 +193,7 @@ class ExplicitMap(ReflectionMap):
         size : int
             Texels along a face's edge.
 
-        Raises
-        ------
-        MapError
-            If the map would be too large.
+        Raises MapError if the map would be too large.
         """
         values = 18 * size**2 * count
         if values > _MOST_VALUES:
@@ -220,10 +211,7 @@ class ExplicitMap(ReflectionMap):
         view_count : int, optional
             Samples along an axis of the view; `default_view_count` of the SHRM's order by default.
 
-        Raises
-        ------
-        MapError
-            If the map would be too large.
+        Raises MapError if the map would be too large.
         """
         view_count = cls.default_view_count(shrm.order_p) if view_count is None else view_count
         count = cls.image_count(view_count)
@@ -250,10 +238,7 @@ class ExplicitMap(ReflectionMap):
         frame : {"global", "local"}, optional
             The frame of the SHRM; that of the samples by default.
 
-        Raises
-        ------
-        MapError
-            If the samples do not determine so high an order.
+        Raises MapError if the samples do not determine so high an order.
         """
         basis = self._fit_basis(order_p)
         weights = np.sqrt(self.view_weights(self.count))[:, None]

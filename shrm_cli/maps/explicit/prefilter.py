@@ -79,10 +79,8 @@ def converted(
     slices, views : int, optional
         Samples along an axis of the view, as `ExplicitMap.view_count` takes them.
 
-    Raises
-    ------
-    MapError, ArgumentError
-        If the source has no such SHRM, the map would be too large, or an argument does not apply.
+    Raises MapError or ArgumentError if the source has no such SHRM, the map would be too large, or
+    an argument does not apply.
     """
     kind = explicit_kind(to)
     refuse_arguments(f"explicit maps such as {to}", frame=frame, **options)
@@ -256,10 +254,7 @@ def tabulate(
     view_count : int
         Samples along an axis of the view.
 
-    Raises
-    ------
-    MapError
-        If the map would be too large.
+    Raises MapError if the map would be too large.
     """
     count = kind.image_count(view_count)
     kind.check_images(size, count)
@@ -301,10 +296,7 @@ def tabulate_sum(
         Samples along an axis of the view; `ExplicitMap.default_view_count` of the largest P by
         default.
 
-    Raises
-    ------
-    MapError
-        If the map would be too large.
+    Raises MapError if the map would be too large.
     """
     if view_count is None:
         view_count = kind.default_view_count(max(summed.info.order_p, 1))

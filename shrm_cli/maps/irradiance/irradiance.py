@@ -222,10 +222,7 @@ class Irradiance(FixedMap, ReflectionMap):
 
         ``E = (x y z 1) M (x y z 1)^T`` for a unit normal (eq. 4.14, 4.15).
 
-        Raises
-        ------
-        MapError
-            If the map's order is above 2, where E is not a quadratic polynomial.
+        Raises MapError if the map's order is above 2, where E is not a quadratic polynomial.
         """
         c1, c2, c3, c4, c5 = matrix_constants()
         l00, l1_1, l10, l11, l2_2, l2_1, l20, l21, l22 = self.nine()
@@ -240,10 +237,7 @@ class Irradiance(FixedMap, ReflectionMap):
     def nine(self) -> Array:
         """Return nine coefficients, shape (9, 3); those beyond the map's order are 0.
 
-        Raises
-        ------
-        MapError
-            If the map's order is above 2.
+        Raises MapError if the map's order is above 2.
         """
         if self.order_f > POLYNOMIAL_ORDER:
             raise MapError(

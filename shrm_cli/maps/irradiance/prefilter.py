@@ -80,10 +80,8 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 def converted(source: Map, to: str, form: str | None = None, **options: Any) -> Map:
     """Return an irradiance map in one of the forms of `maps.irradiance.zh3`; see `Map.converted`.
 
-    Raises
-    ------
-    MapError, ArgumentError
-        If it is a map of another kind, or not of the order that the form needs.
+    Raises MapError or ArgumentError if it is a map of another kind, or not of the order that the
+    form needs.
     """
     found = unconverted(source, to, **options)
     if form is None or not isinstance(found, Irradiance):

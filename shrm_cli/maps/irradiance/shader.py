@@ -57,11 +57,8 @@ def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
     str
         The code; its last line ends with a newline too.
 
-    Raises
-    ------
-    MapError
-        If the language is unknown, the map's order is above 16, or a number does not fit into the
-        language's type.
+    Raises MapError if the language is unknown, the map's order is above 16, or a number does not
+    fit into the language's type.
     """
     speech = Language(language)
     if isinstance(irradiance, Zh3):

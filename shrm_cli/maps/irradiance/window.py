@@ -53,10 +53,7 @@ class Window:
 
         The series has the shape ((F+1)^2, 3). Without a width nothing is changed, as by ``none``.
 
-        Raises
-        ------
-        MapError
-            If there is no such family.
+        Raises MapError if there is no such family.
         """
         if name == "none":
             return cls()
@@ -115,10 +112,7 @@ def window_factors(name: str, width: float, order: int) -> Array:
     -------
     ndarray, shape (order+1,)
 
-    Raises
-    ------
-    MapError
-        If there is no such window.
+    Raises MapError if there is no such window.
 
     References
     ----------
@@ -138,10 +132,7 @@ def _check_family(name: str) -> None:
 def parse_window(spec: str) -> tuple[str, float | None]:
     """Split `NAME` or `NAME:WIDTH` into name and width; the width is None where none is given.
 
-    Raises
-    ------
-    MapError
-        If the name is unknown, or the width is not a positive number.
+    Raises MapError if the name is unknown, or the width is not a positive number.
     """
     name, colon, text = spec.partition(":")
     if name not in NAMES:
@@ -170,10 +161,7 @@ def make_window(spec: str, series: Array) -> Window:
     series : ndarray, shape ((F+1)^2, 3)
         The coefficients of the irradiance, ``A_l L_lm``.
 
-    Raises
-    ------
-    MapError
-        If the name is unknown, or the width is not a positive number.
+    Raises MapError if the name is unknown, or the width is not a positive number.
     """
     name, width = parse_window(spec)
     if name == "auto":

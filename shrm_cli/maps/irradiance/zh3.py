@@ -113,10 +113,7 @@ def in_form(source: Irradiance, form: str) -> Irradiance:
     Irradiance
         Its `added_error` includes the relative RMS change of the irradiance.
 
-    Raises
-    ------
-    MapError
-        If the map is not of order 2.
+    Raises MapError if the map is not of order 2.
     """
     plain = Irradiance(
         source.coefficients, source.info, source.size, source.sampling, source.window

@@ -39,10 +39,7 @@ def read_lamps(part: StoredPart) -> tuple[tuple[Disc, ...], float, float]:
     discs, left, error
         As a `LampMap` has them.
 
-    Raises
-    ------
-    MapError
-        If they are no sound discs, or too many.
+    Raises MapError if they are no sound discs, or too many.
     """
     text = part.attribute(_NAME)
     try:
@@ -62,10 +59,7 @@ def read_lamps(part: StoredPart) -> tuple[tuple[Disc, ...], float, float]:
 def _disc(values: object) -> Disc:
     """Return a disc of a file.
 
-    Raises
-    ------
-    ValueError
-        If it is none.
+    Raises ValueError if it is none.
     """
     if not isinstance(values, dict) or set(values) != _KEYS:
         raise ValueError("no disc")

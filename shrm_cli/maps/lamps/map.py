@@ -91,10 +91,8 @@ class LampMap(ReflectionMap):
     def lamps(self) -> LitDiscs:
         """The lamps and the BRDF that reflects them.
 
-        Raises
-        ------
-        BrdfError
-            If the BRDF cannot be evaluated, such as a measured one that is not beside the map.
+        Raises BrdfError if the BRDF cannot be evaluated, such as a measured one that is not beside
+        the map.
         """
         advice = "make it without `sun`"
         brdf = self.known or common_brdf({self.path: self.info}, advice)

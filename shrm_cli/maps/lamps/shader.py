@@ -176,10 +176,7 @@ def with_lamps(
     list of str
         Lines of GLSL as `Language.translated` takes it.
 
-    Raises
-    ------
-    MapError
-        If there are no words for the BRDF.
+    Raises MapError if there are no words for the BRDF.
     """
     is_brushed = not lamps.brdf.isotropic
     own = "\n".join(functions).replace("vec3 shrm_radiance(", "vec3 shrm_map(")

@@ -261,10 +261,7 @@ class Planner:
     def best_fitting(self, max_size: int, size: int | None) -> Form:
         """Return the form of the least error of all that fit into a number of bytes.
 
-        Raises
-        ------
-        ArgumentError
-            If no map fits.
+        Raises ArgumentError if no map fits.
         """
         forms = least_errors(self.rows(max_size, sizes_of(size)))
         if not forms:

@@ -365,10 +365,7 @@ class PrincipalMap(ReflectionMap):
         frame : {"global", "local"}, optional
             The frame of the result; global by default.
 
-        Raises
-        ------
-        MapError
-            If the map has several lobes, whose centers differ, or depends on tangents.
+        Raises MapError if the map has several lobes, whose centers differ, or depends on tangents.
         """
         if self.is_brushed:
             raise MapError(

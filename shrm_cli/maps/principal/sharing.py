@@ -129,10 +129,7 @@ class Sharing:
         is_met : bool
             Whether its error is at most the one that was asked for.
 
-        Raises
-        ------
-        ArgumentError
-            If no map fits.
+        Raises ArgumentError if no map fits.
         """
         sizes = sizes_of(size)
         most = max_size if len(self.planners) == 1 else min(_FIRST_BYTES, max_size)

@@ -44,10 +44,7 @@ def pack(made: "Map") -> tuple[PackedTexture, ...]:
     tuple of PackedTexture
         None for irradiance, whose code holds all numbers.
 
-    Raises
-    ------
-    MapError
-        If the map has no shader, or does not fit into such textures.
+    Raises MapError if the map has no shader, or does not fit into such textures.
     """
     if whole_code(made) is not None:
         return ()
@@ -79,12 +76,7 @@ def write_layers(
     shapes : dict of str to tuple of 3 int
         Layers, height and width of each texture by its name.
 
-    Raises
-    ------
-    MapError
-        If the map has no textures.
-    OutputError
-        If the file cannot be written.
+    Raises MapError if the map has no textures. Raises OutputError if the file cannot be written.
     """
     textures = pack(made)
     if not textures:
@@ -116,10 +108,7 @@ def read_layers_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         The representation and the probe of the map that they were made from, and layers, height
         and width of each texture by its name.
 
-    Raises
-    ------
-    MapError
-        If the file is damaged.
+    Raises MapError if the file is damaged.
     """
     file = peek(path)
     if file is None or not file.first.text(_MARK):

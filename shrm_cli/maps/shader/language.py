@@ -142,10 +142,7 @@ class Language:
         ----------
         rows : ndarray, shape (n, 3)
 
-        Raises
-        ------
-        MapError
-            If a number is beyond the 32-bit floats of shaders.
+        Raises MapError if a number is beyond the 32-bit floats of shaders.
         """
         self.check(rows)
         texts = [", ".join(map(self.number, row)) for row in rows.tolist()]

@@ -81,10 +81,7 @@ def arrange(stacks: Sequence[tuple[int, int]]) -> Pages:
     stacks : sequence of (int, int)
         The number of cubes of each stack, and their size.
 
-    Raises
-    ------
-    MapError
-        If there are too many cubes for their size.
+    Raises MapError if there are too many cubes for their size.
     """
     largest = max(size for _, size in stacks) + 2
     # Layers that smaller cubes fill without a rest are a little larger than the largest cube.

@@ -118,12 +118,8 @@ def affordable(
     coefficients : BrdfCoefficients
         The coefficients of the BRDF, to at least the orders of the choice.
 
-    Raises
-    ------
-    ArgumentError
-        If no map fits.
-    OrderError, BrdfError, ProbeError
-        If the tolerance is none, or the BRDF or the probe cannot be used.
+    Raises ArgumentError if no map fits. Raises OrderError, BrdfError or ProbeError if the tolerance
+    is none, or the BRDF or the probe cannot be used.
     """
     allowed, size = request.allowed, request.size
     most_p = most_order_p(allowed, size, most)
@@ -148,10 +144,7 @@ def fitting(
     most : int
         The largest P in any case.
 
-    Raises
-    ------
-    ArgumentError
-        If not even P = 0 fits.
+    Raises ArgumentError if not even P = 0 fits.
     """
     eps, allowed, size = request.eps, request.allowed, request.size
     largest = choose_size(least_orders(coefficients, eps).order_f)

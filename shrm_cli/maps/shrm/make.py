@@ -52,10 +52,7 @@ def centered(request: Request) -> tuple[Request, Notes]:
     notes : Notes
         How the center was chosen; empty unless it is ``auto``, the one of the fewest coefficients.
 
-    Raises
-    ------
-    BrdfError, OrderError
-        If the BRDF cannot be expanded about that center.
+    Raises BrdfError or OrderError if the BRDF cannot be expanded about that center.
     """
     brdf, center = request.brdf, request.center
     if center is None:
@@ -111,13 +108,9 @@ def prefilter_shrm(
     Prefiltered
         The map, and what it misses of the tolerance as a warning, if the orders are chosen.
 
-    Raises
-    ------
-    ArgumentError
-        If no map fits into the bytes, or those of the given orders do not.
-    OrderError, ProbeError, BrdfError, MapError
-        If the tolerance cannot be met with a given order, the probe or the BRDF cannot be used, or
-        the map would be too large.
+    Raises ArgumentError if no map fits into the bytes, or those of the given orders do not. Raises
+    OrderError, ProbeError, BrdfError or MapError if the tolerance cannot be met with a given order,
+    the probe or the BRDF cannot be used, or the map would be too large.
     """
     expansion, warnings = expand(light, request, SHRM_FORM, chosen)
     made = from_expansion(expansion, light.probe, request, dtype)

@@ -139,10 +139,7 @@ def converted(
     compress : int or float, optional
         How far the SHRM is compressed, as `shrm_cli.maps.shrm.compressed.compressed` takes it.
 
-    Raises
-    ------
-    MapError, ArgumentError
-        If the source has no such SHRM, or an argument does not apply.
+    Raises MapError or ArgumentError if the source has no such SHRM, or an argument does not apply.
     """
     from shrm_cli.maps.shrm.compressed import compressed  # most maps are not
 

@@ -92,10 +92,7 @@ class ShrmProposals:
     ) -> Callable[[float], Candidate[Prefiltered]]:
         """Return a function that proposes a map for an error, within a number of bytes and to a P.
 
-        Raises
-        ------
-        ArgumentError
-            By that function, if no map fits.
+        Raises ArgumentError: by that function, if no map fits.
         """
         known = list(self.rows(max_size, most_p))
 

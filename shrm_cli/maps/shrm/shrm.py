@@ -129,10 +129,7 @@ class Shrm(ReflectionMap):
         dtype : float32 or float64
             The precision in which the texels are computed.
 
-        Raises
-        ------
-        MapError
-            If the map would be too large to be kept in memory.
+        Raises MapError if the map would be too large to be kept in memory.
         """
         size = choose_size(brdf.shape[0] - 1) if size is None else size
         check_size(brdf.shape[0] - 1, brdf.shape[1] - 1, size)

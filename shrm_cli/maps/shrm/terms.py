@@ -226,10 +226,7 @@ def prefilter_terms(plan: Plan, dtype: type = np.float32) -> Prefiltered:
     dtype : type
         As `prefilter_shrm` takes it.
 
-    Raises
-    ------
-    MapError
-        If a term would be too large, or cannot be compressed as asked.
+    Raises MapError if a term would be too large, or cannot be compressed as asked.
     """
     probe, light = plan.light.probe, plan.light
     expansions = [

@@ -36,10 +36,7 @@ def default_mips(size: int, mapping: LevelMapping) -> int:
 def mip_sizes(size: int, count: int) -> tuple[int, ...]:
     """Return the sizes of levels that halve.
 
-    Raises
-    ------
-    MapError
-        If the first is no power of two, or there are more levels than it halves into.
+    Raises MapError if the first is no power of two, or there are more levels than it halves into.
     """
     if size != power_of_two(size):
         raise MapError(
@@ -56,10 +53,8 @@ def mip_sizes(size: int, count: int) -> tuple[int, ...]:
 def mip_chain(split: Map, path: str) -> SplitSum:
     """Return a map whose levels are those of a mip chain.
 
-    Raises
-    ------
-    MapError
-        If it is no split sum, its sizes do not halve, or its edge texels lie on the edges.
+    Raises MapError if it is no split sum, its sizes do not halve, or its edge texels lie on the
+    edges.
     """
     if not isinstance(split, SplitSum):
         raise MapError(f"{path}: {split.what}; mip chains are made of split sums")
@@ -114,10 +109,7 @@ def latlong_mips(split: SplitSum, height: int, sampling: Sampling = "center") ->
         The split sum's level k, interpolated at the pixels' directions; beyond its levels the last
         one, averaged over each pixel.
 
-    Raises
-    ------
-    MapError
-        If there are too few rows, or their number is no power of two.
+    Raises MapError if there are too few rows, or their number is no power of two.
     """
     least = 2 ** (len(split.levels) - 1)
     if height < least or height != power_of_two(height):

@@ -43,11 +43,8 @@ def level_roughnesses(count: int, mapping: LevelMapping) -> tuple[float, ...]:
         The number K of levels. A single level has roughness 1.
     mapping : {"linear", "filament", "unreal"}
 
-    Raises
-    ------
-    MapError
-        If the number of levels is less than 1 or too large, or a level would be sharper than can be
-        integrated.
+    Raises MapError if the number of levels is less than 1 or too large, or a level would be sharper
+    than can be integrated.
 
     References
     ----------
@@ -69,11 +66,8 @@ def level_roughnesses(count: int, mapping: LevelMapping) -> tuple[float, ...]:
 def check_roughnesses(values: Sequence[float], mapping: LevelMapping) -> tuple[float, ...]:
     """Check that levels of these perceptual roughnesses can be made, and return them.
 
-    Raises
-    ------
-    MapError
-        If there are no levels or too many, if a roughness is outside the range that can be made, or
-        if the roughnesses do not rise.
+    Raises MapError if there are no levels or too many, if a roughness is outside the range that can
+    be made, or if the roughnesses do not rise.
     """
     if not 1 <= len(values) <= MAX_LEVELS:
         raise MapError(f"a split sum has 1 to {MAX_LEVELS} levels, not {len(values)}")

@@ -158,10 +158,8 @@ class SplitSum(LightMap):
     def material(self) -> Brdf | None:
         """The BRDF whose lobes the levels are of, at any roughness; None for GGX.
 
-        Raises
-        ------
-        MapError
-            If it is of a model that is not installed, such as one of a file of the user's.
+        Raises MapError if it is of a model that is not installed, such as one of a file of the
+        user's.
         """
         if self.is_ggx or self.given is not None:
             return self.given

@@ -24,10 +24,7 @@ MAX_LINES = 2**17
 def check_file(path: str | os.PathLike[str]) -> Path:
     """The path of a file that can be opened without waiting for it.
 
-    Raises
-    ------
-    BrdfError
-        If there is no such file, or it is a directory, a pipe or a device.
+    Raises BrdfError if there is no such file, or it is a directory, a pipe or a device.
     """
     path = Path(path)
     try:
@@ -44,10 +41,7 @@ def check_file(path: str | os.PathLike[str]) -> Path:
 def first_bytes(path: Path, count: int) -> bytes:
     """The first `count` bytes of a file, or all of a shorter one.
 
-    Raises
-    ------
-    BrdfError
-        If the file cannot be read.
+    Raises BrdfError if the file cannot be read.
     """
     with readable(path) as stream:
         return stream.read(count)
@@ -56,10 +50,7 @@ def first_bytes(path: Path, count: int) -> bytes:
 def file_values(path: str | os.PathLike[str]) -> dict[str, str]:
     """What identifies a measured BRDF: the name of its ``file`` alone, and its ``sha256``.
 
-    Raises
-    ------
-    BrdfError
-        If the file cannot be read.
+    Raises BrdfError if the file cannot be read.
     """
     path = check_file(path)
     with readable(path) as stream:
@@ -105,10 +96,8 @@ def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]
     what : str
         What the file should be, for the messages, such as ``a goniometer file``.
 
-    Raises
-    ------
-    BrdfError
-        If it is no regular file, too large, not text, or has too many lines or too long a line.
+    Raises BrdfError if it is no regular file, too large, not text, or has too many lines or too
+    long a line.
     """
     path = check_file(path)
     content = first_bytes(path, MAX_BYTES + 1)
@@ -138,10 +127,7 @@ def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]
 def parse_numbers(path: str | os.PathLike[str], number: int, line: str) -> list[float]:
     """Parse the numbers of one line, which are separated by spaces.
 
-    Raises
-    ------
-    BrdfError
-        If one of the words is not a finite number.
+    Raises BrdfError if one of the words is not a finite number.
     """
     found = []
     for word in line.split():

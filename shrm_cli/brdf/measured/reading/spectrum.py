@@ -37,10 +37,7 @@ def to_linear_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
     -------
     ndarray, shape (..., 3)
 
-    Raises
-    ------
-    BrdfError
-        If wavelengths are not positive and different.
+    Raises BrdfError if wavelengths are not positive and different.
 
     References
     ----------

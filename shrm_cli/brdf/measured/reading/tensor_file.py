@@ -51,11 +51,8 @@ class TensorFile:
     def open(cls, path: str | os.PathLike[str]) -> "TensorFile":
         """Read the header of a file.
 
-        Raises
-        ------
-        BrdfError
-            If the file cannot be read or is no tensor file, or its header contradicts itself or
-            the size of the file.
+        Raises BrdfError if the file cannot be read or is no tensor file, or its header contradicts
+        itself or the size of the file.
         """
         path = check_file(path)
         with readable(path, "copy it again") as stream:
@@ -68,10 +65,8 @@ class TensorFile:
     def read(self, name: str) -> NDArray[Any]:
         """Read the array of a field, in the type that it is stored in.
 
-        Raises
-        ------
-        BrdfError
-            If there is no such field, it is too large for memory, or the file cannot be read.
+        Raises BrdfError if there is no such field, it is too large for memory, or the file cannot
+        be read.
         """
         if name not in self.fields:
             raise damaged(self.path, f"there is no field {name!r}")

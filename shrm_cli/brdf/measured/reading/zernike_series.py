@@ -152,10 +152,7 @@ def fit_zernike(
         With 0 the fit reproduces published coefficients. With 1e-3 a fit to sparse measurements
         does not run away where nothing was measured.
 
-    Raises
-    ------
-    BrdfError
-        If the order is out of range, or there is no measurement.
+    Raises BrdfError if the order is out of range, or there is no measurement.
     """
     if not 0 <= order <= MAX_ORDER:
         raise BrdfError(f"order {order} of a Zernike expansion is outside 0 .. {MAX_ORDER}")
