@@ -322,10 +322,7 @@ def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, eps: flo
     eps : float
         The fraction of the energy that may lie beyond.
 
-    Returns
-    -------
-    int
-        0 .. `_MOST_OCTAVES`; 2 where energies have not begun to fall.
+    Returns 0 .. `_MOST_OCTAVES`; 2 where energies have not begun to fall.
     """
     by_degree = coefficients.degree_energy.sum(axis=-1)
     allowed = eps * coefficients.total_energy.sum()

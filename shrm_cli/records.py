@@ -32,10 +32,7 @@ def record(cls: Any = None, /, *, eq: bool = True) -> Any:
         Whether two instances are compared, and hashed, by their fields; if not, an instance is
         equal to itself only.
 
-    Returns
-    -------
-    type
-        The class itself.
+    Returns the class itself.
     """
     if cls is None:
         return lambda found: _finished(found, eq)

@@ -195,9 +195,7 @@ def visible_beyond(
     order_p : int, optional
         The order P of the map; every p by default.
 
-    Returns
-    -------
-    ndarray, shape (coefficients.order_f + 1,)
+    Returns an array of shape (coefficients.order_f + 1,).
     """
     order = coefficients.order_f
     of_brdf = coefficients.degree_energy if order_p is None else _kept(coefficients, order, order_p)
@@ -241,10 +239,8 @@ def cube_energies(light: Array, parts: Array) -> Array:
     parts : ndarray, shape (F+1, p+1, n, 3)
         The coefficients rho_hat_lpq for q = 0 .. p, of n different functions or BRDFs.
 
-    Returns
-    -------
-    ndarray, shape (F+p+1,)
-        Their sum is the sum over l and q, of both signs, of light and squared parts.
+    Returns an array of shape (F+p+1,): their sum is the sum over l and q, of both signs, of light
+    and squared parts.
     """
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
     coupled = _coupled(parts).reshape(order + 1, -1, 3, p + 1)
@@ -385,10 +381,7 @@ def error_bound(
     lighting, coefficients, order_f, order_p, factors
         The same as for `predicted_error`.
 
-    Returns
-    -------
-    float
-        The error, which is 0 for black light.
+    Returns the error, which is 0 for black light.
     """
     light = weighted_power(lighting, order_f)
     kept = _kept(coefficients, order_f, order_p, factors)

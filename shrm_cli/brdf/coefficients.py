@@ -174,10 +174,7 @@ def energy_above(degree_energy: Array) -> Array:
     ----------
     degree_energy : ndarray, shape (F+1, ...)
 
-    Returns
-    -------
-    ndarray, shape (...)
-        Infinite where energies have not begun to fall.
+    Returns an array of shape (...): infinite where energies have not begun to fall.
     """
     last, ratio = next_octave(degree_energy)
     falls = ratio < _FALLING

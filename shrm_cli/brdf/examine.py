@@ -113,10 +113,7 @@ def directional_albedo(brdf: Brdf, theta: float) -> Array:
     theta : float
         The angle of the view from the z axis, radians.
 
-    Returns
-    -------
-    ndarray, shape (3,)
-        Linear RGB.
+    Returns an array of shape (3,): linear RGB.
     """
     ends = all(cuts_horizon(term) for _, term in weighted_terms(brdf))
     rule = hemisphere_rule if ends else _sphere_rule

@@ -56,10 +56,8 @@ def film_reflectance(cosine: Array, f0: Color, thickness: float, ior: float) -> 
     ior : float
         The film's index of refraction.
 
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Linear Rec.709, within 0 .. 1: colors outside of it become the nearest within.
+    Returns an array of shape (..., 3): linear Rec.709, within 0 .. 1: colors outside of it become
+    the nearest within.
     """
     channels = film_table(f0, thickness, ior).T
     found = [np.interp(cosine, COSINES, each).astype(cosine.dtype) for each in channels]

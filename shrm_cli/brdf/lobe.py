@@ -133,10 +133,7 @@ def interpolate_mean(cosines: Array, means: Array) -> Array:
     means : ndarray, shape (n, 3)
         The values that `azimuthal_mean` returned; the result has their precision.
 
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        A broadcast view if the means are grey.
+    Returns an array of shape (..., 3): a broadcast view if the means are grey.
     """
     position = np.sqrt(np.clip((1 - cosines) / 2, 0, 1)) * (len(means) - 1)
     index = position.astype(np.int32)

@@ -125,10 +125,8 @@ class ProductQuadrature:
         order : int
             The largest degree l.
 
-        Returns
-        -------
-        ndarray, shape (n, (order+1)^2, channels)
-            Index l(l+1)+m; one channel for a grey BRDF, else three.
+        Returns an array of shape (n, (order+1)^2, channels): index l(l+1)+m; one channel for a grey
+        BRDF, else three.
         """
         return self.expanded(views, order)[0]
 

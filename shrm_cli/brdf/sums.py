@@ -162,10 +162,7 @@ def split(brdf: Brdf) -> list[Brdf]:
     A sum is split into its terms. Any other BRDF is split into the largest Lambertian part that
     leaves nothing negative, and the rest.
 
-    Returns
-    -------
-    list of Brdf
-        Only the BRDF itself where there is nothing to split.
+    Returns only the BRDF itself where there is nothing to split.
     """
     if isinstance(brdf, Sum):
         return [_Weighted(weight, term) for weight, term in brdf.terms]
@@ -218,10 +215,7 @@ def diffuse_albedo(brdf: Brdf) -> Array:
 
     It is pi times the least value over light and view above the horizon.
 
-    Returns
-    -------
-    ndarray, shape (3,)
-        Linear RGB, not negative.
+    Returns an array of shape (3,): linear RGB, not negative.
     """
     theta = (np.arange(_ANGLES) + 0.5) / _ANGLES * (_GRAZING * np.pi / 2)
     phi = np.linspace(0, np.pi, _AZIMUTHS)

@@ -51,11 +51,8 @@ def turned_views(brdf: Brdf) -> list[Brdf]:
 def quarters_that_differ(brdf: Brdf) -> int:
     """Return over how many quarter turns the views differ that tell everything of a BRDF.
 
-    Returns
-    -------
-    int
-        1 where a BRDF is the same in mirrors along its tangent and across it, as all brushed models
-        are; 2 where it is the same after half a turn; else 4.
+    Returns 1 where a BRDF is the same in mirrors along its tangent and across it, as all brushed
+    models are; 2 where it is the same after half a turn; else 4.
     """
     random = np.random.default_rng(0)
     theta = np.arccos(random.uniform(0.05, 1.0, (2, _PAIRS)))

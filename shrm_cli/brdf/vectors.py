@@ -168,10 +168,7 @@ def schlick(f0: Color, cosine: Array) -> Array:
     cosine : ndarray, shape (...)
         L.H.
 
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        A broadcast view if `f0` is grey.
+    Returns an array of shape (..., 3): a broadcast view if `f0` is grey.
 
     References
     ----------

@@ -48,11 +48,8 @@ def to_lookup(cube: Array, lookup: ArrayLike = WORLD) -> Array:
     lookup : array_like, shape (3, 3)
         The matrix T of the engine, a permutation of the axes with signs.
 
-    Returns
-    -------
-    ndarray, shape (6, N, N, ...)
-        Faces in OpenGL's order and orientation, whose texel at the lookup direction c holds the
-        light from ``T^-1 c``.
+    Returns an array of shape (6, N, N, ...): faces in OpenGL's order and orientation, whose texel
+    at the lookup direction c holds the light from ``T^-1 c``.
     """
     back = np.asarray(lookup, dtype=float).T  # the inverse of a signed permutation
     images = cube.reshape(6, -1, *cube.shape[1:])

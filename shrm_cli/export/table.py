@@ -29,10 +29,7 @@ def write_texture(path: str | os.PathLike[str], table: Array, precision: Precisi
     precision : {"auto", "half", "float"}
         The texels of KTX 2; ``auto`` is half, as engines read it.
 
-    Returns
-    -------
-    str
-        What the texels are: ``"half"``, ``"float"`` or ``"16 bits"``.
+    Returns what the texels are: ``"half"``, ``"float"`` or ``"16 bits"``.
 
     Raises OutputError if the file cannot be written, or cannot hold the table.
     """

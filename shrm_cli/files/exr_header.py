@@ -133,10 +133,7 @@ def beginnings(path: str | os.PathLike[str]) -> dict[str, bytes]:
     path : path-like
         A file of any format; of another one than OpenEXR, or that cannot be read, there are none.
 
-    Returns
-    -------
-    dict of str to bytes
-        The first bytes of each value, `_BEGINNING` at most.
+    Returns the first bytes of each value, `_BEGINNING` at most.
     """
     found: dict[str, bytes] = {}
     with (

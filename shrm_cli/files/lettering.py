@@ -42,10 +42,8 @@ def text_coverage(text: str, font_size: int, width: int, height: int) -> Array:
     width, height : int
         Of the strip, pixels.
 
-    Returns
-    -------
-    ndarray of float32, shape (height, width, 1)
-        The fraction of each pixel that the text covers.
+    Returns an array of float32 of shape (height, width, 1): the fraction of each pixel that the
+    text covers.
 
     Raises OutputError if OpenImageIO cannot draw text.
     """

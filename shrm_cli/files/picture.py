@@ -56,11 +56,8 @@ def write_picture(
         Attributes of an EXR. A PNG, which is Rec.709, is converted from their ``chromaticities``;
         what lies outside its colors is clipped.
 
-    Returns
-    -------
-    str
-        The pixel type written: ``"8-bit sRGB"``, ``"half"`` or ``"float"``. Of a PNG it says
-        how much of a converted picture was clipped.
+    Returns the pixel type written: ``"8-bit sRGB"``, ``"half"`` or ``"float"``. Of a PNG it says
+    how much of a converted picture was clipped.
 
     Raises OutputError if the suffix is another one, a value is NaN, a value of an EXR is not finite
     or overflows half, or the file cannot be written.

@@ -74,11 +74,8 @@ def mean_color(texture: Path | bytes, is_srgb: bool) -> Array:
     is_srgb : bool
         Whether colors are encoded as sRGB has it; alpha never is.
 
-    Returns
-    -------
-    ndarray, shape (4,)
-        Linear red, green, blue, and alpha. A channel that is missing is as the first one; alpha
-        is 1 then.
+    Returns an array of shape (4,): linear red, green, blue, and alpha. A channel that is missing is
+    as the first one; alpha is 1 then.
 
     Raises ValueError if it cannot be read, with why and what to do.
     """

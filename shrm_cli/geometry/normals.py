@@ -28,10 +28,7 @@ def face_normals(vertices: Array, faces: Integers) -> Array:
     faces : ndarray of int, shape (m, 3)
         Counterclockwise as seen from where the normals point to.
 
-    Returns
-    -------
-    ndarray, shape (m, 3)
-        0 where a triangle has no area.
+    Returns an array of shape (m, 3): 0 where a triangle has no area.
     """
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     edges = np.stack([b - a, c - b, a - c])

@@ -20,11 +20,8 @@ def tangents_from_uvs(mesh: Mesh) -> Array:
     vertex, weighted by the areas of its triangles, is made perpendicular to the vertex's normal.
     How fast u grows does not count.
 
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        Unit, perpendicular to the normals. Where the coordinates give no direction, and all over
-        a mesh without any, `horizontal_tangents`.
+    Returns an array of shape (n, 3): unit, perpendicular to the normals. Where the coordinates give
+    no direction, and all over a mesh without any, `horizontal_tangents`.
     """
     if mesh.uvs is None:
         return horizontal_tangents(mesh.normals)
@@ -121,10 +118,8 @@ def projected_tangents(normals: ArrayLike, direction: ArrayLike) -> Array:
     direction : array_like, shape (3,)
         Of any length but 0.
 
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Unit; `horizontal_tangents` where the direction is the normal's own.
+    Returns an array of shape (..., 3): unit; `horizontal_tangents` where the direction is the
+    normal's own.
     """
     vector = np.asarray(direction, dtype=float)
     vector = vector / np.linalg.norm(vector)

@@ -99,10 +99,7 @@ def clusters(points: Array, reach: float) -> Indices:
     points : ndarray, shape (n, 3)
         Within the unit ball.
 
-    Returns
-    -------
-    ndarray of int, shape (n,)
-        0, 1, ... for each point.
+    Returns an array of int of shape (n,): 0, 1, ... for each point.
     """
     keys = _keys(points, reach)
     cubes, place = np.unique(keys, return_inverse=True)

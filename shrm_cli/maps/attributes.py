@@ -156,10 +156,7 @@ def has_map_attributes(part: StoredPart) -> bool:
 def read_attributes(part: StoredPart) -> dict[str, Any]:
     """Read the ``shrm:`` attributes of a part, and check that they have the right types and values.
 
-    Returns
-    -------
-    dict
-        The value of each attribute by its name without the prefix ``shrm:``.
+    Returns the value of each attribute by its name without the prefix ``shrm:``.
 
     Raises MapError if the part is not of a map that this version reads, or an attribute is missing
     or wrong.

@@ -48,10 +48,8 @@ def bundle_coefficients(lighting: Array, parts: Array) -> Array:
     parts : ndarray, shape (F+1, p+1, bundles, channels)
         What each degree of the light is multiplied with, for q = 0 .. p: rho_hat_lpq.
 
-    Returns
-    -------
-    ndarray, shape ((F+p+1)^2, 2p+1, bundles, channels)
-        The coefficients over real harmonics of R, and of the view in world axes.
+    Returns an array of shape ((F+p+1)^2, 2p+1, bundles, channels): the coefficients over real
+    harmonics of R, and of the view in world axes.
     """
     return coupled(separated(lighting, parts.shape[0] - 1), parts)
 
@@ -59,11 +57,9 @@ def bundle_coefficients(lighting: Array, parts: Array) -> Array:
 def separated(lighting: Array, order: int) -> Array:
     """Return the light as `coupled` takes it for all degrees of the view.
 
-    Returns
-    -------
-    ndarray, shape (channels, 2, n)
-        The real and imaginary parts of the coefficients over complex harmonics [l, m + order], to
-        the `kept_order`; 0 beyond the order. They are only multiplied with real numbers.
+    Returns an array of shape (channels, 2, n): the real and imaginary parts of the coefficients
+    over complex harmonics [l, m + order], to the `kept_order`; 0 beyond the order. They are only
+    multiplied with real numbers.
     """
     kept, count = kept_order(order), (order + 1) ** 2
     padded = np.zeros(((kept + 1) ** 2, lighting.shape[1]))
@@ -182,11 +178,9 @@ def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
     brdf : ndarray, shape (F+1, P+1, P+1, channels)
         The coefficients rho_hat_lpq of the BRDF for q >= 0, indexed [l, p, q, channel].
 
-    Returns
-    -------
-    ndarray, shape ((F+P+1)^2, (P+1)^2, channels)
-        The coefficients over real harmonics of R (first index ``J (J+1) + M``) and of V (second
-        index ``p (p+1) + q``), both in world axes. For P = 0 the first axis has (F+1)^2 entries.
+    Returns an array of shape ((F+P+1)^2, (P+1)^2, channels): the coefficients over real harmonics
+    of R (first index ``J (J+1) + M``) and of V (second index ``p (p+1) + q``), both in world axes.
+    For P = 0 the first axis has (F+1)^2 entries.
     """
     order_f, order_p, channels = brdf.shape[0] - 1, brdf.shape[1] - 1, brdf.shape[3]
     if order_p == 0:
@@ -273,11 +267,8 @@ def _local_modes(light: ComplexArray, brdf: Array, theta: Array) -> ComplexArray
 def _global_waves(local: ComplexArray, theta: Array, order_p: int) -> Array:
     """Compute the waves in phi of the real global coefficients on rings.
 
-    Returns
-    -------
-    ndarray, shape (2, F+P+1, rings, (P+1)^2, channels)
-        The amplitudes of ``cos(M phi)`` and ``sin(M phi)``, halved for M > 0, indexed ``[cos or
-        sin, M, ring, p (p+1) + q, channel]``.
+    Returns an array of shape (2, F+P+1, rings, (P+1)^2, channels): the amplitudes of ``cos(M phi)``
+    and ``sin(M phi)``, halved for M > 0, indexed ``[cos or sin, M, ring, p (p+1) + q, channel]``.
     """
     order_f, channels = local.shape[1] // 2, local.shape[-1]
     band = order_f + order_p

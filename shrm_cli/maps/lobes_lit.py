@@ -210,10 +210,8 @@ def lit(light: Array, groups: Sequence[Lobes]) -> tuple[Array, Array]:
 def _about_own(light: Array, lobes: Lobes) -> Array:
     """Reflect light about the central directions of lobes.
 
-    Returns
-    -------
-    ndarray, shape (2, directions, views, azimuths)
-        The light that is reflected, and the error of it.
+    Returns an array of shape (2, directions, views, azimuths): the light that is reflected, and the
+    error of it.
     """
     max_q, views, channels = lobes.max_q, *lobes.whole.shape[2:]
     light = light[: (lobes.order + 1) ** 2]
@@ -245,10 +243,8 @@ def _local_light(light: Array, lobes: Lobes) -> Array:
     lobes : Lobes
         They tell the largest l and q.
 
-    Returns
-    -------
-    ndarray, shape (2, max_q+1, directions, (order+1) channels)
-        The real and the imaginary part of ``A_lq(R)``, zero where q > l.
+    Returns an array of shape (2, max_q+1, directions, (order+1) channels): the real and the
+    imaginary part of ``A_lq(R)``, zero where q > l.
     """
     order, max_q = lobes.order, lobes.max_q
     kept = _kept_light.get()

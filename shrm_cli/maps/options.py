@@ -334,10 +334,7 @@ def parse_bytes(text: str) -> int | None:
     Units are decimal, unless they have an i: a kB is 1000 bytes, and a KiB is 1024. Their case does
     not matter.
 
-    Returns
-    -------
-    int or None
-        None where the text names no amount, or one that no number of the machine holds.
+    Returns None where the text names no amount, or one that no number of the machine holds.
     """
     found = _AMOUNT.fullmatch(text)
     if found is None or (found[3] and not found[2]):

@@ -115,10 +115,7 @@ class Request:
 
         The BRDF has a record of its own, but where a map is made of each of its roughnesses.
 
-        Returns
-        -------
-        dict
-            Values as JSON has them, and under ``reading`` how the probe was read.
+        Returns values as JSON has them, and under ``reading`` how the probe was read.
         """
         automatic: dict[str, Any] = {}
         if self.to == AUTO:

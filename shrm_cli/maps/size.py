@@ -293,10 +293,7 @@ def shrm_look_up_error(
     factors : ndarray, shape (F+1, P+1)
         What the map multiplies each degree of the light and each one of the view with.
 
-    Returns
-    -------
-    float
-        The error of the map as it is made, without that of its orders; 0 for black light.
+    Returns the error of the map as it is made, without that of its orders; 0 for black light.
     """
     order_f = len(factors) - 1
     most = _FEW_TEXELS if order_p else _FEW_TEXELS_ALONE
@@ -334,10 +331,7 @@ def look_up_error(cube: Array, sampling: Sampling, order: int) -> float:
     order : int
         The largest degree of the functions; what is beyond is the rounding of files.
 
-    Returns
-    -------
-    float
-        The error against what the texels show; 0 for a black cube.
+    Returns the error against what the texels show; 0 for a black cube.
     """
     from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
     from shrm_cli.sphere.grid.cube import Cube

@@ -52,11 +52,8 @@ def store(
         The layout of the images and the orientation of cube faces; OpenEXR's stacked cube by
         default.
 
-    Returns
-    -------
-    Storage
-        The pixel type written, and the error that it makes. An error beyond ordinary rounding is
-        written into the file as well.
+    Returns the pixel type written, and the error that it makes. An error beyond ordinary rounding
+    is written into the file as well.
 
     Raises OutputError if half would overflow, or the file cannot be written. Raises MapError if the
     map cannot be written in that layout.

@@ -151,10 +151,7 @@ def response(places: Array, logarithms: Array) -> Array:
     logarithms : ndarray, shape (exposures,)
         Natural logarithms of what each exposure let in.
 
-    Returns
-    -------
-    ndarray, shape (LEVELS,)
-        g, which never falls.
+    Returns an array of shape (LEVELS,): g, which never falls.
 
     References
     ----------

@@ -80,10 +80,7 @@ def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
     order : int
         Largest degree.
 
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, 3)
-        Index l(l+1)+m, world axes.
+    Returns an array of shape ((order+1)^2, 3): index l(l+1)+m, world axes.
 
     Notes
     -----

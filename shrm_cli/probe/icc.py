@@ -31,10 +31,7 @@ _CODES = {1: "rec709", 9: "rec2020", 11: "dci-p3", 12: "p3"}
 def linear_curve(profile: bytes) -> Curve | None:
     """From encoded values in 0 .. 1 to linear ones, as a profile's red or grey curve has it.
 
-    Returns
-    -------
-    callable or None
-        None where the profile holds no such curve, as those of printers do.
+    Returns None where the profile holds no such curve, as those of printers do.
 
     References
     ----------

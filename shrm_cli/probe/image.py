@@ -330,10 +330,7 @@ def arrange_faces(stack: Array, layout: Layout, orientation: Orientation) -> Arr
     orientation : {"openexr", "gl"}
         Of the faces in the result.
 
-    Returns
-    -------
-    ndarray, shape (rows * N, columns * N, channels)
-        The corners of a cross are 0.
+    Returns an array of shape (rows * N, columns * N, channels): the corners of a cross are 0.
     """
     from shrm_cli.sphere.cube import reoriented
 

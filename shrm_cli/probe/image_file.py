@@ -313,10 +313,7 @@ def stored_image(path: str | os.PathLike[str], most: int) -> Array:
     most : int
         The most pixels that it may have.
 
-    Returns
-    -------
-    ndarray of float32, shape (H, W, 3)
-        Integers as shares of their largest.
+    Returns an array of float32 of shape (H, W, 3): integers as shares of their largest.
 
     Raises ProbeError if there is no such image, it is too large, or a number is not finite.
     """

@@ -215,10 +215,7 @@ def latlong_texels(
 def latlong_solid_angles(size: int) -> Array:
     """Exact solid angle (sr) of one texel of each row of a lat-long of this height.
 
-    Returns
-    -------
-    ndarray, shape (size,)
-        Twice their sum times the height is 4 pi.
+    Returns an array of shape (size,): twice their sum times the height is 4 pi.
     """
     middles = (np.arange(size) + 0.5) * (np.pi / size)
     # cos(top) - cos(bottom) as a product: the difference loses digits at the poles.

@@ -51,12 +51,9 @@ def coarse_probe(probe: Probe, rows: int) -> Probe:
     rows : int
         The result has no fewer rows than this, and than `LEAST_ROWS`.
 
-    Returns
-    -------
-    Probe
-        The probe itself where no k suits its size, or its grid cannot be read by rows. Otherwise
-        a probe in memory, without the files of the first one; what the pixels needed stands in
-        the report of the first one.
+    Returns the probe itself where no k suits its size, or its grid cannot be read by rows.
+    Otherwise a probe in memory, without the files of the first one; what the pixels needed stands
+    in the report of the first one.
 
     Raises ProbeError if the file is damaged, or has NaN or infinite pixels that are not to be
     filled.

@@ -131,10 +131,7 @@ def sky_radiance(directions: Array, sun: Array, turbidity: float) -> Array:
     sun : ndarray, shape (3,)
         Unit direction of the sun, on or above the horizon.
 
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Linear Rec.709, luminance in kcd/m^2, at least 0.
+    Returns an array of shape (..., 3): linear Rec.709, luminance in kcd/m^2, at least 0.
 
     References
     ----------
@@ -176,10 +173,7 @@ def sun_radiance(elevation: float, turbidity: float) -> Array:
     elevation : float
         Elevation of the disc's center, degrees, 0 to 90.
 
-    Returns
-    -------
-    ndarray, shape (3,)
-        Linear Rec.709, luminance in kcd/m^2, at least 0.
+    Returns an array of shape (3,): linear Rec.709, luminance in kcd/m^2, at least 0.
 
     References
     ----------
@@ -203,10 +197,7 @@ def atmosphere_depth(wavelengths: Array, elevation: float, turbidity: float) -> 
     elevation : float
         Elevation of the sun, degrees, 0 to 90.
 
-    Returns
-    -------
-    ndarray, shape (n,)
-        Minus the logarithm of the transmittance.
+    Returns an array of shape (n,): minus the logarithm of the transmittance.
 
     References
     ----------

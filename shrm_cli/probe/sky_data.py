@@ -90,10 +90,7 @@ def color_matching(wavelengths: Array) -> Array:
     wavelengths : ndarray, shape (n,)
         In nm.
 
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        x, y, z.
+    Returns an array of shape (n, 3): x, y, z.
 
     References
     ----------

@@ -92,10 +92,7 @@ def sphere_normals(viewer: Viewer, x: Array, y: Array) -> Array:
         Offsets to the right and upwards from the sphere's centre, in radii. Points off the sphere
         get the normal of the nearest point on the silhouette.
 
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Unit, world axes.
+    Returns an array of shape (..., 3): unit, world axes.
     """
     beyond = np.maximum(np.hypot(x, y), 1.0)
     x, y = x / beyond, y / beyond
@@ -113,10 +110,7 @@ def background_directions(viewer: Viewer, size: int, start: int, stop: int) -> A
     start, stop : int
         The rows are `start` .. `stop` - 1.
 
-    Returns
-    -------
-    ndarray, shape (stop - start, size, 3)
-        Unit, world axes.
+    Returns an array of shape (stop - start, size, 3): unit, world axes.
     """
     x, y = pixel_centers(size, start, stop)
     distance = size / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2))

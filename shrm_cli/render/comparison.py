@@ -105,10 +105,7 @@ class Comparison:
         FLIP sees the pictures in Rec.709, with the sphere on black, and chooses its exposures
         from that of the baseline. The mean of its error is over the sphere alone.
 
-        Returns
-        -------
-        FlipError or None
-            None where FLIP is not defined: if the baseline is black or a pixel is not finite.
+        Returns None where FLIP is not defined: if the baseline is black or a pixel is not finite.
 
         Raises ModuleNotFoundError if `flip_evaluator` is not installed.
         """
@@ -142,10 +139,8 @@ class Comparison:
         amplification : float
             Factor of the differences alone.
 
-        Returns
-        -------
-        ndarray of float32, shape (*comparison_layout(M, V, S).shape, 3)
-            Linear. The tiles are exposed; the paper and the labels are not.
+        Returns an array of float32 of shape (*comparison_layout(M, V, S).shape, 3): linear. The
+        tiles are exposed; the paper and the labels are not.
 
         Raises OutputError if the sheet would be too large, or the labels cannot be drawn.
         """

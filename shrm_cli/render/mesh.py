@@ -115,10 +115,8 @@ class MeshSubject:
         background : ndarray, shape (H, W, 3), optional
             Linear picture behind the mesh; black by default.
 
-        Returns
-        -------
-        ndarray of float32, shape (H, W, 3)
-            Scene-linear. The small negative values of a truncated expansion are kept.
+        Returns an array of float32 of shape (H, W, 3): scene-linear. The small negative values of a
+        truncated expansion are kept.
         """
         picture = np.zeros((*self.shape, 3), dtype=np.float32)
         if background is not None:

@@ -64,11 +64,9 @@ def one_view(
     sampling : {"center", "border"}
         Where the pixels at the edge of the image lie.
 
-    Returns
-    -------
-    ndarray of float32, shape (height, 2 height, 3)
-        Radiance, linear, in the primaries of the map: +Z in the centre, +X in the left quarter,
-        +Y in the top row. Small negative values of truncated expansions are kept.
+    Returns an array of float32 of shape (height, 2 height, 3): radiance, linear, in the primaries
+    of the map: +Z in the centre, +X in the left quarter, +Y in the top row. Small negative values
+    of truncated expansions are kept.
 
     Raises ArgumentError if `by` is something else.
     """

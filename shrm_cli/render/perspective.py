@@ -49,10 +49,7 @@ class Lens:
         x, y : ndarray, shape (...)
             Offsets from the picture's centre to the right and upwards, pixels.
 
-        Returns
-        -------
-        ndarray, shape (..., 3)
-            Unit, world axes.
+        Returns an array of shape (..., 3): unit, world axes.
         """
         return normalize(in_world(viewer, x * self.pixel, y * self.pixel, -1.0))
 

@@ -94,10 +94,8 @@ class Scene(Generic[Material]):
     def picture(self, viewer: Viewer, progress: Progress | None = None) -> Picture:
         """Draw the picture that the viewer sees.
 
-        Returns
-        -------
-        ndarray of float32, shape (*shape, 3)
-            Linear. The subjects are exposed; the paper and the labels of a sheet are not.
+        Returns an array of float32 of shape (*shape, 3): linear. The subjects are exposed; the
+        paper and the labels of a sheet are not.
 
         Raises OutputError if a sheet would be too large, or its labels cannot be drawn.
         """

@@ -65,10 +65,8 @@ def render_sphere(
         Linear picture behind the sphere, such as `render_background` makes. By default it is
         black, so that silhouette pixels are premultiplied by their coverage.
 
-    Returns
-    -------
-    ndarray of float32, shape (size, size, 3)
-        Scene-linear. The small negative values of a truncated expansion are kept.
+    Returns an array of float32 of shape (size, size, 3): scene-linear. The small negative values of
+    a truncated expansion are kept.
     """
     picture = np.zeros((size, size, 3), dtype=np.float32)
     if background is not None:
@@ -90,10 +88,7 @@ def render_background(surroundings: Surroundings, viewer: Viewer, size: int) -> 
     size : int
         Width and height in pixels.
 
-    Returns
-    -------
-    ndarray of float32, shape (size, size, 3)
-        Scene-linear.
+    Returns an array of float32 of shape (size, size, 3): scene-linear.
     """
     picture = np.empty((size, size, 3), dtype=np.float32)
     rows = max(_PIXELS_AT_ONCE // size, 1)

@@ -57,11 +57,9 @@ def bilinear_errors(
         What `energy_places` returns for the function that is filtered. By default its energy is
         the same everywhere.
 
-    Returns
-    -------
-    ndarray, shape (order+1,)
-        Degree 0 is filtered without error. Where a degree is far beyond what the texels resolve,
-        its error approaches 13/9: the wave is lost, and the values of single texels are left.
+    Returns an array of shape (order+1,): degree 0 is filtered without error. Where a degree is far
+    beyond what the texels resolve, its error approaches 13/9: the wave is lost, and the values of
+    single texels are left.
     """
     if places is None:
         places = energy_places(np.ones((1, 12 * _POSITIONS, 2 * _POSITIONS)))
@@ -104,10 +102,8 @@ def energy_places(cubes: Array) -> Array:
     cubes : ndarray, shape (n, 6 N, N)
         Values of the functions at texels of center-sampled cubes, of an even number N.
 
-    Returns
-    -------
-    ndarray, shape (N/2, N/2)
-        The shares of the energy in the texels of a quarter of a face, from its middle outwards.
+    Returns an array of shape (N/2, N/2): the shares of the energy in the texels of a quarter of a
+    face, from its middle outwards.
     """
     size = cubes.shape[-1]
     half = size // 2
@@ -189,12 +185,10 @@ def lost_between_texels(series: Array, size: int, sampling: Sampling = "center")
     sampling : {"center", "border"}
         Where the edge texels lie.
 
-    Returns
-    -------
-    ndarray, shape (maps,)
-        The integrals of the squared error over the sphere, against those of the squared functions,
-        which are the sums of the squared coefficients. They are sums over a finer cube, whose root
-        is off by up to two hundredths, and six where few places are looked at.
+    Returns an array of shape (maps,): the integrals of the squared error over the sphere, against
+    those of the squared functions, which are the sums of the squared coefficients. They are sums
+    over a finer cube, whose root is off by up to two hundredths, and six where few places are
+    looked at.
     """
     sampling = sampling if size > 1 else "center"
     many, few = _FINER

@@ -157,9 +157,7 @@ def views_around(centers: ArrayLike, theta: float, count: int) -> Iterator[Array
     count : int
         The number of azimuths.
 
-    Yields
-    ------
-    ndarray, shape (..., 3)
+    Yields an array of shape (..., 3).
     """
     frames = local_frame(*to_angles(centers))
     for phi in 2 * np.pi * np.arange(count) / count:
@@ -192,10 +190,7 @@ def central_directions(
     tangents : ndarray, shape (..., 3), optional
         Unit vectors in world axes; horizontal by default.
 
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Unit vectors in world axes.
+    Returns an array of shape (..., 3): unit vectors in world axes.
     """
     if center == "reflection":
         return reflect(views, normals)

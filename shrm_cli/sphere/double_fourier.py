@@ -62,10 +62,7 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     coefficients : ndarray, shape ((order+1)^2, maps)
         One series a column, index l(l+1)+m.
 
-    Returns
-    -------
-    ndarray, shape (2, order+1, order+1, maps)
-        ``[A or B, m, k]``.
+    Returns an array of shape (2, order+1, order+1, maps): ``[A or B, m, k]``.
     """
     count = order_of(len(coefficients)) + 1
     maps = coefficients.shape[1]
@@ -111,10 +108,7 @@ def harmonics_from_moments(moments: Array) -> Array:
         ``[cos or sin of m phi, m, k]``: the image's integral over the sphere with
         ``cos(m phi) trig_m(k theta)``, and with ``sin(m phi) trig_m(k theta)``.
 
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, maps)
-        ``c_lm``, index l(l+1)+m.
+    Returns an array of shape ((order+1)^2, maps): ``c_lm``, index l(l+1)+m.
     """
     _, count, _, maps = moments.shape
     flat = moments.transpose(1, 2, 0, 3).reshape(count, count, 2 * maps)

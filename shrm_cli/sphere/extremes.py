@@ -51,10 +51,8 @@ def series_values(series: Array, directions: Array) -> Array:
 def degree_values(series: Array, directions: Array) -> Array:
     """Evaluate each degree of real series in some directions, as `series_values` takes them.
 
-    Returns
-    -------
-    ndarray, shape (n, order+1, maps)
-        What each degree adds to the values of `series_values`.
+    Returns an array of shape (n, order+1, maps): what each degree adds to the values of
+    `series_values`.
     """
     order = order_of(len(series))
     starts = np.arange(order + 1) ** 2
@@ -120,10 +118,7 @@ def low_places(series: Array, limits: Array, most: int) -> Array:
     most : int
         The most directions that are taken for each series, evenly from the lowest to the highest.
 
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        Unit directions of texels of a cube.
+    Returns an array of shape (n, 3): unit directions of texels of a cube.
     """
     size = _dense_size(series)
     places: list[NDArray[np.intp]] = []

@@ -80,11 +80,8 @@ def legendre_table(order: int, z: ArrayLike, max_m: int | None = None) -> Array:
     order, z, max_m
         As `legendre_degrees` takes them.
 
-    Returns
-    -------
-    ndarray, shape (max_m+1, order+1, *z.shape)
-        ``[m, l - m, ...]``, zero where l > order. The parity of ``l - m`` is the parity of the
-        function in z.
+    Returns an array of shape (max_m+1, order+1, *z.shape): ``[m, l - m, ...]``, zero where l >
+    order. The parity of ``l - m`` is the parity of the function in z.
     """
     z = np.asarray(z, dtype=float)
     table = np.zeros(((order if max_m is None else max_m) + 1, order + 1, *z.shape))
@@ -102,10 +99,8 @@ def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
     z : ndarray, shape (n,)
         Cosines of the polar angle, in [-1, 1].
 
-    Returns
-    -------
-    ndarray, shape (last - first, order + 1 - first, n)
-        ``[m - first, l - m, ...]``, zero where l > order; the same to the last bit as in the table.
+    Returns an array of shape (last - first, order + 1 - first, n): ``[m - first, l - m, ...]``,
+    zero where l > order; the same to the last bit as in the table.
     """
     table = np.zeros((last - first, order + 1 - first, len(z)))
     sine = np.sqrt((1 - z) * (1 + z))
@@ -141,10 +136,7 @@ def real_harmonics(order: int, directions: ArrayLike, first: int = 0) -> Array:
     first : int
         The least degree.
 
-    Returns
-    -------
-    ndarray, shape (..., (order+1)^2 - first^2)
-        Index l(l+1)+m - first^2.
+    Returns an array of shape (..., (order+1)^2 - first^2): index l(l+1)+m - first^2.
     """
     return np.ascontiguousarray(np.moveaxis(harmonic_planes(order, directions, first), 0, -1))
 
@@ -185,10 +177,7 @@ def complex_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloa
     coefficients : ndarray, shape (>= (order+1)^2, ...)
         Real coefficients, index l(l+1)+m.
 
-    Returns
-    -------
-    ndarray, shape (order+1, 2*order+1, ...)
-        ``[l, m + order]``, zero where |m| > l.
+    Returns an array of shape (order+1, 2*order+1, ...): ``[l, m + order]``, zero where |m| > l.
     """
     tail = coefficients.shape[1:]
     result = np.zeros((order + 1, 2 * order + 1, *tail), dtype=complex)

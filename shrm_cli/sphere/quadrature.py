@@ -119,9 +119,7 @@ def scrambled(count: int) -> NDArray[np.intp]:
 
     It does what ``numpy.random`` would, which takes longer to load than many a map to be made.
 
-    Returns
-    -------
-    ndarray of int, shape (count,)
+    Returns an array of int of shape (count,).
 
     References
     ----------

@@ -131,9 +131,7 @@ def rotate_into_frames(coefficients: ArrayLike, frames: ArrayLike) -> Array:
         Orthogonal. The rows of each are the axes x', y', z' of a local frame in world axes, so
         that ``frame @ world = local``.
 
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, ..., points)
+    Returns an array of shape ((order+1)^2, ..., points).
 
     References
     ----------
@@ -190,10 +188,7 @@ def turn_about_z(coefficients: ArrayLike, angle: ArrayLike) -> Array:
     angle : array_like, broadcastable with the last axes of `coefficients`
         Radians.
 
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, ...)
-        The last axes are those that both broadcast to.
+    Returns an array of shape ((order+1)^2, ...): the last axes are those that both broadcast to.
     """
     values = np.asarray(coefficients, dtype=float)
     phases = _phases(order_of(len(values)), np.asarray(angle, dtype=float))

@@ -73,10 +73,7 @@ def synthesize_cube(
     dtype : float32 or float64
         Precision of the products and of the result.
 
-    Returns
-    -------
-    ndarray, shape (maps, 6 size, size)
-        Planes in OpenEXR's face order and orientation.
+    Returns an array of shape (maps, 6 size, size): planes in OpenEXR's face order and orientation.
     """
     return CubeSeries(coefficients).planes(size, sampling, dtype)
 

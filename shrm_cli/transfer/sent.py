@@ -39,9 +39,7 @@ class Sent(Protocol):
     def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
         """What some vertices, shape (k,), send in world directions, shape (k, 3).
 
-        Returns
-        -------
-        ndarray of float32, shape (k, coefficients * channels)
+        Returns an array of float32 of shape (k, coefficients * channels).
         """
 
 

@@ -84,10 +84,7 @@ def glossy_colors(
     views : array_like, shape (3,) or (v, 3)
         Unit vectors to the viewer in world axes.
 
-    Returns
-    -------
-    ndarray, shape (v, 3)
-        0 where a vertex faces away.
+    Returns an array of shape (v, 3): 0 where a vertex faces away.
 
     Raises TransferError if the transfer has no matrices.
     """

@@ -34,10 +34,7 @@ def brushed_totals(alphas: tuple[float, float], cosines: ArrayLike, azimuth: flo
     azimuth : float
         That of the view from the x axis, radians.
 
-    Returns
-    -------
-    ndarray, shape (2, n)
-        Exact to 5e-5 down to N.V = 0.004.
+    Returns an array of shape (2, n): exact to 5e-5 down to N.V = 0.004.
     """
     view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
     result = np.empty((2, len(view)))
@@ -91,10 +88,7 @@ def brushed_table(brdf: Ggx, size: int) -> Array:
         The number of rows, over the perceptual roughness, and of columns, over N.V. Both are
         sampled at texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
 
-    Returns
-    -------
-    ndarray, shape (size, size, 6)
-        Scale and bias along, between and across.
+    Returns an array of shape (size, size, 6): scale and bias along, between and across.
 
     Raises BrdfError if the BRDF has alphas of its own, a roughness or a reflectance.
     """

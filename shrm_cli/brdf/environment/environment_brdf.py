@@ -251,13 +251,10 @@ def moments_table(size: int) -> Array:
     size : int
         As in `environment_table`.
 
-    Returns
-    -------
-    ndarray, shape (size, size, 6)
-        The integrals of 1, N.L and T.L / sin(theta_v) over the lobe without Fresnel's term, then
-        with Schlick's tail; see `lobe_moments`. The quotient multiplies ``(N.V) N - V``, whose
-        length is sin(theta_v), so that what lies across the normal vanishes where N = V however
-        the table is filtered, and nothing is normalized there.
+    Returns an array of shape (size, size, 6): the integrals of 1, N.L and T.L / sin(theta_v) over
+    the lobe without Fresnel's term, then with Schlick's tail; see `lobe_moments`. The quotient
+    multiplies ``(N.V) N - V``, whose length is sin(theta_v), so that what lies across the normal
+    vanishes where N = V however the table is filtered, and nothing is normalized there.
     """
     centers = (np.arange(size) + 0.5) / size
     sines = np.sqrt(1 - centers**2)

@@ -141,12 +141,9 @@ def write_dfg(
 def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     """Return what a file of `write_dfg` says about its table, once its numbers were read.
 
-    Returns
-    -------
-    dict or None
-        The items ``width``, ``height``, ``multiscatter``, ``moments``, ``channels`` and
-        ``reflectance``, for moments ``mean_direction``, and ``columns`` and ``brdf`` where
-        these are others. None if the file is anything else.
+    Returns the items ``width``, ``height``, ``multiscatter``, ``moments``, ``channels`` and
+    ``reflectance``, for moments ``mean_direction``, and ``columns`` and ``brdf`` where these are
+    others. None if the file is anything else.
 
     Raises BrdfError if the table is damaged.
     """

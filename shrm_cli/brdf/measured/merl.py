@@ -198,10 +198,7 @@ def _pulled(cells: NDArray[np.float32]) -> NDArray[np.float32]:
     cells : ndarray, shape (a, b, c, 4)
         Three channels, which are multiplied by the weight already, and the weight.
 
-    Returns
-    -------
-    ndarray, shape (a, b, c, 4)
-        The same array, filled in place.
+    Returns an array of shape (a, b, c, 4): the same array, filled in place.
     """
     missing = cells[..., 3] == 0
     if not missing.any():

@@ -165,10 +165,7 @@ class ExplicitMap(ReflectionMap):
             The arguments of Kautz and McCool's maps and of light fields. Each kind of map takes
             its own argument or none.
 
-        Returns
-        -------
-        int or None
-            None where the number is not given.
+        Returns None where the number is not given.
 
         Raises ArgumentError if the argument of another kind is given.
         """

@@ -227,9 +227,7 @@ class Integral(Protocol):
         view_theta : float
             The angle between the view and the central direction, radians.
 
-        Returns
-        -------
-        ndarray, shape (..., 3)
+        Returns an array of shape (..., 3).
         """
 
 

@@ -131,9 +131,7 @@ class Irradiance(FixedMap, ReflectionMap):
         normals : array_like, shape (..., 3)
             Unit vectors in world axes.
 
-        Returns
-        -------
-        ndarray, shape (..., 3)
+        Returns an array of shape (..., 3).
         """
         normals = np.asarray(normals, dtype=float)
         values = series_values(self.series, normals.reshape(-1, 3))

@@ -108,9 +108,7 @@ def window_factors(name: str, width: float, order: int) -> Array:
     order : int
         The largest degree.
 
-    Returns
-    -------
-    ndarray, shape (order+1,)
+    Returns an array of shape (order+1,).
 
     Raises MapError if there is no such window.
 

@@ -171,10 +171,7 @@ def with_lamps(
     takes_tangent : bool
         Whether ``shrm_brushed_radiance`` is among them.
 
-    Returns
-    -------
-    list of str
-        Lines of GLSL as `Language.translated` takes it.
+    Returns lines of GLSL as `Language.translated` takes it.
 
     Raises MapError if there are no words for the BRDF.
     """

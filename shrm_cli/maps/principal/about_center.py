@@ -25,9 +25,7 @@ def orders_in_plane(degree: int, centers: Array, across: Array) -> Array:
     centers, across : ndarray, shape (..., 3)
         Orthonormal vectors of the plane.
 
-    Returns
-    -------
-    ndarray, shape (..., degree+1, 2 degree + 1)
+    Returns an array of shape (..., degree+1, 2 degree + 1).
     """
     angles, inverse = plane_rule(degree)
     rows = [
@@ -70,10 +68,8 @@ def orders_about(degree: int, centers: Array, across: Array) -> Array:
     centers, across : ndarray, shape (n, 3)
         Orthonormal vectors; azimuths are counted from the second about the first.
 
-    Returns
-    -------
-    ndarray, shape (n, 2 degree + 1, 2 degree + 1)
-        The rows are ``cos(q phi)`` for q = 0 .. p, and ``sin(q phi)`` for q = 1 .. p.
+    Returns an array of shape (n, 2 degree + 1, 2 degree + 1): the rows are ``cos(q phi)`` for q = 0
+    .. p, and ``sin(q phi)`` for q = 1 .. p.
     """
     angle, azimuths, inverse = cone_rule(degree)
     beside = np.cross(centers, across)

@@ -220,10 +220,8 @@ class Spectrum:
         first, last : int
             Which functions, from `first` to before `last`.
 
-        Returns
-        -------
-        ndarray, shape (last - first, F+1, 3)
-            The coefficients rho_hat_lkq, which take the place of rho_hat_lpq.
+        Returns an array of shape (last - first, F+1, 3): the coefficients rho_hat_lkq, which take
+        the place of rho_hat_lpq.
         """
         return self._parts[q][first:last]
 
@@ -257,10 +255,8 @@ class Spectrum:
         order : int
             The largest order of the light.
 
-        Returns
-        -------
-        ndarray, shape (order+1, p+1, bundles, 3)
-            The coefficients rho_hat_lqk, which take the place of rho_hat_lpq.
+        Returns an array of shape (order+1, p+1, bundles, 3): the coefficients rho_hat_lqk, which
+        take the place of rho_hat_lpq.
         """
         by_order = enumerate(zip(*bundles, strict=True))
         parts = [self._parts[q][list(used), : order + 1] for q, used in by_order]
@@ -317,11 +313,8 @@ class Spectrum:
         factors : ndarray, shape (order + 1,)
             What each degree of the light that is kept is multiplied with.
 
-        Returns
-        -------
-        float
-            The integral of the squared error over visible views, from tables as renderers read
-            them, for the degrees that the transfer functions have.
+        Returns the integral of the squared error over visible views, from tables as renderers read
+        them, for the degrees that the transfer functions have.
         """
         signs = both_signs(self.transfer.max_q)
         total = 0.0

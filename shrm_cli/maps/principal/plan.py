@@ -187,10 +187,7 @@ class Planner:
         ----------
         energies : ndarray, shape (F+1,)
 
-        Returns
-        -------
-        ndarray, shape (F+1,)
-            0 for black light.
+        Returns an array of shape (F+1,): 0 for black light.
         """
         # A function may be wrong at some degrees, and take less than nothing from their error.
         beyond = np.append(np.cumsum(np.maximum(energies, 0)[::-1])[-2::-1], 0.0)

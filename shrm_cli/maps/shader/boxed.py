@@ -50,11 +50,8 @@ def boxed_functions(
     takes_tangent : bool
         Whether ``shrm_brushed_radiance`` is among them.
 
-    Returns
-    -------
-    list of str
-        Lines of GLSL as `Language.translated` takes it; none where the map knows of no box, and
-        none where all parts are about the tangent, which are looked up without.
+    Returns lines of GLSL as `Language.translated` takes it; none where the map knows of no box, and
+    none where all parts are about the tangent, which are looked up without.
     """
     box, centers = made.info.proxy, {center for _, center in made.parts}
     text = "\n".join(functions)

@@ -39,10 +39,7 @@ def pack(made: "Map") -> tuple[PackedTexture, ...]:
 
     Cubes of local frames are turned to world axes, in which alone they can be filtered.
 
-    Returns
-    -------
-    tuple of PackedTexture
-        None for irradiance, whose code holds all numbers.
+    Returns None for irradiance, whose code holds all numbers.
 
     Raises MapError if the map has no shader, or does not fit into such textures.
     """
@@ -102,11 +99,8 @@ def write_layers(
 def read_layers_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     """What a file of textures says of itself; None if a file is none.
 
-    Returns
-    -------
-    dict or None
-        The representation and the probe of the map that they were made from, and layers, height
-        and width of each texture by its name.
+    Returns the representation and the probe of the map that they were made from, and layers, height
+    and width of each texture by its name.
 
     Raises MapError if the file is damaged.
     """

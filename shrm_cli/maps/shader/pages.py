@@ -169,10 +169,8 @@ def drawn(pages: Pages, stacks: Sequence[Array], sampling: Sampling) -> Array:
         Made by `arrange` for these stacks.
     stacks : sequence of ndarray, shape (6N, N, K, 3)
 
-    Returns
-    -------
-    ndarray of float32, shape (layers, height, width, 3)
-        Texels where no cube lies are 0; those beyond the range of float32 are infinite.
+    Returns an array of float32 of shape (layers, height, width, 3): texels where no cube lies are
+    0; those beyond the range of float32 are infinite.
     """
     result = np.zeros((pages.layers, pages.height, pages.width, 3), dtype=np.float32)
     for run, stack in zip(pages.runs, stacks, strict=True):

@@ -240,10 +240,7 @@ def fit_logarithm(problem: Problem) -> Array:
     The first column of the rows must be constant. The logarithm of a target that is black does not
     exist; it gets an exponential that is as good as 0.
 
-    Returns
-    -------
-    ndarray, shape (k,)
-        The coefficients x.
+    Returns an array of shape (k,): the coefficients x.
 
     References
     ----------
@@ -266,10 +263,7 @@ def fit_exponent(problem: Problem) -> Array:
     Gauss and Newton's method, damped after Levenberg and Marquardt, starts from the fit in log
     space, or from a part of it.
 
-    Returns
-    -------
-    ndarray, shape (k,)
-        The coefficients x.
+    Returns an array of shape (k,): the coefficients x.
     """
     x = _start(problem)
     twice, roots = 2 * problem.variances, np.sqrt(problem.weights)

@@ -182,11 +182,9 @@ def lobe_harmonics(
     samples : tuple of 2 int
         The number of Fejer's nodes in theta_i, and of nodes over half a turn of the azimuth.
 
-    Returns
-    -------
-    ndarray, shape (max_m+1, order+1, n, 3)
-        Coefficients of the real harmonics with m >= 0, indexed [m, l - m, view, channel]. Those
-        with m < 0 vanish, because the lobe is even in the azimuth.
+    Returns an array of shape (max_m+1, order+1, n, 3): coefficients of the real harmonics with m >=
+    0, indexed [m, l - m, view, channel]. Those with m < 0 vanish, because the lobe is even in the
+    azimuth.
     """
     count, azimuth_count = samples
     by_m = np.zeros((count, len(view_theta), 3, max_m + 1))

@@ -103,10 +103,7 @@ def prefilter_shrm(
     dtype : type
         As `Shrm.from_coefficients` takes it.
 
-    Returns
-    -------
-    Prefiltered
-        The map, and what it misses of the tolerance as a warning, if the orders are chosen.
+    Returns the map, and what it misses of the tolerance as a warning, if the orders are chosen.
 
     Raises ArgumentError if no map fits into the bytes, or those of the given orders do not. Raises
     OrderError, ProbeError, BrdfError or MapError if the tolerance cannot be met with a given order,

@@ -298,9 +298,7 @@ def _rough_terms(
 def second_moments(shrm: Shrm) -> Array:
     """Integrate the products of all pairs of coefficients over the texels and channels.
 
-    Returns
-    -------
-    ndarray, shape ((P+1)^2, (P+1)^2)
+    Returns an array of shape ((P+1)^2, (P+1)^2).
     """
     face = np.sqrt(cube_solid_angles(shrm.size, shrm.sampling))
     count = (shrm.order_p + 1) ** 2

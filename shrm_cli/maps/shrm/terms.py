@@ -109,11 +109,8 @@ def plan_terms(
     chosen : tuple of Choice and BrdfCoefficients, optional
         What `affordable` returns for the whole, where it is known.
 
-    Returns
-    -------
-    Plan or None
-        None if there is nothing to split, or the terms cannot reach the error of the whole within
-        the bytes.
+    Returns None if there is nothing to split, or the terms cannot reach the error of the whole
+    within the bytes.
     """
     eps, allowed = request.eps, request.allowed
     terms = split(request.brdf)

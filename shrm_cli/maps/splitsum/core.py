@@ -144,10 +144,7 @@ def sum_core(core: LobeCore, light: Array, directions: Array) -> Array:
     directions : ndarray, shape (..., 3)
         Unit, world axes. Those of a cube take the least time.
 
-    Returns
-    -------
-    ndarray of float64, shape (..., 3)
-        The sums are in single precision.
+    Returns an array of float64 of shape (..., 3): the sums are in single precision.
     """
     folded = _fold(directions.reshape(-1, 3))
     count = len(folded.polar)

@@ -184,10 +184,8 @@ def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") 
     order : int
         Largest degree.
 
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, channels)
-        Real coefficients in world axes, index l(l+1)+m.
+    Returns an array of shape ((order+1)^2, channels): real coefficients in world axes, index
+    l(l+1)+m.
     """
     size, channels = weighted.shape[1:]
     half = size // 2

@@ -117,10 +117,8 @@ class Grid(ABC):
         start, stop : int
             The first row, and the one behind the last; every row by default.
 
-        Returns
-        -------
-        ndarray, shape (stop - start, columns) or (stop - start, 1)
-            There is a single column where all the pixels of a row weigh the same.
+        Returns an array of shape (stop - start, columns) or (stop - start, 1): there is a single
+        column where all the pixels of a row weigh the same.
         """
 
     @abstractmethod

@@ -56,11 +56,9 @@ def transport(brdf: Brdf, views: Array, lights: Array) -> Array:
     lights : ndarray, shape (m,)
         Cosines of the light, rising from 0 to 1.
 
-    Returns
-    -------
-    ndarray, shape (n, m, 3)
-        Multiplied by the values of a function of the light's cosine at `lights`, it is the integral
-        of that function, linear between them, times the BRDF and the cosine.
+    Returns an array of shape (n, m, 3): multiplied by the values of a function of the light's
+    cosine at `lights`, it is the integral of that function, linear between them, times the BRDF and
+    the cosine.
     """
     return transports([brdf], views, lights)[0]
 

@@ -33,9 +33,7 @@ def to_linear_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
     values : array_like, shape (..., n)
         The reflectance or BRDF (1/sr) at these wavelengths; float32 stays float32.
 
-    Returns
-    -------
-    ndarray, shape (..., 3)
+    Returns an array of shape (..., 3).
 
     Raises BrdfError if wavelengths are not positive and different.
 

@@ -75,10 +75,7 @@ class ZernikeSeries:
         light, view : ndarray, shape (n, 3)
             Unit directions of the upper hemisphere.
 
-        Returns
-        -------
-        ndarray, shape (n, 3)
-            Linear RGB, 1/sr, in double precision.
+        Returns an array of shape (n, 3): linear RGB, 1/sr, in double precision.
         """
         radial_i, radial_o, waves = _factors(self._order, light, view)
         total = np.zeros((len(light), 3))
