@@ -193,118 +193,82 @@ SHARED = {
     option.name: option
     for option in (
         Option(
-            "eps",
-            "Fraction of the BRDF's energy that may be missed; it chooses F and P.  "
+            "eps", kind="fraction", metavar="X", default=DEFAULT_EPS,
+            help="Fraction of the BRDF's energy that may be missed; it chooses F and P.  "
             f"[default: {DEFAULT_EPS:g}]",
-            "fraction",
-            metavar="X",
-            default=DEFAULT_EPS,
         ),
         Option(
-            "error",
-            "Relative RMS error of this probe's reflected light, all causes together; it chooses "
-            "the map of the fewest bytes.",
-            "fraction",
-            metavar="X",
+            "error", kind="fraction", metavar="X",
+            help="Relative RMS error of this probe's reflected light, all causes together; it "
+            "chooses the map of the fewest bytes.",
         ),
         Option(
-            "seen",
-            "Share of what is visible that may be wrong by more than 5 %, as predicted; it chooses "
-            "the map of the fewest bytes.",
-            "fraction",
-            metavar="X",
+            "seen", kind="fraction", metavar="X",
+            help="Share of what is visible that may be wrong by more than 5 %, as predicted; it "
+            "chooses the map of the fewest bytes.",
         ),
         Option("order_f", "Order F to use instead.", "integer", limits=(0, MAX_ORDER_F)),
         Option("order_p", "Order P to use instead.", "integer", limits=(0, MAX_ORDER_P)),
         Option(
-            "center",
-            "Central direction of the map; auto takes the one with the fewest coefficients.  "
+            "center", kind="choice", choices=("auto", *CENTERS),
+            help="Central direction of the map; auto takes the one with the fewest coefficients.  "
             "[default: the BRDF's own; of principal the best one]",
-            "choice",
-            choices=("auto", *CENTERS),
         ),
         Option(
-            "domain",
-            "Where to prefilter explicit maps; angular takes minutes.  [default: frequency]",
-            "choice",
-            choices=DOMAINS,
-            default="frequency",
+            "domain", kind="choice", choices=DOMAINS, default="frequency",
+            help="Where to prefilter explicit maps; angular takes minutes.  [default: frequency]",
         ),
         Option(
-            "source_height",
-            "In the angular domain: average the probe down to 2H x H first.",
-            "integer",
-            limits=(2, MAX_SOURCE_HEIGHT),
-            metavar="H",
+            "source_height", kind="integer", limits=(2, MAX_SOURCE_HEIGHT), metavar="H",
+            help="In the angular domain: average the probe down to 2H x H first.",
         ),
         Option(
-            "frame",
-            "Axes of the view in the map: the world's, or each texel's own.  [default: global]",
-            "choice",
-            choices=FRAMES,
-            default="global",
+            "frame", kind="choice", choices=FRAMES, default="global",
+            help="Axes of the view in the map: the world's, or each texel's own.  "
+            "[default: global]",
         ),
         Option(
-            "size",
-            "Texels along a face's edge.  [default: from F]",
-            "integer",
-            limits=(MIN_CUBE_SIZE, MAX_CUBE_SIZE),
+            "size", kind="integer", limits=(MIN_CUBE_SIZE, MAX_CUBE_SIZE),
+            help="Texels along a face's edge.  [default: from F]",
         ),
         Option(
-            "max_size",
-            "Most bytes of the map in half precision, such as 500kB. Where they are too few for "
-            "the orders, the best map within them is made.  "
+            "max_size", kind="bytes", metavar="BYTES",
+            help="Most bytes of the map in half precision, such as 500kB. Where they are too few "
+            "for the orders, the best map within them is made.  "
             f"[default: {DEFAULT_MAX_SIZE // 10**6}MB]",
-            "bytes",
-            metavar="BYTES",
         ),
         Option(
-            "sampling",
-            "Where the edge texels of the map lie.",
-            "choice",
-            choices=SAMPLINGS,
-            default="center",
+            "sampling", kind="choice", choices=SAMPLINGS, default="center",
+            help="Where the edge texels of the map lie.",
         ),
         Option(
-            "sun",
-            "split: take the lamps out, as shrm sun does. The map is of what is left, and they are "
-            "beside it, integrated where it is used.",
-            "choice",
-            choices=("split",),
+            "sun", kind="choice", choices=("split",),
+            help="split: take the lamps out, as shrm sun does. The map is of what is left, and "
+            "they are beside it, integrated where it is used.",
         ),
     )
-}
+}  # fmt: skip
 """The arguments that several representations share, by name."""
 
 SHADER = Option(
-    "shader",
-    "Print code that looks the map up: shrm_radiance(n, v), or (n, v, roughness, f0), without f0 "
-    "of another BRDF than GGX; "
-    "shrm_irradiance(n) of irradiance.",
-    "choice",
-    choices=("glsl", "hlsl", "wgsl", "c"),
-    prints=True,
-)
+    "shader", kind="choice", choices=("glsl", "hlsl", "wgsl", "c"), prints=True,
+    help="Print code that looks the map up: shrm_radiance(n, v), or (n, v, roughness, f0), without "
+    "f0 of another BRDF than GGX; shrm_irradiance(n) of irradiance.",
+)  # fmt: skip
 """The argument of representations that shaders can use."""
 TEXTURES = Option(
-    "textures",
-    "What the code reads: arrays of cube maps (GLSL 4, HLSL, WGSL), or the 2D arrays that shrm "
-    "convert --to layers writes, which fit WebGL2, WebGPU and C.  "
+    "textures", kind="choice", choices=("cube-array", "layers"), prints=True,
+    help="What the code reads: arrays of cube maps (GLSL 4, HLSL, WGSL), or the 2D arrays that "
+    "shrm convert --to layers writes, which fit WebGL2, WebGPU and C.  "
     "[default: cube-array; layers for c]",
-    "choice",
-    choices=("cube-array", "layers"),
-    prints=True,
-)
+)  # fmt: skip
 """The argument that says where the code of `SHADER` finds cubes."""
 
 WINDOW = Option(
-    "window",
-    "irradiance, product: none, hann, lanczos, or auto, the factors that change the light least "
-    "and leave nothing that is seen negative.  [default: auto]",
-    "text",
-    metavar="NAME[:WIDTH]",
-    default="auto",
-)
+    "window", kind="text", metavar="NAME[:WIDTH]", default="auto",
+    help="irradiance, product: none, hann, lanczos, or auto, the factors that change the light "
+    "least and leave nothing that is seen negative.  [default: auto]",
+)  # fmt: skip
 """The argument of representations that hold the light as a short series."""
 
 CUBE_ARGUMENTS = frozenset(("size", "sampling"))

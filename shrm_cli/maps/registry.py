@@ -46,34 +46,23 @@ if TYPE_CHECKING:
 
 _EXPLICIT_TAKES = (BRDF_ARGUMENTS | CUBE_ARGUMENTS) - {"frame"}
 _SLICES = Option(
-    "slices",
-    "Angles theta_o of a kautz-mccool map.  [default: 10 P]",
-    "integer",
-    limits=(1, 1024),
-    metavar="T",
-    converts=True,
-)
+    "slices", kind="integer", limits=(1, 1024), metavar="T", converts=True,
+    help="Angles theta_o of a kautz-mccool map.  [default: 10 P]",
+)  # fmt: skip
 _VIEWS = Option(
-    "views",
-    "A lightfield has T x T views.  [default: 10 P]",
-    "integer",
-    limits=(1, 128),
-    metavar="T",
-    converts=True,
-)
+    "views", kind="integer", limits=(1, 128), metavar="T", converts=True,
+    help="A lightfield has T x T views.  [default: 10 P]",
+)  # fmt: skip
 _TITLES = {"cabral": "Cabral", "kautz-mccool": "Kautz-McCool", "lightfield": "light field"}
 _OFFERED = ("cabral",)
 _OWN = {"kautz-mccool": (_SLICES,), "lightfield": (_VIEWS,)}
 _STEPS = tuple({"eps": eps} for eps in (0.3, 0.1, 0.03, 0.01, 0.003))
 _FORM = Option(
-    "form",
-    "irradiance: all coefficients (sh), or linear ones and a zonal one of degree 2, about their "
-    "luminance's axis (zh3), each channel's own, or guessed.  [default: sh]",
-    "choice",
-    choices=("sh", "zh3", "zh3-channel", "zh3-hallucinated"),
-    converts=True,
+    "form", kind="choice", choices=("sh", "zh3", "zh3-channel", "zh3-hallucinated"), converts=True,
     default="sh",
-)
+    help="irradiance: all coefficients (sh), or linear ones and a zonal one of degree 2, about "
+    "their luminance's axis (zh3), each channel's own, or guessed.  [default: sh]",
+)  # fmt: skip
 _P, _Q = DEFAULT_FACTOR_ORDERS
 _LOW, _HIGH = DEFAULT_FITTED_ROUGHNESS
 _ORDERS = (0, MAX_EXPONENTIAL_ORDER)
@@ -85,17 +74,14 @@ DESCRIPTIONS = {
         BRDF_ARGUMENTS | CUBE_ARGUMENTS | {"error", "seen"},
         (
             Option(
-                "split",
-                "Prefilter diffuse and glossy terms each about its own centre.  "
+                "split", kind="switch",
+                help="Prefilter diffuse and glossy terms each about its own centre.  "
                 "[default: by count]",
-                "switch",
             ),
             Option(
-                "compress",
-                "Keep K principal components of an SHRM, or as many as an error X needs. From a "
-                "probe, --to principal is better.",
-                "components",
-                converts=True,
+                "compress", kind="components", converts=True,
+                help="Keep K principal components of an SHRM, or as many as an error X needs. From "
+                "a probe, --to principal is better.",
             ),
             SHADER,
             TEXTURES,
@@ -133,34 +119,24 @@ DESCRIPTIONS = {
         (
             Option("levels", "splitsum: how many, or the roughness of each.", "levels"),
             Option(
-                "mapping",
-                "splitsum: how roughness rises with the level.  [default: linear]",
-                "choice",
-                choices=LEVEL_MAPPINGS,
-                default="linear",
+                "mapping", kind="choice", choices=LEVEL_MAPPINGS, default="linear",
+                help="splitsum: how roughness rises with the level.  [default: linear]",
             ),
             SHADER,
             TEXTURES,
             Option(
-                "anisotropy",
-                "splitsum, with --shader: print shrm_brushed(n, t, v, roughness, anisotropy, f0) "
-                "too, of brushed GGX.",
-                "switch",
-                prints=True,
+                "anisotropy", kind="switch", prints=True,
+                help="splitsum, with --shader: print shrm_brushed(n, t, v, roughness, anisotropy, "
+                "f0) too, of brushed GGX.",
             ),
             Option(
-                "taps",
-                f"splitsum, with --anisotropy: look-ups it takes.  [default: {DEFAULT_TAPS}]",
-                "choice",
-                choices=tuple(str(each) for each in TAP_COUNTS),
-                prints=True,
+                "taps", kind="choice", choices=tuple(str(each) for each in TAP_COUNTS), prints=True,
+                help=f"splitsum, with --anisotropy: look-ups it takes.  [default: {DEFAULT_TAPS}]",
             ),
             Option(
-                "mips",
-                "splitsum: sizes that halve from level to level, down to one texel.  "
+                "mips", kind="switch", default=False,
+                help="splitsum: sizes that halve from level to level, down to one texel.  "
                 "[default: from the orders]",
-                "switch",
-                default=False,
             ),
         ),
         why_no_brdf="a split sum is of GGX, unless a BRDF is given",
@@ -175,17 +151,12 @@ DESCRIPTIONS = {
         | {"error", "seen"},
         (
             Option(
-                "maps",
-                "principal: keep the K cubes that hold the most light.  [default: from --eps]",
-                "integer",
-                limits=(1, MAX_PRINCIPAL_MAPS),
-                metavar="K",
+                "maps", kind="integer", limits=(1, MAX_PRINCIPAL_MAPS), metavar="K",
+                help="principal: keep the K cubes that hold the most light.  [default: from --eps]",
             ),
             Option(
-                "divide",
-                "principal: divide by the directional albedo, which the file then holds.",
-                "switch",
-                default=False,
+                "divide", kind="switch", default=False,
+                help="principal: divide by the directional albedo, which the file then holds.",
             ),
             SHADER,
             TEXTURES,
@@ -199,20 +170,16 @@ DESCRIPTIONS = {
         frozenset(("brdf", "error")),
         (
             Option(
-                "order",
-                "product: largest degree of the light's harmonics.  "
-                f"[default: {DEFAULT_PRODUCT_ORDER}]",
-                "integer",
-                limits=(0, MAX_PRODUCT_ORDER),
+                "order", kind="integer", limits=(0, MAX_PRODUCT_ORDER),
                 default=DEFAULT_PRODUCT_ORDER,
+                help="product: largest degree of the light's harmonics.  "
+                f"[default: {DEFAULT_PRODUCT_ORDER}]",
             ),
             Option(
-                "texels",
-                "product: texels along the edge of the parabolic map of views.  "
-                f"[default: {DEFAULT_PRODUCT_SIZE}]",
-                "integer",
-                limits=(8, MAX_PRODUCT_SIZE),
+                "texels", kind="integer", limits=(8, MAX_PRODUCT_SIZE),
                 default=DEFAULT_PRODUCT_SIZE,
+                help="product: texels along the edge of the parabolic map of views.  "
+                f"[default: {DEFAULT_PRODUCT_SIZE}]",
             ),
             WINDOW,
             SHADER,
@@ -226,32 +193,21 @@ DESCRIPTIONS = {
         frozenset(("error",)),
         (
             Option(
-                "p_order",
-                f"she: order of P, over R.  [default: {_P}]",
-                "integer",
-                limits=_ORDERS,
-                default=_P,
+                "p_order", kind="integer", limits=_ORDERS, default=_P,
+                help=f"she: order of P, over R.  [default: {_P}]",
             ),
             Option(
-                "q_order",
-                f"she: order of Q, over (R + N) / |R + N|.  [default: {_Q}]",
-                "integer",
-                limits=_ORDERS,
-                default=_Q,
+                "q_order", kind="integer", limits=_ORDERS, default=_Q,
+                help=f"she: order of Q, over (R + N) / |R + N|.  [default: {_Q}]",
             ),
             Option(
-                "roughness",
-                f"she: perceptual roughness to fit it to.  [default: {_LOW:g}..{_HIGH:g}]",
-                "interval",
-                limits=(MIN_ROUGHNESS, 1),
+                "roughness", kind="interval", limits=(MIN_ROUGHNESS, 1),
                 default=DEFAULT_FITTED_ROUGHNESS,
+                help=f"she: perceptual roughness to fit it to.  [default: {_LOW:g}..{_HIGH:g}]",
             ),
             Option(
-                "law",
-                "she: attenuation after GGX's lobe, or as published.  [default: lobe]",
-                "choice",
-                choices=LAWS,
-                default="lobe",
+                "law", kind="choice", choices=LAWS, default="lobe",
+                help="she: attenuation after GGX's lobe, or as published.  [default: lobe]",
             ),
             SHADER,
             TEXTURES,
@@ -261,7 +217,7 @@ DESCRIPTIONS = {
         is_offered=True,
         mark=("#cc79a7", "D"),
     ),
-}
+}  # fmt: skip
 """The description of each representation."""
 
 
