@@ -70,8 +70,8 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
       shrm light edit sky.exr --order 6 --dim 40,30:0.2 -o sky.json
       shrm light edit studio.toml --rotate y:40 --add lamp.toml -o turned.toml
     """
-    from shrm_cli.lights.coefficients import write_coefficients, write_light_file
     from shrm_cli.lights.edit import edit_light
+    from shrm_cli.lights.light_files import write_coefficients, write_light_file
 
     check_outputs([output], files=[file, *add], suffixes=(*_WRITTEN, ".toml"))
     to_tables = output.lower().endswith(".toml")

@@ -1,19 +1,27 @@
-"""`shrm probe` makes probes for tests and demonstrations."""
+"""`shrm probe` makes probes: for tests and demonstrations, and of places in rooms."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.capture import capture
-from shrm_cli.cli.options import several
+from shrm_cli.cli.options import (
+    NamedColors,
+    announce,
+    conclude,
+    report_options,
+    room_options,
+    several,
+    textures_left_out,
+)
 from shrm_cli.cli.photo import ball, brackets, unclip
-from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.types import DIRECTION, RADIANCE
-from shrm_cli.cli.usage import is_quiet, remember
+from shrm_cli.cli.terminal import echo, progress_bar
+from shrm_cli.cli.types import BOX, DIRECTION, RADIANCE, VECTOR
+from shrm_cli.cli.usage import check_outputs, is_quiet, remember
 from shrm_cli.files.whole import check_target
-from shrm_cli.vocabulary import PRECISIONS
+from shrm_cli.vocabulary import PRECISIONS, Precision
 
 if TYPE_CHECKING:
     # The command that runs loads numpy; `shrm --help` must not.
@@ -156,11 +164,6 @@ def studio(size: int, key: float, **written: Any) -> None:
     _write(pixels, written, key=key)
 
 
-probe.add_command(image_options(capture))
-for made_of_photographs in (brackets, ball, unclip):
-    probe.add_command(made_of_photographs)
-
-
 def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: object) -> None:
     """Write the image with the parameters that made it, and print what was written.
 
@@ -182,3 +185,88 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
     pixel_type = write_image(output, pixels, written["precision"], attributes)
     if not is_quiet():
         echo(f"{output}: {width} x {height}, {pixel_type}")
+
+
+@click.command()
+@click.argument("mesh", metavar="ROOM", type=click.Path())
+@click.option("--at", type=VECTOR, required=True, help="Where the probe is, in the mesh's axes.")
+@room_options
+@click.option(
+    "--box", type=BOX,
+    help="Two corners of the box that stands for the room where light is looked up.  "
+    "[default: all of the room]",
+)  # fmt: skip
+@click.option(
+    "--samples", type=click.IntRange(2, 65536), default=64, show_default=True,
+    help="Paths of light through each pixel.",
+)  # fmt: skip
+@report_options
+def capture(
+    mesh: str,
+    at: tuple[float, float, float],
+    probe: str | None,
+    albedo: NamedColors,
+    emit: NamedColors,
+    box: tuple[float, ...] | None,
+    samples: int,
+    output: str,
+    size: int,
+    precision: Precision,
+) -> None:
+    """Make the probe of a place in a room, from its mesh.
+
+    ROOM is a mesh whose materials reflect diffusely, by their base colours, and some of which send
+    light, as shrm grid takes it. All bounces are traced. The file holds where it was captured, and
+    a box around the room: maps of it are looked up with parallax.
+
+    \b
+      shrm probe capture house.glb --at 2,1.6,2 -o hall.exr
+      shrm probe capture house.glb --at 2,1.6,2 --probe sky.exr --emit lamp=30 -o hall.exr
+    """
+    import numpy as np
+
+    from shrm_cli.files.image import write_image
+    from shrm_cli.files.recipe import picture_attributes
+    from shrm_cli.probe.proxy import ProxyBox, box_attributes
+    from shrm_cli.rooms.bake import IN_WALLS
+    from shrm_cli.rooms.capture import captured
+    from shrm_cli.rooms.make import open_room
+
+    check_outputs([output], files=[mesh, *([probe] if probe else [])])
+    opened = open_room(mesh, probe, dict(albedo), dict(emit))
+    room = opened.room
+    low, high = room.mesh.bounds if box is None else np.reshape(box, (2, 3))
+    proxy = ProxyBox.of(low, high, at)
+    announce([f"{mesh}: {len(room.mesh.faces):,} triangles, {size} x {2 * size} pixels"])
+    with progress_bar("tracing") as progress:
+        place = np.array(at)
+        found = captured(room, place, size, samples, opened.surroundings, progress)
+    light = opened.surroundings
+    colors = None if light is None else light.chromaticities
+    recipe = {
+        "probe": "capture", "size": size, "mesh": Path(mesh).name, "at": at, "samples": samples,
+        "albedo": dict(albedo), "emit": dict(emit), "noise": round(found.noise, 5),
+        **({} if probe is None else {"surroundings": Path(probe).name}),
+    }  # fmt: skip
+    attributes = picture_attributes(recipe, [colors]) | box_attributes(proxy)
+    pixel_type = write_image(output, found.pixels, precision, attributes)
+    warnings = textures_left_out(mesh, opened.textured)
+    if found.behind > IN_WALLS:
+        warnings.append(
+            f"{output}: {found.behind:.0%} of what is seen is the back of surfaces, which is "
+            "black; give `at` within the room, or turn the triangles that face outwards"
+        )
+    result = {
+        "file": output, "width": 2 * size, "height": size, "precision": pixel_type,
+        "noise": found.noise, "behind": found.behind, "proxy": proxy.record(),
+    }  # fmt: skip
+    lines = [
+        f"{output}: {2 * size} x {size}, {pixel_type}",
+        f"  noise of {found.noise:.1%} (RMS) is left; four times the samples halve it",
+    ]
+    conclude(result, lines, warnings)
+
+
+probe.add_command(image_options(capture))
+for made_of_photographs in (brackets, ball, unclip):
+    probe.add_command(made_of_photographs)

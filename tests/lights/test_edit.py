@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.lights.coefficients import write_coefficients, write_light_file
 from shrm_cli.lights.edit import Dimming, Edit, order_of_index, turn_angles
+from shrm_cli.lights.light_files import write_coefficients, write_light_file
 from shrm_cli.probe.light_file import read_light_tables
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import open_probe

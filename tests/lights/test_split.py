@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.lights.pixels import SpherePixels
-from shrm_cli.lights.proof import prove
-from shrm_cli.lights.split import split_lamps
+from shrm_cli.lights.split import prove, split_lamps
 from shrm_cli.probe import resample
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project

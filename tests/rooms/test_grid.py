@@ -13,7 +13,7 @@ from shrm_cli.export.ktx import can_compress
 from shrm_cli.rooms import export
 from shrm_cli.rooms.file import is_grid, read_grid, write_grid
 from shrm_cli.rooms.grid import EDGE, Lattice, ProbeGrid, _texels, octahedral_directions
-from shrm_cli.rooms.positions import read_positions
+from shrm_cli.rooms.make import read_positions
 from tests.cli.helpers import write_exr
 from tests.oracles import real_harmonics, sphere_rule
 
