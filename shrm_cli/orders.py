@@ -212,10 +212,7 @@ def first_enough(enough: NDArray[np.bool_]) -> int:
 
 
 def extended(
-    brdf: Brdf,
-    coefficients: BrdfCoefficients,
-    eps: float,
-    order_f: int,
+    brdf: Brdf, coefficients: BrdfCoefficients, eps: float, order_f: int
 ) -> BrdfCoefficients:
     """Compute the coefficients of a BRDF to a higher order F, and the same order P.
 
@@ -249,11 +246,7 @@ def _computed(brdf: Brdf, order_f: int, order_p: int, accuracy: float) -> BrdfCo
 
 
 def _sufficient_coefficients(
-    brdf: Brdf,
-    eps: float,
-    order_f: int,
-    order_p: int,
-    most_p: Callable[[int], int] | None,
+    brdf: Brdf, eps: float, order_f: int, order_p: int, most_p: Callable[[int], int] | None
 ) -> BrdfCoefficients:
     """Compute coefficients to orders at which a tolerance is met, and at least to those given.
 

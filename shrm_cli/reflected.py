@@ -154,9 +154,7 @@ def _lit_share(known: Array, above: Array, density: Array, light_left: Array) ->
     return np.asarray(1 - ratio**octaves)
 
 
-def own_energies_beyond(
-    coefficients: BrdfCoefficients | TransferFunctions,
-) -> tuple[Array, Array]:
+def own_energies_beyond(coefficients: BrdfCoefficients | TransferFunctions) -> tuple[Array, Array]:
     """Estimate the BRDF's own energy beyond its coefficients.
 
     Returns

@@ -101,10 +101,7 @@ class using:
     # the settings when it is collected, which may be in the middle of something else.
 
     def __init__(
-        self,
-        *,
-        threads: int | EllipsisType | None = ...,
-        cache: bool | Path | EllipsisType = ...,
+        self, *, threads: int | EllipsisType | None = ..., cache: bool | Path | EllipsisType = ...
     ) -> None:
         changes = {"threads": threads, "cache": cache}
         self._changes = {name: value for name, value in changes.items() if value is not ...}

@@ -39,10 +39,7 @@ _LEAST_MAX_SIZE = 10**6
 """The least bytes that maps are limited to, before a comparison is refused."""
 _UNKNOWN = 8 * 10**9
 """Bytes that a machine is taken to have which does not tell."""
-_CONTAINER_LIMITS = (
-    "/sys/fs/cgroup/memory.max",
-    "/sys/fs/cgroup/memory/memory.limit_in_bytes",
-)
+_CONTAINER_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 """Files in which Linux tells how much memory a container may take."""
 
 

@@ -53,11 +53,7 @@ Tell = Callable[[Result], object]
 
 
 def run(
-    chunks: list[Chunk],
-    workers: Workers,
-    terms: Terms,
-    tell: Tell,
-    is_remote: bool = False,
+    chunks: list[Chunk], workers: Workers, terms: Terms, tell: Tell, is_remote: bool = False
 ) -> None:
     """Do the jobs of many probes.
 

@@ -79,11 +79,7 @@ def cached_coefficients(
 
 
 def cached_transfer(
-    brdf: Brdf,
-    order_f: int,
-    max_q: int,
-    accuracy: float,
-    compute: Callable[..., TransferFunctions],
+    brdf: Brdf, order_f: int, max_q: int, accuracy: float, compute: Callable[..., TransferFunctions]
 ) -> TransferFunctions:
     """Take transfer functions from the cache, or compute them, as `cached_coefficients` does.
 

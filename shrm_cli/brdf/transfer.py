@@ -131,10 +131,7 @@ class TransferFunctions(Sampled):
 
 
 def compute_transfer(
-    brdf: Brdf,
-    order_f: int,
-    max_q: int,
-    accuracy: float = 1e-5,
+    brdf: Brdf, order_f: int, max_q: int, accuracy: float = 1e-5
 ) -> TransferFunctions:
     """Compute the transfer functions of a BRDF by quadrature, sampled until they have converged.
 
@@ -317,11 +314,7 @@ class LobeSampling:
         degrees = views.weights @ by_degree - coarse_weights @ by_degree[:, third]
         energy = views.total() - coarse_weights @ views.energy[third]
         return float(
-            max(
-                change / FINER**2,
-                np.abs(degrees).sum() / FINER,
-                np.abs(energy).sum() / FINER,
-            )
+            max(change / FINER**2, np.abs(degrees).sum() / FINER, np.abs(energy).sum() / FINER)
         )
 
 
@@ -386,10 +379,7 @@ def _zonal_integrals(brdf: Brdf, order_f: int, count: int) -> tuple[Array, Array
 
 
 def compute_coefficients(
-    brdf: Brdf,
-    order_f: int,
-    order_p: int,
-    accuracy: float = 1e-5,
+    brdf: Brdf, order_f: int, order_p: int, accuracy: float = 1e-5
 ) -> BrdfCoefficients:
     """Compute coefficients of a BRDF by quadrature (eq. 5.22), sampled until they have converged.
 

@@ -233,11 +233,7 @@ def half_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
     # where theta_h = 0.
     along_theta = np.where(across > 0, z * (u * x + v * y) - across * across * w, u)
     along_phi = np.where(across > 0, (v * x - u * y) * length, v)
-    return (
-        np.arctan2(across, z),
-        np.arctan2(spread, length),
-        np.arctan2(along_phi, along_theta),
-    )
+    return (np.arctan2(across, z), np.arctan2(spread, length), np.arctan2(along_phi, along_theta))
 
 
 def from_half_angles(theta_h: Array, theta_d: Array, phi_d: Array) -> tuple[Array, Array]:

@@ -191,11 +191,7 @@ def _draw(found: Analysis, targets: dict[str, str], exposure: float, title: str)
 
 
 def _analyze_materials(
-    specs: list[str],
-    order_f: int | None,
-    order_p: int | None,
-    output: str | None,
-    no_plots: bool,
+    specs: list[str], order_f: int | None, order_p: int | None, output: str | None, no_plots: bool
 ) -> None:
     """Print and draw the energy of each BRDF that F and P capture, by default as in figure 5.7.
 

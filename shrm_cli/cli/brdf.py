@@ -47,10 +47,7 @@ _GROUPS = {
 )  # fmt: skip
 @report_options
 def brdf(
-    spec: str | None,
-    tolerances: tuple[float, ...],
-    target: str | None,
-    paths: int | None,
+    spec: str | None, tolerances: tuple[float, ...], target: str | None, paths: int | None
 ) -> None:
     """List the BRDFs, or explain one: a name with parameters, or a measured file.
 

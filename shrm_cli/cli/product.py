@@ -153,11 +153,7 @@ def _ranges(texts: tuple[str, ...]) -> list[tuple[str, float, float]]:
 
 
 def _keep_other_texture(
-    target: str,
-    brdf: Brdf,
-    order: int,
-    size: int,
-    chosen: Steps | None,
+    target: str, brdf: Brdf, order: int, size: int, chosen: Steps | None
 ) -> None:
     """Refuse to replace a file that is not the texture of this BRDF, order, size and variation."""
     from shrm_cli.files.whole import kept

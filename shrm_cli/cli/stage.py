@@ -87,10 +87,7 @@ mesh_options = several(
 
 
 def open_stage(
-    mesh: str,
-    maps: Sequence[Map],
-    names: Sequence[str],
-    values: Mapping[str, Any],
+    mesh: str, maps: Sequence[Map], names: Sequence[str], values: Mapping[str, Any]
 ) -> tuple[Stage, list[str]]:
     """Read a mesh or a scene, and check that there is a map for all of it.
 

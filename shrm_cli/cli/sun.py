@@ -174,7 +174,7 @@ def _lines(probe: str, split: LampSplit, written: dict[str, Any]) -> list[str]:
     proof = split.proof
     lines += [
         f"  irradiance of residual + discs, over all normals: RMS error {proof.rms:.3%}, at most "
-        f"{proof.maximum:.3%} (of its RMS; {split.error:.3g} allowed)",
+        f"{proof.maximum:.3%} (of its RMS; {split.error:.3g} allowed)"
     ]
     names = [str(value) for name, value in written.items() if name != "precision"]
     return lines + ([f"  written: {', '.join(names)}"] if names else [])

@@ -288,10 +288,7 @@ def condition(path: str | os.PathLike[str]) -> Condition:
     """
     if os.path.getsize(path) <= len(MAGIC):
         return "unknown"
-    with (
-        open(path, "rb") as stream,
-        mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
-    ):
+    with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         place = _place(data)
         if place is None:
             return "unknown"

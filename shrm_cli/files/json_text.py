@@ -87,11 +87,7 @@ _MOST_OF_A_REASON = 100
 
 
 def read_toml(
-    name: str | os.PathLike[str],
-    what: str,
-    most_bytes: int,
-    too_large: str,
-    error: type[ShrmError],
+    name: str | os.PathLike[str], what: str, most_bytes: int, too_large: str, error: type[ShrmError]
 ) -> tuple[dict[str, Any], bytes]:
     """Read a file in TOML that is no larger than its kind can be.
 

@@ -169,10 +169,7 @@ def _download(system: Any, path: str, copy: Path, name: str, most_bytes: int) ->
     if stated is not None and stated > most_bytes:
         raise _too_large(name, stated, most_bytes)
     read = 0
-    with (
-        open(copy, "wb") as target,
-        system.open(path, "rb", block_size=_BLOCK) as source,
-    ):
+    with open(copy, "wb") as target, system.open(path, "rb", block_size=_BLOCK) as source:
         while block := source.read(_BLOCK):
             read += len(block)
             if read > most_bytes:

@@ -104,10 +104,7 @@ _together: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("together", d
 """The temporary files and the targets that wait for the end of a block of `together`."""
 
 
-def check_target(
-    target: str | os.PathLike[str],
-    suffixes: tuple[str, ...] = (),
-) -> None:
+def check_target(target: str | os.PathLike[str], suffixes: tuple[str, ...] = ()) -> None:
     """Check, before the work begins, that an output can be written and is none of the inputs.
 
     Parameters

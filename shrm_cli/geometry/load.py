@@ -166,10 +166,7 @@ def _parsed(name: str, prepared: _Prepared) -> dict[str, Any]:
         warnings.simplefilter("ignore")
         readers: Any = mesh_loaders
         found: dict[str, Any] = readers[prepared.kind](
-            file_obj=io.BytesIO(prepared.data),
-            file_type=prepared.kind,
-            resolver=None,
-            **skip,
+            file_obj=io.BytesIO(prepared.data), file_type=prepared.kind, resolver=None, **skip
         )
     return found
 

@@ -63,11 +63,7 @@ class FixedMap(Map):
 
     def summary(self) -> dict[str, Any]:
         """Return what users and scripts are told about every such map."""
-        return {
-            "representation": self.representation,
-            "frame": self.frame,
-            "center": self.center,
-        }
+        return {"representation": self.representation, "frame": self.frame, "center": self.center}
 
 
 class LightMap(FixedMap):

@@ -326,9 +326,7 @@ def all_options(descriptions: Mapping[str, Representation]) -> dict[str, Option]
     return {option.name: option for each in descriptions.values() for option in each.options}
 
 
-def own_options(
-    descriptions: Mapping[str, Representation],
-) -> list[tuple[list[str], list[Option]]]:
+def own_options(descriptions: Mapping[str, Representation]) -> list[tuple[list[str], list[Option]]]:
     """Return the options of single representations, with the names of those that share them."""
     sharing: dict[str, list[str]] = {}
     for name, each in descriptions.items():

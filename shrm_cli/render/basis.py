@@ -45,11 +45,7 @@ def basis_maps(order: int) -> list[Irradiance]:
 
 
 def basis_subject(
-    maps: list[Irradiance],
-    mesh: Mesh | None,
-    transfer: Transfer | None,
-    size: int,
-    viewer: Viewer,
+    maps: list[Irradiance], mesh: Mesh | None, transfer: Transfer | None, size: int, viewer: Viewer
 ) -> tuple[Any, list[Any]]:
     """Return what `Scene` draws: a subject, and its material for each of the maps.
 

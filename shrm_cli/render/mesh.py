@@ -220,12 +220,7 @@ class MeshSubject:
     # ---- how it looks ------------------------------------------------------------------------
 
     def _sampled(
-        self,
-        reflectors: Reflectors,
-        viewer: Viewer,
-        x: Array,
-        y: Array,
-        behind: Picture,
+        self, reflectors: Reflectors, viewer: Viewer, x: Array, y: Array, behind: Picture
     ) -> Array:
         """Return the means over 4 x 4 samples of pixels at (x, y), shape (n, 3)."""
         offsets = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5

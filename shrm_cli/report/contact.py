@@ -147,10 +147,7 @@ def _drawn(file: str) -> Thumbnail:
 
 
 def contact_page(
-    contacts: Contacts,
-    target: str,
-    title: str = "Maps",
-    worded: Callable[[str], str] = str,
+    contacts: Contacts, target: str, title: str = "Maps", worded: Callable[[str], str] = str
 ) -> str:
     """Return the page: a row for each probe, a column for each BRDF and form.
 

@@ -86,14 +86,7 @@ class Gathering:
         Directions of the hemisphere above each vertex, along which a ray is traced.
     """
 
-    def __init__(
-        self,
-        sites: Sites,
-        frames: Array,
-        rays: Rays,
-        order: int,
-        samples: int,
-    ) -> None:
+    def __init__(self, sites: Sites, frames: Array, rays: Rays, order: int, samples: int) -> None:
         self.order, self.samples, self._rays = order, samples, rays
         self._sites, self._frames = sites, frames
         # The upper half of directions that fill the sphere evenly. The cosines of the n of them

@@ -64,11 +64,7 @@ class Filament(Engine):
 
 
 def _cube(
-    made: Package,
-    name: str,
-    levels: Sequence[Array],
-    texels: TexelFormat,
-    metadata: dict[str, str],
+    made: Package, name: str, levels: Sequence[Array], texels: TexelFormat, metadata: dict[str, str]
 ) -> bytes:
     """Return a KTX 1 file of some levels, and tell what was clipped or lost."""
     packed = packed_levels(made, name, levels, texels)

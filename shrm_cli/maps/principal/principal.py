@@ -416,9 +416,7 @@ def _expanded(source: PrincipalMap, order_p: int) -> Shrm:
         cube, first = cube + 2 * p + 1, first + p + 1
     added = np.sqrt(lost / whole) if whole > 0 else 0.0
     info = replace(
-        source.info,
-        order_p=order_p,
-        added_error=float(np.hypot(source.info.added_error, added)),
+        source.info, order_p=order_p, added_error=float(np.hypot(source.info.added_error, added))
     )
     shaped = result.reshape(6 * source.size, source.size, -1, 3)
     return Shrm(shaped, "local", lobe.center, info, source.sampling)

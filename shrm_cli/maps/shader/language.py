@@ -64,11 +64,7 @@ _CALLED = re.compile(r"^(?=static \w+ shrm_(?:(?:ir)?radiance(?:_at)?|brushed)\(
 # Patterns of words in GLSL, and what stands for them.
 _WORDS: dict[str, list[tuple[str, str]]] = {
     "glsl": [],
-    "hlsl": [
-        (r"\bvec3\b", "float3"),
-        (r"\bmix\(", "lerp("),
-        (r"\batan\(", "atan2("),
-    ],
+    "hlsl": [(r"\bvec3\b", "float3"), (r"\bmix\(", "lerp("), (r"\batan\(", "atan2(")],
     "wgsl": [],  # its statements are others, too
     "c": [
         (r"\bvec3\(", "shrm_vec("),

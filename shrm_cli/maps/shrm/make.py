@@ -172,10 +172,7 @@ def expand(
 
 
 def from_expansion(
-    expansion: Expansion,
-    probe: Probe,
-    request: Request,
-    dtype: type = np.float32,
+    expansion: Expansion, probe: Probe, request: Request, dtype: type = np.float32
 ) -> Shrm:
     """Make the SHRM of an expansion.
 

@@ -90,9 +90,7 @@ class Plan:
 
 
 def plan_terms(
-    light: Projection,
-    request: Request,
-    chosen: tuple[Choice, BrdfCoefficients] | None = None,
+    light: Projection, request: Request, chosen: tuple[Choice, BrdfCoefficients] | None = None
 ) -> Plan | None:
     """Split a BRDF into terms, with orders that cause no larger error than those of the whole.
 

@@ -12,11 +12,7 @@ from shrm_cli.errors import BrdfError
 # The package colour-science has these numbers too, but importing it takes longer than all that is
 # done with a measured file. The tests compare them.
 _TABLE = Path(__file__).with_name("cie_1931_d65.csv")
-_XYZ_TO_SRGB = (
-    (3.2406, -1.5372, -0.4986),
-    (-0.9689, 1.8758, 0.0415),
-    (0.0557, -0.2040, 1.0570),
-)
+_XYZ_TO_SRGB = ((3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570))
 
 
 def to_linear_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
