@@ -123,16 +123,11 @@ def made(job: Job, probe: Probe, sources: str) -> dict[str, Any]:
 
 def _asked(arguments: Mapping[str, Any], keeps_primaries: bool = False) -> Asked:
     return Asked(
-        size=arguments.get("size"),
-        texels=arguments.get("format"),
-        skybox=arguments.get("skybox"),
-        window=arguments.get("window"),
-        table=bool(arguments.get("dfg")),
-        keeps_primaries=keeps_primaries,
-        max_error=arguments.get("max_error"),
-        safe=bool(arguments.get("firefly_safe")),
-        sun=arguments.get("sun"),
-    )
+        size=arguments.get("size"), texels=arguments.get("format"), skybox=arguments.get("skybox"),
+        window=arguments.get("window"), table=bool(arguments.get("dfg")),
+        keeps_primaries=keeps_primaries, max_error=arguments.get("max_error"),
+        safe=bool(arguments.get("firefly_safe")), sun=arguments.get("sun"),
+    )  # fmt: skip
 
 
 def _options(job: Job, probe: Probe) -> dict[str, Any]:

@@ -116,16 +116,12 @@ def _entry(name: str, found: Mapping[str, Any]) -> Entry:
     if "probes" not in texts:
         raise ProbeError(f"{name}: an entry names no probes; write probes = [...]")
     entry = Entry(
-        texts["probes"],
-        texts.get("brdfs", ()),
+        texts["probes"], texts.get("brdfs", ()),
         texts.get("to", (EXPORT,) if "for" in texts else (AUTO,)),
-        found.get("output", DEFAULT_OUTPUT),
-        arguments,
-        own,
-        _reading(name, found.get("reading", {})),
-        precision,
+        found.get("output", DEFAULT_OUTPUT), arguments, own,
+        _reading(name, found.get("reading", {})), precision,
         engines=every_engine(texts.get("for", ())),
-    )
+    )  # fmt: skip
     try:
         entry.recipes()
     except ArgumentError as error:

@@ -147,15 +147,12 @@ def _together(found: Sequence[TransferFunctions], azimuths: Azimuths) -> Transfe
         nodes[:, :, :, place] = np.moveaxis(each.values.reshape(2, -1, degrees, views, 3), 0, 2)
     shares = azimuths.weights
     return TransferFunctions(
-        nodes.reshape(waves // 2, degrees, -1, 3),
-        np.tile(first.theta_o, 2 * len(found)),
+        nodes.reshape(waves // 2, degrees, -1, 3), np.tile(first.theta_o, 2 * len(found)),
         np.tile(np.outer(shares, first.weights).ravel(), 2),
-        shares @ [each.total_energy for each in found],
-        max(each.samples for each in found),
-        float(shares @ [each.accuracy for each in found]),
-        first.asked,
+        shares @ [each.total_energy for each in found], max(each.samples for each in found),
+        float(shares @ [each.accuracy for each in found]), first.asked,
         np.tile(np.repeat(azimuths.angles, views), 2),
-    )
+    )  # fmt: skip
 
 
 def azimuths_of(transfer: TransferFunctions) -> Azimuths:

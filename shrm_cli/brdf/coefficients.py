@@ -81,13 +81,9 @@ class BrdfCoefficients(Sampled):
         # Of a zonal BRDF the energy of each l is in one coefficient, to the last bit.
         degree_energy = values[:, 0, 0] ** 2 if is_zonal else transfer.degree_energy
         return cls(
-            values,
-            transfer.total_energy,
-            degree_energy,
-            transfer.samples,
-            transfer.accuracy,
+            values, transfer.total_energy, degree_energy, transfer.samples, transfer.accuracy,
             transfer.asked,
-        )
+        )  # fmt: skip
 
     @property
     def order_f(self) -> int:

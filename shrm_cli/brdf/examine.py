@@ -80,13 +80,9 @@ def examine(brdf: Brdf, seed: int = 0) -> Examination:
     albedos = np.stack([directional_albedo(brdf, np.radians(angle)) for angle in angles])
     most = int(np.argmax(albedos.max(axis=1)))
     return Examination(
-        everything.min(axis=0),
-        everything.max(axis=0),
-        albedos[: len(ANGLES)],
-        float(albedos[most].max()),
-        float(angles[most]),
-        float(error),
-    )
+        everything.min(axis=0), everything.max(axis=0), albedos[: len(ANGLES)],
+        float(albedos[most].max()), float(angles[most]), float(error),
+    )  # fmt: skip
 
 
 def difference(one: Brdf, other: Brdf, seed: int = 0) -> float:

@@ -232,14 +232,9 @@ class LobeSampling:
         lights, phis = (int(n) for n in views.levels.max(axis=0))
         values = np.broadcast_to(views.values, (*views.values.shape[:3], 3))
         return TransferFunctions(
-            _without_rounding(values, _ROUNDING[self._is_single]),
-            views.theta_o,
-            views.weights,
-            np.array(np.broadcast_to(total, 3)),
-            (lights, count, phis),
-            reached,
-            self.accuracy,
-        )
+            _without_rounding(values, _ROUNDING[self._is_single]), views.theta_o, views.weights,
+            np.array(np.broadcast_to(total, 3)), (lights, count, phis), reached, self.accuracy,
+        )  # fmt: skip
 
     def _sample(self, views: Views) -> None:
         """Expand the lobes of all views. Every third view tells the others where to begin."""

@@ -129,13 +129,9 @@ def _tell_version(context: click.Context, parameter: click.Parameter, asked: boo
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
-    "--version",
-    is_flag=True,
-    expose_value=False,
-    is_eager=True,
-    callback=_tell_version,
+    "--version", is_flag=True, expose_value=False, is_eager=True, callback=_tell_version,
     help="Show the version and exit.",
-)
+)  # fmt: skip
 @click.option("--debug", is_flag=True, help="Show tracebacks.")
 def cli(debug: bool) -> None:
     """Prefilter light probes for real materials, with a stated and kept error bound.

@@ -142,14 +142,9 @@ def ball(
     check_outputs([output], files=photos, suffixes=[".exr"])
     with progress_bar("unwrapping") as progress, using(progress):
         made = unwrap_balls(
-            photos,
-            cameras or None,
-            circles or None,
-            distance or np.inf,
-            size,
-            linearize,
+            photos, cameras or None, circles or None, distance or np.inf, size, linearize,
             reflectance,
-        )
+        )  # fmt: skip
     facts = {"gains": made.gains.tolist(), "differences": list(made.differences)}
     lines, warnings = [], []
     for photo, gain, difference in list(zip(photos, made.gains, made.differences, strict=True))[1:]:

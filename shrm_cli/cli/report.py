@@ -34,15 +34,9 @@ if TYPE_CHECKING:
 
 _MAX_PAGE = 32 * 10**6
 _OF_PAGE = (
-    "angles",
-    "picture_size",
-    "truth_height",
-    "exact",
-    "exposure",
-    "no_flip",
-    "no_view",
+    "angles", "picture_size", "truth_height", "exact", "exposure", "no_flip", "no_view",
     "max_page",
-)
+)  # fmt: skip
 _HEADINGS = {
     **MAKING_HEADINGS,
     "What to make": ["brdfs", "to"],

@@ -23,16 +23,8 @@ if TYPE_CHECKING:
     from shrm_cli.transfer.transfer import Transfer
 
 _OPTIONS = (
-    "fov",
-    "distance",
-    "target",
-    "brush",
-    "vary",
-    "irradiance",
-    "plain",
-    "transfer",
-    "no_box",
-)
+    "fov", "distance", "target", "brush", "vary", "irradiance", "plain", "transfer", "no_box",
+)  # fmt: skip
 OF_SURFACES = ("roughness", "f0", "anisotropy", "taps", "brush", "vary", "irradiance", "plain")
 """The names of options that say what a mesh is like; scenes say it of each object."""
 _LARGEST = 1e30

@@ -97,13 +97,10 @@ class SurfaceReader:
         if uv_set >= _UV_SETS:
             raise ValueError(f"a texture over the coordinates TEXCOORD_{uv_set}")
         return Texture(
-            self._picture(index, named),
-            is_srgb,
-            uv_set,
-            _matrix(moved),
+            self._picture(index, named), is_srgb, uv_set, _matrix(moved),
             (_wrap(sampler, "wrapS"), _wrap(sampler, "wrapT")),
             sampler.get("magFilter") == _NEAREST,
-        )
+        )  # fmt: skip
 
     def _picture(self, index: int, named: Json) -> Path | bytes | str:
         """Return the picture of a texture; the same object for the same one."""

@@ -218,26 +218,19 @@ def _mesh(
         )
         place = place.reshape(-1)
         return make_mesh(
-            name,
-            vertices,
-            place[faces],
-            file_vertices=first + corner,
+            name, vertices, place[faces], file_vertices=first + corner,
             file_rows=np.concatenate([np.full(first, -1), place]),
-        )
+        )  # fmt: skip
     visual = arguments.get("visual")
     return make_mesh(
-        name,
-        vertices,
-        faces,
-        normals=arguments.get("vertex_normals"),
+        name, vertices, faces, normals=arguments.get("vertex_normals"),
         uvs=_upwards(custom["_UV"]) if "_UV" in custom else getattr(visual, "uv", None),
         colors=custom.get("_COLOR", arguments.get("vertex_colors")),
         materials=() if material is None else (material,),
         uvs_1=_upwards(custom["_UV1"]) if "_UV1" in custom else None,
-        tangents=custom.get("_TANGENT"),
-        file_vertices=first + np.arange(len(vertices)),
+        tangents=custom.get("_TANGENT"), file_vertices=first + np.arange(len(vertices)),
         file_count=first + len(vertices),
-    )
+    )  # fmt: skip
 
 
 def _surfaced(name: str, found: dict[str, Any]) -> dict[str, Any]:

@@ -195,19 +195,13 @@ def make_mesh(
     if face_materials is not None:
         owners[:] = face_materials
     return Mesh(
-        name=name,
-        vertices=points,
-        faces=kept,
-        normals=_normals(points, kept, _attribute(normals, used, 3)),
-        uvs=_attribute(uvs, used, 2),
-        uvs_1=_attribute(uvs_1, used, 2),
-        tangents=_attribute(tangents, used, 4),
-        colors=_fractions(colors, used),
-        materials=tuple(materials),
-        face_materials=owners[has_area],
-        file_vertices=own[used].astype(np.int64),
+        name=name, vertices=points, faces=kept,
+        normals=_normals(points, kept, _attribute(normals, used, 3)), uvs=_attribute(uvs, used, 2),
+        uvs_1=_attribute(uvs_1, used, 2), tangents=_attribute(tangents, used, 4),
+        colors=_fractions(colors, used), materials=tuple(materials),
+        face_materials=owners[has_area], file_vertices=own[used].astype(np.int64),
         file_rows=rows.astype(np.int64),
-    )
+    )  # fmt: skip
 
 
 def _first_places(numbers: Integers, count: int) -> Integers:

@@ -130,13 +130,9 @@ def sampled(texcoords: Array, charts: Integers, shape: tuple[int, int]) -> Sampl
     length = np.maximum(np.linalg.norm(ways, axis=1), np.finfo(float).tiny)
     inset = np.where(nearest[used] > 0, np.minimum(_INSET, _MOST_INSET / length), 0)[:, None]
     return Sampled(
-        rows.reshape(shape),
-        texcoords,
-        faces,
-        (1 - inset) * weights + inset / 3,
-        bool((first[used] == last[used]).all()),
-        bool(covers.max(initial=0) <= 1),
-    )
+        rows.reshape(shape), texcoords, faces, (1 - inset) * weights + inset / 3,
+        bool((first[used] == last[used]).all()), bool(covers.max(initial=0) <= 1),
+    )  # fmt: skip
 
 
 def chart_numbers(mesh: Mesh, texcoords: Array) -> Integers:

@@ -179,16 +179,9 @@ def probe_name(probe: Probe) -> str:
 def provenance(probe: Probe, brdf: Brdf, orders: Orders) -> MapInfo:
     """Return the record of how a map is made, with a predicted error of 0 to be replaced."""
     return MapInfo(
-        orders.order_f,
-        orders.order_p,
-        orders.eps,
-        orders.captured,
-        0.0,
-        record_of(brdf),
-        probe_name(probe),
-        probe.digest(),
-        probe.chromaticities,
-    )
+        orders.order_f, orders.order_p, orders.eps, orders.captured, 0.0, record_of(brdf),
+        probe_name(probe), probe.digest(), probe.chromaticities,
+    )  # fmt: skip
 
 
 def spec_of(record: Mapping[str, Any]) -> str:

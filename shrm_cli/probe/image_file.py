@@ -167,18 +167,9 @@ class ImageFile:
                 f"{1 - covered:.3g} of the picture lies outside its data window and counts as black"
             )
         return cls(
-            path,
-            width,
-            height,
-            envmap,
-            bool(spec.get_int_attribute("oiio:sampleborder")),
-            file_format,
-            encoding,
-            chosen,
-            tuple(notes),
-            source,
-            offset,
-        )
+            path, width, height, envmap, bool(spec.get_int_attribute("oiio:sampleborder")),
+            file_format, encoding, chosen, tuple(notes), source, offset,
+        )  # fmt: skip
 
     @property
     def name(self) -> str:

@@ -71,15 +71,10 @@ def measure(pictures: Picture, baselines: Picture) -> Difference:
     what_is_seen = seen_errors(found, expected, coverage[seen])
     rmse = _root_mean_square(error, weights)
     return Difference(
-        rmse,
-        _ratio(rmse, _root_mean_square(expected, weights)),
-        float(np.abs(error).max()),
-        _decibels(float(expected.max()), rmse),
-        what_is_seen.median_relative_error,
-        what_is_seen.p95_relative_error,
-        what_is_seen.wrong_share,
-        what_is_seen.negative_share,
-    )
+        rmse, _ratio(rmse, _root_mean_square(expected, weights)), float(np.abs(error).max()),
+        _decibels(float(expected.max()), rmse), what_is_seen.median_relative_error,
+        what_is_seen.p95_relative_error, what_is_seen.wrong_share, what_is_seen.negative_share,
+    )  # fmt: skip
 
 
 @record

@@ -159,12 +159,6 @@ def on_stage(
         first = [stage.reflectors(each) for each in lit.maps] or [stage.reflectors(None)]
         drawn = first, [stage.reflectors(each) for each in lit.others]
     return Drawing(
-        subject,
-        drawn[0],
-        drawn[1] or None,
-        seen,
-        one_of({each.chromaticities for each in seen}),
-        subject.lens.background_rows(),
-        {"size": list(size)},
-        [],
-    )
+        subject, drawn[0], drawn[1] or None, seen, one_of({each.chromaticities for each in seen}),
+        subject.lens.background_rows(), {"size": list(size)}, [],
+    )  # fmt: skip

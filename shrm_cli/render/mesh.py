@@ -329,10 +329,6 @@ def facing(normals: Array, flat: Array, views: Array) -> Array:
 
 def _picked(hits: _Hits, chosen: NDArray[np.integer] | NDArray[np.bool_]) -> _Hits:
     return _Hits(
-        hits.faces[chosen],
-        hits.weights[chosen],
-        hits.distance[chosen],
-        hits.directions[chosen],
-        hits.width,
-        None if hits.samples is None else hits.samples[chosen],
-    )
+        hits.faces[chosen], hits.weights[chosen], hits.distance[chosen], hits.directions[chosen],
+        hits.width, None if hits.samples is None else hits.samples[chosen],
+    )  # fmt: skip

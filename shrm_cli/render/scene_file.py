@@ -185,16 +185,12 @@ def _actor(
     mesh = loaded(str(folder / _text(given, "mesh", True)))
     own, diffuse = _text(given, "map"), _text(given, "irradiance")
     shown = Shown(
-        None if not own else opened(str(folder / own)),
-        _number(given, "roughness", MIN_ROUGHNESS),
+        None if not own else opened(str(folder / own)), _number(given, "roughness", MIN_ROUGHNESS),
         _f0(given.get("f0")),
         None if not diffuse else as_irradiance(str(folder / diffuse), opened),
-        _brush(given.get("brush")),
-        _vary(folder, _text(given, "vary")),
-        _plain(given.get("plain", False)),
-        _number(given, "anisotropy", 0),
-        _taps(given),
-    )
+        _brush(given.get("brush")), _vary(folder, _text(given, "vary")),
+        _plain(given.get("plain", False)), _number(given, "anisotropy", 0), _taps(given),
+    )  # fmt: skip
     if shown.brush == "uv" and mesh.uvs is None:
         raise ValueError(f"brush cannot be uv: {mesh.name} has no texture coordinates; name others")
     light = shown.map or (maps[0] if maps else None)

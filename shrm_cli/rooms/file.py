@@ -87,10 +87,6 @@ def _grid(arrays: dict[str, Array], settings: object) -> ProbeGrid:
         if name in arrays and arrays[name].shape != wanted:
             raise ValueError(f"{name} of shape {arrays[name].shape} in a grid of {shape}")
     return ProbeGrid(
-        lattice,
-        arrays["reflected"],
-        arrays["direct"],
-        arrays.get("moments"),
-        arrays["alive"] > 0.5,
-        settings["facts"],
-    )
+        lattice, arrays["reflected"], arrays["direct"], arrays.get("moments"),
+        arrays["alive"] > 0.5, settings["facts"],
+    )  # fmt: skip
