@@ -40,10 +40,7 @@ STORES = {
 def install(extra: str) -> str:
     """Return the command that installs an extra, such as "pip install trimesh embreex".
 
-    Parameters
-    ----------
-    extra : str
-        A key of `EXTRAS`.
+    `extra` is a key of `EXTRAS`.
     """
     return " ".join(("pip install", *EXTRAS[extra]))
 

@@ -22,10 +22,8 @@ ARGUMENT = re.compile(r"`([a-z][a-z0-9_]*)(=False)?`")
 def as_keys(message: object) -> str:
     """Return a message about arguments as one about keys of TOML, 'size' or 'split = false'.
 
-    Parameters
-    ----------
-    message : object
-        An error of the library, or its text. It names `size` and `split=False` in backticks.
+    `message` is an error of the library, or its text. It names `size` and `split=False` in
+    backticks.
     """
     return ARGUMENT.sub(
         lambda found: f"'{found[1]} = false'" if found[2] else f"'{found[1]}'", str(message)

@@ -170,10 +170,7 @@ def choose_center(brdf: Brdf, eps: float) -> tuple[Brdf, dict[Center, int]]:
 
     A BRDF that is central about the tangent keeps that centre.
 
-    Parameters
-    ----------
-    eps : float
-        The fraction of the BRDF's energy that may be missed, in (0, 1).
+    `eps` is the fraction of the BRDF's energy that may be missed, in (0, 1).
 
     Returns
     -------

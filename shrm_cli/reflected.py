@@ -76,10 +76,7 @@ def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients | TransferF
     The integral is over all orientations, views and channels, and counts the energy beyond the
     coefficients; see `energy_beyond`.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
+    `lighting` is the light, to at least the order of the coefficients.
     """
     light = weighted_power(lighting, coefficients.order_f)
     known = np.sum(light * coefficients.degree_energy)
@@ -104,10 +101,7 @@ def energies_beyond(
     has higher azimuthal orders than the known ones, which glossy lobes have at grazing views, and
     lies at known degrees of the light.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
+    `lighting` is the light, to at least the order of the coefficients.
 
     Returns
     -------

@@ -33,10 +33,7 @@ def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
 
     Tables beside the modules, which they read, count as well.
 
-    Parameters
-    ----------
-    root : str
-        The folder of the package.
+    `root` is the folder of the package.
 
     Returns 16 hexadecimal digits. It takes about 2 ms, once a process. Where there are no files, as
     in a package that is run from an archive, it is a digest of the version.
@@ -51,11 +48,8 @@ def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
 def fingerprint_with(module: str) -> str:
     """Return a digest of what decides maps, with the package or module of somebody else's in it.
 
-    Parameters
-    ----------
-    module : str
-        The full name of a module that is loaded. All modules and tables of the package that it
-        lies in count; what these import of other packages does not.
+    `module` is the full name of a module that is loaded. All modules and tables of the package that
+    it lies in count; what these import of other packages does not.
 
     Returns
     -------

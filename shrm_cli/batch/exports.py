@@ -58,10 +58,7 @@ def checked(given: Mapping[str, Any]) -> dict[str, Any]:
 def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
     """Say in what a job's folder differs from what this program would write, or return None.
 
-    Parameters
-    ----------
-    sources : str
-        The fingerprint of the program.
+    `sources` is the fingerprint of the program.
     """
     folder = Path(job.output)
     if not os.path.lexists(folder):

@@ -104,10 +104,7 @@ def directional_albedo(brdf: Brdf, theta: float) -> Array:
     the horizon of a BRDF that has one. Their number is doubled in both coordinates until the result
     changes by `_ACCURACY` at most, or there are 384 x 384.
 
-    Parameters
-    ----------
-    theta : float
-        The angle of the view from the z axis, radians.
+    `theta` is the angle of the view from the z axis, radians.
 
     Returns an array of shape (3,): linear RGB.
     """

@@ -36,10 +36,7 @@ def lobe_angle(brdf: Brdf, tolerance: float) -> float:
     dtheta_i`` where ``u(theta_i)`` is rho_hat, its channels added, integrated over all azimuths
     and all views (sin(theta_o) dtheta_o from 0 to pi).
 
-    Parameters
-    ----------
-    tolerance : float
-        The fraction that may lie outside, 0 .. 1.
+    `tolerance` is the fraction that may lie outside, 0 .. 1.
 
     Returns
     -------
@@ -97,10 +94,7 @@ def azimuthal_mean(brdf: Brdf, view_theta: float) -> tuple[Array, Array]:
 
     The mean is a function of C.L alone: the radially symmetric BRDF of Kautz and McCool.
 
-    Parameters
-    ----------
-    view_theta : float
-        The angle theta_o' between C and the view, radians.
+    `view_theta` is the angle theta_o' between C and the view, radians.
 
     Returns
     -------

@@ -117,10 +117,7 @@ def view_nodes(center: Center, count: int) -> tuple[Array, Array]:
     About the mirror direction that is at theta_o = pi. About the normal it is at pi / 2, where
     BRDFs may jump, so each of both sides has a rule of its own. Fibres have no such place.
 
-    Parameters
-    ----------
-    count : int
-        A multiple of 6.
+    `count` is a multiple of 6.
 
     Returns
     -------

@@ -279,10 +279,7 @@ probe_options = several(
 def make_read_options(values: dict[str, Any], sampling: str | None = None) -> ReadOptions:
     """Make `ReadOptions` from the values of `probe_options`, which are removed from `values`.
 
-    Parameters
-    ----------
-    sampling : str, optional
-        Where the edge pixels lie, in place of the value of --sampling.
+    `sampling` is where the edge pixels lie, in place of the value of --sampling.
 
     Raises click.BadParameter if --clamp is not positive, or an angle is not finite.
     """

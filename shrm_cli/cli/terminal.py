@@ -60,10 +60,7 @@ def echo(text: str, err: bool = False) -> None:
     Characters that the encoding of the stream lacks are printed as escapes, too. If there is no
     stderr, nothing is printed there.
 
-    Parameters
-    ----------
-    err : bool
-        Whether to print to stderr.
+    `err` says whether to print to stderr.
 
     Raises OSError if there is no stdout.
     """

@@ -209,10 +209,7 @@ def check_outputs(
 def keep_other_map(target: str, probe: Probe, request: Request, precision: Precision) -> None:
     """Refuse to replace a map that was not made like the one that is asked for.
 
-    Parameters
-    ----------
-    target : str
-        The name of the file, which need not exist.
+    `target` is the name of the file, which need not exist.
 
     Raises OutputError if the file exists, and other inputs or options made it.
     """

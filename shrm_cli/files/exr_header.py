@@ -65,10 +65,7 @@ _NO_END = bytes(64)
 def excess(path: str | os.PathLike[str]) -> str:
     """Return what a file has too many of to be read; empty for other files.
 
-    Parameters
-    ----------
-    path : path-like
-        A regular file of any format.
+    `path` is a regular file of any format.
 
     Raises OSError if it cannot be read.
     """
@@ -84,10 +81,7 @@ def excess(path: str | os.PathLike[str]) -> str:
 def ends_whole(path: str | os.PathLike[str]) -> bool:
     """Return whether a file of scan lines has all its chunks, to the last byte of the last one.
 
-    Parameters
-    ----------
-    path : path-like
-        A file that OpenEXR has written; it may be cut off anywhere.
+    `path` is a file that OpenEXR has written; it may be cut off anywhere.
     """
     with (
         open(path, "rb") as stream,
@@ -103,11 +97,8 @@ def holds_nothing(path: str | os.PathLike[str]) -> bool:
 
     Full disks and power cuts leave such files, of which no pixel can be had.
 
-    Parameters
-    ----------
-    path : path-like
-        A regular file of any format. Zeros at its end count for nothing. Of one that cannot be
-        read nothing is known.
+    `path` is a regular file of any format. Zeros at its end count for nothing. Of one that cannot
+    be read nothing is known.
     """
     try:
         with open(path, "rb") as stream:
@@ -128,10 +119,8 @@ def beginnings(path: str | os.PathLike[str]) -> dict[str, bytes]:
 
     It takes some 20 microseconds, whatever the size of the file.
 
-    Parameters
-    ----------
-    path : path-like
-        A file of any format; of another one than OpenEXR, or that cannot be read, there are none.
+    `path` is a file of any format; of another one than OpenEXR, or that cannot be read, there are
+    none.
 
     Returns the first bytes of each value, `_BEGINNING` at most.
     """
@@ -263,10 +252,7 @@ def says_map(path: str | os.PathLike[str]) -> bool:
 def seal(path: str | os.PathLike[str]) -> None:
     """Write the digest of a file into it, if its first header has a place for it.
 
-    Parameters
-    ----------
-    path : path-like
-        An OpenEXR file that was just written.
+    `path` is an OpenEXR file that was just written.
     """
     with open(path, "r+b") as stream, mmap.mmap(stream.fileno(), 0) as data:
         place = _place(data)

@@ -15,10 +15,7 @@ _ELLIPSIS = "..."  # the font has no single character for an ellipsis
 def shorten(text: str, fits: Callable[[str], bool]) -> str:
     """Shorten a text in its middle until it fits, to nothing if not even the ellipsis does.
 
-    Parameters
-    ----------
-    fits : callable
-        Whether a text is short enough.
+    `fits` says whether a text is short enough.
     """
     if fits(text):
         return text

@@ -31,12 +31,9 @@ _MOST_NAME = 100
 def matching(pattern: str) -> list[str]:
     """Return the URLs of the files that match a pattern, in the order of the alphabet.
 
-    Parameters
-    ----------
-    pattern : str
-        A URL, in which ``*``, ``?``, ``[...]`` and ``**`` mean what they mean in a shell. In
-        addresses of web servers ``?`` begins the query, and servers that list no folders match
-        nothing but whole addresses.
+    `pattern` is a URL, in which ``*``, ``?``, ``[...]`` and ``**`` mean what they mean in a shell.
+    In addresses of web servers ``?`` begins the query, and servers that list no folders match
+    nothing but whole addresses.
 
     Raises RemoteError if the place cannot be listed.
     """
@@ -86,10 +83,7 @@ def fetched(
 def written(output: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield the path to write, on disk; what is meant for a URL is uploaded at the end.
 
-    Parameters
-    ----------
-    output : str or path-like
-        A path, which is checked, or a URL.
+    `output` is a path, which is checked, or a URL.
 
     Raises OutputError if the path cannot be written. Raises RemoteError if the file cannot be
     uploaded.

@@ -107,10 +107,7 @@ _together: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("together", d
 def check_target(target: str | os.PathLike[str], suffixes: tuple[str, ...] = ()) -> None:
     """Check, before the work begins, that an output can be written and is none of the inputs.
 
-    Parameters
-    ----------
-    suffixes : tuple of str, optional
-        The suffixes that the target's name may have, in lower case; by default any.
+    `suffixes` are the suffixes that the target's name may have, in lower case; by default any.
 
     Raises OutputError if the target cannot be written, is one of the inputs, or has another suffix.
     """
@@ -333,10 +330,7 @@ def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Pat
 
     A process that is killed leaves its folder behind; the next one that makes one there removes it.
 
-    Parameters
-    ----------
-    inside : path-like, optional
-        Where the folder is made; by default where the system has its temporary files.
+    `inside` is where the folder is made; by default where the system has its temporary files.
 
     Raises OutputError if no folder can be made there.
     """

@@ -54,10 +54,7 @@ _KNOWN = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantizatio
 def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial | None]]:
     """Check a glTF or GLB file, and return it as a plain GLB.
 
-    Parameters
-    ----------
-    name : str
-        The path of the file. Buffers in other files are looked for in its folder.
+    `name` is the path of the file. Buffers in other files are looked for in its folder.
 
     Returns
     -------

@@ -38,10 +38,7 @@ def write_residual(path: str, split: LampSplit, precision: Precision = "auto") -
 def light_file_text(split: LampSplit, residual: str) -> str:
     """A light file whose sum is the probe: see `shrm_cli.probe.light_file`.
 
-    Parameters
-    ----------
-    residual : str
-        The name of the residual's file, relative to the folder of the light file.
+    `residual` is the name of the residual's file, relative to the folder of the light file.
     """
     probe = split.residual_probe
     lines = [
@@ -65,10 +62,7 @@ def light_file_text(split: LampSplit, residual: str) -> str:
 def usd_text(split: LampSplit, residual: str) -> str:
     """A USD layer with a dome of the residual and a distant light for each disc.
 
-    Parameters
-    ----------
-    residual : str
-        The name of the residual's file, relative to the folder of the layer.
+    `residual` is the name of the residual's file, relative to the folder of the layer.
 
     Returns
     -------

@@ -122,10 +122,7 @@ def make_column(
 ) -> Column:
     """Make the maps of a probe. Where it cannot be used, all cells say why.
 
-    Parameters
-    ----------
-    reading : ReadOptions
-        How the probe is read.
+    `reading` is how the probe is read.
     """
     count = len(wanted.specs)
     try:

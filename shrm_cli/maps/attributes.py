@@ -59,10 +59,7 @@ _MOST_NAME = 40
 def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
     """Return the attributes that every part of a map carries.
 
-    Parameters
-    ----------
-    order_p : int
-        The order P of the map, which may be lower than that of its BRDF.
+    `order_p` is the order P of the map, which may be lower than that of its BRDF.
 
     Raises MapError if its errors are no numbers, as of light whose squares are beyond floats: no
     reader would take such a file.
@@ -191,10 +188,7 @@ def read_attributes(part: StoredPart) -> dict[str, Any]:
 def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
     """Return how a map was made, from the attributes of one of its parts.
 
-    Parameters
-    ----------
-    attributes : dict
-        The attributes of the part, as `read_attributes` returns them.
+    `attributes` are the attributes of the part, as `read_attributes` returns them.
     """
     values = {each.field: attributes[name] for name, each in _ATTRIBUTES.items() if each.field}
     values["carried"] = None if attributes["carried"] < 0 else attributes["carried"]

@@ -96,10 +96,7 @@ class Lobes:
     def recentered(self, views: int) -> "Lobes":
         """Return lobes about the normal as lobes about the mirror direction, or the reverse.
 
-        Parameters
-        ----------
-        views : int
-            The number of views, which differ even where those of the lobes do not.
+        `views` is the number of views, which differ even where those of the lobes do not.
         """
         is_normal = self.center == "normal"
         theta_o = sample_views(self.center, views)[0]

@@ -228,10 +228,8 @@ class StoredImage:
     def check_resampling(self, turns_with_texels: bool) -> None:
         """Refuse a lat-long of values that cannot be interpolated between texels.
 
-        Parameters
-        ----------
-        turns_with_texels : bool
-            Whether the values belong to local axes, which turn from texel to texel.
+        `turns_with_texels` says whether the values belong to local axes, which turn from texel to
+        texel.
 
         Raises MapError if the values turn, and the part is a lat-long.
         """

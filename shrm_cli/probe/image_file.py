@@ -299,10 +299,7 @@ def is_light_file(name: str) -> bool:
 def stored_image(path: str | os.PathLike[str], most: int) -> Array:
     """Read an image that is no light, such as a texture: its numbers as they are stored.
 
-    Parameters
-    ----------
-    most : int
-        The most pixels that it may have.
+    `most` is the most pixels that it may have.
 
     Returns an array of float32 of shape (H, W, 3): integers as shares of their largest.
 

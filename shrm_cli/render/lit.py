@@ -49,10 +49,7 @@ def shown_as(made: Map, surface: Ggx, taps: int | None = None) -> ReflectedLight
 def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color:
     """Return the linear RGB, each channel within 0 .. 1, that a text such as ``gold`` means.
 
-    Parameters
-    ----------
-    primaries : tuple of 8 float, optional
-        The chromaticities of the light, which the colors of metals are converted to.
+    `primaries` are the chromaticities of the light, which the colors of metals are converted to.
 
     Raises BrdfError if it is no color.
     """

@@ -202,10 +202,7 @@ def moving_light(
 def check_blend(first: Map, second: Map, name: str) -> None:
     """Check that the light of one map can become that of another.
 
-    Parameters
-    ----------
-    name : str
-        The second one's file, for the message.
+    `name` is the second one's file, for the message.
 
     Raises MapError if they are of different BRDFs, or in different primaries.
     """

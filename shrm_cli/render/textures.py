@@ -175,10 +175,7 @@ class Shelf:
     def open(self, name: str, texture: Texture) -> MipMap:
         """Read a texture.
 
-        Parameters
-        ----------
-        name : str
-            The mesh's file, for messages.
+        `name` is the mesh's file, for messages.
 
         Raises MeshError if it is missing or damaged, or all textures are too large.
         """

@@ -41,10 +41,7 @@ def write_transfer(
 ) -> None:
     """Write a transfer, whole or not at all; the same transfer gives the same bytes.
 
-    Parameters
-    ----------
-    mesh : Mesh, optional
-        The mesh of the transfer, which tells which row is which vertex of its file.
+    `mesh` is the mesh of the transfer, which tells which row is which vertex of its file.
 
     Raises OutputError if the file cannot be written.
     """

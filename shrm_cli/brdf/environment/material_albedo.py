@@ -88,11 +88,8 @@ def _integral(brdf: Brdf, width: float, view: Array, count: int) -> Array:
 def albedo_table(brdf: Brdf, size: int) -> Array:
     """Compute the directional albedo of a BRDF for every roughness.
 
-    Parameters
-    ----------
-    size : int
-        The number of rows, over the perceptual roughness, and of columns, over N.V. Both are
-        sampled at texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
+    `size` is the number of rows, over the perceptual roughness, and of columns, over N.V. Both are
+    sampled at texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
 
     Returns
     -------

@@ -35,10 +35,7 @@ def lambert_factors(order: int) -> Array:
 
     They are pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
 
-    Parameters
-    ----------
-    order : int
-        The largest degree l.
+    `order` is the largest degree l.
 
     References
     ----------

@@ -150,10 +150,8 @@ class Proposals:
     def propose(self, error: float | None = None) -> Proposal:
         """Choose the form of every term.
 
-        Parameters
-        ----------
-        error : float, optional
-            The error of the light that the map may have; the one that is asked for by default.
+        `error` is the error of the light that the map may have; the one that is asked for by
+        default.
         """
         if error is None:
             error = self.asked.error
@@ -254,10 +252,7 @@ be so in truth. The shares that were compared were up to 1.6 times those of enou
 def is_out_of_reach(light: Projection, brdf: Brdf, want: Wanted, sampling: Sampling) -> bool:
     """Tell whether the best map of a brushed lobe misses what is asked of it by far.
 
-    Parameters
-    ----------
-    brdf : Brdf
-        The only term of a BRDF.
+    `brdf` is the only term of a BRDF.
     """
     if brdf.isotropic or want.error is None:
         return False

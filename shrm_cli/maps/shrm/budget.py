@@ -107,10 +107,7 @@ def affordable(
 ) -> tuple[Choice, BrdfCoefficients]:
     """Choose the orders and the size of a map: those that a tolerance asks for, if they fit.
 
-    Parameters
-    ----------
-    most : int
-        The largest P in any case.
+    `most` is the largest P in any case.
 
     Returns
     -------

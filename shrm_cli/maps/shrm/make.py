@@ -68,10 +68,7 @@ def centered(request: Request) -> tuple[Request, Notes]:
 def order_warnings(made: Prefiltered, request: Request) -> tuple[str, ...]:
     """Return a line for each way in which orders that are given fall short of what was asked for.
 
-    Parameters
-    ----------
-    request : Request
-        What it was made for.
+    `request` is what it was made for.
     """
     if request.is_free:
         return ()

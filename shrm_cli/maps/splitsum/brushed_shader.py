@@ -72,10 +72,7 @@ vec3 shrm_brushed(vec3 n, vec3 t, vec3 v, float roughness, float anisotropy, vec
 def brushed_functions(count: int, language: Language) -> list[str]:
     """Write ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``, and what it uses.
 
-    Parameters
-    ----------
-    count : int
-        How many look-ups it takes, one of `vocabulary.TAP_COUNTS`.
+    `count` is how many look-ups it takes, one of `vocabulary.TAP_COUNTS`.
     """
     albedo = language.add(language.scale("scale", "f0"), "vec3(bias, bias, bias)")
     total, bias = (
