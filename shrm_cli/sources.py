@@ -33,10 +33,9 @@ def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
 
     Tables beside the modules, which they read, count as well.
 
-    `root` is the folder of the package.
-
-    Returns 16 hexadecimal digits. It takes about 2 ms, once a process. Where there are no files, as
-    in a package that is run from an archive, it is a digest of the version.
+    `root` is the folder of the package. Returns 16 hexadecimal digits. It takes about 2 ms, once a
+    process. Where there are no files, as in a package that is run from an archive, it is a digest
+    of the version.
     """
     digests = [_folder_digest(folder, root) for folder in sorted(set(folders))]
     if not any(digests):

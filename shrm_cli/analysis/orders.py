@@ -116,9 +116,8 @@ def material_energies(
     """Compute the energy that F = `order_f` and P = 0 .. `order_p` capture of several BRDFs.
 
     Returns an array of shape (BRDFs, P+1): fractions of the energy (eq. 5.18) for P = 0, 1, and so
-    on. A BRDF that does not depend on the view has the same fraction for all P.
-
-    Raises BrdfError if a BRDF is anisotropic, or its coefficients do not converge.
+    on. A BRDF that does not depend on the view has the same fraction for all P. Raises BrdfError if
+    a BRDF is anisotropic, or its coefficients do not converge.
     """
     rows = []
     for index, brdf in enumerate(brdfs):

@@ -172,10 +172,8 @@ def compare_representations(plan: Plan, progress: Progress | None = None) -> Rep
     The pictures are drawn from maps that were written and read again, so that they include the
     rounding of the files. One map is in memory at a time.
 
-    `plan` is what `plan_comparison` returns.
-
-    Raises ProbeError if the probe cannot be read. If a map cannot be made, its result says so
-    instead.
+    `plan` is what `plan_comparison` returns. Raises ProbeError if the probe cannot be read. If a
+    map cannot be made, its result says so instead.
     """
     stages = Stages(progress, plan.truths + plan.maps)
     stages.done(0, 0)

@@ -104,9 +104,8 @@ def directional_albedo(brdf: Brdf, theta: float) -> Array:
     the horizon of a BRDF that has one. Their number is doubled in both coordinates until the result
     changes by `_ACCURACY` at most, or there are 384 x 384.
 
-    `theta` is the angle of the view from the z axis, radians.
-
-    Returns an array of shape (3,): linear RGB.
+    `theta` is the angle of the view from the z axis, radians. Returns an array of shape (3,):
+    linear RGB.
     """
     ends = all(cuts_horizon(term) for _, term in weighted_terms(brdf))
     rule = hemisphere_rule if ends else _sphere_rule

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,8 +26,6 @@ from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from shrm_cli.analysis.analyze import Analysis
     from shrm_cli.analysis.orders import AccuracyCurve, OrderPictures
 

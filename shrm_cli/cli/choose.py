@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -22,8 +23,6 @@ from shrm_cli.files.whole import note
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from shrm_cli.choose.offer import Choice, Offer
 
 _MOST_ROWS = 24

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,8 +42,6 @@ from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from shrm_cli.analysis.compare import Compared
     from shrm_cli.render.comparison import Comparison
     from shrm_cli.render.flip import FlipError

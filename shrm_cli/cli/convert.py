@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -47,11 +47,11 @@ from shrm_cli.vocabulary import (
     ORIENTATIONS,
     REPRESENTATIONS,
     SAMPLINGS,
+    Lookup,
+    Orientation,
     Precision,
+    Sampling,
 )
-
-if TYPE_CHECKING:
-    from shrm_cli.vocabulary import Lookup, Orientation, Sampling
 
 _TARGETS = [*REPRESENTATIONS, *LAYOUTS, LAYERS]
 _OURS = {"sampling": "to_sampling", "orientation": "to_orientation", "path": "output"}

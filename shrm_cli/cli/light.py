@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,12 +20,10 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.types import COEFFICIENT, DIMMING, RADIANCE, STOPS, TURN
 from shrm_cli.cli.usage import Applies, check_outputs, refuse_inapplicable
 from shrm_cli.files.recipe import picture_attributes
+from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from shrm_cli.lights.edit import Edit, Tables
-    from shrm_cli.vocabulary import Precision
 
 _WRITTEN = (".txt", ".npy", ".json")
 

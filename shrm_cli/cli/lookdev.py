@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,15 +27,12 @@ from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions, installed_names
-from shrm_cli.vocabulary import AUTO, DEFAULT_FPS, DEFAULT_FRAMES
+from shrm_cli.vocabulary import AUTO, DEFAULT_FPS, DEFAULT_FRAMES, Precision
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from shrm_cli.lookdev.sheet import Lookdev
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.sheet import Grid
-    from shrm_cli.vocabulary import Precision
 
 _FORMS = [each.name for each in descriptions().values() if each.needs_brdf]
 _MAKING = ("eps", "error", "order_f", "order_p", "center", "max_size")

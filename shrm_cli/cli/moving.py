@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,8 +13,6 @@ from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from shrm_cli.maps.base import Map
     from shrm_cli.render.keys import Key
     from shrm_cli.render.moving import Moment

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -36,8 +36,6 @@ from shrm_cli.vocabulary import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from shrm_cli.probe.options import ReadOptions
     from shrm_cli.rooms.room import Color
 
@@ -279,9 +277,8 @@ probe_options = several(
 def make_read_options(values: dict[str, Any], sampling: str | None = None) -> ReadOptions:
     """Make `ReadOptions` from the values of `probe_options`, which are removed from `values`.
 
-    `sampling` is where the edge pixels lie, in place of the value of --sampling.
-
-    Raises click.BadParameter if --clamp is not positive, or an angle is not finite.
+    `sampling` is where the edge pixels lie, in place of the value of --sampling. Raises
+    click.BadParameter if --clamp is not positive, or an angle is not finite.
     """
     from shrm_cli.probe.options import ReadOptions, with_keywords
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -46,8 +47,6 @@ from shrm_cli.vocabulary import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from shrm_cli.files.parts import Storage
     from shrm_cli.maps.prefiltered import Prefiltered
     from shrm_cli.probe.probe import Probe

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -22,10 +22,7 @@ from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.usage import check_outputs, force_option, keep_other_picture
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.naming import brdf_label, probe_stem
-from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT
-
-if TYPE_CHECKING:
-    from shrm_cli.vocabulary import Precision
+from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, Precision
 
 
 @click.command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,17 +51,14 @@ from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import VECTOR, picture_size, within
 from shrm_cli.cli.usage import Applies, check_outputs, map_stem, refuse_inapplicable
 from shrm_cli.files.recipe import picture_attributes
-from shrm_cli.vocabulary import DEFAULT_FPS
+from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from shrm_cli.cli.stage import Baked
     from shrm_cli.maps.info import MapInfo
     from shrm_cli.probe.probe import Probe
     from shrm_cli.render.drawing import Drawing, Film, Lit
     from shrm_cli.render.moving import Moment
-    from shrm_cli.vocabulary import Precision
 
 _FILES = ("mesh", "vary", "irradiance", "transfer")
 """What the recipe of a picture says of files, whose folders it leaves out."""

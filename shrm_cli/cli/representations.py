@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +18,6 @@ from shrm_cli.maps.options import bytes_text, counted, listing
 from shrm_cli.vocabulary import COMPARED, DEFAULT_MAX_SIZE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from shrm_cli.analysis.representations import Plan, RepresentationResult, RepresentationTable
     from shrm_cli.probe.options import ReadOptions
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -12,8 +13,6 @@ from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MIN_ROUGHNESS, TAP_COUNTS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from shrm_cli.maps.base import Map
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +14,6 @@ from shrm_cli.cli.types import VECTOR, within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from shrm_cli.maps.base import Map
     from shrm_cli.probe.disc import Disc
     from shrm_cli.probe.probe import Probe

@@ -18,7 +18,7 @@ import sys
 import threading
 import time
 import unicodedata
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -28,8 +28,6 @@ from shrm_cli.cli.usage import is_quiet
 from shrm_cli.messages import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
     from tqdm import tqdm
 
     from shrm_cli.batch.log import Totals
@@ -60,9 +58,7 @@ def echo(text: str, err: bool = False) -> None:
     Characters that the encoding of the stream lacks are printed as escapes, too. If there is no
     stderr, nothing is printed there.
 
-    `err` says whether to print to stderr.
-
-    Raises OSError if there is no stdout.
+    `err` says whether to print to stderr. Raises OSError if there is no stdout.
     """
     _write(_shortened(escaped(shown(text)), _MOST_RESULT), err)
 

@@ -22,12 +22,12 @@ from shrm_cli.files.whole import check_target, kept, note
 from shrm_cli.messages import ARGUMENT
 from shrm_cli.naming import probe_stem
 from shrm_cli.records import record
+from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
     from shrm_cli.maps.request import Request
     from shrm_cli.probe.probe import Probe
-    from shrm_cli.vocabulary import Precision
 
 
 @record
@@ -209,9 +209,8 @@ def check_outputs(
 def keep_other_map(target: str, probe: Probe, request: Request, precision: Precision) -> None:
     """Refuse to replace a map that was not made like the one that is asked for.
 
-    `target` is the name of the file, which need not exist.
-
-    Raises OutputError if the file exists, and other inputs or options made it.
+    `target` is the name of the file, which need not exist. Raises OutputError if the file exists,
+    and other inputs or options made it.
     """
     from shrm_cli.batch.made import difference
 

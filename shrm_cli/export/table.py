@@ -29,9 +29,8 @@ def write_texture(path: str | os.PathLike[str], table: Array, precision: Precisi
     precision : {"auto", "half", "float"}
         The texels of KTX 2; ``auto`` is half, as engines read it.
 
-    Returns what the texels are: ``"half"``, ``"float"`` or ``"16 bits"``.
-
-    Raises OutputError if the file cannot be written, or cannot hold the table.
+    Returns what the texels are: ``"half"``, ``"float"`` or ``"16 bits"``. Raises OutputError if the
+    file cannot be written, or cannot hold the table.
     """
     if table.shape[-1] > _COLUMNS:
         raise OutputError(f"{path}: textures hold three columns, not {table.shape[-1]}; take .exr")

@@ -65,9 +65,7 @@ _NO_END = bytes(64)
 def excess(path: str | os.PathLike[str]) -> str:
     """Return what a file has too many of to be read; empty for other files.
 
-    `path` is a regular file of any format.
-
-    Raises OSError if it cannot be read.
+    `path` is a regular file of any format. Raises OSError if it cannot be read.
     """
     if Path(path).stat().st_size < len(MAGIC):
         return ""
@@ -120,9 +118,7 @@ def beginnings(path: str | os.PathLike[str]) -> dict[str, bytes]:
     It takes some 20 microseconds, whatever the size of the file.
 
     `path` is a file of any format; of another one than OpenEXR, or that cannot be read, there are
-    none.
-
-    Returns the first bytes of each value, `_BEGINNING` at most.
+    none. Returns the first bytes of each value, `_BEGINNING` at most.
     """
     found: dict[str, bytes] = {}
     with (

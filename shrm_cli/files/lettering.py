@@ -40,9 +40,7 @@ def text_coverage(text: str, font_size: int, width: int, height: int) -> Array:
         Of the strip, pixels.
 
     Returns an array of float32 of shape (height, width, 1): the fraction of each pixel that the
-    text covers.
-
-    Raises OutputError if OpenImageIO cannot draw text.
+    text covers. Raises OutputError if OpenImageIO cannot draw text.
     """
     # The name of a file may hold bytes that are not text.
     text = text.encode("utf-8", "replace").decode()

@@ -57,10 +57,8 @@ def write_picture(
         what lies outside its colors is clipped.
 
     Returns the pixel type written: ``"8-bit sRGB"``, ``"half"`` or ``"float"``. Of a PNG it says
-    how much of a converted picture was clipped.
-
-    Raises OutputError if the suffix is another one, a value is NaN, a value of an EXR is not finite
-    or overflows half, or the file cannot be written.
+    how much of a converted picture was clipped. Raises OutputError if the suffix is another one, a
+    value is NaN, a value of an EXR is not finite or overflows half, or the file cannot be written.
     """
     if file_type(path) == "exr":
         return write_image(path, pixels, precision, attributes)

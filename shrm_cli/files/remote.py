@@ -33,9 +33,7 @@ def matching(pattern: str) -> list[str]:
 
     `pattern` is a URL, in which ``*``, ``?``, ``[...]`` and ``**`` mean what they mean in a shell.
     In addresses of web servers ``?`` begins the query, and servers that list no folders match
-    nothing but whole addresses.
-
-    Raises RemoteError if the place cannot be listed.
+    nothing but whole addresses. Raises RemoteError if the place cannot be listed.
     """
     with _reached(pattern) as (system, path):
         found = system.glob(path, detail=True)
@@ -83,10 +81,8 @@ def fetched(
 def written(output: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield the path to write, on disk; what is meant for a URL is uploaded at the end.
 
-    `output` is a path, which is checked, or a URL.
-
-    Raises OutputError if the path cannot be written. Raises RemoteError if the file cannot be
-    uploaded.
+    `output` is a path, which is checked, or a URL. Raises OutputError if the path cannot be
+    written. Raises RemoteError if the file cannot be uploaded.
     """
     if not is_remote(output):
         check_target(output)

@@ -75,9 +75,8 @@ def mean_color(texture: Path | bytes, is_srgb: bool) -> Array:
         Whether colors are encoded as sRGB has it; alpha never is.
 
     Returns an array of shape (4,): linear red, green, blue, and alpha. A channel that is missing is
-    as the first one; alpha is 1 then.
-
-    Raises ValueError if it cannot be read, with why and what to do.
+    as the first one; alpha is 1 then. Raises ValueError if it cannot be read, with why and what to
+    do.
     """
     pixels = _stored(texture)
     pixels = pixels.reshape(-1, pixels.shape[2])

@@ -108,7 +108,6 @@ def check_target(target: str | os.PathLike[str], suffixes: tuple[str, ...] = ())
     """Check, before the work begins, that an output can be written and is none of the inputs.
 
     `suffixes` are the suffixes that the target's name may have, in lower case; by default any.
-
     Raises OutputError if the target cannot be written, is one of the inputs, or has another suffix.
     """
     if os.fspath(target).endswith((os.sep, os.altsep or os.sep)):  # which a Path forgets
@@ -331,7 +330,6 @@ def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Pat
     A process that is killed leaves its folder behind; the next one that makes one there removes it.
 
     `inside` is where the folder is made; by default where the system has its temporary files.
-
     Raises OutputError if no folder can be made there.
     """
     try:

@@ -53,10 +53,8 @@ def store(
         default.
 
     Returns the pixel type written, and the error that it makes. An error beyond ordinary rounding
-    is written into the file as well.
-
-    Raises OutputError if half would overflow, or the file cannot be written. Raises MapError if the
-    map cannot be written in that layout.
+    is written into the file as well. Raises OutputError if half would overflow, or the file cannot
+    be written. Raises MapError if the map cannot be written in that layout.
     """
     arrangement = Arrangement(layout, orientation, reflection_map.sampling)
     if layout == "latlong" and reflection_map.turns_with_texels:
@@ -229,9 +227,7 @@ class StoredImage:
         """Refuse a lat-long of values that cannot be interpolated between texels.
 
         `turns_with_texels` says whether the values belong to local axes, which turn from texel to
-        texel.
-
-        Raises MapError if the values turn, and the part is a lat-long.
+        texel. Raises MapError if the values turn, and the part is a lat-long.
         """
         if self.arrangement.layout == "latlong" and turns_with_texels:
             raise MapError(f"{self.path}: a local map cannot be a lat-long; make it again")

@@ -299,11 +299,9 @@ def is_light_file(name: str) -> bool:
 def stored_image(path: str | os.PathLike[str], most: int) -> Array:
     """Read an image that is no light, such as a texture: its numbers as they are stored.
 
-    `most` is the most pixels that it may have.
-
-    Returns an array of float32 of shape (H, W, 3): integers as shares of their largest.
-
-    Raises ProbeError if there is no such image, it is too large, or a number is not finite.
+    `most` is the most pixels that it may have. Returns an array of float32 of shape (H, W, 3):
+    integers as shares of their largest. Raises ProbeError if there is no such image, it is too
+    large, or a number is not finite.
     """
     opened = replace(ImageFile.open(path, linearize=True), encoding=Encoding())
     note(path)

@@ -101,7 +101,6 @@ class Comparison:
         from that of the baseline. The mean of its error is over the sphere alone.
 
         Returns None where FLIP is not defined: if the baseline is black or a pixel is not finite.
-
         Raises ModuleNotFoundError if `flip_evaluator` is not installed.
         """
         coverage = whole_coverage(self.baseline.shape[-2])
@@ -135,9 +134,8 @@ class Comparison:
             Factor of the differences alone.
 
         Returns an array of float32 of shape (*comparison_layout(M, V, S).shape, 3): linear. The
-        tiles are exposed; the paper and the labels are not.
-
-        Raises OutputError if the sheet would be too large, or the labels cannot be drawn.
+        tiles are exposed; the paper and the labels are not. Raises OutputError if the sheet would
+        be too large, or the labels cannot be drawn.
         """
         many, views, size = self.others.shape[:3]
         tiles, labels = [], []

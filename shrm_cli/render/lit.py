@@ -50,7 +50,6 @@ def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color
     """Return the linear RGB, each channel within 0 .. 1, that a text such as ``gold`` means.
 
     `primaries` are the chromaticities of the light, which the colors of metals are converted to.
-
     Raises BrdfError if it is no color.
     """
     return parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")

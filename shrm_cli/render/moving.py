@@ -202,9 +202,8 @@ def moving_light(
 def check_blend(first: Map, second: Map, name: str) -> None:
     """Check that the light of one map can become that of another.
 
-    `name` is the second one's file, for the message.
-
-    Raises MapError if they are of different BRDFs, or in different primaries.
+    `name` is the second one's file, for the message. Raises MapError if they are of different
+    BRDFs, or in different primaries.
     """
     one, other = first.info, second.info
     are_lights = isinstance(first, LightMap), isinstance(second, LightMap)

@@ -66,9 +66,7 @@ def one_view(
 
     Returns an array of float32 of shape (height, 2 height, 3): radiance, linear, in the primaries
     of the map: +Z in the centre, +X in the left quarter, +Y in the top row. Small negative values
-    of truncated expansions are kept.
-
-    Raises ArgumentError if `by` is something else.
+    of truncated expansions are kept. Raises ArgumentError if `by` is something else.
     """
     if by not in LOOKUPS:
         raise ArgumentError("by", f"{by!r} is none of {', '.join(LOOKUPS)}")

@@ -175,9 +175,8 @@ class Shelf:
     def open(self, name: str, texture: Texture) -> MipMap:
         """Read a texture.
 
-        `name` is the mesh's file, for messages.
-
-        Raises MeshError if it is missing or damaged, or all textures are too large.
+        `name` is the mesh's file, for messages. Raises MeshError if it is missing or damaged, or
+        all textures are too large.
         """
         key = texture.picture, texture.is_srgb
         try:

@@ -41,9 +41,8 @@ def write_transfer(
 ) -> None:
     """Write a transfer, whole or not at all; the same transfer gives the same bytes.
 
-    `mesh` is the mesh of the transfer, which tells which row is which vertex of its file.
-
-    Raises OutputError if the file cannot be written.
+    `mesh` is the mesh of the transfer, which tells which row is which vertex of its file. Raises
+    OutputError if the file cannot be written.
     """
     arrays: dict[str, Any] = {"vectors": transfer.vectors, "albedo": transfer.albedo}
     if transfer.direct is not None:

@@ -84,9 +84,8 @@ def glossy_colors(
     views : array_like, shape (3,) or (v, 3)
         Unit vectors to the viewer in world axes.
 
-    Returns an array of shape (v, 3): 0 where a vertex faces away.
-
-    Raises TransferError if the transfer has no matrices.
+    Returns an array of shape (v, 3): 0 where a vertex faces away. Raises TransferError if the
+    transfer has no matrices.
     """
     transfer.check_glossy()
     assert transfer.matrices is not None

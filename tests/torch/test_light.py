@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import shrm_cli as shrm
-from shrm_cli.brdf.environment.environment_brdf import environment_brdf
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.maps.she.prefilter import Problem, fit_logarithm
 from shrm_cli.maps.splitsum.expansion import expand, faded_order
@@ -22,6 +21,7 @@ from shrm_cli.torch import (  # isort: skip
     SplitSumLevels,
     SplitSumRadiance,
 )
+from tests.makers import environment_brdf
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*(negative radiance|fit to this light)")
 

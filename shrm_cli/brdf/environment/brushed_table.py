@@ -88,9 +88,8 @@ def brushed_table(brdf: Ggx, size: int) -> Array:
         The number of rows, over the perceptual roughness, and of columns, over N.V. Both are
         sampled at texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
 
-    Returns an array of shape (size, size, 6): scale and bias along, between and across.
-
-    Raises BrdfError if the BRDF has alphas of its own, a roughness or a reflectance.
+    Returns an array of shape (size, size, 6): scale and bias along, between and across. Raises
+    BrdfError if the BRDF has alphas of its own, a roughness or a reflectance.
     """
     usual = Ggx().values
     if any(brdf.values.get(key) != value for key, value in usual.items()):

@@ -165,32 +165,12 @@ def mean_vectors(mean: Array, normals: Array, views: Array) -> Array:
     return np.asarray(mean[0][..., None] * normals + mean[1][..., None] * tangents)
 
 
-def environment_brdf(roughness: float, cosines: ArrayLike) -> tuple[Array, Array]:
-    """Compute scale and bias of GGX's directional albedo, ``f0 * scale + bias``.
-
-    The BRDF is that of `shrm_cli.brdf.models.ggx`, with Smith's G for correlated heights, Schlick's
-    Fresnel term, and ``ggx_alpha = roughness^2``. If ``f_DV`` is the BRDF without Fresnel's term,
-    the bias is the integral of ``f_DV (1 - V.H)^5 N.L`` over the hemisphere of L, and scale + bias
-    is the integral of ``f_DV N.L``. Both are exact to 1e-5, at any roughness and down to N.V =
-    1e-5.
-
-    Parameters and errors are those of `lobe_moments`.
-
-    Returns
-    -------
-    scale, bias : ndarray, shape (n,)
-
-    References
-    ----------
-    Karis 2013, "Real Shading in Unreal Engine 4" (scale and bias); eq. 5 to 7 and 15 of
-    Silvennoinen et al. 2025.
-    """
-    total, bias = lobe_moments(roughness, cosines)[:, 0]
-    return total - bias, bias
-
-
 def environment_table(size: int, multiscatter: bool = False) -> Array:
     """Compute the split sum's table of every roughness, or "DFG", shape (size, size, 2).
+
+    GGX's directional albedo is ``f0 * scale + bias``. With ``f_DV`` as of `lobe_moments`, the bias
+    is the integral of ``f_DV (1 - V.H)^5 N.L`` over the hemisphere of L, and scale + bias is that
+    of ``f_DV N.L``.
 
     Parameters
     ----------
@@ -205,6 +185,8 @@ def environment_table(size: int, multiscatter: bool = False) -> Array:
 
     References
     ----------
+    Karis 2013, "Real Shading in Unreal Engine 4" (scale and bias); eq. 5 to 7 and 15 of
+    Silvennoinen et al. 2025.
     Lagarde and Golubev 2018, in Filament (multiple scattering, with which a surface of f0 = 1
     loses nothing); Turquin 2019 (the same form; here with Fresnel's term at normal incidence).
     """
@@ -270,7 +252,7 @@ def moments_table(size: int) -> Array:
 class DirectionalAlbedo:
     """The environment BRDF of one roughness, tabulated over N.V for rendering.
 
-    Interpolated values differ from those of `environment_brdf` by 2e-5 at most.
+    Interpolated values differ from the integrals by 2e-5 at most.
 
     Parameters
     ----------

@@ -143,9 +143,7 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
 
     Returns the items ``width``, ``height``, ``multiscatter``, ``moments``, ``channels`` and
     ``reflectance``, for moments ``mean_direction``, and ``columns`` and ``brdf`` where these are
-    others. None if the file is anything else.
-
-    Raises BrdfError if the table is damaged.
+    others. None if the file is anything else. Raises BrdfError if the table is damaged.
     """
     found = peek(path)
     if found is None or found.first.text("shrm:table") != "dfg":

@@ -165,9 +165,8 @@ class ExplicitMap(ReflectionMap):
             The arguments of Kautz and McCool's maps and of light fields. Each kind of map takes
             its own argument or none.
 
-        Returns None where the number is not given.
-
-        Raises ArgumentError if the argument of another kind is given.
+        Returns None where the number is not given. Raises ArgumentError if the argument of another
+        kind is given.
         """
         refuse_arguments(f"maps of representation {cls.representation}", slices=slices, views=views)
         return None

@@ -52,10 +52,8 @@ def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
         The code in C is C89, which later standards and C++ take too. It computes in double
         precision.
 
-    Returns the code; its last line ends with a newline too.
-
-    Raises MapError if the language is unknown, the map's order is above 16, or a number does not
-    fit into the language's type.
+    Returns the code; its last line ends with a newline too. Raises MapError if the language is
+    unknown, the map's order is above 16, or a number does not fit into the language's type.
     """
     speech = Language(language)
     if isinstance(irradiance, Zh3):

@@ -171,9 +171,8 @@ def with_lamps(
     takes_tangent : bool
         Whether ``shrm_brushed_radiance`` is among them.
 
-    Returns lines of GLSL as `Language.translated` takes it.
-
-    Raises MapError if there are no words for the BRDF.
+    Returns lines of GLSL as `Language.translated` takes it. Raises MapError if there are no words
+    for the BRDF.
     """
     is_brushed = not lamps.brdf.isotropic
     own = "\n".join(functions).replace("vec3 shrm_radiance(", "vec3 shrm_map(")

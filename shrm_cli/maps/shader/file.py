@@ -39,9 +39,8 @@ def pack(made: "Map") -> tuple[PackedTexture, ...]:
 
     Cubes of local frames are turned to world axes, in which alone they can be filtered.
 
-    Returns None for irradiance, whose code holds all numbers.
-
-    Raises MapError if the map has no shader, or does not fit into such textures.
+    Returns None for irradiance, whose code holds all numbers. Raises MapError if the map has no
+    shader, or does not fit into such textures.
     """
     if whole_code(made) is not None:
         return ()
@@ -100,9 +99,7 @@ def read_layers_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     """What a file of textures says of itself; None if a file is none.
 
     Returns the representation and the probe of the map that they were made from, and layers, height
-    and width of each texture by its name.
-
-    Raises MapError if the file is damaged.
+    and width of each texture by its name. Raises MapError if the file is damaged.
     """
     file = peek(path)
     if file is None or not file.first.text(_MARK):

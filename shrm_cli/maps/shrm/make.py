@@ -101,7 +101,6 @@ def prefilter_shrm(
         As `Shrm.from_coefficients` takes it.
 
     Returns the map, and what it misses of the tolerance as a warning, if the orders are chosen.
-
     Raises ArgumentError if no map fits into the bytes, or those of the given orders do not. Raises
     OrderError, ProbeError, BrdfError or MapError if the tolerance cannot be met with a given order,
     the probe or the BRDF cannot be used, or the map would be too large.

@@ -5,13 +5,13 @@ import pytest
 
 from shrm_cli.brdf.environment.environment_brdf import (
     DirectionalAlbedo,
-    environment_brdf,
     environment_table,
     moments_table,
 )
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
 from shrm_cli.progress import using
+from tests.makers import environment_brdf
 
 COSINES = [0.002, 0.02, 0.1, 0.4, 0.9]
 

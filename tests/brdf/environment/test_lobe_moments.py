@@ -5,7 +5,6 @@ import pytest
 
 from shrm_cli.brdf.environment.environment_brdf import (
     LobeMoments,
-    environment_brdf,
     lobe_moments,
     mean_vectors,
     whole_lobe,
@@ -13,6 +12,7 @@ from shrm_cli.brdf.environment.environment_brdf import (
 from shrm_cli.errors import MapError
 from tests import ggx
 from tests.brute_force import unit
+from tests.makers import environment_brdf
 
 GRAZING, ALONG = 0.02, 1.0
 

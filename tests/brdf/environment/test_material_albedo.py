@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.base import Brdf, Parameter, grey
-from shrm_cli.brdf.environment.environment_brdf import columns_table, environment_brdf
+from shrm_cli.brdf.environment.environment_brdf import columns_table
 from shrm_cli.brdf.environment.material_albedo import MaterialAlbedo, albedo_table, material_albedo
 from shrm_cli.brdf.spec import parse_spec
+from tests.makers import environment_brdf
 
 COSINES = np.array([2e-4, 0.01, 0.06, 0.2, 0.45, 0.8, 1.0])
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.special import sph_harm_y
 
-from shrm_cli.brdf.environment.environment_brdf import environment_brdf
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
 from tests import ggx, oracles
 from tests.brute_force import unit
+from tests.makers import environment_brdf
 
 INFO = MapInfo(32, 0, 0.0, 1.0, 0.0, {"name": "ggx", "parameters": {}}, "p.exr", "ab" * 32)
 UNIT_LIGHT = np.sqrt(4 * np.pi)

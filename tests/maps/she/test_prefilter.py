@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.environment.environment_brdf import environment_brdf
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.she.reflectance import sample_reflectance
 from shrm_cli.probe.lighting import project
@@ -17,7 +16,7 @@ from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
 from tests import ggx, oracles
 from tests.cli.helpers import environment, polynomial_light, write_exr
-from tests.makers import prefilter_exponential
+from tests.makers import environment_brdf, prefilter_exponential
 from tests.maps.scenes import normals_of
 
 LUMINANCE = [0.2126, 0.7152, 0.0722]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from shrm_cli.brdf.environment.environment_brdf import environment_brdf
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
@@ -30,7 +29,7 @@ from shrm_cli.sphere.cube import cube_directions
 from tests import oracles
 from tests.brute_force import unit
 from tests.cli.helpers import polynomial_light, write_exr
-from tests.makers import prefilter_split_sum
+from tests.makers import environment_brdf, prefilter_split_sum
 from tests.maps.shrm.test_predicted_error import reduced
 
 
