@@ -79,11 +79,8 @@ def choose_orders(
         Returns the largest P that may be chosen with an order F. With it, a tolerance that cannot
         be met is no error: the coefficients then reach that P, and the orders are their largest.
 
-    Returns
-    -------
-    orders : Orders
-    coefficients : BrdfCoefficients
-        The coefficients of the BRDF, to orders at least as high as `orders`.
+    Returns `orders`; and `coefficients`, the coefficients of the BRDF, to orders at least as high
+    as `orders`.
 
     Raises OrderError if the tolerance is outside (0, 1) or, without `most_p`, cannot be met within
     F = 512 and P = 32, or if a given order is outside these limits. Raises BrdfError if the

@@ -169,10 +169,7 @@ def hemisphere_rule(theta: float, count: int, block: slice = slice(None)) -> tup
     block : slice
         The angles from the mirror direction to take.
 
-    Returns
-    -------
-    light : ndarray, shape (n, count, 3)
-    weights : ndarray, shape (n, count)
+    Returns `light` of shape (n, count, 3) and `weights` of shape (n, count).
     """
     nodes, weights = gauss_legendre(count)
     cosine, sine = np.cos(theta), np.sin(theta)

@@ -112,12 +112,8 @@ def find_model(name: str) -> type[Brdf]:
 def all_models() -> tuple[list[type[Brdf]], list[str]]:
     """Load every model.
 
-    Returns
-    -------
-    models : list of Brdf classes
-        In the order of the alphabet.
-    problems : list of str
-        A line for each model of an installed package that cannot be used.
+    Returns `models`, in the order of the alphabet; and `problems`, a line for each model of an
+    installed package that cannot be used.
     """
     models, problems = [], []
     for name in model_names():

@@ -80,12 +80,8 @@ def squared_lobes(brdf: Brdf, theta: Array, phi: Array, from_normal: Array) -> t
     from_normal : ndarray, shape (o,)
         Angles of the views from the normal, radians.
 
-    Returns
-    -------
-    light : ndarray, shape (i, o, p, 3)
-        Its directions in the frame of the normal.
-    squares : ndarray, shape (i, o, p)
-        ``rho_hat^2``, its channels added.
+    Returns `light` of shape (i, o, p, 3), its directions in the frame of the normal; and `squares`
+    of shape (i, o, p), ``rho_hat^2``, its channels added.
     """
     # The mirror direction is tilted from the normal towards -X, the view towards +X.
     light = tilted_frame(from_angles(theta[:, None], phi)[:, None], from_normal[:, None])

@@ -275,10 +275,7 @@ def every_third(samples: Array, coverage: Array) -> tuple[Array, Array]:
     coverage : ndarray, shape (3 k, n, azimuths)
         Those that `transfer_samples` yields.
 
-    Returns
-    -------
-    samples : ndarray, shape (k, n, azimuths, ...)
-    coverage : ndarray, shape (k, n, azimuths)
+    Returns `samples` of shape (k, n, azimuths, ...) and `coverage` of shape (k, n, azimuths).
     """
     middle = samples[1::3]
     first = (coverage[1::3] == 0) & (coverage[::3] > 0)

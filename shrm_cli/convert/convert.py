@@ -136,11 +136,7 @@ def _read(
 ) -> tuple[Map, tuple[str, ...]]:
     """Read a map, turn its light and bring it into other primaries.
 
-    Returns
-    -------
-    found : Map
-    notes : tuple of str
-        What is to be said of its colors.
+    Returns `found`; and `notes`, what is to be said of its colors.
     """
     turn = reading.matrix()
     found = source if isinstance(source, Map) else open_map(source)

@@ -301,10 +301,7 @@ def check(engine: Engine, asked: Asked) -> None:
 def gather(source: Source, engine: Engine, asked: Asked) -> tuple[Light, list[str], list[str]]:
     """Make the light that an engine wants, as far as the source knows it.
 
-    Returns
-    -------
-    light : Light
-    told, warnings : list of str
+    Returns `light` and `told`, `warnings`.
     """
     told: list[str] = []
     warnings: list[str] = []

@@ -75,10 +75,7 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
     what : str
         What the image is called in messages.
 
-    Returns
-    -------
-    data : bytes
-    clipped : Clipped
+    Returns `data` and `clipped`.
 
     Raises MapError if a value is not finite.
     """

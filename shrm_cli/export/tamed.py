@@ -60,12 +60,8 @@ def tamed(image: Array, sampler: Sampler) -> tuple[Array, str]:
     ----------
     image : ndarray, shape (N, 2 N, 3)
 
-    Returns
-    -------
-    image : ndarray
-        The same light, with the same sum over solid angles.
-    told : str
-        How many lamps were spread, and what part of the light they are.
+    Returns `image`, the same light, with the same sum over solid angles; and `told`, how many lamps
+    were spread, and what part of the light they are.
     """
     pixels = SpherePixels(LatLong(image.shape[0]))
     flat = np.array(image, dtype=float).reshape(-1, 3)

@@ -93,11 +93,8 @@ def without_negative(
         Name of the file that they are for, for the warning.
     images : sequence of ndarray, shape (H, W, 3)
 
-    Returns
-    -------
-    images : list of ndarray
-    warnings : list of str
-        One, with the number of pixels and the least value, where there were any.
+    Returns `images`; and `warnings`, one, with the number of pixels and the least value, where
+    there were any.
     """
     below = sum(int(np.count_nonzero((image < 0).any(axis=-1))) for image in images)
     if not below:

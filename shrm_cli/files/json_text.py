@@ -104,12 +104,7 @@ def read_toml(
     error : type
         The class of the errors.
 
-    Returns
-    -------
-    values : dict
-        The keys of the file.
-    text : bytes
-        The file as it is.
+    Returns `values`, the keys of the file; and `text`, the file as it is.
 
     Raises ShrmError: of the class `error`, if the file cannot be read, is larger, or is no TOML.
     """

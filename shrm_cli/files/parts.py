@@ -155,11 +155,7 @@ def prepared(
 
     To round values takes about as long as all else here, so that it is done once.
 
-    Returns
-    -------
-    storage : Storage
-    parts : list of Part
-        The parts to give to `write_chosen`.
+    Returns `storage`; and `parts`, the parts to give to `write_chosen`.
     """
     images = [part for part in parts if not part.is_table]
     planes = [plane for part in images for plane in part.channels.values()]

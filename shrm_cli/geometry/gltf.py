@@ -56,14 +56,8 @@ def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial 
 
     `name` is the path of the file. Buffers in other files are looked for in its folder.
 
-    Returns
-    -------
-    data : bytes
-        A GLB with nothing but nodes and triangles.
-    kind : str
-        ``"glb"``.
-    materials : list of SurfaceMaterial or None
-        Those of the primitives, in their order.
+    Returns `data`, a GLB with nothing but nodes and triangles; `kind`, ``"glb"``; and `materials`,
+    those of the primitives, in their order.
 
     Raises MeshError if it is damaged, claims more than is there, or needs what is not read.
     """

@@ -33,12 +33,8 @@ def joint_error(strengths: ArrayLike, errors: Sequence[float], whole: float) -> 
 def brightness(terms: Sequence[Map]) -> tuple[Array, float]:
     """Measure how bright the terms of a sum are, each a map of its own, and how bright it is.
 
-    Returns
-    -------
-    strengths : ndarray, shape (terms,)
-        The RMS of the light of each over mirror directions and views.
-    whole : float
-        That of the sum.
+    Returns `strengths` of shape (terms,), the RMS of the light of each over mirror directions and
+    views; and `whole`, that of the sum.
     """
     views = spiral_directions(_PAIRS)
     centers = np.random.default_rng(0).permutation(views)

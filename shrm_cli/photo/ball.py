@@ -219,10 +219,8 @@ class _Ball:
 def _seen_by(balls: Sequence[_Ball], part: range, rows: int) -> tuple[Array, Array]:
     """Return what balls show of some rows of a lat-long, and how far each is preferred there.
 
-    Returns
-    -------
-    seen : ndarray, shape (balls, len(part), 2 rows, 3)
-    trust : ndarray, shape (balls, len(part), 2 rows)
+    Returns `seen` of shape (balls, len(part), 2 rows, 3) and `trust` of shape (balls, len(part), 2
+    rows).
     """
     steps = (np.arange(_PARTS) + 0.5) / _PARTS
     down = 2 * (np.array(part)[:, None] + steps) / rows - 1

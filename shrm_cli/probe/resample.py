@@ -219,12 +219,8 @@ def _take_bright(image: Array, probe: Probe) -> tuple[Indices, Indices, Array]:
     image : ndarray, shape (H, W, 3)
         The probe's pixels, which have just been read: its report tells their mean.
 
-    Returns
-    -------
-    rows, columns : ndarray of int, shape (n,)
-        The pixels that were dimmed.
-    excess : ndarray, shape (n, 3)
-        The radiance that was taken from each pixel.
+    Returns `rows`, `columns` of shape (n,), the pixels that were dimmed; and `excess` of shape (n,
+    3), the radiance that was taken from each pixel.
     """
     report = probe.report
     mean = (report.energy - report.energy_removed) / (4 * np.pi * 3)

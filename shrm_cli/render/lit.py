@@ -145,11 +145,7 @@ def lit_maps(
     window : str, optional
         The window of the light; ``auto`` by default.
 
-    Returns
-    -------
-    maps : list of Map
-    warnings : list of str
-        One for each map that reflects less than nothing somewhere.
+    Returns `maps`; and `warnings`, one for each map that reflects less than nothing somewhere.
 
     Raises MapError if a map needs light and there is none, or there is no such window. Raises
     ProbeError if the probe cannot be read.

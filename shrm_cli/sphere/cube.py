@@ -67,12 +67,8 @@ def cube_coordinates(directions: ArrayLike) -> tuple[NDArray[np.intp], Array, Ar
     directions : array_like, shape (..., 3)
         They may have any length but 0.
 
-    Returns
-    -------
-    face : ndarray of int, shape (...)
-        Index into `FACES`.
-    s, t : ndarray, shape (...)
-        Position on the face to the right and down, in [-1, 1].
+    Returns `face` of shape (...), index into `FACES`; and `s`, `t` of shape (...), position on the
+    face to the right and down, in [-1, 1].
     """
     directions = np.asarray(directions)
     axis = np.argmax(np.abs(directions), axis=-1)

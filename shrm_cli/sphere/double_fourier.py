@@ -140,12 +140,8 @@ def places_by_m(count: int) -> tuple[Indices, Indices, Indices]:
 
     The first `count` of them have m = 0.
 
-    Returns
-    -------
-    place : ndarray
-        The index of [m, l - m] in a table of `count` rows and columns.
-    cosine, sine : ndarray
-        The linear indices of (l, m) and of (l, -m).
+    Returns `place`, the index of [m, l - m] in a table of `count` rows and columns; and `cosine`,
+    `sine`, the linear indices of (l, m) and of (l, -m).
     """
     return _known_places.get(count, lambda: _make_places(count))
 

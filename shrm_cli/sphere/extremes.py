@@ -80,12 +80,8 @@ def lowest(series: Array) -> tuple[Array, Array]:
     series : ndarray, shape ((order+1)^2, maps)
         Each column is a series, index l(l+1)+m.
 
-    Returns
-    -------
-    directions : ndarray, shape (maps, 3)
-        Unit directions of the minima.
-    values : ndarray, shape (maps,)
-        The minima.
+    Returns `directions` of shape (maps, 3), unit directions of the minima; and `values` of shape
+    (maps,), the minima.
     """
     order, size = order_of(len(series)), _dense_size(series)
     texels = cube_directions(size).reshape(-1, 3)

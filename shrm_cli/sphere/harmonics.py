@@ -46,10 +46,7 @@ def legendre_degrees(
     sine : array_like, optional
         Sines of the polar angle, for callers who know them better than z tells, as beside poles.
 
-    Yields
-    ------
-    l : int
-    values : ndarray, shape (min(l, max_m) + 1, *z.shape)
+    Yields `l` and `values` of shape (min(l, max_m) + 1, *z.shape).
     """
     z = np.asarray(z, dtype=float)
     last = order if max_m is None else max_m

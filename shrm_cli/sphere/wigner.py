@@ -30,11 +30,8 @@ def small_d_degrees(
     max_spin : int, optional
         Keep only the columns ``|n| <= max_spin``; all of them by default.
 
-    Yields
-    ------
-    l : int
-    d : ndarray, shape (2l+1, 2 min(l, max_spin) + 1, *theta.shape)
-        ``d[m + l, n + min(l, max_spin)] = d^l_mn(theta)``.
+    Yields `l`; and `d` of shape (2l+1, 2 min(l, max_spin) + 1, *theta.shape), ``d[m + l, n + min(l,
+    max_spin)] = d^l_mn(theta)``.
 
     References
     ----------

@@ -175,11 +175,8 @@ def surface_nets(field: Field, box: Array, cells: int) -> tuple[Array, NDArray[n
     cells : int
         Cells along the longest edge of the box.
 
-    Returns
-    -------
-    vertices : ndarray, shape (n, 3)
-    faces : ndarray of int64, shape (m, 3)
-        Counter-clockwise, seen from where the function is positive.
+    Returns `vertices` of shape (n, 3); and `faces` of shape (m, 3), counter-clockwise, seen from
+    where the function is positive.
 
     References
     ----------

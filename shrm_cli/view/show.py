@@ -135,13 +135,8 @@ def _as_beside(
 
     The anisotropy is that of the surface, too, where all of them can be shown with one.
 
-    Returns
-    -------
-    start : Start
-        With the roughness, f0 and anisotropy of the first map of plain GGX, where a map beside it
-        needs them.
-    told : list of str
-        A line that says so.
+    Returns `start`, with the roughness, f0 and anisotropy of the first map of plain GGX, where a
+    map beside it needs them; and `told`, a line that says so.
     """
     lights = [each for each in opened if isinstance(each, LightMap)]
     if not lights:

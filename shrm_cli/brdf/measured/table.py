@@ -253,12 +253,8 @@ Stored = tuple[Array, tuple[Array, ...], TableSettings]
 def read_table(path: str | os.PathLike[str]) -> Stored:
     """Read a table, OpenEXR or .npz, whatever its name ends with.
 
-    Returns
-    -------
-    values : ndarray, shape (theta_h, theta_d, phi_d, 1 or 3)
-    axes : tuple of three ndarray
-        The angles of the values, radians.
-    settings : TableSettings
+    Returns `values` of shape (theta_h, theta_d, phi_d, 1 or 3); `axes`, the angles of the values,
+    radians; and `settings`.
 
     Raises BrdfError if the file is missing or damaged, or holds something else.
     """

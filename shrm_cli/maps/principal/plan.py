@@ -202,12 +202,7 @@ class Planner:
 
         It is the BRDF's own energy, as for SHRMs, and not that of the reflected light.
 
-        Returns
-        -------
-        counts : Counts
-        order_f : int
-        captured : float
-            The part of the energy that both capture.
+        Returns `counts`; `order_f`; and `captured`, the part of the energy that both capture.
         """
         total = max(self.spectrum.total_energy, 1e-300)
         goal = (1 - eps) * total

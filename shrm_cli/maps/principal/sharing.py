@@ -123,11 +123,7 @@ class Sharing:
         size : int, optional
             Texels along a face's edge, where they are given.
 
-        Returns
-        -------
-        joint : Joint
-        is_met : bool
-            Whether its error is at most the one that was asked for.
+        Returns `joint`; and `is_met`, whether its error is at most the one that was asked for.
 
         Raises ArgumentError if no map fits.
         """

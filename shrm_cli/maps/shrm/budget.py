@@ -109,11 +109,8 @@ def affordable(
 
     `most` is the largest P in any case.
 
-    Returns
-    -------
-    choice : Choice
-    coefficients : BrdfCoefficients
-        The coefficients of the BRDF, to at least the orders of the choice.
+    Returns `choice`; and `coefficients`, the coefficients of the BRDF, to at least the orders of
+    the choice.
 
     Raises ArgumentError if no map fits. Raises OrderError, BrdfError or ProbeError if the tolerance
     is none, or the BRDF or the probe cannot be used.

@@ -134,11 +134,8 @@ def expand(
     form : Form
         What the map holds that the SHRM is made for. Both have to fit into the bytes.
 
-    Returns
-    -------
-    expansion : Expansion
-    warnings : tuple of str
-        What the map misses of the tolerance, and BRDFs that were not sampled finely enough.
+    Returns `expansion`; and `warnings`, what the map misses of the tolerance, and BRDFs that were
+    not sampled finely enough.
     """
     brdf, order_f, order_p, size = request.brdf, request.order_f, request.order_p, request.size
     allowed, is_free, is_sized = request.allowed, request.is_free, size is not None

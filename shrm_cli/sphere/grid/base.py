@@ -144,12 +144,8 @@ class Grid(ABC):
     def coordinates(self, directions: Array) -> tuple[Indices, Array, Array]:
         """Where `pixels` looks for directions of any length, shape (..., 3).
 
-        Returns
-        -------
-        face : ndarray of int, shape (...)
-            Which of the `faces` that are stacked in the image.
-        across, down : ndarray, shape (...)
-            Positions on it.
+        Returns `face` of shape (...), which of the `faces` that are stacked in the image; and
+        `across`, `down` of shape (...), positions on it.
         """
 
     def pixels(self, directions: Array) -> tuple[Indices, Indices]:
@@ -192,12 +188,8 @@ class Grid(ABC):
     def area_ratios(self) -> tuple[Array, Array] | None:
         """How the rows' weights differ from solid angles; None where they are solid angles.
 
-        Returns
-        -------
-        ratios : ndarray, shape (rows,)
-            Solid angle over weight, less 1.
-        areas : ndarray, shape (rows,)
-            Solid angles of whole rows, sr.
+        Returns `ratios` of shape (rows,), solid angle over weight, less 1; and `areas` of shape
+        (rows,), solid angles of whole rows, sr.
         """
         return None
 

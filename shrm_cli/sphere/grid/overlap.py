@@ -30,12 +30,8 @@ def turn_about_axis(matrix: Array, width: int, sampling: Sampling) -> tuple[floa
     sampling : {"center", "border"}
         Of the source.
 
-    Returns
-    -------
-    offset : float
-        The column, not rounded, of the source where the target begins.
-    backwards : bool
-        Whether the columns of the target go the other way.
+    Returns `offset`, the column, not rounded, of the source where the target begins; and
+    `backwards`, whether the columns of the target go the other way.
 
     None is returned instead if the matrix moves the axis.
     """
