@@ -22,10 +22,7 @@ _START = 1e-5
 class Rays:
     """Asks what rays meet of a mesh.
 
-    Raises
-    ------
-    MeshError
-        If embreex is not installed.
+    Raises MeshError if embreex is not installed.
     """
 
     def __init__(self, mesh: Mesh) -> None:

@@ -145,10 +145,7 @@ class HarmonicLight:
 class Shaded(ReflectedLight):
     """A GGX surface under the light of a map.
 
-    Raises
-    ------
-    MapError
-        If a value is out of range.
+    Raises MapError if a value is out of range.
     """
 
     light: LightMap

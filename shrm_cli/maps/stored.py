@@ -84,10 +84,7 @@ def store(
 class Arrangement:
     """How the planes of a file are laid out.
 
-    Raises
-    ------
-    MapError
-        If maps are not laid out so.
+    Raises MapError if maps are not laid out so.
     """
 
     layout: Layout = "openexr"

@@ -72,10 +72,7 @@ class MeshSubject:
     is_boxed : bool
         Whether light is looked up where rays meet the boxes that maps know of.
 
-    Raises
-    ------
-    MeshError
-        If embreex is not installed.
+    Raises MeshError if embreex is not installed.
     """
 
     def __init__(self, stage: Stage, lens: Lens, aim: Aim, is_boxed: bool = True) -> None:

@@ -89,10 +89,7 @@ class Paint:
     normal_set : int
         The set of texture coordinates of its normal map; -1 without any.
 
-    Raises
-    ------
-    MeshError
-        If a texture cannot be read, or lies over coordinates that the mesh lacks.
+    Raises MeshError if a texture cannot be read, or lies over coordinates that the mesh lacks.
     """
 
     def __init__(

@@ -70,10 +70,7 @@ class Plan:
     texture : int, optional
         Texels along the edge of a texture for which is baked, in place of the vertices.
 
-    Raises
-    ------
-    ArgumentError
-        If an option has a value that it cannot have.
+    Raises ArgumentError if an option has a value that it cannot have.
     """
 
     mesh: "Mesh"

@@ -35,10 +35,7 @@ class Facts:
 class Transfer:
     """Precomputed radiance transfer of a mesh, for light of any coefficients.
 
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit each other.
+    Raises ValueError if the shapes do not fit each other.
     """
 
     vectors: Array

@@ -259,10 +259,7 @@ class DirectionalAlbedo:
     roughness : float
         Perceptual, in 0 .. 1.
 
-    Raises
-    ------
-    MapError
-        If the roughness is outside 0 .. 1.
+    Raises MapError if the roughness is outside 0 .. 1.
     """
 
     def __init__(self, roughness: float) -> None:

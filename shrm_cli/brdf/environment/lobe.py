@@ -77,11 +77,8 @@ class MaterialLobe(NormalLobe):
 
     It is the mean of the lobes of the three channels: one lobe for all of them.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF is anisotropic, lies about a tangent or reflects light from below the surface,
-        or if what it reflects along the normal is nothing, or not finite.
+    Raises BrdfError if the BRDF is anisotropic, lies about a tangent or reflects light from below
+    the surface, or if what it reflects along the normal is nothing, or not finite.
     """
 
     def __init__(self, material: Brdf) -> None:

@@ -86,10 +86,7 @@ LANGUAGES = tuple(_WORDS)
 class Language:
     """A language that code is written in.
 
-    Raises
-    ------
-    MapError
-        If there is no such language.
+    Raises MapError if there is no such language.
     """
 
     name: str
