@@ -279,9 +279,10 @@ SHARED = {
         Option(
             "sun",
             "split: take the lamps out, as shrm sun does. The map is of what is left, and they are "
-            "beside it, integrated where it is used.",
+            "beside it, integrated where it is used. keep: leave them in.  [default: keep; auto "
+            "splits where no map keeps what is asked]",
             "choice",
-            choices=("split",),
+            choices=("split", "keep"),
         ),
     )
 }
