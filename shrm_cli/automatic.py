@@ -2,7 +2,8 @@
 
 What is asked is what is seen: few pixels may be wrong, the light's RMS error is small, and nothing
 visible is negative. An SHRM is made wherever it keeps that in few bytes, because its shader is the
-simplest; a map of principal functions otherwise, which keeps it in the fewest bytes of all.
+simplest; a map of principal functions otherwise, which keeps it in the fewest bytes of all. What no
+map keeps are lamps in sharp lobes, which then go beside the map, as discs.
 """
 
 from dataclasses import replace
@@ -23,7 +24,7 @@ from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
-from shrm_cli.vocabulary import NEGATIVE_SHARE
+from shrm_cli.vocabulary import COARSE_ROWS, NEGATIVE_SHARE
 
 _FORM = "form"
 """The heading of the note that says which form was taken and why."""
@@ -38,7 +39,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         With a note that says which form was taken and why. Where no form keeps what is asked for,
         the best one, and a warning that says by how much and what would.
     """
-    asked = _Asked(Projection(shared(probe)), request)
+    asked = _Asked.of(probe, request)
     return asked.made_of_single_cubes() or asked.of_functions()
 
 
@@ -47,13 +48,13 @@ def automatic_choice(probe: Probe, request: Request) -> str:
 
     It leaves out whether the map would be negative anywhere, for which one of more bytes is made.
     """
-    from shrm_cli.adaptive import fine_beside  # which most runs do not need
-
-    asked = _Asked(Projection(shared(fine_beside(probe, request.brdf))), request)
+    asked = _Asked.of(probe, request)
     best = asked.of_single_cubes()
     if best is None:
         tried, is_kept = first_kept(asked.proposals.candidate, asked.goal)
         best = tried[-1] if is_kept else least_wrong(tried, asked.goal)
+        if not is_kept and (apart := asked.of_lamps_apart(best)) is not None:
+            best = apart
         best = (asked.simple_shrm(best) if is_kept else None) or best
     return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
@@ -62,8 +63,20 @@ def automatic_choice(probe: Probe, request: Request) -> str:
 class _Asked:
     """What is asked for, the light, and the maps that could be made."""
 
+    probe: Probe
     light: Projection
+    """That of the probe, of pixels that are small beside the lobe."""
     request: Request
+
+    @classmethod
+    def of(cls, probe: Probe, request: Request) -> "_Asked":
+        """Return what is asked for of a probe."""
+        fine = probe
+        if probe.grid.resolution < COARSE_ROWS:
+            from shrm_cli.adaptive import fine_beside  # which most runs do not need
+
+            fine = fine_beside(probe, request.brdf)
+        return cls(probe, Projection(shared(fine)), request)
 
     @cached_property
     def goal(self) -> Goal:
@@ -93,10 +106,52 @@ class _Asked:
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
         most = self.request.allowed
-        made = kept_or_best(self.proposals.candidate, self.goal, most, self._made_simple)
+        ways = self._made_simple, self.made_of_lamps_apart
+        made = kept_or_best(self.proposals.candidate, self.goal, most, *ways)
         if _FORM in dict(made.notes):
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
+
+    def of_lamps_apart(self, whole: Candidate[Prefiltered]) -> Candidate[Prefiltered] | None:
+        """Make the map of the light without its lamps, with these beside it, where that is better.
+
+        Discs need no bytes, and are as sharp as the lobe. But a program that knows nothing of them
+        shows no lamps at all, so that they have to be worth it.
+
+        Parameters
+        ----------
+        whole : Candidate
+            The best map of all light, which misses what is asked for.
+        """
+        if self.request.sun is not None:
+            return None
+        from shrm_cli.lights.beside import split_for, with_lamps
+        from shrm_cli.maps.lamps.shader import has_code
+
+        if not has_code(self.request.brdf):  # shaders and pages could not show the map
+            return None
+        beside = split_for(self.probe, self.request.brdf)
+        if not beside.split.discs:
+            return None
+        rest = prefilter(beside.split.residual_probe, replace(self.request, sun="split"))
+        found = as_candidate(with_lamps(rest, beside, self.request.brdf), beside.error)
+        is_small = found.bytes <= policy.WORTH_LAMPS * whole.bytes
+        is_better = is_small and found.badness(self.goal) < whole.badness(self.goal)
+        return found if is_better or found.keeps(self.goal) else None
+
+    def made_of_lamps_apart(self, whole: Candidate[Prefiltered]) -> Prefiltered | None:
+        """Make that map, if there is one, and say what one with the lamps in it would be."""
+        found = self.of_lamps_apart(whole)
+        if found is None:
+            return None
+        made = found.make()
+        notes = dict(made.notes)
+        form, _, _ = notes.pop(_FORM).partition(":")
+        why = (
+            f"{form}, lamps beside it: with them in the map (`sun` keep) it would have "
+            f"{whole.errors_text} in {bytes_text(whole.bytes)}"
+        )
+        return _noted(examined(replace(judged(made, found), notes=tuple(notes.items()))), why)
 
     @cached_property
     def proposals(self) -> Proposals:

@@ -94,11 +94,12 @@ def prefilter(
         The most bytes that the cubes of a map for a BRDF take in half precision, as a number or
         as text such as ``"32MB"``; `vocabulary.DEFAULT_MAX_SIZE` by default. Where they are too
         few for the orders that `eps` asks for, the best map within them is made.
-    sun : {"split"}, optional
+    sun : {"split", "keep"}, optional
         Take the lamps out of the light as `shrm_cli.lights.split.split_lamps` does, and make the
         map of what is left. They are kept beside it as discs, whose reflection `radiance` adds.
         What is asked of the map is asked of what is left; the errors that it states are relative
-        to all of the reflected light.
+        to all of the reflected light. ``keep`` leaves them in the map. By default ``auto`` takes
+        them out where no map keeps what is asked otherwise, and other forms keep them.
     progress : callable, optional
         Called with the amount of work done and the amount in all. What is done never falls.
     **own
@@ -167,7 +168,7 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
 
         probe = shared(probe)
     # Maps for a BRDF take one attempt after another at its coefficients.
-    is_rising = needs_brdf and (request.domain != "angular" or request.sun is not None)
+    is_rising = needs_brdf and (request.domain != "angular" or request.splits)
     work = Rising(progress) if is_rising else progress
     with using(work):
         light, lamps = _split(probe, request)
@@ -183,7 +184,7 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
 
 def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:
     """Return the light that the map is made of, and the lamps if they are to be beside it."""
-    if request.sun is None:
+    if not request.splits:
         return probe, None
     from shrm_cli.lights.beside import split_for
 
@@ -196,6 +197,8 @@ def _fine(probe: Probe, request: Request) -> Probe:
 
     Forms without cubes hold few degrees of the light, of which the middles of pixels tell enough.
     """
+    if request.to == AUTO:  # it looks at lamps of the probe as it is, and cuts pixels by itself
+        return probe
     described = registry.description(request.to)
     has_cubes = described.needs_brdf and "size" in described.takes
     if probe.grid.resolution >= COARSE_ROWS or request.domain == "angular" or not has_cubes:

@@ -5,6 +5,7 @@ import pytest
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import prefiltered
+from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal import proposal as principal_proposal
 from shrm_cli.maps.shrm import proposal
@@ -71,6 +72,11 @@ def texels(map_):
     return map_.summary()["maps"] * map_.size**2
 
 
+def stored_size(map_):
+    """The bytes of the cubes in half precision."""
+    return 6 * 6 * map_.cube_count * map_.size**2
+
+
 def stated_error(map_):
     return total_error(map_.info.predicted_error, map_.info.filter_error)
 
@@ -135,12 +141,79 @@ def test_less_is_asked_and_fewer_bytes_are_made(probe):
 def test_where_nothing_holds_the_line_says_what_would(pixels):
     sun = pixels.copy()
     sun[8, 20] = 1e6
-    found = made(Probe.from_array(sun), brdf="ggx:roughness=0.1,f0=0.04", max_size=200_000)
+    asked = {"brdf": "ggx:roughness=0.1,f0=0.04", "max_size": 200_000}
+    found = made(Probe.from_array(sun), **asked, sun="keep")
     (line,) = [each for each in found.warnings if each.startswith("no map keeps")]
     assert "in 200 kB" in line
     assert "shrm sun" in line
     assert "raise `max_size`" in line
     assert f"{100 * stated_error(found.map):.2g}%" in line
+
+
+@pytest.fixture(scope="module")
+def bare_sun():
+    """A grey sky with a sun of half a degree, as sharp as pixels of 1.4 degrees show it."""
+    found = np.full((128, 256, 3), 0.5, np.float32)
+    found[30, 40] = 2e4
+    return Probe.from_array(found)
+
+
+COAT = "0.1*ggx:roughness=0.1,f0=0.5+0.9*lambertian"
+
+
+def test_lamps_go_beside_the_map_where_it_cannot_keep_them(bare_sun):
+    """In what code of shaders tells of all, and so fewer bytes keep what is asked."""
+    apart, kept = (made(bare_sun, brdf=COAT, sun=sun, max_size="2MB") for sun in (None, "keep"))
+    assert isinstance(apart.map, LampMap)
+    assert not isinstance(kept.map, LampMap)
+    assert (
+        np.hypot(stated_error(apart.map), apart.map.error) <= policy.ERROR < stated_error(kept.map)
+    )
+    assert texels(apart.map) < texels(kept.map) / 10
+    why = dict(apart.notes)["form"]
+    assert "lamps beside it" in why
+    assert f"(`sun` keep) it would have {100 * stated_error(kept.map):.2g}% RMS error" in why
+    assert [heading for heading, _ in apart.notes].count("form") == 1
+    assert not any("no map keeps" in line for line in apart.warnings)
+    assert apart.map.info.options["to"] == "auto"
+    assert "sun" not in apart.map.info.options  # whoever asks for the same gets the same
+    assert apart.further["negative_share"]() == 0
+
+
+def test_lamps_stay_in_maps_that_keep_them_and_where_code_has_none(bare_sun):
+    assert not isinstance(made(bare_sun, brdf="lambertian").map, LampMap)
+    assert not isinstance(made(bare_sun, brdf="ggx:roughness=0.7").map, LampMap)
+    found = made(bare_sun, brdf="coated:roughness=0.15", max_size="100kB")
+    assert not isinstance(found.map, LampMap)
+    assert any("`sun` split" in line for line in found.warnings)
+
+
+def test_lamps_beside_a_map_that_keeps_too_little_have_to_spare_bytes(rng, monkeypatch):
+    """Between leaves, which no map of some kilobytes shows."""
+    leaves = rng.uniform(0.2, 0.8, (128, 256, 3)).astype(np.float32)
+    leaves[30, 40] = 2e4
+    light, asked = Probe.from_array(leaves), {"brdf": "ggx:roughness=0.3", "max_size": "20kB"}
+    asked |= {"error": 3e-4, "seen": 1e-3}
+    apart, kept = (made(light, **asked, sun=sun) for sun in ("split", "keep"))
+    share = stored_size(apart.map) / stored_size(kept.map)
+    for worth, is_apart in ((1.01 * share, True), (0.99 * share, False)):
+        monkeypatch.setattr(policy, "WORTH_LAMPS", worth)
+        found = made(light, **asked)
+        assert isinstance(found.map, LampMap) == is_apart
+        assert any("no map keeps" in line for line in found.warnings)
+
+
+def test_dark_maps_are_made_without_lamps_too(bare_sun, monkeypatch):
+    """Where all that keep the error are negative beside the lamp."""
+    asked = {"brdf": "ggx:roughness=0.5", "error": 0.3, "seen": 0.9}
+    assert not isinstance(made(bare_sun, **asked).map, LampMap)
+    counted = prefiltered.negative_share
+
+    def dark(map_):
+        return counted(map_) if isinstance(map_, LampMap) else 0.3
+
+    monkeypatch.setattr(prefiltered, "negative_share", dark)
+    assert isinstance(made(bare_sun, **asked).map, LampMap)
 
 
 def test_dark_places_are_given_more(probe, monkeypatch):
@@ -154,7 +227,7 @@ def test_dark_places_are_given_more(probe, monkeypatch):
 
     monkeypatch.setattr(prefiltered, "negative_share", share)
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
-    found = made(probe, brdf=MICROFACET).map
+    found = made(probe, brdf=MICROFACET, sun="keep").map
     assert len(asked) == policy.TRIED_DARK
     assert asked == sorted(asked)
     assert texels(found) == asked[1]
@@ -188,7 +261,7 @@ def test_pixels_are_read_once(probe, monkeypatch):
     """The SHRM of single cubes misses what is asked here, and principal functions are made."""
     rows = counting(monkeypatch, type(probe.images[0]), "read")
     sharp = "phong:exponent=2000"
-    found = made(probe, brdf=sharp, error=0.002)
+    found = made(probe, brdf=sharp, error=0.002, sun="keep")
     assert found.map.representation == "principal"
     # Its pixels are cut for so sharp a lobe, and those of 128 rows are read once, too.
     assert sum(stop - start for _, start, stop in rows) == probe.height + COARSE_ROWS

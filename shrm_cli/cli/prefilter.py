@@ -24,6 +24,7 @@ from shrm_cli.cli.types import BOX, VECTOR, Named
 from shrm_cli.cli.usage import (
     Applies,
     check_outputs,
+    flags,
     force_option,
     given_options,
     is_quiet,
@@ -242,5 +243,5 @@ def _report(made: Prefiltered, result: dict[str, Any]) -> list[str]:
     stored = [result["precision"], f"{result['bytes']:,} bytes"]
     if result["storage_error"] >= 5e-4:
         lines.append(f"and            {result['storage_error']:.2%} from half precision")
-    lines += [f"{heading:<15}{text}" for heading, text in made.notes]
+    lines += [f"{heading:<15}{flags(text)}" for heading, text in made.notes]
     return [f"{result['file']}: {what}, {', '.join(stored)}", *(f"  {line}" for line in lines)]

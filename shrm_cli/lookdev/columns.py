@@ -149,10 +149,14 @@ def make_column(
 
 
 def _made(probe: Probe, wanted: Wanted, spec: str, progress: Progress) -> Prefiltered:
-    """Make a map; with the lamps beside it where that is the better picture."""
+    """Make a map; with the lamps beside it where that is the better picture.
+
+    Here it matters nothing that shaders have no code for the lamps of some BRDFs.
+    """
     given = {**wanted.arguments, "brdf": spec}
     made = prefilter_with_facts(probe, wanted.to, given, progress)
-    if wanted.to != AUTO or parse_spec(spec).center == "tangent":  # discs are not of fibres
+    is_done = wanted.to != AUTO or isinstance(made.map, LampMap)
+    if is_done or parse_spec(spec).center == "tangent":  # discs are not of fibres
         return made
     goal = Goal.of(wanted.arguments.get("error"), wanted.arguments.get("seen"))
     found = as_candidate(made)

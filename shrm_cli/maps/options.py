@@ -242,9 +242,10 @@ SHARED = {
             help="Where the edge texels of the map lie.",
         ),
         Option(
-            "sun", kind="choice", choices=("split",),
+            "sun", kind="choice", choices=("split", "keep"),
             help="split: take the lamps out, as shrm sun does. The map is of what is left, and "
-            "they are beside it, integrated where it is used.",
+            "they are beside it, integrated where it is used. keep: leave them in.  "
+            "[default: keep; auto splits where no map keeps what is asked]",
         ),
     )
 }  # fmt: skip

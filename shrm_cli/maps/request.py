@@ -96,6 +96,11 @@ class Request:
         return cls(to, cast(Brdf, brdf), **shared, own=own, given=given)
 
     @property
+    def splits(self) -> bool:
+        """Whether the lamps are to be beside the map."""
+        return self.sun == "split"
+
+    @property
     def is_free(self) -> bool:
         """Whether both orders are chosen, because neither is given."""
         return self.order_f is None and self.order_p is None

@@ -35,6 +35,7 @@ def kept_or_best(
     goal: Goal,
     max_size: int,
     instead: Callable[[Candidate[Prefiltered]], Prefiltered | None] = lambda kept: None,
+    otherwise: Callable[[Candidate[Prefiltered]], Prefiltered | None] = lambda best: None,
 ) -> Prefiltered:
     """Make the map of the fewest bytes that keeps a goal, and shows nothing negative.
 
@@ -46,6 +47,9 @@ def kept_or_best(
         The most bytes, for the warning.
     instead : callable
         Called with the first candidate that keeps the goal; may return the map of another form.
+    otherwise : callable
+        Called with the best candidate where none keeps the goal, or all are negative somewhere;
+        may return a map that is better.
 
     Returns
     -------
@@ -54,7 +58,7 @@ def kept_or_best(
         much, and what would keep it. Where all are negative somewhere, the least dark one.
     """
     tried: list[Candidate[Prefiltered]] = []
-    dark: list[tuple[float, Prefiltered]] = []
+    dark: list[tuple[float, Candidate[Prefiltered], Prefiltered]] = []
     for candidate in rising(propose, goal):
         tried.append(candidate)
         if not candidate.keeps(goal):
@@ -66,13 +70,18 @@ def kept_or_best(
         share = made.further["negative_share"]()
         if share <= NEGATIVE_SHARE:
             return made
-        dark.append((share, made))
+        dark.append((share, candidate, made))
         if len(dark) == policy.TRIED_DARK:
             break
     if dark:  # what else is asked is kept; the warning about negative light tells the rest
-        least = policy.MISSED * min(share for share, _ in dark)
-        return next(made for share, made in dark if share <= least)
+        least = policy.MISSED * min(share for share, *_ in dark)
+        best, made = next((each, made) for share, each, made in dark if share <= least)
+        other = otherwise(best)
+        is_bright = other is not None and other.further["negative_share"]() <= NEGATIVE_SHARE
+        return other if other is not None and is_bright else made
     best = least_wrong(tried, goal)
+    if (other := otherwise(best)) is not None:
+        return other
     made = judged(best.make(), best)
     return replace(made, warnings=(*made.warnings, _missed(best, goal, max_size)))
 

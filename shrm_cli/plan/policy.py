@@ -51,6 +51,11 @@ size to be looked at. With 1.3 the search is wrong three times, and looks at 24 
 TRIES = 3
 """How often forms are sought that keep an error with their tables, whose error searches leave out:
 the error that is asked for falls each time by how much it was missed."""
+WORTH_LAMPS = 0.5
+"""Where no map keeps what is asked, lamps are put beside one that does, or that misses less in at
+most this part of the bytes. Plastic at night misses 5.15 % (RMS) so, in 18 kB, and 8.4 % in 18.7 MB
+with the lamps in the map. Soft boxes in a coat of roughness .1 miss about as much as discs, in half
+of the bytes, and stay what they are: programs that know no lamps beside a map show none at all."""
 MISSED = 1.1
 """How many times the least share of wrong pixels a smaller map may have, where no map keeps what is
 asked: the last megabytes of a lamp in a sharp lobe change little that is seen."""

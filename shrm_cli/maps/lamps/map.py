@@ -131,6 +131,11 @@ class LampMap(ReflectionMap):
         own = replace(self.map.info, chromaticities=info.chromaticities, options=info.options)
         return replace(self, map=self.map.with_planes(planes, sampling, own))
 
+    def with_info(self, info: MapInfo) -> LampMap:
+        """Return it with another record of the options; the errors stay those of the map within."""
+        own = replace(self.map.info, options=info.options)
+        return replace(self, map=self.map.with_info(own))
+
     def summary(self) -> dict[str, Any]:
         """Return what the map within says, errors relative to all light, and the lamps."""
         of_map = self.map.summary()

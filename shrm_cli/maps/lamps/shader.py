@@ -243,6 +243,11 @@ def _rows(first: Array, second: Array) -> Array:
     return np.stack([first, second, 0 * first], axis=-1)
 
 
+def has_code(brdf: Brdf) -> bool:
+    """Tell whether there is code of what a BRDF reflects of lamps."""
+    return all(term.name in _MODELS for _, term in weighted_terms(brdf))
+
+
 def _brdf(brdf: Brdf, language: Language) -> tuple[list[str], str]:
     """Write the functions of the terms, and their sum for a light l and the view v.
 
