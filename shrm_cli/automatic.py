@@ -47,9 +47,9 @@ def automatic_choice(probe: Probe, request: Request) -> str:
 
     It leaves out whether the map would be negative anywhere, for which one of more bytes is made.
     """
-    from shrm_cli.adaptive import fine_beside  # which most runs do not need
+    from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 
-    asked = _Asked(Projection(shared(fine_beside(probe, request.brdf))), request)
+    asked = _Asked(Projection(shared(fine_probe(probe))), request)
     best = asked.of_single_cubes()
     if best is None:
         tried, is_kept = first_kept(asked.proposals.candidate, asked.goal)
