@@ -282,6 +282,11 @@ def split_material(brdf: Brdf | None) -> Brdf | None:
     return brdf
 
 
+def check_brdf(brdf: Brdf) -> None:
+    """Refuse a BRDF that no split sum is of; see `split_material`."""
+    split_material(brdf)
+
+
 def level_lobe(
     roughness: float, error: float, rows: int, largest: int, material: Brdf | None = None
 ) -> LevelLobe | None:
