@@ -65,7 +65,7 @@ class _Asked:
 
     probe: Probe
     light: Projection
-    """That of the probe, of pixels that are small beside the lobe."""
+    """That of the probe, whose pixels are cut where they are large."""
     request: Request
 
     @classmethod
@@ -73,9 +73,9 @@ class _Asked:
         """Return what is asked for of a probe."""
         fine = probe
         if probe.grid.resolution < COARSE_ROWS:
-            from shrm_cli.adaptive import fine_beside  # which most runs do not need
+            from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 
-            fine = fine_beside(probe, request.brdf)
+            fine = fine_probe(probe)
         return cls(probe, Projection(shared(fine)), request)
 
     @cached_property

@@ -193,7 +193,7 @@ def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:
 
 
 def _fine(probe: Probe, request: Request) -> Probe:
-    """Return light whose pixels are small beside the lobe of a BRDF, where cubes show it.
+    """Return light whose pixels are small, where cubes show it.
 
     Forms without cubes hold few degrees of the light, of which the middles of pixels tell enough.
     """
@@ -203,9 +203,9 @@ def _fine(probe: Probe, request: Request) -> Probe:
     has_cubes = described.needs_brdf and "size" in described.takes
     if probe.grid.resolution >= COARSE_ROWS or request.domain == "angular" or not has_cubes:
         return probe
-    from shrm_cli.adaptive import fine_beside  # which most runs do not need
+    from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 
-    return fine_beside(probe, request.brdf)
+    return fine_probe(probe)
 
 
 def _finished(made: Prefiltered, probe: Probe, lamps: "Beside | None", brdf: Brdf) -> Prefiltered:

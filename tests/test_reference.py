@@ -138,9 +138,9 @@ def test_coloured_brdf_about_the_normal_without_a_horizon(probe, lights, pairs):
         np.sum(coloured(normal, view, directions) * light, axis=0)
         for normal, view in zip(normals, views, strict=True)
     ]
-    found = Reference(probe, Coloured()).radiance(normals, views)
+    found = Reference(probe, Coloured(), exact=True).radiance(normals, views)
     np.testing.assert_allclose(found, expected, rtol=1e-5)
-    narrow = Reference(probe, Coloured(), tolerance=0.5, dtype=np.float64)
+    narrow = Reference(probe, Coloured(), tolerance=0.5, dtype=np.float64, exact=True)
     expected = [
         np.sum(coloured(normal, view, directions) * light
                * (directions @ normal >= np.cos(narrow.angle))[:, None], axis=0)
@@ -157,7 +157,7 @@ def test_cuts_change_nothing(probe, pairs, monkeypatch, spec, tolerance):
     brdf = parse_spec(spec)
 
     def answers():
-        made = Reference(probe, brdf, tolerance=tolerance, dtype=np.float64)
+        made = Reference(probe, brdf, tolerance=tolerance, dtype=np.float64, exact=True)
         return made.radiance(normals, views), made.zonal_radiance(normals, 0.7)
 
     usual = answers()
@@ -196,7 +196,7 @@ def test_far_tiles_are_left_out(probe, pairs, monkeypatch):
 
 def test_threads_change_nothing_at_all(probe, pairs):
     _, views, normals = pairs
-    made = Reference(probe, parse_spec("microfacet:sigma=0.3"))
+    made = Reference(probe, parse_spec("microfacet:sigma=0.3"), exact=True)
     results = []
     for count in (1, 2, 5):
         with settings.using(threads=count):
@@ -207,7 +207,7 @@ def test_threads_change_nothing_at_all(probe, pairs):
 
 def test_shapes_are_broadcast(probe, pairs):
     _, views, normals = pairs
-    made = Reference(probe, parse_spec("microfacet:sigma=0.3"), dtype=np.float64)
+    made = Reference(probe, parse_spec("microfacet:sigma=0.3"), dtype=np.float64, exact=True)
     grid = made.radiance(normals[:6].reshape(2, 3, 1, 3), views[:4])
     assert grid.shape == (2, 3, 4, 3)
     single = made.radiance(normals[4], views[2])
@@ -239,7 +239,7 @@ def test_brush_marks_follow_the_tangents(probe, lights, pairs):
                 for tangent, normal, view in zip(tangents, normals, views, strict=True)
             ]
         )
-    made = Reference(probe, parse_spec("ward:ax=0.5,ay=0.2"), dtype=np.float64)
+    made = Reference(probe, parse_spec("ward:ax=0.5,ay=0.2"), dtype=np.float64, exact=True)
     found = made.brushed_radiance(normals, tangents, views)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     assert relative_rms(made.radiance(normals, views), expected) > 0.05
@@ -247,7 +247,7 @@ def test_brush_marks_follow_the_tangents(probe, lights, pairs):
 
 def test_fibres_run_along_the_tangents(probe, pairs):
     _, views, normals = pairs
-    made = Reference(probe, parse_spec("kajiya-kay"), dtype=np.float64)
+    made = Reference(probe, parse_spec("kajiya-kay"), dtype=np.float64, exact=True)
     tangents = np.cross(normals, [0.6, 0.0, 0.8])
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
     expected = made.central_radiance(tangents, views)
@@ -263,7 +263,7 @@ def test_zonal_radiance_is_the_mean_over_the_azimuth(
     """At 2.4 rad the horizon cuts into the microfacet lobe."""
     centers = pairs[0][:5]
     brdf = parse_spec(spec)
-    made = Reference(probe, brdf, tolerance=tolerance, dtype=np.float64)
+    made = Reference(probe, brdf, tolerance=tolerance, dtype=np.float64, exact=True)
     phi = 2 * np.pi * (np.arange(720) + 0.5) / 720
     expected = []
     for center in centers:
@@ -281,7 +281,7 @@ def test_zonal_radiance_of_a_coloured_brdf(probe, lights, pairs):
     """The means of L.V and (L.V)^2 over the azimuth are c c' and c^2 c'^2 + s^2 s'^2 / 2."""
     centers = pairs[0][:5]
     directions, light = lights
-    found = Reference(probe, Coloured(), dtype=np.float64).zonal_radiance(centers, 0.8)
+    found = Reference(probe, Coloured(), dtype=np.float64, exact=True).zonal_radiance(centers, 0.8)
     cosine = directions @ centers.T
     product = np.cos(0.8) * cosine
     square = product**2 + np.sin(0.8) ** 2 * (1 - cosine**2) / 2
@@ -331,7 +331,9 @@ def test_turned_and_mirrored_probes(probe, pairs, lights, mirror):
     expected = truth(
         brute_force.microfacet(0.2), reflections, views, (directions @ matrix.T, light)
     )
-    found = Reference(turned, parse_spec("microfacet:sigma=0.2")).radiance(normals, views)
+    found = Reference(turned, parse_spec("microfacet:sigma=0.2"), exact=True).radiance(
+        normals, views
+    )
     assert relative_rms(found, expected) < 1e-5
 
 
@@ -339,12 +341,12 @@ def test_reduced_source_is_the_averaged_probe(probe, image, pairs, tmp_path):
     _, views, normals = pairs
     brdf = parse_spec("microfacet:sigma=0.3")
     turned = open_probe(probe.paths[0], ReadOptions(yaw=25))
-    reduced = Reference(turned, brdf, source_height=12)
+    reduced = Reference(turned, brdf, source_height=12, exact=True)
     assert reduced.source.pixels == 12 * 24
     small = open_probe(write_exr(tmp_path / "small.exr", to_grid(turned, LatLong(12))))
-    expected = Reference(small, brdf).radiance(normals, views)
+    expected = Reference(small, brdf, exact=True).radiance(normals, views)
     np.testing.assert_allclose(reduced.radiance(normals, views), expected, rtol=1e-6)
-    whole = Reference(turned, brdf)
+    whole = Reference(turned, brdf, exact=True)
     assert whole.source.pixels == image.shape[0] * image.shape[1]
     assert 1e-3 < relative_rms(expected, whole.radiance(normals, views)) < 0.3
 

@@ -3,6 +3,7 @@
 It runs the command `shrm`, which may belong to another Python: Blender's own needs no packages.
 """
 
+import os
 import runpy
 import shlex
 import subprocess
@@ -11,6 +12,15 @@ from pathlib import Path
 import bpy
 
 PREVIEW = "shrm preview"
+
+
+def words_of(command):
+    """The words of a command, in which Windows' backslashes are parts of paths."""
+    found = shlex.shlex(command, posix=True)
+    found.whitespace_split, found.commenters = True, ""
+    if os.sep == "\\":
+        found.escape = ""
+    return list(found)
 
 
 class ShrmPreferences(bpy.types.AddonPreferences):
@@ -67,7 +77,7 @@ class _Job:
     def run(self, context, *arguments):
         """Run the command; RuntimeError has the line that says what is wrong."""
         command = context.preferences.addons[__package__].preferences.command
-        line = [*shlex.split(command), *map(str, arguments)]
+        line = [*words_of(command), *map(str, arguments)]
         done = subprocess.run(line, capture_output=True, text=True, encoding="utf-8")
         if done.returncode:
             said = (done.stderr.strip() or "shrm failed").splitlines()[-1]

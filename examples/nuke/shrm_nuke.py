@@ -57,9 +57,18 @@ def written(node):
     return target.as_posix()
 
 
+def words_of(command):
+    """The words of a command, in which Windows' backslashes are parts of paths."""
+    found = shlex.shlex(command, posix=True)
+    found.whitespace_split, found.commenters = True, ""
+    if os.sep == "\\":
+        found.escape = ""
+    return list(found)
+
+
 def run(node, *arguments):
     """Run the command; RuntimeError has the line that says what is wrong."""
-    line = [*shlex.split(node["command"].value()), *map(str, arguments)]
+    line = [*words_of(node["command"].value()), *map(str, arguments)]
     own = {name: each for name, each in os.environ.items() if name not in OF_PYTHON}
     try:
         done = subprocess.run(line, capture_output=True, text=True, encoding="utf-8", env=own)

@@ -10,7 +10,7 @@ from pathlib import PurePath
 from typing import Any
 
 from shrm_cli.batch.job import Chunk, Job, Recipe
-from shrm_cli.brdf.spec import named_files
+from shrm_cli.brdf.spec import named_files, names_file, parse_spec
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
 from shrm_cli.files.exr_header import holds_nothing, is_output
 from shrm_cli.files.remote import matching
@@ -94,6 +94,8 @@ class Entry:
         ArgumentError
             If a form is unknown or lacks a BRDF, or an argument has a value that it cannot have,
             or applies to none of the forms.
+        BrdfError
+            If there is no such BRDF, or a form is of no such BRDFs.
         """
         self._refuse_idle()
         found = []
@@ -102,12 +104,21 @@ class Entry:
                 found += self._exports()
                 continue
             given = self._arguments(to)
-            specs = self.brdfs if self._has_brdf(to) else (None,)
-            found += [
-                Recipe(to, spec, given, self.precision, self.runs_code)
-                for spec in dict.fromkeys(specs)
-            ]
+            specs = tuple(dict.fromkeys(self.brdfs)) if self._has_brdf(to) else (None,)
+            for spec in filter(None, specs):
+                self._check_brdf(to, spec)
+            found += [Recipe(to, spec, given, self.precision, self.runs_code) for spec in specs]
         return found
+
+    def _check_brdf(self, to: str, spec: str) -> None:
+        """Refuse a BRDF of which no probe has a map; those in files are left to the work."""
+        if names_file(spec) or named_files(spec):
+            return
+        brdf = parse_spec(spec, run_code=self.runs_code)
+        if not self._form(to).needs_brdf:  # others tell what they hold when they are made
+            check = getattr(registry.module(to, "prefilter"), "check_brdf", None)
+            if check is not None:
+                check(brdf)
 
     def _exports(self) -> list[Recipe]:
         """Return what is made of each probe for the engines."""

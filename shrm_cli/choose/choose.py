@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 
-from shrm_cli.adaptive import fine_beside
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose.forms import Forms, Known, PrincipalForms, ShrmForms
@@ -13,6 +12,7 @@ from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import parse_bytes
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Goal, Row, fewest_bytes
+from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
@@ -101,7 +101,7 @@ def _chosen(
     truth = Truth(probe, brdf, work)
     offers: list[Offer] = []
     missing: list[str] = []
-    light = Projection(shared(fine_beside(probe, brdf)))
+    light = Projection(shared(fine_probe(probe)))
     most = DEFAULT_MAX_SIZE if budget is None else min(budget, DEFAULT_MAX_SIZE)
     with using(work):
         held: list[Forms] = [principal := PrincipalForms(light, brdf)]

@@ -4,13 +4,14 @@ What only some conversions need is imported by these: most take less time than i
 """
 
 import os
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from shrm_cli.convert.made import Converted, ConvertedMap, ConvertedProbe, Layers
-from shrm_cli.errors import ArgumentError
+from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
@@ -170,10 +171,25 @@ def _of_map(
         return ConvertedMap(made, "openexr", orientation or default_orientation("openexr"), notes)
     if not found.cube_count:
         words = f"applies to maps with images; {name} holds coefficients and no images"
-        raise ArgumentError("to", f"{to} {words}")
+        raise ArgumentError("to", f"{to} {words}{_plain_instead(found, name, to)}")
+    if to == "latlong" and not found.is_rearrangeable:
+        raise MapError(f"{name}: {found.what} is no single image{_plain_instead(found, name, to)}")
     refuse_arguments(f"`to` {to}", **options)
     made = found.resampled(size, sampling)
     return ConvertedMap(made, to, orientation or default_orientation(to), notes)
+
+
+def _plain_instead(found: Map, name: str, to: str) -> str:
+    """Say what makes a lat-long of a map that is none itself, for the end of a message."""
+    from shrm_cli.maps.kinds import MaterialMap
+    from shrm_cli.maps.splitsum.mips import mip_chain
+
+    if to != "latlong" or isinstance(found, MaterialMap):
+        return ""
+    with suppress(MapError):
+        mip_chain(found, name)
+        return "; give `mips` for its levels as mip levels, or `view` for what a viewer sees"
+    return "; give `view` for what a viewer sees"
 
 
 def _of_probe(

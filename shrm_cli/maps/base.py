@@ -32,11 +32,12 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.records import Displayed
-from shrm_cli.sphere.directions import bisector
+from shrm_cli.sphere.directions import bisector, central_directions
 from shrm_cli.vocabulary import (
     DEFAULT_ROUGHNESS,
     DEFAULT_TAPS,
     MAX_CUBE_SIZE,
+    Center,
     Frame,
     Orientation,
     Precision,
@@ -477,3 +478,21 @@ class ReflectionMap(ReflectedLight, Map):
     def shaded(self, *surface: object, **named: object) -> Self:
         """Return the map itself, which is of a surface already."""
         return self
+
+
+class CentralMap(ReflectionMap):
+    """A map that is looked up by central directions; hair has them of its tangents."""
+
+    center: Center
+
+    @abstractmethod
+    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the radiance for central directions instead of normals; else as `radiance`."""
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        given = (np.asarray(each, dtype=float) for each in (normals, views))
+        return self.central_radiance(central_directions(self.center, *given), views)
+
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        given = (np.asarray(each, dtype=float) for each in (normals, views, tangents))
+        return self.central_radiance(central_directions(self.center, *given), views)

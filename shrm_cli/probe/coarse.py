@@ -1,8 +1,9 @@
-"""Coarse probes, whose pixels are larger than a lobe is wide, cut into smaller ones.
+"""Coarse probes, whose pixels are large beside lobes and horizons, cut into smaller ones.
 
 A lat-long of H rows has the degrees below H, whose waves its pixels can hold. Those of a narrow
 lobe go on, and light that ends where they do not is rings around a lamp, with black between them:
-of 32 x 16 pixels a map of GGX of roughness .3 had 95 % of wrong pixels. What a pixel says is that
+of 32 x 16 pixels a map of GGX of roughness .3 had 95 % of wrong pixels. Under wide lobes a lamp
+rises above the horizon all at once, where its pixel is a point. What a pixel says is that
 all of it is as bright; so it is cut into parts which are, and its edges have all degrees. Light
 that has no more degrees, as a smooth sky, is what its pixels' middles say, and is left alone.
 """
@@ -17,6 +18,7 @@ from shrm_cli.probe.lighting import project
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
+from shrm_cli.vocabulary import COARSE_ROWS
 
 _BEYOND = 1e-4
 """The part of the light's energy that may lie beyond the degrees of its pixels: 1 % as RMS."""
@@ -33,8 +35,8 @@ class _Parts(ArrayImage):
             yield from image.contents()
 
 
-def fine_probe(probe: Probe, rows: float) -> Probe:
-    """Return the same light in pixels as small as those of a lat-long of some rows.
+def fine_probe(probe: Probe) -> Probe:
+    """Return the same light in pixels as small as those of a lat-long of `COARSE_ROWS`.
 
     Returns
     -------
@@ -48,7 +50,7 @@ def fine_probe(probe: Probe, rows: float) -> Probe:
     ProbeError
         If the file is damaged, or has NaN or infinite pixels that are not to be filled.
     """
-    count = int(np.ceil(rows / probe.grid.resolution))
+    count = int(np.ceil(COARSE_ROWS / probe.grid.resolution))
     if count < 2 or probe.sampling != "center" or _is_sum(probe) or not _goes_on(probe):
         return probe
     pixels = probe.image().repeat(count, axis=0).repeat(count, axis=1)

@@ -8,6 +8,7 @@ import stat
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ MAX_PIXELS = 2**29
 
 if TYPE_CHECKING:
     from shrm_cli.probe.proxy import ProxyBox
+    from shrm_cli.probe.radiance_runs import OldRuns
 
 _FLOAT_FORMATS = ("half", "float", "double")
 MAX_TILE_PIXELS = 2**22
@@ -248,6 +250,8 @@ class ImageFile:
         begin, end = min(channels), max(channels) + 1
         if spec.tile_width:
             pixels = self._tile_rows(start, stop, begin, end)
+        elif self._repeated is not None:
+            pixels = self._repeated.read(start, stop)[..., begin:end]
         else:
             pixels = self._input.read_scanlines(
                 self.layer.index, 0, spec.y + start, spec.y + stop, spec.z, begin, end, oiio.FLOAT
@@ -259,6 +263,15 @@ class ImageFile:
         if chosen != list(range(pixels.shape[-1])):
             pixels = pixels[..., chosen]
         return self.encoding.linear(pixels)
+
+    @cached_property
+    def _repeated(self) -> "OldRuns | None":
+        """The pixels of a Radiance picture of the oldest run lengths."""
+        if self.file_format != "hdr":
+            return None
+        from shrm_cli.probe.radiance_runs import OldRuns
+
+        return OldRuns.of(self.path, self.width, self.height)
 
     def _tile_rows(self, start: int, stop: int, begin: int, end: int) -> Array | None:
         """Rows of a tiled image, (rows, width, channels); None where the file is damaged.

@@ -1,12 +1,13 @@
 """What batches make: products of probes, BRDFs and forms, and the names of their outputs."""
 
+import re
 import shutil
 
 import pytest
 
 from shrm_cli.batch.entry import Entry, checked, found_probes
 from shrm_cli.batch.job import by_probe, cut
-from shrm_cli.errors import ArgumentError, OutputError, ProbeError
+from shrm_cli.errors import ArgumentError, BrdfError, OutputError, ProbeError
 from tests.batch.helpers import write_probes
 from tests.cli.helpers import ROOT, done, run
 
@@ -166,3 +167,19 @@ def test_chunks_are_cut_for_workers(folder):
     assert [len(part.jobs) for part in parts] == [2, 1, 2, 1]
     assert [job for part in parts for job in part.jobs] == [j for c in chunks for j in c.jobs]
     assert [len(part.jobs) for part in cut(chunks, 100)] == [1] * 6
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("ggx:roughness=.6", "all roughnesses are made; leave roughness out"),
+        ("ggx:f0=0.04", "leave it out"),
+        ("ward:ax=0.1,ay=0.3", "a lobe that is the same all around"),
+        ("ggxx", "no BRDF is called 'ggxx'"),
+    ],
+)
+def test_a_brdf_of_which_no_probe_has_a_map_is_refused_before_the_work(spec, words):
+    with pytest.raises(BrdfError, match=re.escape(words)):
+        Entry(("a.exr", "b.exr"), (spec,), ("splitsum",)).recipes()
+    for others in ((), ("charlie",)):
+        assert Entry(("a.exr",), others, ("splitsum",)).recipes()

@@ -454,6 +454,8 @@ def test_what_engines_use_is_made_from_probes_alone(engines, target):
         ("splitsum", ["--to", "strip"], 1, "OpenEXR's cube only"),
         ("splitsum", ["--to", "hcross"], 1, "OpenEXR's cube only"),
         ("splitsum", ["--to", "openexr", "--to-orientation", "gl"], 1, "OpenEXR's cube only"),
+        ("splitsum", ["--to", "latlong"], 1, "no single image; give --view for what a viewer"),
+        ("she", ["--to", "latlong"], 2, "no images; give --view for what a viewer sees"),
         ("irradiance", ["--to", "angular"], 1, "angular"),
         ("she", ["--to", "openexr"], 2, "no images"),
         ("she", ["--to", "strip"], 2, "no images"),
@@ -498,6 +500,13 @@ def test_what_says_nothing_of_what_engines_use(engines, kind, arguments, code, w
     before = snapshot(engines)
     assert_refused(run("convert", f"probe.{kind}.exr", *arguments), code, words)
     assert snapshot(engines) == before
+
+
+def test_a_mip_chain_as_a_lat_long_is_asked_for_by_mips(engines):
+    done("prefilter", "probe.exr", "--to", "splitsum", "--mips", "-o", "chain.exr")
+    result = run("convert", "chain.exr", "--to", "latlong", "-o", "x.exr")
+    assert_refused(result, 1, "chain.exr: ", "give --mips for its levels", "or --view for")
+    done("convert", "chain.exr", "--to", "latlong", "--mips", "-o", "x.exr")
 
 
 def test_a_file_that_is_not_there_is_said_to_be_missing(folder):

@@ -4,6 +4,7 @@ Houdini itself is not at hand: a stand-in has the few of its functions that are 
 is a real one.
 """
 
+import os
 import shlex
 import sys
 from types import ModuleType, SimpleNamespace
@@ -188,3 +189,14 @@ def test_who_cancels_gets_nothing(hou, change):
         setattr(hou, name, value)
     hou.press()
     assert (hou.said, hou.objects.children) == ([], [])
+
+
+def test_backslashes_of_windows_are_parts_of_paths(hou, monkeypatch):
+    import shrm_houdini
+
+    command = r'"C:\Program Files\new\python.exe" -m shrm_cli \\server\tools'
+    monkeypatch.setattr(os, "sep", "\\")
+    found = shrm_houdini.words_of(command)
+    monkeypatch.undo()
+    assert found == [r"C:\Program Files\new\python.exe", "-m", "shrm_cli", r"\\server\tools"]
+    assert shrm_houdini.words_of(r"/my\ tools/shrm#2 --quiet") == ["/my tools/shrm#2", "--quiet"]

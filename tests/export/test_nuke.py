@@ -4,6 +4,7 @@ Nuke itself is not at hand: a stand-in has the few of its functions that are cal
 a real one.
 """
 
+import os
 import re
 import shlex
 import sys
@@ -294,3 +295,14 @@ def test_the_folder_holds_what_nuke_looks_for():
     names = {each.name for each in FOLDER.iterdir() if each.is_file()}
     assert names == {"menu.py", "shrm.gizmo", "shrm_nuke.py"}
     assert Path(FOLDER / "shrm.gizmo").read_bytes().isascii()
+
+
+def test_backslashes_of_windows_are_parts_of_paths(nuke, monkeypatch):
+    import shrm_nuke
+
+    command = r'"C:\Program Files\new\python.exe" -m shrm_cli \\server\tools'
+    monkeypatch.setattr(os, "sep", "\\")
+    found = shrm_nuke.words_of(command)
+    monkeypatch.undo()
+    assert found == [r"C:\Program Files\new\python.exe", "-m", "shrm_cli", r"\\server\tools"]
+    assert shrm_nuke.words_of(r"/my\ tools/shrm#2 --quiet") == ["/my tools/shrm#2", "--quiet"]

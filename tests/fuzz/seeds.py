@@ -281,6 +281,7 @@ def _probes(folder: Path, pixels: np.ndarray) -> list[tuple[str, str]]:
     _write_parts(folder / "parts.exr", pixels)
     scenes.write(folder / "a.hdr", pixels)
     scenes.write_rgbe(folder / "flat.hdr", pixels)
+    scenes.write_old_runs(folder / "runs.hdr", pixels)
     rich = "EXPOSURE=0.5\nCOLORCORR=1 2 1\nPRIMARIES=.64 .33 .3 .6 .15 .06 .3127 .329\n"
     text = (folder / "flat.hdr").read_bytes().replace(b"FORMAT", rich.encode() + b"FORMAT", 1)
     (folder / "rich.hdr").write_bytes(text)
@@ -302,7 +303,7 @@ def _probes(folder: Path, pixels: np.ndarray) -> list[tuple[str, str]]:
         *(("EXR, scanlines", f"{name}.exr") for name in exr),
         ("EXR, tiles", "tiled.exr"),
         ("EXR, parts", "parts.exr"),
-        *(("HDR", f"{name}.hdr") for name in ("a", "flat", "rich")),
+        *(("HDR", f"{name}.hdr") for name in ("a", "flat", "rich", "runs")),
         *(("PNG", f"{name}.png") for name in ("a", "b")),
         *(("TIFF", f"{name}.tif") for name in ("a", "tiled")),
         *(("DDS", f"{name}.dds") for name in ("a", "half")),

@@ -202,6 +202,24 @@ def write_rgbe(path: Path, pixels: Array, resolution: str | None = None) -> Path
     return path
 
 
+def write_old_runs(path: Path, pixels: Array) -> Path:
+    """Write a Radiance file of the oldest run lengths, as Radiance's `oldreadcolrs` reads them."""
+    plain = write_rgbe(path, pixels).read_bytes()
+    start = len(plain) - 4 * pixels.shape[0] * pixels.shape[1]
+    packed = bytearray(plain[:start])
+    quads = [plain[k : k + 4] for k in range(start, len(plain), 4)]
+    while quads:
+        same = next((k for k, each in enumerate(quads) if each != quads[0]), len(quads))
+        packed += quads[0]
+        count = same - 1
+        while count:
+            packed += bytes((1, 1, 1, count & 255))
+            count >>= 8
+        del quads[:same]
+    path.write_bytes(packed)
+    return path
+
+
 def write_pfm(path: Path, pixels: Array, big_endian: bool = False) -> Path:
     """Write a portable float map: the bottom row comes first."""
     height, width, _ = pixels.shape

@@ -232,6 +232,24 @@ def test_rgbe_with_run_lengths(tmp_path, image):
     np.testing.assert_array_equal(file.read(0, 3), read(path)[:3])
 
 
+def test_rgbe_of_the_oldest_run_lengths(tmp_path):
+    """A run of 300 pixels takes two marks, and goes on in the next rows."""
+    image = np.random.default_rng(3).uniform(0.1, 9, (32, 64, 3))
+    image[3, 10:60] = image[3, 10]
+    image[20:] = image[20, 0]
+    plain = scenes.write_rgbe(tmp_path / "plain.hdr", image)
+    path = scenes.write_old_runs(tmp_path / "runs.hdr", image)
+    assert path.stat().st_size < plain.stat().st_size - 4 * 700
+    np.testing.assert_array_equal(read(path), read(plain))
+    np.testing.assert_array_equal(ImageFile.open(path).read(5, 9), read(plain)[5:9])
+    data = path.read_bytes()
+    start = data.index(b"64\n") + 3
+    for wrong in (data[:-4], data + bytes((1, 1, 1, 1)), data[:start] + b"\1\1\1\1" + data[start:]):
+        path.write_bytes(wrong)
+        with pytest.raises(ProbeError, match=r"runs\.hdr: damaged or truncated"):
+            ImageFile.open(path).read(0, 32)
+
+
 @pytest.mark.parametrize(
     "resolution",
     ["+Y {} +X {}", "-Y {} -X {}", "+X {1} -Y {0}"],

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import ReflectionMap
+from shrm_cli.maps.base import CentralMap
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.messages import refuse_arguments
@@ -42,7 +42,7 @@ it counts as zero."""
 
 
 @record(eq=False)
-class ExplicitMap(ReflectionMap):
+class ExplicitMap(CentralMap):
     """Reflected light tabulated over the central direction and samples of the view."""
 
     images: Array
@@ -262,18 +262,7 @@ class ExplicitMap(ReflectionMap):
         fitted = replace(fitted, info=replace(info, added_error=added))
         return fitted.to_frame(frame or self.frame)
 
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Interpolate the reflected radiance between samples of the view; see `Map.radiance`."""
-        normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
-        return self.central_radiance(central_directions(self.center, normals, views), views)
-
-    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate it for known tangents, by which hair is looked up; see `ReflectedLight`."""
-        given = (np.asarray(each, dtype=float) for each in (normals, views, tangents))
-        return self.central_radiance(central_directions(self.center, *given), views)
-
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the radiance for central directions instead of normals; else as `radiance`."""
         centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
         shape = np.broadcast_shapes(centers.shape, views.shape)[:-1]
         centers = np.broadcast_to(centers, (*shape, 3)).reshape(-1, 3)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import ReflectionMap
+from shrm_cli.maps.base import CentralMap
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.maps.size import check_size
@@ -23,7 +23,7 @@ from shrm_cli.vocabulary import Center, Frame, Sampling
 
 
 @record(eq=False)
-class CompressedShrm(ReflectionMap):
+class CompressedShrm(CentralMap):
     """An SHRM as K spatial maps and the matrix that mixes its coefficients from them.
 
     The coefficients of a texel are correlated: where the light is bright, all of them are large.
@@ -152,16 +152,7 @@ class CompressedShrm(ReflectionMap):
         shaped = flat.reshape(-1, *planes.shape[1:]).transpose(2, 3, 0, 1)
         return Shrm(shaped, self.frame, self.center, self.info, self.sampling)
 
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance, shape (..., 3), as `Shrm.radiance` does."""
-        return self._expanded.radiance(normals, views)
-
-    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the radiance, shape (..., 3), as `Shrm.brushed_radiance` does."""
-        return self._expanded.brushed_radiance(normals, tangents, views)
-
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the radiance, shape (..., 3), as `Shrm.central_radiance` does."""
         return self._expanded.central_radiance(centers, views)
 
     def rough_radiance(self, reflections: Array, views: Array) -> Array:

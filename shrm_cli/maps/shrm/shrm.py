@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Memo
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import ReflectionMap
+from shrm_cli.maps.base import CentralMap
 from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.size import check_size, choose_size
@@ -34,7 +34,7 @@ _VALUES_AT_ONCE = 2**25
 
 
 @record(eq=False)
-class Shrm(ReflectionMap):
+class Shrm(CentralMap):
     """A spherical harmonic reflection map."""
 
     coefficients: Array
@@ -197,18 +197,7 @@ class Shrm(ReflectionMap):
             )
         return self.truncated(order_p).to_frame(frame or self.frame)
 
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance, filtered between texels; see `Map.radiance`."""
-        normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
-        return self.central_radiance(central_directions(self.center, normals, views), views)
-
-    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate it for known tangents, by which hair is looked up; see `ReflectedLight`."""
-        given = (np.asarray(each, dtype=float) for each in (normals, views, tangents))
-        return self.central_radiance(central_directions(self.center, *given), views)
-
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the radiance for central directions instead of normals; else as `radiance`."""
         centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
         if views.ndim == 1:  # one reflection map serves all points for a distant viewer (eq. 5.35)
             return self._distant_sampler(views)(centers)

@@ -37,7 +37,7 @@ from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.synthesis import CubeSeries
-from shrm_cli.vocabulary import COARSE_ROWS, MAX_ORDER_F, MIN_ROUGHNESS, Sampling
+from shrm_cli.vocabulary import MAX_ORDER_F, MIN_ROUGHNESS, Sampling
 
 _ERROR = 0.0005
 """The relative RMS error that each level may have."""
@@ -164,7 +164,7 @@ def make_levels(
     cubes : list of ndarray, shape (6 N_k, N_k, 3)
     infos : list of MapInfo
     """
-    probe = fine_probe(probe, COARSE_ROWS)
+    probe = fine_probe(probe)
     rows = _rows(probe)
     fixed = [None] * len(roughness) if sizes is None else list(sizes)
     with using(None):  # the coefficients of all lobes take less time than anything else
@@ -280,6 +280,11 @@ def split_material(brdf: Brdf | None) -> Brdf | None:
             raise BrdfError(f"{brdf!r}: a split sum of GGX is shown with any f0; leave it out")
         return None
     return brdf
+
+
+def check_brdf(brdf: Brdf) -> None:
+    """Refuse a BRDF that no split sum is of; see `split_material`."""
+    split_material(brdf)
 
 
 def level_lobe(

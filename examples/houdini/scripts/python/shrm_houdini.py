@@ -77,9 +77,18 @@ def made(probe, brdf, folder):
     return target.as_posix()
 
 
+def words_of(command):
+    """The words of a command, in which Windows' backslashes are parts of paths."""
+    found = shlex.shlex(command, posix=True)
+    found.whitespace_split, found.commenters = True, ""
+    if os.sep == "\\":
+        found.escape = ""
+    return list(found)
+
+
 def run(*arguments):
     """Run the command, and return what it prints; RuntimeError has the line of what is wrong."""
-    line = [*shlex.split(os.environ.get("SHRM", "shrm")), *map(str, arguments)]
+    line = [*words_of(os.environ.get("SHRM", "shrm")), *map(str, arguments)]
     own = {name: each for name, each in os.environ.items() if name not in OF_PYTHON}
     try:
         done = subprocess.run(line, capture_output=True, text=True, encoding="utf-8", env=own)
