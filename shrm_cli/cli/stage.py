@@ -177,7 +177,7 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None) -> None:
                 "--transfer applies to a single mesh, not to a scene; name the mesh that was baked"
             )
     baked = Applies(transfer is None, "without --transfer, which was baked with what it needs")
-    refuse_inapplicable(dict.fromkeys(OF_SURFACES, baked))
+    refuse_inapplicable({name: baked for name in OF_SURFACES if name != "vary"})
 
 
 @dataclass(frozen=True)
@@ -202,8 +202,11 @@ class Baked:
         """
         from shrm_cli.render.vertex_colors import vertex_colors
 
-        pairs = zip(self.maps, self.names, strict=True)
-        each = [vertex_colors(stage.mesh, self.transfer, m, self.discs, name) for m, name in pairs]
+        follows = stage.looks[0].variation
+        each = [
+            vertex_colors(stage.mesh, self.transfer, made, self.discs, name, follows)
+            for made, name in zip(self.maps, self.names, strict=True)
+        ]
         return [[one] * len(stage.looks) for one in each]
 
     def with_maps(self, maps: Sequence[Map]) -> Baked:
