@@ -60,10 +60,11 @@ mesh_options = several(
     ),
     brush_option,
     click.option(
-        "--vary", metavar="vertex|IMAGE",
+        "--vary", metavar="vertex|IMAGE|NAME=X", multiple=True,
         help="What the parameter of a product texture follows that varies: the brightness of "
         "the mesh's vertex colours, or of an image over its texture coordinates. Of two "
-        "parameters the first follows their red, the second their green.",
+        "parameters the first follows their red, the second their green. Or its value, "
+        "NAME=LOW..HIGH over --frames.",
     ),
     click.option(
         "--irradiance", type=click.Path(), metavar="MAP",
@@ -121,7 +122,7 @@ def open_stage(
 
     if is_scene_name(mesh):
         in_scene = Applies(False, "to a single mesh; a scene says it of each object")
-        refuse_inapplicable(dict.fromkeys(OF_SURFACES, in_scene))
+        refuse_inapplicable({k: in_scene for k in OF_SURFACES if k != "vary" or values[k]})
         stage = Stage.of(read_scene(mesh, list(maps)))
     else:
         lit = any(each.surface_arguments for each in maps)
@@ -159,8 +160,13 @@ def open_stage(
     return stage, warnings
 
 
-def refuse_mesh_options(mesh: str | None, transfer: str | None) -> None:
+def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | None) -> None:
     """Refuse options that say nothing to what is drawn.
+
+    Parameters
+    ----------
+    follows : str, optional
+        What --vary lets parameters follow, if anything.
 
     Raises
     ------
@@ -168,7 +174,8 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None) -> None:
         If an option about meshes is given without one, a transfer with a scene, or an option that
         says of a surface what its transfer holds.
     """
-    refuse_inapplicable(dict.fromkeys(_OPTIONS, Applies(mesh is not None, "with --mesh")))
+    with_mesh = Applies(mesh is not None, "with --mesh")
+    refuse_inapplicable({k: with_mesh for k in _OPTIONS if k != "vary" or follows})
     if transfer is not None and mesh is not None:
         from shrm_cli.render.scene_file import is_scene_name
 

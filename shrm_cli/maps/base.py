@@ -98,6 +98,10 @@ class ReflectedLight(ABC):
         """
         return self.brushed_radiance(normals, tangents, views)
 
+    def with_values(self, values: Mapping[str, float]) -> ReflectedLight:
+        """Return it where parameters that vary have values, others those of their middles."""
+        return self
+
     def rough_radiance(self, reflections: Array, views: Array) -> Array:
         """Evaluate the reflected radiance roughly, but fast, without preparing any filter.
 
@@ -228,10 +232,6 @@ class Map(Displayed, ABC):
             (values[name] - low) / (high - low) if name in values else 0.5
             for name, (low, high) in self.ways.items()
         ]
-
-    def with_values(self, values: Mapping[str, float]) -> Map:
-        """Return the map where parameters that vary have values, others those of their middles."""
-        return self
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate the radiance that `shaded` reflects, for a first look at any map.

@@ -214,7 +214,7 @@ class LitProduct(_Parabolic, ReflectionMap):
         return self.product.ways
 
     def with_values(self, values: Mapping[str, float]) -> "LitProduct":
-        """Return one texture under the same light; see `Map.with_values`."""
+        """Return one texture under the same light; see `ReflectedLight.with_values`."""
         return replace(self, product=self.product.at(self.shares(values)))
 
     def with_info(self, info: MapInfo) -> "LitProduct":

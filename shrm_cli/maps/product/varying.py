@@ -66,10 +66,6 @@ class VaryingProduct(ProductMap):
         """The parameters, and the ends of their ranges."""
         return self.steps.ways
 
-    def with_values(self, values: Mapping[str, float]) -> ProductTexture:
-        """Return the texture for values of the parameters; see `Map.with_values`."""
-        return self.at(self.shares(values))
-
     def details(self) -> dict[str, Any]:
         """Return the parameters, their values, and what is missed between them."""
         return {**self.steps.summary(), "textures": len(self.textures)}
