@@ -75,7 +75,7 @@ def figures_5_and_7(
         rows[0].append((shot.picture(lit), f"{what}, no shadows"))
         rows[1].append((shot.picture(surface), f"{what}, shadows"))
         facing = shot.facing
-        with_shadows = surface.seen_from(shot.aim.eye(shot.viewer))[facing]
+        with_shadows = surface.seen_from(shot.aim.eye(shot.viewer))[0][facing]
         without = lit.brushed_radiance(
             *(each[facing] for each in (mesh.normals, shot.tangents, shot.views))
         )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.cli.options import several
-from shrm_cli.cli.types import BYTES, TURN, within
-from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
+from shrm_cli.cli.types import BYTES, TURN, way, within
+from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, wrong_usage
 from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
@@ -29,8 +29,9 @@ max_memory_option = click.option(
 )  # fmt: skip
 frames_option = click.option(
     "--frames", type=click.IntRange(1, 9999), metavar="N",
-    help="Walk around it in N steps, or let its light move in as many: a file for each, whose "
-    f"name holds %04d, or one moving picture.  [default of .apng, .gif, .mp4: {DEFAULT_FRAMES}]",
+    help="Walk around it in N steps, or let its light or what varies move in as many: a file for "
+    "each, whose name holds %04d, or one moving picture.  "
+    f"[default of .apng, .gif, .mp4: {DEFAULT_FRAMES}]",
 )  # fmt: skip
 light_options = several(
     click.option(
@@ -61,6 +62,22 @@ LIGHT_MOVES = ("turn_light", "blend_to", "blend", "irradiance_to", "background_t
 """Their names."""
 
 
+def split_vary(texts: Sequence[str]) -> tuple[str | None, dict[str, tuple[float, float]]]:
+    """Return what parameters follow, ``vertex`` or an image, or the ways of their values.
+
+    Raises
+    ------
+    click.UsageError
+        If it is more than one of these.
+    """
+    known = {text: way(text) for text in texts}
+    follows = [text for text, found in known.items() if found is None]
+    ways = {found[0]: found[1:] for found in known.values() if found is not None}
+    if len(texts) > max(1, len(ways)) or (follows and ways):
+        raise wrong_usage("--vary takes vertex, an image, or a value of each parameter; give one")
+    return next(iter(follows), None), ways
+
+
 def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str]]:
     """Return how many frames there are, None for a picture, and the files that they make.
 
@@ -89,19 +106,23 @@ def scene_keys(mesh: str | None) -> list[Key]:
 
     keys = read_keys(mesh) if mesh is not None and is_scene_name(mesh) else []
     said = Applies(not keys, "without [[key]] in the scene, which says it")
-    refuse_inapplicable({"frames": said, "turn_light": said, "blend": said})
+    refuse_inapplicable({"frames": said, "turn_light": said, "blend": said, "vary": said})
     return keys
 
 
 def moments(
-    view: tuple[float, float], frames: int | None, values: dict[str, Any], keys: Sequence[Key]
+    view: tuple[float, float],
+    frames: int | None,
+    values: dict[str, Any],
+    keys: Sequence[Key],
+    ways: Mapping[str, tuple[float, float]],
 ) -> list[Moment]:
-    """Return the frames that are drawn, or the one picture.
+    """Return the frames that are drawn, or the one picture; parameters go the ways over them.
 
     Raises click.UsageError if an option does not apply.
     """
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.moving import Moment, moving_light, turntable
+    from shrm_cli.render.moving import Moment, moving_light, turntable, with_ways
 
     blends = Applies(bool(values["blend_to"]), "with --blend-to")
     refuse_inapplicable({"blend": blends, "background_to": blends})
@@ -116,9 +137,14 @@ def moments(
     turn, share = values["turn_light"], None
     if values["blend_to"]:
         share = 1.0 if values["blend"] is None else values["blend"]
-    if turn is not None or share is not None:
-        return moving_light(Viewer(*view), frames, turn, share)
-    return [Moment(each) for each in turntable(Viewer(*view), frames or 1)]
+    vary = any(low != high for low, high in ways.values())
+    if vary and frames is None:
+        raise wrong_usage("--vary NAME=LOW..HIGH goes with --frames; give a single value")
+    if vary or turn is not None or share is not None:
+        found = moving_light(Viewer(*view), frames, turn, share)
+    else:
+        found = [Moment(each) for each in turntable(Viewer(*view), frames or 1)]
+    return with_ways(found, ways)
 
 
 def open_others(paths: Sequence[str], maps: Sequence[Map]) -> list[Map]:

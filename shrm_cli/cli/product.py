@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ import click
 
 from shrm_cli.cli.options import conclude, precision_option, report_options
 from shrm_cli.cli.terminal import progress_bar
-from shrm_cli.cli.types import Spec
+from shrm_cli.cli.types import Spec, way
 from shrm_cli.cli.usage import (
     Applies,
     check_outputs,
@@ -133,17 +132,12 @@ def _ranges(texts: tuple[str, ...]) -> list[tuple[str, float, float]]:
     """
     found: dict[str, tuple[float, float]] = {}
     for text in texts:
-        name, equals, interval = text.partition("=")
-        low, dots, high = interval.partition("..")
-        try:
-            ends = float(low), float(high)
-        except ValueError:
-            ends = math.nan, math.nan
-        if not (name and equals and dots and -math.inf < ends[0] < ends[1] < math.inf):
+        name, *ends = way(text) or ("", 0.0, 0.0)
+        if not ends[0] < ends[1]:
             raise wrong_usage(f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5")
-        if name.strip() in found:
-            raise wrong_usage(f"--vary is given twice for {name.strip()}; give one of them")
-        found[name.strip()] = ends
+        if name in found:
+            raise wrong_usage(f"--vary is given twice for {name}; give one of them")
+        found[name] = ends[0], ends[1]
     if len(found) > MAX_PRODUCT_PARAMETERS:
         raise wrong_usage(
             f"--vary is given for {len(found)} parameters, and {MAX_PRODUCT_PARAMETERS} can vary; "

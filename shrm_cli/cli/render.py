@@ -20,6 +20,7 @@ from shrm_cli.cli.moving import (
     open_other_light,
     open_others,
     scene_keys,
+    split_vary,
 )
 from shrm_cli.cli.options import (
     conclude,
@@ -151,13 +152,14 @@ def render(
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
-    refuse_mesh_options(mesh, transfer)
+    values["vary"], ways = split_vary(values["vary"])
+    refuse_mesh_options(mesh, transfer, values["vary"])
     _refuse_places(mesh, values)
     keys = scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
     pattern = output or _default_name(maps or (probe,) if transfer else maps, mesh, frames)
     steps, targets = frame_targets(pattern, frames)
-    shown_moments = moments(view, steps, values, keys)
+    shown_moments = moments(view, steps, values, keys, ways)
     if not is_animated(pattern):
         refuse_inapplicable({"max_memory": Applies(False, "to moving pictures")})
         file_type(pattern)
@@ -168,25 +170,24 @@ def render(
     check_outputs(targets, files=_files(maps, mesh, values))
     lit, baked, told = _lit(maps, probes.get(probe or ""), transfer, window, values["blend_to"])
     if mesh is None:
-        drawing = _on_sphere(lit, size, values)
+        drawing = _on_sphere(lit, size, shown_moments, values)
     else:
         drawing = _on_mesh(lit, mesh, baked, size, shown_moments, {**values, "transfer": transfer})
     film = Film(drawing, shown_moments, list(map(map_stem, lit.names)), exposure, skies, columns)
-    warnings = drawing.warnings + told
     moved = {name: values[name] for name in LIGHT_MOVES if values[name] not in (None, ())}
     settings = {
-        "maps": list(lit.names), "view": list(view), **drawing.said, "exposure": exposure,
-        "background": background, "probe": probe, "window": window, "frames": steps, **moved,
-        "width": film.shape[1], "height": film.shape[0],
+        "maps": list(lit.names), "view": list(view), "vary": ways or None, **drawing.said,
+        "exposure": exposure, "background": background, "probe": probe, "window": window,
+        "frames": steps, **moved, "width": film.shape[1], "height": film.shape[0],
     }  # fmt: skip
     if is_animated(pattern):
         written, lines = _write_animation(film, pattern, view[0], fps or DEFAULT_FPS, max_memory)
     else:
         written, lines = _write_pictures(film, targets, precision, settings)
-    warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
+    told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
-    conclude({"files": written, **settings}, lines, warnings)
+    conclude({"files": written, **settings}, lines, drawing.warnings + told)
 
 
 def _refuse_places(mesh: str | None, values: dict[str, Any]) -> None:
@@ -221,13 +222,17 @@ def _lit(
     return Lit(baked.maps, baked.names, others, blend_to), baked, baked.warnings
 
 
-def _on_sphere(lit: Lit, size: tuple[int, int], values: dict[str, Any]) -> Drawing:
+def _on_sphere(
+    lit: Lit, size: tuple[int, int], moments: Sequence[Moment], values: dict[str, Any]
+) -> Drawing:
     """Return the sphere that is drawn; refuse options that do not apply."""
     from shrm_cli.render.drawing import on_sphere
+    from shrm_cli.render.moving import check_values
 
     if size[0] != size[1]:
         raise click.UsageError("--size of a sphere's picture is one number")
     refuse_surface(lit.maps)
+    check_values(moments, lit.maps)
     return on_sphere(lit, size[0], values)
 
 
@@ -241,9 +246,11 @@ def _on_mesh(
 ) -> Drawing:
     """Return the mesh or the scene that is drawn; refuse options that do not apply."""
     from shrm_cli.render.drawing import on_stage
+    from shrm_cli.render.moving import check_values
 
     plain = values["plain"] or baked is not None  # its albedo is baked
     stage, warnings = open_stage(mesh, lit.maps, lit.names, {**values, "plain": plain})
+    check_values(moments, [*lit.maps, *stage.maps()])
     other = open_other_light(stage, values)
     drawn: tuple[list[Any], list[Any]] | None = None
     if baked is not None:

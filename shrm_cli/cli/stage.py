@@ -51,10 +51,11 @@ mesh_options = several(
     ),
     brush_option,
     click.option(
-        "--vary", metavar="vertex|IMAGE",
+        "--vary", metavar="vertex|IMAGE|NAME=X", multiple=True,
         help="What the parameter of a product texture follows that varies: the brightness of "
         "the mesh's vertex colours, or of an image over its texture coordinates. Of two "
-        "parameters the first follows their red, the second their green.",
+        "parameters the first follows their red, the second their green. Or its value, "
+        "NAME=LOW..HIGH over --frames.",
     ),
     click.option(
         "--irradiance", type=click.Path(), metavar="MAP",
@@ -106,7 +107,7 @@ def open_stage(
 
     if is_scene_name(mesh):
         in_scene = Applies(False, "to a single mesh; a scene says it of each object")
-        refuse_inapplicable(dict.fromkeys(OF_SURFACES, in_scene))
+        refuse_inapplicable({k: in_scene for k in OF_SURFACES if k != "vary" or values[k]})
         stage = Stage.of(read_scene(mesh, list(maps)))
     else:
         lit = any(each.surface_arguments for each in maps)
@@ -144,13 +145,15 @@ def open_stage(
     return stage, warnings
 
 
-def refuse_mesh_options(mesh: str | None, transfer: str | None) -> None:
+def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | None) -> None:
     """Refuse options that say nothing to what is drawn.
 
-    Raises click.UsageError if an option about meshes is given without one, a transfer with a scene,
-    or an option that says of a surface what its transfer holds.
+    `follows` is what --vary lets parameters follow, if anything. Raises click.UsageError if an
+    option about meshes is given without one, a transfer with a scene, or an option that says of a
+    surface what its transfer holds.
     """
-    refuse_inapplicable(dict.fromkeys(_OPTIONS, Applies(mesh is not None, "with --mesh")))
+    with_mesh = Applies(mesh is not None, "with --mesh")
+    refuse_inapplicable({k: with_mesh for k in _OPTIONS if k != "vary" or follows})
     if transfer is not None and mesh is not None:
         from shrm_cli.render.scene_file import is_scene_name
 
@@ -159,7 +162,7 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None) -> None:
                 "--transfer applies to a single mesh, not to a scene; name the mesh that was baked"
             )
     baked = Applies(transfer is None, "without --transfer, which was baked with what it needs")
-    refuse_inapplicable(dict.fromkeys(OF_SURFACES, baked))
+    refuse_inapplicable({name: baked for name in OF_SURFACES if name != "vary"})
 
 
 @dataclass(frozen=True)
@@ -181,8 +184,11 @@ class Baked:
         """
         from shrm_cli.render.vertex_colors import vertex_colors
 
-        pairs = zip(self.maps, self.names, strict=True)
-        each = [vertex_colors(stage.mesh, self.transfer, m, self.discs, name) for m, name in pairs]
+        follows = stage.looks[0].variation
+        each = [
+            vertex_colors(stage.mesh, self.transfer, made, self.discs, name, follows)
+            for made, name in zip(self.maps, self.names, strict=True)
+        ]
         return [[one] * len(stage.looks) for one in each]
 
     def with_maps(self, maps: Sequence[Map]) -> Baked:

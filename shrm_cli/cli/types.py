@@ -116,6 +116,20 @@ def _primaries(text: str) -> str | tuple[float, ...]:
     return numbers
 
 
+def way(text: str) -> tuple[str, float, float] | None:
+    """Return a parameter with the ends of its way, of NAME=LOW..HIGH and NAME=VALUE.
+
+    Other texts, such as those of files, are None.
+    """
+    name, _, interval = (part.strip() for part in text.partition("="))
+    low, dots, high = interval.partition("..")
+    try:
+        ends = float(low), float(high if dots else low)
+    except ValueError:
+        return None
+    return (name, *ends) if name and all(map(math.isfinite, ends)) else None
+
+
 OF_PRIMARIES = Parsed("NAME|RX,RY,...", _primaries, PRIMARIES)
 """Primaries and white: a name such as ``acescg``, or eight finite numbers ``RX,RY,GX,GY,...``."""
 

@@ -19,7 +19,7 @@ each only when it is needed.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -99,6 +99,10 @@ class ReflectedLight(ABC):
         """
         return self.brushed_radiance(normals, tangents, views)
 
+    def with_values(self, values: Mapping[str, float]) -> ReflectedLight:
+        """Return it where parameters that vary have values, others those of their middles."""
+        return self
+
     def rough_radiance(self, reflections: Array, views: Array) -> Array:
         """Evaluate the reflected radiance roughly, but fast, without preparing any filter.
 
@@ -148,8 +152,6 @@ class Map(Displayed, ABC):
         Whether files can hold its cubes in other layouts than OpenEXR's stacked cube.
     surface_arguments : tuple of str
         The arguments of `shaded` that change what it returns, in their order.
-    varies : int
-        How many parameters of the BRDF may vary over the surface, as `varied_radiance` shows it.
     texels_are_series : bool
         Whether texels hold coefficients that are summed up, so that errors of theirs add up, too.
     is_white : bool
@@ -163,7 +165,6 @@ class Map(Displayed, ABC):
     natural_precision: ClassVar[Precision] = "auto"
     is_rearrangeable: ClassVar[bool] = True
     surface_arguments: tuple[str, ...] = ()
-    varies: int = 0
     texels_are_series: ClassVar[bool] = False
     is_white: ClassVar[bool] = False
     against_negatives: ClassVar[str] = "take `to` auto without `eps` or orders"
@@ -215,6 +216,23 @@ class Map(Displayed, ABC):
         MapError
             If the map holds no light, or is light alone and a value is out of range.
         """
+
+    @property
+    def ways(self) -> Mapping[str, tuple[float, float]]:
+        """The parameters of the BRDF that may vary, and the ends of their ranges."""
+        return {}
+
+    @property
+    def varies(self) -> int:
+        """How many parameters may vary over the surface, as `varied_radiance` shows it."""
+        return len(self.ways)
+
+    def shares(self, values: Mapping[str, float]) -> list[float]:
+        """Return where values of parameters that vary are on their ways, 0.5 of the others."""
+        return [
+            (values[name] - low) / (high - low) if name in values else 0.5
+            for name, (low, high) in self.ways.items()
+        ]
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate the radiance that `shaded` reflects, for a first look at any map.

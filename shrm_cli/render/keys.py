@@ -1,4 +1,4 @@
-"""Keyframes of scene files: what the light and the viewer do over the frames.
+"""Keyframes of scene files: what light, viewer and parameters of BRDFs do over the frames.
 
 An example, with everything that a key may have:
 
@@ -7,6 +7,7 @@ An example, with everything that a key may have:
     turn = 0                # of the light about +Y, degrees; or [yaw, pitch, roll]
     blend = 0               # how much of the light is that of --blend-to
     view = [30, 10]         # azimuth and elevation of the viewer
+    vary = {ay = 0.3}       # values of parameters that vary, where nothing else tells them
 
 Each of these is a line between the keys that name it, and constant before the first and after the
 last of them.
@@ -14,6 +15,7 @@ last of them.
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -28,7 +30,7 @@ from shrm_cli.sphere.directions import turn_matrix
 
 MOST_FRAMES = 9999
 _LARGEST = 1e6
-_KEYS = "frame", "turn", "blend", "view"
+_KEYS = "frame", "turn", "blend", "view", "vary"
 
 
 @record
@@ -43,6 +45,8 @@ class Key:
     """How much of the light, 0 .. 1, is that of the second map."""
     view: tuple[float, ...] | None = None
     """Azimuth and elevation of the viewer, degrees."""
+    vary: Mapping[str, float] = field(default_factory=dict)
+    """Values of parameters."""
 
 
 def read_keys(path: str | os.PathLike[str]) -> list[Key]:
@@ -71,25 +75,33 @@ def moments_between(keys: Sequence[Key], viewer: Viewer) -> list[Moment]:
         Where no key tells the view.
     """
     frames = np.arange(1.0, keys[-1].frame + 1)
-    turns, shares, views = (_between(keys, name, frames) for name in ("turn", "blend", "view"))
+    turns, shares, views = (
+        _between([(each.frame, getattr(each, name)) for each in keys], frames)
+        for name in ("turn", "blend", "view")
+    )
+    values = {
+        name: _between([(each.frame, each.vary.get(name)) for each in keys], frames)
+        for name in sorted({name for each in keys for name in each.vary})
+    }
     return [
         Moment(
             viewer if views is None else Viewer(*map(float, views[k])),
             None if turns is None else turn_matrix(*turns[k]),
             0.0 if shares is None else float(shares[k, 0]),
+            {name: float(own[k, 0]) for name, own in values.items() if own is not None},
         )
         for k in range(len(frames))
     ]
 
 
-def _between(keys: Sequence[Key], name: str, frames: Array) -> Array | None:
+def _between(keys: Sequence[tuple[int, Any]], frames: Array) -> Array | None:
     """Interpolate what some keys name at all frames, shape (frames, numbers)."""
-    known = [each for each in keys if getattr(each, name) is not None]
-    if not known:
+    at = [frame for frame, value in keys if value is not None]
+    if not at:
         return None
-    values = np.array([getattr(each, name) for each in known], dtype=float).reshape(len(known), -1)
-    at = [each.frame for each in known]
-    return np.stack([np.interp(frames, at, column) for column in values.T], axis=-1)
+    known = [value for _, value in keys if value is not None]
+    columns = np.array(known, dtype=float).reshape(len(known), -1).T
+    return np.stack([np.interp(frames, at, column) for column in columns], axis=-1)
 
 
 def _key(given: Mapping[str, Any], before: int) -> Key:
@@ -104,7 +116,11 @@ def _key(given: Mapping[str, Any], before: int) -> Key:
     turn = [turn, 0, 0] if is_number(turn, _LARGEST) else turn
     if blend is not None and not (is_number(blend, 1.0) and blend >= 0):
         raise ValueError("blend must be a number within 0 .. 1")
-    found = Key(int(frame), _numbers("turn", turn, 3), blend, _numbers("view", view, 2))  # type: ignore[arg-type]
+    vary = given.get("vary", {})
+    if not isinstance(vary, dict) or not all(is_number(each) for each in vary.values()):
+        raise ValueError("vary must be values of parameters, such as {ay = 0.3}")
+    numbers = _numbers("turn", turn, 3), blend, _numbers("view", view, 2)
+    found = Key(int(frame), *numbers, vary)  # type: ignore[arg-type]
     if found.view and abs(found.view[1]) > 90:
         raise ValueError(f"view has an elevation of {found.view[1]:g}, outside -90 .. 90")
     return found

@@ -4,8 +4,9 @@ Few coefficients hold no shadow of a lamp: to order 4 a dragon under a studio's 
 and 1.5 % where they are taken out of the light and each point of the surface looks for them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,15 @@ from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.normals import smooth_points
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.maps.lamps.discs import LitDiscs
+from shrm_cli.maps.lamps.rule import DiscRule, integrals
 from shrm_cli.probe.disc import Disc, disc_directions
+from shrm_cli.render.variation import between_steps
 from shrm_cli.sphere.directions import horizontal_tangents
 
 Points = tuple[NDArray[np.int64], Array]
 """Triangles of points, shape (n,), and their places within these, barycentric (n, 3)."""
+BrdfAt = Callable[[tuple[float, ...]], Brdf]
+"""From where parameters are on their ways to the BRDF; of nothing where none varies."""
 
 _DIRECTIONS = 64
 """Directions within a lamp along which a point in its penumbra looks for it."""
@@ -41,8 +46,9 @@ class LampsOnMesh:
         They meet the same mesh.
     discs : sequence of Disc
         The lamps, world axes.
-    brdf : Brdf, optional
-        White and diffuse by default.
+    brdf : callable, optional
+        Takes where parameters are on their ways, a tuple of float, and returns the BRDF. White and
+        diffuse by default.
 
     Attributes
     ----------
@@ -50,7 +56,7 @@ class LampsOnMesh:
     """
 
     def __init__(
-        self, mesh: Mesh, rays: Rays, discs: Sequence[Disc], brdf: Brdf | None = None
+        self, mesh: Mesh, rays: Rays, discs: Sequence[Disc], brdf: BrdfAt | None = None
     ) -> None:
         self._mesh, self._rays = mesh, rays
         self.discs = tuple(discs)
@@ -75,6 +81,7 @@ class LampsOnMesh:
         views: Array,
         tangents: Array | None = None,
         samples: NDArray[np.int64] | None = None,
+        shares: Array | Sequence[float] = (),
     ) -> Array:
         """Return what points of the surface reflect, shape (n, 3).
 
@@ -86,6 +93,8 @@ class LampsOnMesh:
             Unit vectors at right angles to the normals; around +Y by default.
         samples : ndarray of int, shape (n,), optional
             The number of each point among the samples of its pixel, which share the work.
+        shares : ndarray, shape (n, parameters) or (parameters,), optional
+            Where parameters of the BRDF are on their ways, for each point or for all of them.
         """
         tangents = horizontal_tangents(normals) if tangents is None else tangents
         origins = smooth_points(self._mesh, *points, normals) + self._lift * normals
@@ -95,7 +104,7 @@ class LampsOnMesh:
                 cosines = np.maximum(normals @ directions.T, 0).mean(axis=1)
                 free = cosines[:, None] * (disc.solid_angle / np.pi * disc.radiance)
             else:
-                free = LitDiscs(self._brdf, (disc,)).brushed_radiance(normals, tangents, views)
+                free = self._reflected(disc, (normals, views, tangents), np.asarray(shares))
             lit = np.flatnonzero(free.any(axis=1))
             if samples is None:
                 share = self._seen(origins[lit], normals[lit], directions)
@@ -103,6 +112,25 @@ class LampsOnMesh:
                 share = self._seen_by_samples(origins[lit], normals[lit], directions, samples[lit])
             result[lit] += share[:, None] * free[lit]
         return result
+
+    def _reflected(self, disc: Disc, vectors: tuple[Array, Array, Array], shares: Array) -> Array:
+        """Return what points reflect of a lamp that nothing hides, shape (n, 3)."""
+        brdf_at = self._brdf
+        assert brdf_at is not None
+        normals, views, tangents = vectors
+        if shares.ndim == 1:
+            lit = LitDiscs(brdf_at(tuple(shares.tolist())), (disc,))
+            return lit.brushed_radiance(normals, tangents, views)
+        # One rule for all, as it takes longer to find than pictures: the finest at the ends.
+        ends = product((0.0, 1.0), repeat=shares.shape[1])
+        rules = [LitDiscs(brdf_at(end), (disc,)).rule for end in ends]
+        rule = DiscRule(min(each.width for each in rules), max(each.steps for each in rules))
+
+        def of_node(node: tuple[float, ...], own: NDArray[np.int64]) -> Array:
+            where = normals[own], views[own], disc.direction, disc.radius
+            return disc.radiance * integrals(rule, brdf_at(node), *where, tangents[own])
+
+        return between_steps(shares, of_node)
 
     def _seen(self, origins: Array, normals: Array, directions: Array) -> Array:
         """Return the part of a lamp's irradiance that points get, shape (n,)."""

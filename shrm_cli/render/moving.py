@@ -1,4 +1,4 @@
-"""Frames: their names, the views of a turntable, and light that turns or becomes another light.
+"""Frames: their names, the views of a turntable, and what moves: light and parameters of BRDFs.
 
 Turning the light is turning the surface and the viewer back, whatever the form of a map: with a
 rotation M of the light, what a surface of the normal N reflects towards V is what one of the normal
@@ -8,7 +8,8 @@ blend of two lights reflects the blend of what they reflect.
 
 import os
 import re
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,25 +28,30 @@ from shrm_cli.render.vertex_colors import VertexColors
 from shrm_cli.sphere.directions import horizontal_tangents, turn_about
 
 Drawn = TypeVar("Drawn")
+_ROUNDING = 1e-6
+"""By what part of an end values may be beyond it, which are computed or were written as text."""
 
 
 @record(eq=False)
 class Moment:
-    """A frame: where the viewer stands, and what has become of the light."""
+    """A frame: where the viewer stands, and what has become of the light and of the surface."""
 
     viewer: Viewer
     turn: Array | None = None
     """The rotation of the light; None where it is at rest, shape (3, 3)."""
     share: float = 0.0
     """How much of the light, 0 .. 1, is that of the second map."""
+    values: Mapping[str, float] = field(default_factory=dict)
+    """Those of parameters that vary; the others are in the middle of their ranges."""
 
     def record(self) -> dict[str, Any]:
-        """Return what the recipe of a picture says of its light; nothing of light at rest."""
-        turn = {} if self.turn is None else {"turn_light": np.round(self.turn, 9).tolist()}
-        return {**turn, **({"blend": self.share} if self.share else {})}
+        """Return what the recipe of a picture says of it; nothing of what is at rest."""
+        turn = None if self.turn is None else np.round(self.turn, 9).tolist()
+        known = {"turn_light": turn, "blend": self.share or None, "vary": self.values or None}
+        return {key: value for key, value in known.items() if value is not None}
 
     def moved(self, first: Drawn, second: Drawn | None = None) -> Drawn:
-        """Return what is drawn under the light of this moment.
+        """Return what is drawn under the light of this moment, with its values.
 
         Parameters
         ----------
@@ -72,6 +78,9 @@ class Moment:
             known = {tuple(map(id, pair)): pair for pair in pairs}
             moved = {key: self._moved(*pair) for key, pair in known.items()}
             return [moved[tuple(map(id, pair))] for pair in pairs]
+        if first is not None and self.values:
+            first = first.with_values(self.values)
+            second = second and second.with_values(self.values)
         if first is None or (self.turn is None and second is None):
             return first
         if isinstance(first, VertexColors):
@@ -197,6 +206,34 @@ def moving_light(
         matrix = None if turn is None else turn_about(turn[0], turned * turn[1])
         found.append(Moment(viewer, matrix, blended * (share or 0.0)))
     return found
+
+
+def with_ways(frames: Sequence[Moment], ways: Mapping[str, tuple[float, float]]) -> list[Moment]:
+    """Return frames in which parameters go from a first value to a last one by equal steps."""
+    last = max(len(frames) - 1, 1)
+    return [
+        replace(each, values={name: a + (b - a) * k / last for name, (a, b) in ways.items()})
+        for k, each in enumerate(frames)
+    ]
+
+
+def check_values(frames: Iterable[Moment], maps: Sequence[Map]) -> None:
+    """Check that values are those of parameters that vary in maps.
+
+    Raises
+    ------
+    MapError
+        If a parameter varies in none of them, or a value is outside the range of one.
+    """
+    ways = [way for each in maps for way in each.ways.items()]
+    for name, value in sorted({pair for each in frames for pair in each.values.items()}):
+        own = [ends for known, ends in ways if known == name]
+        if not own:
+            known = ", ".join(sorted({known for known, _ in ways})) or "none"
+            raise MapError(f"no map has a parameter {name[:40]!r} that varies; there is {known}")
+        low, high = max(a for a, _ in own), min(b for _, b in own)
+        if not low - _ROUNDING * abs(low) <= value <= high + _ROUNDING * abs(high):
+            raise MapError(f"{name} varies from {low:g} to {high:g}, and cannot be {value:g}")
 
 
 def check_blend(first: Map, second: Map, name: str) -> None:

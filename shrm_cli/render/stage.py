@@ -1,6 +1,6 @@
 """What stands before the camera: meshes in one, and what each triangle is made of."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 
@@ -130,6 +130,13 @@ class Reflector:
         else:
             found = self._metallic(vectors, painted, where)
         return found * painted.occlusion[:, None] + painted.emission
+
+    def with_values(self, values: Mapping[str, float]) -> "Reflector":
+        """Return the surface where parameters have values, if they do not follow anything else."""
+        shown = self.shown if self.variation else self.shown.with_values(values)
+        if not isinstance(shown, Map):
+            return self
+        return replace(self, map=shown, shown=shown)
 
     def _metallic(self, vectors: Vectors, painted: Painted, points: Array | None) -> Array:
         """Return what glTF's metallic-roughness model reflects.

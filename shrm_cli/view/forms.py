@@ -23,6 +23,8 @@ def described_map(
 ) -> dict[str, Any]:
     """Describe a map for the page, as `viewer.js` knows it, and keep its textures.
 
+    Parameters of its BRDF that vary are in the middle of their ranges.
+
     Parameters
     ----------
     name : str
@@ -38,6 +40,10 @@ def described_map(
     """
     if isinstance(made, MaterialMap):
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")
+    if made.varies:
+        middle = made.shaded().with_values({})
+        assert isinstance(middle, Map)
+        made = middle
     brushed = taps if "anisotropy" in made.surface_arguments else None
     try:
         code = written_code(made, "glsl", "layers", brushed)

@@ -6,7 +6,7 @@ from shrm_cli.maps.shader.language import LANGUAGES
 from shrm_cli.vocabulary import REPRESENTATIONS
 from tests.cli.helpers import noise, run, write_exr
 
-REFUSED = {"varying": "whose parameters vary", "irradiance": "has no textures"}
+REFUSED = {"irradiance": "has no textures"}
 """Forms without layers, and what is said of them."""
 
 

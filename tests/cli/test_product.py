@@ -1,12 +1,13 @@
 """`shrm product`, and what other commands do with its textures."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from shrm_cli.maps.file import open_map
-from tests.cli.helpers import assert_refused, done, read_exr, run, write_exr
+from tests.cli.helpers import MESH, assert_refused, done, read_exr, run, write_exr
 
 BRUSHED = "ward:ax=0.5,ay=0.2"
 SMALL = ("--size", "16", "--order", "2")
@@ -166,3 +167,91 @@ def test_two_parameters_that_vary(tmp_path, probe, monkeypatch):
     middle, alone = (read_exr(name)[1]["G"] for name in ("x.exr", "y.exr"))
     assert np.linalg.norm(middle - alone) < 0.01 * np.linalg.norm(alone)
     assert_refused(run(*varied, "--steps", "3"), 1, "another range")
+
+
+SCENE = """
+[[objects]]
+mesh = "roof.obj"
+[[key]]
+frame = 1
+vary = {ay = 0.2}
+[[key]]
+frame = 3
+vary = {ay = 0.5}
+"""
+
+
+@pytest.fixture
+def worn(tmp_path, probe, monkeypatch):
+    """The current folder, with a texture of which ay varies, and those of three of its values."""
+    monkeypatch.chdir(tmp_path)
+    done(
+        "product", "ward:ax=0.5", "--vary", "ay=0.2..0.5", "--steps", "3", *SMALL, "-o", "worn.exr"
+    )
+    for ay in ("0.2", "0.35", "0.5"):
+        done("product", f"ward:ax=0.5,ay={ay}", *SMALL, "-o", f"{ay}.exr")
+    (tmp_path / "roof.obj").write_text(MESH)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    done("transfer", "roof.obj", "--matrices", "--samples", "64", "--order", "2", "-o", "roof.npz")
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("of", "varied"),
+    [
+        ((), ("--vary", "ay=0.2..0.5", "--frames", "3")),
+        (("--mesh", "roof.obj"), ("--vary", "ay=0.2..0.5", "--frames", "3")),
+        (("--mesh", "roof.obj"), ("--mesh", "scene.toml")),
+        (
+            ("--mesh", "roof.obj", "--transfer", "roof.npz"),
+            ("--vary", "ay=0.2..0.5", "--frames", "3"),
+        ),
+    ],
+    ids=["sphere", "mesh", "keys", "shadows"],
+)
+def test_a_parameter_moves_over_frames(worn, of, varied):
+    """Each frame is the picture of the texture that has its value, with the same lamps."""
+    shared = ("--probe", "probe.exr", "--window", "none", "--size", "16", "--precision", "float")
+    done("render", "worn.exr", *shared, *of, *varied, "-o", "f.%04d.exr")
+    seen = []
+    for number, ay in enumerate(("0.2", "0.35", "0.5"), 1):
+        header, planes = read_exr(f"f.{number:04d}.exr")
+        assert json.loads(header["shrm:recipe"])["vary"] == pytest.approx({"ay": float(ay)})
+        done("render", f"{ay}.exr", *shared, *of, "-o", "alone.exr")
+        alone = read_exr("alone.exr")[1]["G"]
+        np.testing.assert_allclose(planes["G"], alone, rtol=2e-3, atol=1e-3 * alone.max())
+        seen.append(planes["G"])
+    assert np.ptp(seen, axis=0).max() > 0.02 * np.max(seen)
+
+
+@pytest.mark.slow
+def test_a_value_of_a_parameter_is_shown_while_the_viewer_walks(worn):
+    shared = ("--probe", "probe.exr", "--window", "none", "--size", "16", "--frames", "2")
+    done("render", "worn.exr", *shared, "--vary", "ay=0.5", "-o", "f.%04d.exr")
+    done("render", "0.5.exr", *shared, "-o", "g.%04d.exr")
+    one, two = ([read_exr(f"{name}.000{k}.exr")[1]["G"] for k in (1, 2)] for name in "fg")
+    np.testing.assert_allclose(one, two, rtol=2e-3, atol=1e-3 * np.max(two))
+    assert np.abs(two[0] - two[1]).max() > 0.05 * np.max(two)
+
+
+@pytest.mark.slow
+def test_values_that_a_texture_does_not_have_are_refused(worn):
+    for given, code, words in (
+        (["ay=0.2..0.5"], 2, ["--frames"]),
+        (["ay=0.6"], 1, ["ay varies from 0.2 to 0.5", "cannot be 0.6"]),
+        (["ay=0.2", "ay=0.3"], 2, ["--vary"]),
+        (["ay=0.2", "wear.png"], 2, ["--vary"]),
+        (["vertex"], 2, ["--vary", "--mesh"]),
+        (["az=1"], 1, ["'az'", "ay"]),
+    ):
+        options = [word for each in given for word in ("--vary", each)]
+        result = run("render", "worn.exr", "--probe", "probe.exr", *options, "-o", "x.png")
+        assert_refused(result, code, *words)
+    for wrong in ("0.9", "-1"):
+        Path("scene.toml").write_text(SCENE.replace("ay = 0.5", f"ay = {wrong}"))
+        shared = ("worn.exr", "--probe", "probe.exr", "--mesh", "scene.toml")
+        result = run("render", *shared, "-o", "x.%04d.png")
+        assert_refused(result, 1, "ay varies from 0.2 to 0.5")
+        result = run("render", *shared, "--vary", "ay=0.3", "-o", "x.%04d.png")
+        assert_refused(result, 2, "--vary", "[[key]]")

@@ -639,7 +639,7 @@ def _meshes(folder: Path) -> list[tuple[str, str]]:
     )
     (folder / "keys.toml").write_text(
         f'[[objects]]\nmesh = "{MESH}"\n[[key]]\nframe = 1\nturn = 10\nview = [0, 10]\n'
-        "[[key]]\nframe = 3\nturn = [90, 5, -5]\nview = [30, -10]\n"
+        "[[key]]\nframe = 3\nturn = [90, 5, -5]\nview = [30, -10]\nvary = {}\n"
     )
     return [(f"mesh, {Path(name).suffix}", name) for name in made]
 

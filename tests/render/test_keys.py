@@ -48,6 +48,23 @@ def test_what_no_key_names_stays(tmp_path):
     assert keys_of(tmp_path, "") == []
 
 
+def test_each_parameter_has_its_own_keys(tmp_path):
+    text = """
+    [[key]]
+    frame = 1
+    vary = {ax = 0.5}
+    [[key]]
+    frame = 2
+    vary = {ay = 2}
+    [[key]]
+    frame = 5
+    vary = {ax = 0.1, ay = 5.0}
+    """
+    frames = moments_between(keys_of(tmp_path, text), Viewer(7, 7))
+    found = [[each.values[name] for name in ("ax", "ay")] for each in frames]
+    np.testing.assert_allclose(found, [[0.5, 2], [0.4, 2], [0.3, 3], [0.2, 4], [0.1, 5]])
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -62,6 +79,9 @@ def test_what_no_key_names_stays(tmp_path):
         ("[[key]]\nframe = 1\nview = 3", r"view must be \[azimuth, elevation\]"),
         ("[[key]]\nframe = 1\nview = [0, 91]", "elevation of 91, outside"),
         ("[[key]]\nframe = 1\nspin = 1", "'spin' is none of frame, turn, blend, view"),
+        ("[[key]]\nframe = 1\nvary = 0.3", "vary must be values of parameters"),
+        ("[[key]]\nframe = 1\nvary = {ay = inf}", "vary must be values of parameters"),
+        ('[[key]]\nframe = 1\nvary = {ay = "wear.png"}', "vary must be values of parameters"),
         ("[key]\nframe = 1", r"tables \[\[objects\]\] and \[\[key\]\] alone"),
     ],
 )

@@ -30,7 +30,7 @@ def at(elevation):
 
 
 def lit(mesh, disc, brdf=None, points=FIRST_CORNER, view=(0, 0, 1), samples=None):
-    lamps = LampsOnMesh(mesh, Rays(mesh), [disc], brdf)
+    lamps = LampsOnMesh(mesh, Rays(mesh), [disc], brdf and (lambda shares: brdf))
     count = len(points[0])
     normals = np.tile([0.0, 0, 1], (count, 1))
     views = np.broadcast_to(np.array(view, dtype=float), (count, 3))

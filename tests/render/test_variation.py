@@ -3,11 +3,18 @@
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MeshError, ProbeError
 from shrm_cli.geometry.mesh import make_mesh
+from shrm_cli.maps.product.make import product
+from shrm_cli.probe.disc import Disc
 from shrm_cli.render.variation import Variation, open_variation
+from shrm_cli.render.vertex_colors import vertex_colors
+from shrm_cli.transfer.bake import Plan, bake
+from shrm_cli.vocabulary import LUMINANCE
 from tests.cli.helpers import assert_refused, done, read_exr, run, write_exr
 from tests.probe import scenes
+from tests.transfer import meshes
 
 QUAD = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -92,9 +99,86 @@ def test_a_picture_of_a_brdf_that_varies(tmp_path, monkeypatch):
     expected = (0.2 + 0.8 * (u * 8 - 0.5) / 7) / 0.6
     np.testing.assert_allclose(varied[16, columns] / middle[16, columns], expected, rtol=0.02)
     assert_refused(run(*shared, "--vary", "vertex", "-o", "x.exr"), 1, "no vertex colours")
+    done("transfer", "quad.obj", "--matrices", "--samples", "4096", "-o", "quad.npz")
+    done(*shared, "--transfer", "quad.npz", "--vary", "wear.png", "-o", "shadowed.exr")
+    shadowed = read_exr("shadowed.exr")[1]["G"]
+    np.testing.assert_allclose(shadowed[16, columns], varied[16, columns], rtol=0.01)
     done("product", "lambertian", "--size", "8", "--order", "2", "-o", "plain.exr")
     result = run("render", "plain.exr", *shared[2:], "--vary", "wear.png", "-o", "x.exr")
     assert_refused(result, 2, "--vary")
     (tmp_path / "scene.toml").write_text('[[objects]]\nmesh = "quad.obj"\nvary = "wear.png"\n')
     done(*shared[:4], "--mesh", "scene.toml", "--size", "32", "-o", "scene.exr")
     np.testing.assert_array_equal(read_exr("scene.exr")[1]["G"], varied)
+
+
+ONE = [("ay", 0.3, 0.6)]
+TWO = [("ax", 0.3, 0.6), *ONE]
+
+
+@pytest.fixture(scope="module", params=[ONE, TWO], ids=["one", "two"])
+def ball(request):
+    """A ball of which each vertex has a colour, its transfer, and what varies over it."""
+    mesh = meshes.sphere(2)
+    colors = np.random.default_rng(4).random((len(mesh.vertices), 3))
+    colored = make_mesh("ball", mesh.vertices, mesh.faces, mesh.normals, colors=colors)
+    baked = bake(Plan(colored, 4, samples=4096, glossy=True))
+    return colored, baked, product("ward:ax=0.5", 4, 24, request.param, steps=3)
+
+
+def corners(mesh, eye):
+    """Points at the first corners of triangles that see the eye, their normals and their views."""
+    normals, views = mesh.normals, eye - mesh.vertices
+    views /= np.linalg.norm(views, axis=1, keepdims=True)
+    first = mesh.faces[:, 0]
+    own = np.flatnonzero(np.sum(normals * views, axis=1)[first] > 0.2)
+    points = own, np.tile([1.0, 0.0, 0.0], (len(own), 1))
+    return points, normals[first[own]], views[first[own]], first[own]
+
+
+def test_with_its_own_shadows_each_point_has_its_own_parameters(ball):
+    """At vertices of a ball, which hides nothing from itself, they are those without a transfer."""
+    mesh, baked, textures = ball
+    lit = textures.lit(np.random.default_rng(5).normal(size=(25, 3)) + np.eye(25, 3) * 9)
+    points, normals, views, own = corners(mesh, np.array([0.0, 3.0, 6.0]))
+    shown = vertex_colors(mesh, baked, lit, variation=Variation())
+    found = shown.radiance(np.array([0.0, 3.0, 6.0]), points, normals, views)
+    shares = mesh.colors[own][:, : lit.varies] if lit.varies > 1 else mesh.colors[own] @ LUMINANCE
+    truth = lit.varied_radiance(normals, baked.frames[own, 0], views, shares)
+
+    def error(of):
+        return np.sqrt(np.mean((of - np.maximum(truth, 0)) ** 2) / np.mean(truth**2))
+
+    assert error(found) < 1e-6
+    middle = vertex_colors(mesh, baked, lit)
+    assert error(middle.radiance(np.array([0.0, 3.0, 6.0]), points, normals, views)) > 0.03
+
+
+def test_lamps_are_reflected_by_the_parameters_of_each_point(ball):
+    mesh, baked, textures = ball
+    disc = Disc(np.array([0.0, 0.6, 0.8]), 0.01, np.array([100.0, 80.0, 60.0]))
+    points, normals, views, own = corners(mesh, np.array([0.0, 3.0, 6.0]))
+    seen = np.flatnonzero(normals @ disc.direction > 0.3)
+    points = points[0][seen], points[1][seen]
+    normals, views, own = normals[seen], views[seen], own[seen]
+    dark = textures.lit(np.zeros((25, 3)))
+    shown = vertex_colors(mesh, baked, dark, [disc], variation=Variation())
+    found = shown.radiance(np.array([0.0, 3.0, 6.0]), points, normals, views)
+    shares = (
+        mesh.colors[own][:, :2]
+        if dark.varies > 1
+        else mesh.colors[own] @ np.array(LUMINANCE)[:, None]
+    )
+    expected = []
+    for normal, view, tangent, share in zip(
+        normals, views, baked.frames[own, 0], shares, strict=True
+    ):
+        frame = np.array([tangent, np.cross(normal, tangent), normal])
+        wanted = {
+            "ax": 0.5,
+            **{k: a + s * (b - a) for (k, (a, b)), s in zip(dark.ways.items(), share, strict=True)},
+        }
+        value = parse_spec(f"ward:ax={wanted['ax']},ay={wanted['ay']}").evaluate(
+            (frame @ disc.direction)[None], (frame @ view)[None]
+        )[0]
+        expected.append(value * disc.solid_angle * (normal @ disc.direction) * disc.radiance)
+    np.testing.assert_allclose(found, expected, rtol=0.01, atol=1e-3 * np.max(expected))

@@ -18,6 +18,12 @@ class Cushion:
     It is ``(V.L)^2 + x_L x_V / 2`` times a colour that depends on the view, of degree 2 in L.
     """
 
+    def shares(self, values):
+        return []
+
+    def at(self, shares):
+        return self
+
     def values(self, local_views):
         directions, weights = sphere_rule(4)
         columns = self.of(directions, local_views[..., None, :])
@@ -43,9 +49,9 @@ def test_no_picture_of_a_mesh_is_negative(glossy):
     light[0] += 0.3
     plain = diffuse_colors(glossy, light)
     assert plain.min() < 0
-    shown = VertexColors(mesh, glossy, light).seen_from(np.array([0.0, 0.0, 9.0]))
+    (shown,) = VertexColors(mesh, glossy, light).seen_from(np.array([0.0, 0.0, 9.0]))
     np.testing.assert_array_equal(shown, np.where(plain < 0, 0, plain))
-    reflected = VertexColors(mesh, glossy, light, Cushion()).seen_from(np.array([0.0, 9.0, 9.0]))
+    (reflected,) = VertexColors(mesh, glossy, light, Cushion()).seen_from(np.array([0.0, 9.0, 9.0]))
     assert reflected.min() == 0
     assert reflected.max() > 0
 

@@ -13,6 +13,7 @@ from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.geometry.normals import face_normals
 from shrm_cli.maps.explicit import shader
+from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.probe.probe import Probe
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.forms import described_map
@@ -71,6 +72,20 @@ def test_what_the_page_calls_is_what_the_form_says(monkeypatch):
     assert found["code"] != honest["code"]
     for key in ("call", "boxed_call", "tangents"):
         assert found[key] == honest[key]
+
+
+@pytest.mark.parametrize("name", ["product varying", "product of two parameters"])
+def test_what_varies_is_one_texture_in_the_middle(name):
+    """As `shrm render` shows it where nothing tells a value: pages mix no textures."""
+    made, (normals, views) = cases.FORMS[name](), cases.points(40)
+    found = described_map(made, "a", "a.exr", Blocks())
+    sizes = {each["name"]: each["depth"] for each in found["textures"]}
+    assert sizes == {"shrm_table": 1, "shrm_product": 9}
+    middle = made.with_values({})
+    assert found["code"] == look_up_code(middle, "glsl", "layers")
+    np.testing.assert_allclose(
+        middle.radiance(normals, views), made.radiance(normals, views), atol=1e-9
+    )
 
 
 def test_every_asset_is_in_the_page():

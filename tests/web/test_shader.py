@@ -16,7 +16,7 @@ from shrm_cli.maps.splitsum.brushed_shader import taps_code
 from shrm_cli.vocabulary import TAP_COUNTS
 from tests.maps.irradiance.test_shader import make
 from tests.maps.shader import cases
-from tests.maps.shader.test_code import BOX, PLACES, WITHOUT, boxed, placed
+from tests.maps.shader.test_code import BOX, PLACES, SHARES, VARYING, WITHOUT, boxed, placed, varied
 
 DRAW = {
     "glsl": Path(__file__).with_name("draw.js").read_text(),
@@ -32,7 +32,9 @@ def packed(values):
     return base64.b64encode(np.ascontiguousarray(values, dtype=np.float32).tobytes()).decode()
 
 
-def drawn(page, made, normals, views, language, roughness=0.5, f0=(1.0, 1.0, 1.0), place=None):
+def drawn(
+    page, made, normals, views, language, roughness=0.5, f0=(1.0, 1.0, 1.0), place=None, shares=None
+):
     """What the code returns in the browser for each pair, or for each at a place."""
     point = "" if place is None else f", {VECTOR[language]}{place}"
     at = "_at" if point else ""
@@ -41,6 +43,8 @@ def drawn(page, made, normals, views, language, roughness=0.5, f0=(1.0, 1.0, 1.0
         surface = f", {roughness}" if isinstance(made, LightMap) else ""
         surface += f", {VECTOR[language]}{f0}" if "f0" in made.surface_arguments else ""
         call = f"shrm_radiance{at}(n, v{point}{surface})"
+    if shares is not None:
+        call = f"shrm_varied_radiance(n, shrm_tangent(n), v, {', '.join(map(str, shares))})"
     textures = [] if made.representation == "irradiance" else pack(made)
     job = {
         "code": look_up_code(made, language, "layers"),
@@ -76,6 +80,19 @@ def test_the_browser_draws_what_the_map_says(secure, monkeypatch, language, name
     for surface in cases.SURFACES if isinstance(made, LightMap) else [(0.5, (1.0, 1.0, 1.0))]:
         found = drawn(secure.page, made, normals, views, language, *surface)
         truth = cases.expected(made, normals, views, *surface)
+        np.testing.assert_allclose(found, truth, rtol=0, atol=PRECISION * np.abs(truth).max())
+    assert (secure.errors, secure.requests) == ([], [])
+
+
+@pytest.mark.parametrize("name", VARYING)
+@pytest.mark.parametrize("language", DRAW)
+def test_the_browser_draws_what_varies(secure, monkeypatch, language, name):
+    cases.filter_bilinearly(monkeypatch)
+    made = cases.FORMS[name]()
+    normals, views = (each.astype(np.float32).astype(float) for each in cases.points(200))
+    for shares in (each[: made.varies] for each in SHARES):
+        found = drawn(secure.page, made, normals, views, language, shares=shares)
+        truth = varied(made, normals, views, shares)
         np.testing.assert_allclose(found, truth, rtol=0, atol=PRECISION * np.abs(truth).max())
     assert (secure.errors, secure.requests) == ([], [])
 

@@ -12,7 +12,7 @@ Spherical Harmonics", sections 3 and 4.
 """
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -81,6 +81,14 @@ class ProductMap(_Parabolic, MaterialMap):
 
         A number counts for all of them.
         """
+
+    def weights(self, shares: ArrayLike) -> Array:
+        """Return the weights by which `textures` are summed up at shares, shape (..., textures)."""
+        return np.ones((*np.shape(shares)[:-1], 1))
+
+    def info_at(self, shares: ArrayLike) -> MapInfo:
+        """Return the record of the texture that `at` returns."""
+        return self.info
 
     @abstractmethod
     def values(self, local_views: ArrayLike, shares: ArrayLike = 0.5) -> Array:
@@ -201,9 +209,13 @@ class LitProduct(_Parabolic, ReflectionMap):
         return HarmonicLight(self.lighting, self.product)
 
     @property
-    def varies(self) -> int:  # type: ignore[override]
-        """The number of parameters of the BRDF that vary."""
-        return self.product.varies
+    def ways(self) -> Mapping[str, tuple[float, float]]:
+        """The parameters of the BRDF that vary, and the ends of their ranges."""
+        return self.product.ways
+
+    def with_values(self, values: Mapping[str, float]) -> "LitProduct":
+        """Return one texture under the same light; see `ReflectedLight.with_values`."""
+        return replace(self, product=self.product.at(self.shares(values)))
 
     def with_info(self, info: MapInfo) -> "LitProduct":
         """Return the same map with another record of how it was made."""

@@ -85,6 +85,11 @@ class Steps:
             return {"parameter": names[0], "values": axes[0], "step_error": self.error}
         return {"parameters": names, "values": axes, "step_error": self.error}
 
+    @property
+    def ways(self) -> dict[str, tuple[float, float]]:
+        """The least and the largest value of each parameter."""
+        return {name: (own[0], own[-1]) for name, own in self.values.items()}
+
     def wanted(self, shares: ArrayLike) -> Array:
         """Return the values of the parameters at shares of their ways, shape (..., parameters).
 

@@ -9,7 +9,7 @@ Kautz, Sloan and Snyder 2002, section 3: "we just need a higher-dimensional c_i(
 by whichever parameters q are to be spatially varied".
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -62,9 +62,9 @@ class VaryingProduct(ProductMap):
         return cls(tuple(same), steps, info)
 
     @property
-    def varies(self) -> int:  # type: ignore[override]
-        """The number of parameters."""
-        return len(self.steps.values)
+    def ways(self) -> Mapping[str, tuple[float, float]]:
+        """The parameters, and the ends of their ranges."""
+        return self.steps.ways
 
     def details(self) -> dict[str, Any]:
         """Return the parameters, their values, and what is missed between them."""
@@ -77,16 +77,23 @@ class VaryingProduct(ProductMap):
 
     def at(self, shares: ArrayLike) -> ProductTexture:
         """Return the texture for values of the parameters; see `ProductMap.at`."""
-        weights = self.steps.at(shares).tolist()
+        weights = self.weights(shares).tolist()
         pairs = [(w, each) for w, each in zip(weights, self.textures, strict=True) if w]
         table = sum((w * each.table for w, each in pairs), np.zeros_like(self.textures[0].table))
-        brdf = self.steps.recorded([self.info.brdf], shares)
-        return ProductTexture(table, replace(self.info, brdf=brdf))
+        return ProductTexture(table, self.info_at(shares))
+
+    def weights(self, shares: ArrayLike) -> Array:
+        """Return the weights of the textures; see `ProductMap.weights`."""
+        return self.steps.at(shares)
+
+    def info_at(self, shares: ArrayLike) -> MapInfo:
+        """Return the record of the texture that `at` returns."""
+        return replace(self.info, brdf=self.steps.recorded([self.info.brdf], shares))
 
     def values(self, local_views: ArrayLike, shares: ArrayLike = 0.5) -> Array:
         """Look up the coefficients of views; see `ProductMap.values`."""
         views = np.asarray(local_views, dtype=float)
-        flat, weights = views.reshape(-1, 3), self.steps.at(shares)
+        flat, weights = views.reshape(-1, 3), self.weights(shares)
         weights = np.broadcast_to(weights, (*views.shape[:-1], len(self.textures)))
         result = np.zeros((len(flat), *self.textures[0].table.shape[2:]))
         for texture, own in zip(self.textures, weights.reshape(len(flat), -1).T, strict=True):

@@ -131,8 +131,9 @@ def written_code(
     It is ``shrm_radiance(n, v)``, ``shrm_radiance(n, v, roughness, f0)`` for light of any GGX
     surface, ``shrm_radiance(n, v, roughness)`` for that of another BRDF, and
     ``shrm_irradiance(normal)`` for irradiance. Where the map knows of a box, ``shrm_radiance_at``
-    takes a point p after v, and ``shrm_irradiance_at`` after the normal. All names begin with
-    ``shrm_``.
+    takes a point p after v, and ``shrm_irradiance_at`` after the normal. Where parameters of a
+    product texture vary, ``shrm_varied_radiance(n, t, v, first, second)`` takes where they are on
+    their ways. All names begin with ``shrm_``.
 
     Parameters
     ----------
@@ -163,7 +164,7 @@ def written_code(
     source = source_of(made, chosen)
     write = _with_layers if chosen == "layers" else _with_cube_arrays
     head, words, comment = write(source, speech)
-    comment += _declare_own(source, speech, head)
+    comment += [*_declare_own(source, speech, head), *source.notes]
     functions = source.functions(words)
     if taps is not None:
         functions += _brushed(made, taps, speech)

@@ -62,6 +62,8 @@ class Source:
     """The light's coefficients, where programs may change them, shape (n, 3)."""
     takes_tangent: bool = False
     """Whether ``shrm_brushed_radiance``, which takes the tangent, is among the functions."""
+    notes: Sequence[str] = ()
+    """More lines of the comment, about further functions."""
 
 
 def central_direction(center: str, language: Language) -> str:

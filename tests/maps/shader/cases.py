@@ -22,6 +22,8 @@ from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.functions import TABLE
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.product.product import ProductTexture
+from shrm_cli.maps.product.steps import Steps
+from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.shader.source import ggx_moments
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.shrm import shrm as shrm_module
@@ -180,6 +182,17 @@ def product(channels, order, size=9):
     return ProductTexture(table, make_info(order, 0)).lit(rng.normal(size=(count, 3)))
 
 
+def varying(channels, axes, textures, order=2, size=9):
+    """Random textures with random weights, or one for each value of a single parameter."""
+    rng = np.random.default_rng(textures)
+    count = (order + 1) ** 2
+    tables = rng.normal(size=(textures, size, size, count, channels))
+    shape = [len(own) for own in axes.values()]
+    weights = np.eye(textures) if len(axes) == 1 else rng.normal(size=(*shape, textures))
+    each = [ProductTexture(table, make_info(order, 0)) for table in tables]
+    return VaryingProduct.of(each, Steps(axes, weights)).lit(rng.normal(size=(count, 3)))
+
+
 def explicit_map(name, center="reflection"):
     count = {"cabral": 12, "kautz-mccool": 5, "lightfield": 16}[name]
     rng = np.random.default_rng(count)
@@ -224,6 +237,16 @@ FORMS = {
     "product": lambda: product(1, 4),
     "product colored": lambda: product(3, 3),
     "product constant": lambda: product(3, 0),
+    "product of many orders": lambda: product(1, 16),
+    "product varying": lambda: varying(1, {"ay": (0.1, 0.2, 0.25, 0.7)}, 4),
+    "product varying colored": lambda: varying(3, {"a": (0.0, 3.0)}, 2),
+    "product varying by many values": lambda: varying(1, {"a": tuple(np.arange(30) ** 2.0)}, 30),
+    "product of two parameters": lambda: varying(
+        1, {"ax": (0.1, 0.3, 0.4), "ay": (0.1, 0.2, 0.8, 0.9)}, 5
+    ),
+    "product of two parameters colored": lambda: varying(
+        3, {"ax": (0.0, 1.0), "ay": (0.0, 0.1, 1.0)}, 40
+    ),
     **{name: lambda name=name: explicit_map(name) for name in EXPLICIT},
     "lamps": lambda: lamps(
         "0.3*ggx:roughness=0.3,f0=0.9/0.5/0.04+0.6*lambertian:albedo=0.5/0.4/0.3",

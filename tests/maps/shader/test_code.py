@@ -10,6 +10,7 @@ import pytest
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.principal.principal import PrincipalMap
+from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.shrm.shrm import Shrm
@@ -50,7 +51,7 @@ int main(int argc, char **argv)
     shrm_vec3 found;
     {load}
     while (scanf("%lf %lf %lf %lf %lf %lf", &a, &b, &c, &d, &e, &f) == 6) {{
-        found = {name}(shrm_vec(a, b, c), shrm_vec(d, e, f){surface});
+        found = {call};
         printf("%.9g %.9g %.9g\\n", found.x, found.y, found.z);
     }}
     (void)argc;
@@ -85,7 +86,7 @@ def compiler_of_c():
     return found or pytest.skip("no compiler of C")
 
 
-def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32, place=None):
+def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32, place=None, shares=None):
     """What the code in C computes for each pair, with textures of some precision; at a place."""
     compiler = compiler_of_c()
     load = ""
@@ -96,14 +97,19 @@ def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32, place=No
     surface += ", GIVEN(1)" if isinstance(made, LightMap) else ""
     surface += ", shrm_vec(GIVEN(2), GIVEN(3), GIVEN(4))" if "f0" in made.surface_arguments else ""
     name = "shrm_radiance" if place is None else "shrm_radiance_at"
+    call = f"{name}(shrm_vec(a, b, c), shrm_vec(d, e, f){surface})"
+    if shares is not None:
+        own = "".join(f", GIVEN({5 + k})" for k in range(len(shares)))
+        call = f"shrm_tangent(shrm_vec(a, b, c)), shrm_vec(d, e, f){own})"
+        call = f"shrm_varied_radiance(shrm_vec(a, b, c), {call}"
     source, program = folder / "main.c", folder / "main"
-    text = C_MAIN.format(code=look_up_code(made, "c"), load=load, surface=surface, name=name)
+    text = C_MAIN.format(code=look_up_code(made, "c"), load=load, call=call)
     if not program.exists() or source.read_text(encoding="ascii") != text:
         source.write_text(text, encoding="ascii")
         done = run([compiler, *STRICT, source, "-o", program, "-lm"])
         assert (done.returncode, done.stderr) == (0, "")
     lines = "".join(" ".join(map(repr, row)) + "\n" for row in np.c_[normals, views].tolist())
-    given = map(str, (roughness, *f0, *(place or ())))
+    given = map(str, (roughness, *f0, *(place or shares or ())))
     return np.array(run([program, *given], lines).stdout.split(), dtype=float).reshape(-1, 3)
 
 
@@ -116,6 +122,40 @@ def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name):
         found = in_c(tmp_path, made, normals, views, roughness, f0)
         truth = cases.expected(made, normals, views, roughness, f0)
         np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
+
+
+SHARES = ((0.0, 1.0), (0.07, 0.61), (0.93, 0.3), (1 / 3, 1.0), (-0.2, 1.3))
+"""Places of parameters on their ways: at ends, between values and beyond, and at one of a value."""
+VARYING = sorted(name for name, form in cases.FORMS.items() if form().varies)
+
+
+def varied(made, normals, views, shares):
+    """What a map reflects with the tangents of the code, of parameters at shares of their ways."""
+    where = shares[0] if made.varies == 1 else shares
+    return made.varied_radiance(normals, horizontal_tangents(normals), views, where)
+
+
+@pytest.mark.parametrize("name", VARYING)
+def test_c_computes_it_wherever_parameters_are(tmp_path, monkeypatch, name):
+    cases.filter_bilinearly(monkeypatch)
+    made, (normals, views) = cases.FORMS[name](), cases.points(60)
+    seen = []
+    for shares in (each[: made.varies] for each in SHARES):
+        found = in_c(tmp_path, made, normals, views, 0.5, (1.0, 1.0, 1.0), shares=shares)
+        truth = varied(made, normals, views, shares)
+        np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
+        seen.append(truth)
+    assert np.ptp(seen, axis=0).max() > 0.1 * np.abs(seen).max()
+
+
+def test_images_that_fit_into_no_array_are_refused():
+    made = cases.varying(1, {"a": tuple(range(64))}, 64, order=0)
+    many = replace(made.product.textures[0], table=np.zeros((4, 4, 289, 1)))
+    textures = VaryingProduct((many,) * 64, made.product.steps, many.info)
+    assert pack(textures)[1].values.shape == (229, 36, 36, 3)
+    wide = replace(many, table=np.broadcast_to(many.table[:1, :1], (1024, 1024, 289, 1)))
+    with pytest.raises(MapError, match="18496 images of 1024 x 1024 texels"):
+        look_up_code(replace(textures, textures=(wide,) * 64), "glsl", "layers")
 
 
 def boxed(made):
