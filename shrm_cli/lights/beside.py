@@ -141,15 +141,13 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
     )  # fmt: skip
 
 
-def lamps_share(probe: Probe, brdf: Brdf) -> float:
-    """Return the part of the luminance of a probe's light in lamps that are worth taking out.
+def lamps_share(probe: Probe) -> float:
+    """Return the part of the luminance of a probe's light that is in its lamps.
 
-    Those are small ones, which may look as large as pixels are. Of brushed surfaces, in which lamps
-    are long streaks, all lamps are.
+    Large ones are worth taking out, too: gold of roughness 0.3 in a studio has 13 % of its pixels
+    wrong in 21 MB, and 4 % in 0.6 MB beside soft boxes that are discs, with 7 % of RMS error.
     """
-    lamps = split_lamps(probe).lamps
-    largest = SMALL if brdf.isotropic else np.inf
-    small = [each.light.flux for each in lamps if each.radius < largest or not each.is_resolved]
     mean = project(probe, 0).coefficients[0] / np.sqrt(4 * np.pi)
     whole = 4 * np.pi * float(mean @ LUMINANCE)
-    return sum(float(flux @ LUMINANCE) for flux in small) / whole if whole > 0 else 0.0
+    lamps = split_lamps(probe).lamps
+    return sum(float(each.light.flux @ LUMINANCE) for each in lamps) / whole if whole > 0 else 0.0
