@@ -19,6 +19,7 @@ from shrm_cli.plan import policy
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.shared import SharedProbe
 from shrm_cli.records import record
 from shrm_cli.reflected import reflected_rms
 from shrm_cli.vocabulary import LUMINANCE
@@ -27,6 +28,7 @@ _ORDERS = 192, 8
 """The degrees and azimuthal orders of a BRDF that tell how much light lamps reflect. What lies
 beyond is estimated."""
 _ACCURACY = 1e-3
+_LAMPS = "lamps"
 SMALL, MUCH = float(np.radians(1.0)), 0.02
 """Lamps of a smaller radius that hold more of the light together are worth taking out. Of eight
 real probes, those of five are so (2 % to 59 % of the light), and the best maps of 32 MB of a
@@ -57,7 +59,7 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     """
     if brdf.center == "tangent":
         raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")
-    split = split_lamps(probe)
+    split = _split_of(probe)
     if not split.discs:
         return Beside(split, 1.0, 0.0)
     order, max_q = _ORDERS
@@ -75,6 +77,16 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     error = reflected_rms(Lighting(wrong, (wrong**2).sum(axis=0)), transfer)
     residual = reflected_rms(project(split.residual_probe, order), transfer)
     return Beside(split, min(residual / whole, 1.0), error / whole)
+
+
+def _split_of(probe: Probe) -> LampSplit:
+    """Take the lamps out of a probe; once, where it is there for several maps."""
+    if not isinstance(probe, SharedProbe):
+        return split_lamps(probe)
+    if _LAMPS not in probe.kept:
+        probe.kept[_LAMPS] = split_lamps(probe)
+    found: LampSplit = probe.kept[_LAMPS]
+    return found
 
 
 def _wrong(lamp: Lamp, order: int) -> Array:
@@ -149,5 +161,5 @@ def lamps_share(probe: Probe) -> float:
     """
     mean = project(probe, 0).coefficients[0] / np.sqrt(4 * np.pi)
     whole = 4 * np.pi * float(mean @ LUMINANCE)
-    lamps = split_lamps(probe).lamps
+    lamps = _split_of(probe).lamps
     return sum(float(each.light.flux @ LUMINANCE) for each in lamps) / whole if whole > 0 else 0.0
