@@ -102,6 +102,8 @@ def test_an_shrm_is_taken_where_it_keeps_what_is_asked_in_few_bytes(probe, monke
     heading, why = found.notes[0]
     assert heading == "form"
     assert why.startswith("SHRM, which keeps")
+    # The file of smooth light is a fifth of it, and no contradiction.
+    assert why.endswith(f"in {bytes_text(6 * 6 * texels(found.map))} before packing")
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)  # unless another form takes fewer
     found = made(probe, brdf=MICROFACET)
     assert found.map.representation == "principal"
