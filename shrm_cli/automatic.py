@@ -190,7 +190,8 @@ class _Asked:
         found = self.simple_shrm(kept)
         if found is None:
             return None
-        why = f"SHRM, which keeps {goal_text(self.goal)} in {bytes_text(found.bytes)}"
+        size = f"{bytes_text(found.bytes)} before packing"
+        why = f"SHRM, which keeps {goal_text(self.goal)} in {size}"
         return _noted_if_bright(judged(found.make(), found), why)
 
     def _why_no_shrm(self, made: Prefiltered) -> str:

@@ -216,9 +216,9 @@ def _finished(made: Prefiltered, probe: Probe, lamps: "Beside | None", brdf: Brd
 
     if lamps is not None:
         return with_lamps(made, lamps, brdf)
-    if lamps_share(probe, brdf) <= MUCH:
+    if brdf.center == "tangent" or lamps_share(probe) <= MUCH:
         return made
-    better = "take them out with `sun` split, dim them by `clamp`"
+    better = f"take them out with `sun` split, as discs, or {REMEDY}"
     return replace(made, warnings=tuple(line.replace(REMEDY, better) for line in made.warnings))
 
 

@@ -108,6 +108,8 @@ def test_an_shrm_is_taken_where_it_keeps_what_is_asked_in_few_bytes(probe, monke
     heading, why = found.notes[0]
     assert heading == "form"
     assert why.startswith("SHRM, which keeps")
+    # The file of smooth light is a fifth of it, and no contradiction.
+    assert why.endswith(f"in {bytes_text(6 * 6 * texels(found.map))} before packing")
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)  # unless another form takes fewer
     found = made(probe, brdf=MICROFACET)
     assert found.map.representation == "principal"
@@ -145,7 +147,8 @@ def test_where_nothing_holds_the_line_says_what_would(pixels):
     found = made(Probe.from_array(sun), **asked, sun="keep")
     (line,) = [each for each in found.warnings if each.startswith("no map keeps")]
     assert "in 200 kB" in line
-    assert "shrm sun" in line
+    assert "dim them by `clamp`" in line
+    assert "sun" not in line  # a pixel of 60 times all other light is no disc that is taken out
     assert "raise `max_size`" in line
     assert f"{100 * stated_error(found.map):.2g}%" in line
 

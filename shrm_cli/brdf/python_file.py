@@ -66,9 +66,10 @@ def load_model(term: FileTerm) -> type[Brdf]:
     found = vars(module).get(term.name)
     if not isinstance(found, type):
         names = [each.__name__ for each in brdf_classes(module)]
-        known = f"its BRDFs are {', '.join(names)}" if names else "it defines no subclass of Brdf"
-        missing = f"has no class {term.name!r}" if term.name else "which of its classes?"
-        raise BrdfError(f"{term.path}: {missing}; {known}, give {term.path}:Class")
+        known = " or ".join(f"{term.path}:{name}" for name in names)
+        remedy = f"give {known}" if names else "it defines no subclass of Brdf"
+        missing = f"has no class {term.name!r}" if term.name else "a class is to be named"
+        raise BrdfError(f"{term.path}: {missing}; {remedy}")
     return checked_model(found, f"{term.path}: {term.name}")
 
 

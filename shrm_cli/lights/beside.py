@@ -19,6 +19,7 @@ from shrm_cli.plan import policy
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.shared import SharedProbe
 from shrm_cli.records import record
 from shrm_cli.reflected import reflected_rms
 from shrm_cli.vocabulary import LUMINANCE
@@ -27,6 +28,7 @@ _ORDERS = 192, 8
 """The degrees and azimuthal orders of a BRDF that tell how much light lamps reflect. What lies
 beyond is estimated."""
 _ACCURACY = 1e-3
+_LAMPS = "lamps"
 SMALL, MUCH = float(np.radians(1.0)), 0.02
 """Lamps of a smaller radius that hold more of the light together are worth taking out. Of eight
 real probes, those of five are so (2 % to 59 % of the light), and the best maps of 32 MB of a
@@ -53,7 +55,7 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     """
     if brdf.center == "tangent":
         raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")
-    split = split_lamps(probe)
+    split = _split_of(probe)
     if not split.discs:
         return Beside(split, 1.0, 0.0)
     order, max_q = _ORDERS
@@ -71,6 +73,16 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     error = reflected_rms(Lighting(wrong, (wrong**2).sum(axis=0)), transfer)
     residual = reflected_rms(project(split.residual_probe, order), transfer)
     return Beside(split, min(residual / whole, 1.0), error / whole)
+
+
+def _split_of(probe: Probe) -> LampSplit:
+    """Take the lamps out of a probe; once, where it is there for several maps."""
+    if not isinstance(probe, SharedProbe):
+        return split_lamps(probe)
+    if _LAMPS not in probe.kept:
+        probe.kept[_LAMPS] = split_lamps(probe)
+    found: LampSplit = probe.kept[_LAMPS]
+    return found
 
 
 def _wrong(lamp: Lamp, order: int) -> Array:
@@ -137,15 +149,13 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
     )  # fmt: skip
 
 
-def lamps_share(probe: Probe, brdf: Brdf) -> float:
-    """Return the part of the luminance of a probe's light in lamps that are worth taking out.
+def lamps_share(probe: Probe) -> float:
+    """Return the part of the luminance of a probe's light that is in its lamps.
 
-    Those are small ones, which may look as large as pixels are. Of brushed surfaces, in which lamps
-    are long streaks, all lamps are.
+    Large ones are worth taking out, too: gold of roughness 0.3 in a studio has 13 % of its pixels
+    wrong in 21 MB, and 4 % in 0.6 MB beside soft boxes that are discs, with 7 % of RMS error.
     """
-    lamps = split_lamps(probe).lamps
-    largest = SMALL if brdf.isotropic else np.inf
-    small = [each.light.flux for each in lamps if each.radius < largest or not each.is_resolved]
     mean = project(probe, 0).coefficients[0] / np.sqrt(4 * np.pi)
     whole = 4 * np.pi * float(mean @ LUMINANCE)
-    return sum(float(flux @ LUMINANCE) for flux in small) / whole if whole > 0 else 0.0
+    lamps = _split_of(probe).lamps
+    return sum(float(each.light.flux @ LUMINANCE) for each in lamps) / whole if whole > 0 else 0.0

@@ -25,6 +25,7 @@ from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
+from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Stages, current, using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
@@ -93,10 +94,10 @@ class LampSplit:
             return result
         return to_grid(_in_memory(self.probe, result, self.probe.matrix), self.probe.grid)
 
-    @property
+    @cached_property
     def residual_probe(self) -> Probe:
-        """The residual as a probe in memory."""
-        return _in_memory(self.probe, self.residual, np.eye(3))
+        """The residual as a probe in memory, of which several maps may be made."""
+        return shared(_in_memory(self.probe, self.residual, np.eye(3)))
 
     @property
     def clipped(self) -> list[str]:

@@ -25,8 +25,8 @@ _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
 Notes = tuple[tuple[str, str], ...]
 """Headings and texts that tell people what was chosen automatically."""
-REMEDY = "take them out with `shrm sun` and prefilter its light file, dim them by `clamp`"
-"""What helps against lamps; `prefilter` says so in other words where it knows the lamps."""
+REMEDY = "dim them by `clamp`"
+"""What helps against lamps; `prefilter` adds what else does where it knows the lamps."""
 
 
 @record(eq=False)

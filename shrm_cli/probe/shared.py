@@ -1,4 +1,7 @@
-"""A probe of which several maps are made: it is read once, and projected once to each order."""
+"""A probe of which several maps are made: it is read, and its lamps are looked for, once.
+
+It is projected once to each order.
+"""
 
 from dataclasses import field, fields
 from functools import cached_property
@@ -35,9 +38,9 @@ class SharedProbe(Probe):
     Every map that is made of it has the same bytes as one that is made of the probe alone.
     """
 
-    kept: dict[int, Any] = field(default_factory=dict)
+    kept: dict[int | str, Any] = field(default_factory=dict)
     """What was computed of the light, by what it is: `shrm_cli.probe.lighting.project` keeps
-    coefficients by their order."""
+    coefficients by their order, and `shrm_cli.lights.beside` the lamps."""
 
     def digest(self) -> str:
         """SHA-256 of the bytes of the files, which are read for it once."""

@@ -206,14 +206,14 @@ WRONG = {
     "no class": (
         HEAD + FLAT.format(name="Mine") + FLAT.format(name="Other"),
         "x.py:Min",
-        "x.py: has no class 'Min'; its BRDFs are Mine, Other, give x.py:Class",
+        "x.py: has no class 'Min'; give x.py:Mine or x.py:Other",
     ),
     "none named": (
         HEAD + FLAT.format(name="Mine"),
         "x.py",
-        "which of its classes?; its BRDFs are Mine",
+        "x.py: a class is to be named; give x.py:Mine",
     ),
-    "empty name": (HEAD + FLAT.format(name="Mine"), "x.py::level=1", "its BRDFs are Mine"),
+    "empty name": (HEAD + FLAT.format(name="Mine"), "x.py::level=1", "; give x.py:Mine"),
     "nothing in it": ("", "x.py:Mine", "it defines no subclass of Brdf"),
     "a function": ("def Mine(): pass\n", "x.py:Mine", "has no class 'Mine'"),
     "another class": ("class Mine: pass\n", "x.py:Mine", "x.py: Mine is not a subclass of Brdf"),

@@ -11,6 +11,7 @@ from shrm_cli.choose import others
 from shrm_cli.choose.others import Truth
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
+from shrm_cli.maps.principal.sharing import Sharing
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import TRIED_SIZES
@@ -84,6 +85,24 @@ def test_no_other_form_keeps_the_goal_in_far_fewer_bytes(seed, lamp, spec):
         error, share = find()
         assert error > 0.05 or share > 0.05, (size, least)
     assert choice.recommended.bytes <= least
+
+
+def test_exact_errors_are_found_only_where_enough_pixels_are_right(monkeypatch):
+    """They take ten times as long as the share of wrong pixels, and were found of all maps."""
+    looked_at = []
+    joint = Sharing.joint
+
+    def recorded(self, forms, is_exact=False):
+        if is_exact:
+            share = predicted_wrong_share(list(zip(self.planners, forms, strict=True)))
+            looked_at.append((sum(form.bytes for form in forms), share))
+        return joint(self, forms, is_exact)
+
+    monkeypatch.setattr(Sharing, "joint", recorded)
+    (choice,) = shrm.choose(light(1, 30), "ggx:roughness=0.5")
+    offered = {each.bytes for each in choice.offers if each.form == "principal"}
+    assert len(looked_at) > len(offered)
+    assert [each for each in looked_at if each[0] not in offered and each[1] > 0.05] == []
 
 
 @pytest.mark.proof

@@ -1,0 +1,36 @@
+"""Lamps beside the maps of one probe: looked for once, and the same as for a map alone."""
+
+import numpy as np
+import pytest
+
+import shrm_cli as shrm
+from shrm_cli.lights import beside
+from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.shared import shared
+
+
+@pytest.fixture
+def pixels(rng):
+    found = 0.1 + rng.random((64, 128, 3)).astype(np.float32) / 10
+    found[20:22, 40:42] = 300
+    return found
+
+
+def test_maps_of_one_probe_look_for_its_lamps_once(pixels, monkeypatch):
+    looked = []
+    split_lamps = beside.split_lamps
+    monkeypatch.setattr(beside, "split_lamps", lambda probe: looked.append(1) or split_lamps(probe))
+    probe = shared(shrm.Probe.from_array(pixels, layout="latlong"))
+    residuals = set()
+    for brdf in ("ggx:roughness=0.5", "phong:exponent=32"):
+        given = {"brdf": brdf, "sun": "split"}
+        made = prefilter_with_facts(probe, "auto", given).map
+        found = beside.split_for(probe, shrm.parse_spec(brdf)).split
+        residuals.add(id(found.residual_probe))
+        assert len(looked) == 1
+        alone = shrm.Probe.from_array(pixels, layout="latlong")
+        apart = prefilter_with_facts(alone, "auto", given).map
+        for plane, expected in zip(made.planes(), apart.planes(), strict=True):
+            np.testing.assert_array_equal(plane, expected)
+        looked.pop()
+    assert len(residuals) == 1
