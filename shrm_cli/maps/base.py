@@ -33,16 +33,7 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.records import Displayed
 from shrm_cli.sphere.directions import bisector, central_directions
-from shrm_cli.vocabulary import (
-    DEFAULT_ROUGHNESS,
-    DEFAULT_TAPS,
-    MAX_CUBE_SIZE,
-    Center,
-    Frame,
-    Orientation,
-    Precision,
-    Sampling,
-)
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MAX_CUBE_SIZE
 
 if TYPE_CHECKING:
     import os
@@ -51,6 +42,7 @@ if TYPE_CHECKING:
     from shrm_cli.files.parts import Part
     from shrm_cli.maps.kinds import HarmonicLight
     from shrm_cli.maps.shrm.shrm import Shrm
+    from shrm_cli.vocabulary import Center, Frame, Orientation, Precision, Sampling
 
 
 class ReflectedLight(ABC):
@@ -187,12 +179,9 @@ class Map(Displayed, ABC):
 
     @abstractmethod
     def shaded(
-        self,
-        roughness: float = DEFAULT_ROUGHNESS,
-        f0: Color = (1.0, 1.0, 1.0),
-        anisotropy: float = 0.0,
-        taps: int = DEFAULT_TAPS,
-    ) -> ReflectedLight:
+        self, roughness: float = DEFAULT_ROUGHNESS, f0: Color = (1.0, 1.0, 1.0),
+        anisotropy: float = 0.0, taps: int = DEFAULT_TAPS,
+    ) -> ReflectedLight:  # fmt: skip
         """Return the reflected light: of light alone, that of a GGX surface.
 
         Parameters
@@ -407,11 +396,7 @@ class Map(Displayed, ABC):
         raise MapError(f"{self.what} has no SHRM; prefilter the probe for a BRDF")
 
     def converted(
-        self,
-        to: str,
-        size: int | None = None,
-        sampling: Sampling | None = None,
-        **options: Any,
+        self, to: str, size: int | None = None, sampling: Sampling | None = None, **options: Any
     ) -> Map:
         """Convert the map to another representation.
 
@@ -468,12 +453,9 @@ class Map(Displayed, ABC):
         return registry.module(self.representation, "file").encode(self)
 
     def save(
-        self,
-        path: str | os.PathLike[str],
-        precision: Precision = "auto",
-        layout: str = "openexr",
-        orientation: Orientation = "openexr",
-    ) -> str:
+        self, path: str | os.PathLike[str], precision: Precision = "auto",
+        layout: str = "openexr", orientation: Orientation = "openexr",
+    ) -> str:  # fmt: skip
         """Write the map to a file, completely or not at all; see `shrm_cli.maps.stored.store`.
 
         Returns
