@@ -10,7 +10,7 @@ from functools import cached_property
 
 from shrm_cli.brdf.sums import split
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import Prefiltered, examined
+from shrm_cli.maps.prefiltered import Prefiltered, Truth, examined, truth_of
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best
@@ -70,6 +70,11 @@ class _Asked:
         """What the picture has to keep."""
         return Goal.of(self.request.error, self.request.seen)
 
+    @cached_property
+    def truth(self) -> Truth:
+        """What is reflected."""
+        return truth_of(self.light.probe, self.request.brdf)
+
     def of_single_cubes(self) -> Candidate[Prefiltered] | None:
         """Return the SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
 
@@ -88,12 +93,19 @@ class _Asked:
         if found is None:
             return None
         why = f"SHRM, which keeps {goal_text(self.goal)}"
-        return _noted_if_bright(judged(found.make(), found), why)
+        return self._noted_if_bright(judged(found.make(), found), why)
+
+    def _noted_if_bright(self, made: Prefiltered, why: str) -> Prefiltered | None:
+        """Add the note about the form, unless anything visible is negative."""
+        made = examined(made, self.truth)
+        return _noted(made, why) if made.further["negative_share"]() <= NEGATIVE_SHARE else None
 
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
         most = self.request.allowed
-        made = kept_or_best(self.proposals.candidate, self.goal, most, self._made_simple)
+        made = kept_or_best(
+            self.proposals.candidate, self.goal, most, self._made_simple, self.truth
+        )
         if _FORM in dict(made.notes):
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
@@ -136,7 +148,7 @@ class _Asked:
         if found is None:
             return None
         why = f"SHRM, which keeps {goal_text(self.goal)} in {bytes_text(found.bytes)}"
-        return _noted_if_bright(judged(found.make(), found), why)
+        return self._noted_if_bright(judged(found.make(), found), why)
 
     def _why_no_shrm(self, made: Prefiltered) -> str:
         """Say what an SHRM of the same error takes, or what one of all the bytes is like."""
@@ -152,12 +164,6 @@ class _Asked:
         if is_kept:
             return f"an SHRM of its error takes {bytes_text(best.bytes)}"
         return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
-
-
-def _noted_if_bright(made: Prefiltered, why: str) -> Prefiltered | None:
-    """Add the note about the form, unless anything visible is negative."""
-    made = examined(made)
-    return _noted(made, why) if made.further["negative_share"]() <= NEGATIVE_SHARE else None
 
 
 def _noted(made: Prefiltered, why: str) -> Prefiltered:
