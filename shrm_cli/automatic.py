@@ -11,7 +11,7 @@ from functools import cached_property
 
 from shrm_cli.brdf.sums import split
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import Prefiltered, examined
+from shrm_cli.maps.prefiltered import Prefiltered, Truth, examined, truth_of
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best
@@ -83,6 +83,11 @@ class _Asked:
         """What the picture has to keep."""
         return Goal.of(self.request.error, self.request.seen)
 
+    @cached_property
+    def truth(self) -> Truth:
+        """What is reflected."""
+        return truth_of(self.light.probe, self.request.brdf)
+
     def of_single_cubes(self) -> Candidate[Prefiltered] | None:
         """Return the SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
 
@@ -101,13 +106,18 @@ class _Asked:
         if found is None:
             return None
         why = f"SHRM, which keeps {goal_text(self.goal)}"
-        return _noted_if_bright(judged(found.make(), found), why)
+        return self._noted_if_bright(judged(found.make(), found), why)
+
+    def _noted_if_bright(self, made: Prefiltered, why: str) -> Prefiltered | None:
+        """Add the note about the form, unless anything visible is negative."""
+        made = examined(made, self.truth)
+        return _noted(made, why) if made.further["negative_share"]() <= NEGATIVE_SHARE else None
 
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
         most = self.request.allowed
         ways = self._made_simple, self.made_of_lamps_apart
-        made = kept_or_best(self.proposals.candidate, self.goal, most, *ways)
+        made = kept_or_best(self.proposals.candidate, self.goal, most, *ways, self.truth)
         if _FORM in dict(made.notes):
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
@@ -151,7 +161,8 @@ class _Asked:
             f"{form}, lamps beside it: with them in the map (`sun` keep) it would have "
             f"{whole.errors_text} in {bytes_text(whole.bytes)}"
         )
-        return _noted(examined(replace(judged(made, found), notes=tuple(notes.items()))), why)
+        made = replace(judged(made, found), notes=tuple(notes.items()))
+        return _noted(examined(made, self.truth), why)
 
     @cached_property
     def proposals(self) -> Proposals:
@@ -192,7 +203,7 @@ class _Asked:
             return None
         size = f"{bytes_text(found.bytes)} before packing"
         why = f"SHRM, which keeps {goal_text(self.goal)} in {size}"
-        return _noted_if_bright(judged(found.make(), found), why)
+        return self._noted_if_bright(judged(found.make(), found), why)
 
     def _why_no_shrm(self, made: Prefiltered) -> str:
         """Say what an SHRM of the same error takes, or what one of all the bytes is like."""
@@ -208,12 +219,6 @@ class _Asked:
         if is_kept:
             return f"an SHRM of its error takes {bytes_text(best.bytes)}"
         return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
-
-
-def _noted_if_bright(made: Prefiltered, why: str) -> Prefiltered | None:
-    """Add the note about the form, unless anything visible is negative."""
-    made = examined(made)
-    return _noted(made, why) if made.further["negative_share"]() <= NEGATIVE_SHARE else None
 
 
 def _noted(made: Prefiltered, why: str) -> Prefiltered:

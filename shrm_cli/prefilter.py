@@ -12,7 +12,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, examined
+from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, examined, truth_of
 from shrm_cli.maps.request import Request
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
@@ -176,7 +176,8 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
         info = replace(found.map.info, options=request.record(probe))
         found = replace(found, map=found.map.with_info(info))
         if needs_brdf:  # maps of light alone have words of their own for what is negative
-            found = examined(_finished(found, probe, lamps, request.brdf))
+            found = _finished(found, probe, lamps, request.brdf)
+            found = examined(found, truth_of(probe, request.brdf))
     if isinstance(work, Rising):
         work.end()
     return found

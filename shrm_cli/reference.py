@@ -85,6 +85,8 @@ class Reference:
     ----------
     source : Source or Pyramid
         A pyramid where sums are adaptive.
+    pixels : int
+        Those of the source, before they are cut where they are coarse.
     angle : float
         Where the lobe is truncated, radians from the central direction; pi where it is not.
 
@@ -108,6 +110,7 @@ class Reference:
         self.dtype = dtype
         self.progress = progress
         self._reach = min(self.angle, lobe.zonal_support(brdf)) if brdf.zonal else self.angle
+        own = probe.grid.shape if source_height is None else (source_height, 2 * source_height)
         if source_height is None:
             probe = probe if exact else fine_probe(probe)
             rows, columns = probe.grid.shape
@@ -121,6 +124,7 @@ class Reference:
             exact = exact or self._core.cells > min(MOST_CELLS, _FULL_SHARE * pixels)
         made: type[Source] | type[Pyramid] = Source if exact else Pyramid
         self.source = made.of(probe, source_height, dtype)
+        self.pixels = min(self.source.pixels, own[0] * own[1])
         self._errors: list[Array] = []
 
     @property

@@ -212,8 +212,8 @@ def test_dark_maps_are_made_without_lamps_too(bare_sun, monkeypatch):
     assert not isinstance(made(bare_sun, **asked).map, LampMap)
     counted = prefiltered.negative_share
 
-    def dark(map_):
-        return counted(map_) if isinstance(map_, LampMap) else 0.3
+    def dark(map_, truth=None):
+        return counted(map_, truth) if isinstance(map_, LampMap) else 0.3
 
     monkeypatch.setattr(prefiltered, "negative_share", dark)
     assert isinstance(made(bare_sun, **asked).map, LampMap)
@@ -224,7 +224,7 @@ def test_dark_places_are_given_more(probe, monkeypatch):
     asked = []
     shares = [0.3, 0.1, 0.2]
 
-    def share(map_):
+    def share(map_, truth=None):
         asked.append(texels(map_))
         return shares[len(asked) - 1]
 

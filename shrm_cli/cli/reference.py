@@ -100,7 +100,7 @@ def reference(
     with progress_bar("integrating") as progress:
         truth = Reference(source, brdf, source_height, progress=progress, exact=exact)
         pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)
-    result |= {"source_pixels": truth.source.pixels, "truth_error": truth.error}
+    result |= {"source_pixels": truth.pixels, "truth_error": truth.error}
     attributes = picture_attributes(recipe, [source.chromaticities])
     pixel_type = write_picture(target, pixels, precision, attributes)
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
@@ -108,7 +108,7 @@ def reference(
         f"{target}: {size} x {size}, {pixel_type}",
         f"  BRDF           {brdf!r}",
         f"  view           azimuth {view[0]:g}, elevation {view[1]:g}",
-        f"  source         {truth.source.pixels:,} pixels of {probe}",
+        f"  source         {truth.pixels:,} pixels of {probe}",
         f"  truth          {truth.statement}",
     ]
     told = {"file": target, **result, "precision": pixel_type}

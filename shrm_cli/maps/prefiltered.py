@@ -10,19 +10,26 @@ Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.progress import using
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
-from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE
+from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE, SEEN_FLOOR, WRONG
+
+if TYPE_CHECKING:
+    from shrm_cli.brdf.base import Brdf
+    from shrm_cli.probe.probe import Probe
 
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
+Truth = Callable[[Array, Array], Array]
 Notes = tuple[tuple[str, str], ...]
 """Headings and texts that tell people what was chosen automatically."""
 REMEDY = "dim them by `clamp`"
@@ -134,21 +141,48 @@ def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
 
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""
+_DARK_PAIRS = 1024
+"""The number of those with negative light whose truth is looked at, about."""
 
 
-def negative_share(map_: Map) -> float:
+def truth_of(probe: "Probe", brdf: "Brdf") -> Truth:
+    """Return what looks up what a BRDF reflects of a probe, by normals and views."""
+
+    def radiance(normals: Array, views: Array) -> Array:
+        from shrm_cli.reference import Reference  # which maps that are not negative do not need
+
+        with using(None):
+            return Reference(probe, brdf).radiance(normals, views)
+
+    return radiance
+
+
+def negative_share(map_: Map, truth: Truth | None = None) -> float:
     """Estimate the share of what is visible of a map whose luminance is below 0.
 
     Mirror directions and views are spread evenly over all pairs. These are the pixels of spheres,
     seen in parallel projection from all sides.
+
+    Parameters
+    ----------
+    truth : callable, optional
+        What is reflected, where it is known: what is black in truth may be so in the map.
 
     Returns
     -------
     float
         In 0 .. 1, to about 0.001 where it is small.
     """
-    shown = map_.shaded().rough_radiance(*visible_pairs())
-    return float(np.mean(shown @ LUMINANCE < 0))
+    mirrored, views = visible_pairs()
+    shown = map_.shaded().rough_radiance(mirrored, views) @ LUMINANCE
+    dark = np.flatnonzero(shown < 0)
+    share = len(dark) / len(shown)
+    if truth is None or share <= NEGATIVE_SHARE:
+        return share
+    dark = dark[:: -(-len(dark) // _DARK_PAIRS)]
+    light = truth(bisector(mirrored[dark], views[dark]), views[dark]) @ LUMINANCE
+    seen = WRONG * SEEN_FLOOR * float(np.maximum(shown, 0).mean())
+    return share * float(np.mean(light > seen))
 
 
 @cache
@@ -161,14 +195,15 @@ def visible_pairs(count: int = _PAIRS) -> tuple[Array, Array]:
     return directions, views
 
 
-def examined(made: Prefiltered) -> Prefiltered:
+def examined(made: Prefiltered, truth: Truth | None = None) -> Prefiltered:
     """Record the negative share of a map that was just made, and warn of it where it is seen.
 
-    Where that was done, as the share decides which map is made, it is not done again.
+    Where that was done, as the share decides which map is made, it is not done again. The truth is
+    that of `negative_share`.
     """
     if "negative_share" in made.further:
         return made
-    share = negative_share(made.map)
+    share = negative_share(made.map, truth)
     # It stands behind the facts that are still to be found, so that JSON keeps its order.
     further = {**made.further, "negative_share": lambda: share}
     warnings = (*made.warnings, *negative_warnings(made.map, share))

@@ -20,7 +20,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import SHARED, bytes_text
-from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, examined
+from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, Truth, examined
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import HALF_ERROR, stored_bytes, total_error
 from shrm_cli.plan import policy
@@ -36,6 +36,7 @@ def kept_or_best(
     max_size: int,
     instead: Callable[[Candidate[Prefiltered]], Prefiltered | None] = lambda kept: None,
     otherwise: Callable[[Candidate[Prefiltered]], Prefiltered | None] = lambda best: None,
+    truth: Truth | None = None,
 ) -> Prefiltered:
     """Make the map of the fewest bytes that keeps a goal, and shows nothing negative.
 
@@ -50,6 +51,8 @@ def kept_or_best(
     otherwise : callable
         Called with the best candidate where none keeps the goal, or all are negative somewhere;
         may return a map that is better.
+    truth : callable, optional
+        That of `negative_share`.
 
     Returns
     -------
@@ -66,7 +69,7 @@ def kept_or_best(
         other = None if dark else instead(candidate)
         if other is not None:
             return other
-        made = examined(judged(candidate.make(), candidate))
+        made = examined(judged(candidate.make(), candidate), truth)
         share = made.further["negative_share"]()
         if share <= NEGATIVE_SHARE:
             return made

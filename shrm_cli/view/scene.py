@@ -213,7 +213,7 @@ def _add_truth(
     scene.description["truth_facts"] = [
         ("what", f"integral over the probe, {source.statement}"),
         ("BRDF", spec_of(record_of(brdf))),
-        ("probe", f"{Path(probe.name).name}, {source.source.pixels:,} pixels"),
+        ("probe", f"{Path(probe.name).name}, {source.pixels:,} pixels"),
         ("picture", f"{truth.size} \u00d7 {truth.size} points on the sphere"),
     ]
 

@@ -75,3 +75,16 @@ def test_the_nearest_texel_is_the_one_of_the_least_angle(size, sampling):
     some /= np.linalg.norm(some, axis=1, keepdims=True)
     cosine = np.sum(texels[nearest_texels(some, size, sampling)] * some, axis=1)
     assert np.all(cosine > np.max(some @ texels.reshape(-1, 3).T, axis=1) - 0.06)
+
+
+@pytest.mark.parametrize("to", ["auto", "shrm", "principal"])
+def test_what_is_black_in_truth_may_be_black(to):
+    """Half of a matt sphere faces away from a bare sun; what is cut off swings about 0 there."""
+    light = np.zeros((64, 128, 3), np.float32)
+    light[17, 50] = 2e4
+    made = make(Probe.from_array(light), to, brdf="lambertian")
+    assert negative_share(made.map) > 0.1
+    assert made.summary()["negative_share"] <= 0.001
+    assert not made.warnings
+    if to == "auto":
+        assert made.map.representation == "shrm"

@@ -5,7 +5,7 @@ from typing import Any
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import Prefiltered, error_lines, unkept_error, wrong_light
+from shrm_cli.maps.prefiltered import Prefiltered, error_lines, truth_of, unkept_error, wrong_light
 from shrm_cli.maps.principal.proposal import Proposal, Proposals
 from shrm_cli.maps.request import Request
 from shrm_cli.plan import policy
@@ -29,7 +29,9 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         # Only maps that are judged by what is seen need this module.
         from shrm_cli.maps.seen import kept_or_best
 
-        return kept_or_best(proposals.candidate, goal, request.allowed)
+        return kept_or_best(
+            proposals.candidate, goal, request.allowed, truth=truth_of(probe, request.brdf)
+        )
     proposal = proposals.propose()
     unmet = _unmet(proposals, proposal, request.error, request.allowed)
     return proposal.make([] if unmet is None else [unmet])

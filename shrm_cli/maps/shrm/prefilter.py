@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.prefiltered import Prefiltered, error_lines, unkept_error
+from shrm_cli.maps.prefiltered import Prefiltered, error_lines, truth_of, unkept_error
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import affordable, sufficient_tolerance
 from shrm_cli.maps.shrm.make import centered, order_warnings, prefilter_shrm
@@ -53,7 +53,9 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         goal, allowed = Goal.of(request.error, request.seen), request.allowed
         form = request.size, request.sampling
         shrms = ShrmProposals.known(light, brdf, goal.error, allowed, *form)
-        return replace(kept_or_best(shrms.proposing(allowed), goal, allowed), notes=notes)
+        truth = truth_of(probe, brdf)
+        made = kept_or_best(shrms.proposing(allowed), goal, allowed, truth=truth)
+        return replace(made, notes=notes)
     if request.error is not None:
         return replace(_within_error(light, request, request.error), notes=notes)
     unsplit: tuple[str, ...] = ()
