@@ -18,6 +18,7 @@ import shutil
 import sys
 import tempfile
 import time
+import traceback
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -211,6 +212,8 @@ def _seeds(folder: Path) -> list[Seed]:
             made = [asdict(seed) for seed in make_seeds(folder)]
             (folder / "seeds.json").write_text(json.dumps(made))
             status = 0
+        except BaseException:  # nothing else would tell why, as the process ends at once
+            traceback.print_exc()
         finally:
             sys.stderr.flush()
             os._exit(status)
