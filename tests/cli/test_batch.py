@@ -342,12 +342,14 @@ def test_command_lines_of_farms_say_nothing_that_holds_for_a_whole_run(folder, w
 
 
 def test_values_of_options_are_no_options_of_farms(folder):
-    words = ["--log", "--", "--brdf", "--chunk", "--to", "irradiance", "--to", "shrm"]
-    result = run("batch", "probes/*.exr", *words, "--commands", "lines.txt", "--chunk=5")
-    assert (result.code, result.err) == (0, "")
-    assert shlex.split((folder / "lines.txt").read_text()) == [
-        "shrm", "batch", "--share", "1/1", "probes/*.exr", *words,
-    ]  # fmt: skip
+    for value in ("--", "--chunk"):
+        words = ["--log", value, "--brdf", "phong", "--to", "irradiance", "--to", "shrm"]
+        result = run("batch", "probes/*.exr", *words, "--commands", "lines.txt", "--chunk=5")
+        assert (result.code, result.err) == (0, "")
+        assert shlex.split((folder / "lines.txt").read_text()) == [
+            "shrm", "batch", "--share", "1/1", "probes/*.exr", *words,
+        ]  # fmt: skip
+        (folder / "lines.txt").unlink()
 
 
 @pytest.mark.parametrize(

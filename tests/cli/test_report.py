@@ -177,15 +177,21 @@ def test_names_are_escaped(folder):
 
 
 def test_a_brdf_that_fails_is_said_and_the_others_are_there(folder):
-    result = run(
-        "report", "probe.exr", "--brdf", "nonsense", "--brdf", "phong", *SMALL, "-o", "a.html"
-    )
+    (folder / "bad.binary").write_bytes(b"no samples")
+    brdfs = "--brdf", "bad.binary", "--brdf", "phong"
+    result = run("report", "probe.exr", *brdfs, *SMALL, "-o", "a.html")
     assert result.code == 1
-    assert re.fullmatch(r"Failed: nonsense, principal: [^\n]*\n", result.err)
+    assert re.fullmatch(r"Failed: bad.binary, principal: [^\n]*\n", result.err)
     text, page = read("a.html")
-    assert "nonsense, principal" in page.texts
+    assert "bad.binary, principal" in page.texts
     assert html.escape("phong") in text
     assert len(page.all("iframe")) == 1
+
+
+def test_a_brdf_that_does_not_exist_is_refused_before_others_are_made(folder):
+    brdfs = "--brdf", "phong", "--brdf", "nonsense"
+    assert_refused(run("report", "probe.exr", *brdfs, "-o", "a.html"), 1, "'nonsense'")
+    assert not (folder / "a.html").exists()
 
 
 @pytest.mark.proof

@@ -94,7 +94,7 @@ def test_json(folder):
     lines = done("compare", "room.exr", *TWO, "--f0", "1/0.5/0.5").splitlines()
     assert lines[0] == (
         "room.exr on GGX of f0 1/0.5/0.5: relative RMS error by roughness; the truth is "
-        "summed in full"
+        "summed adaptively, 95 % within 0.00%"
     )
     assert lines[1].split() == ["files", "storage", "build", "0.6", "1", "all", "p95"]
     for line, title, each in zip(lines[2:7], TITLES, value["representations"], strict=True):

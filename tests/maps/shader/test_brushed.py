@@ -33,15 +33,11 @@ def in_c(folder, made, points, call, taps=None):
     for texture in pack(made):
         texture.values.astype(np.float32).tofile(folder / texture.name)
         load += f'{texture.name} = loaded("{folder / texture.name}", {texture.values.size});\n'
-    program = C_MAIN.format(
-        code=look_up_code(made, "c", taps=taps), load=load, surface="", name="shrm_radiance"
-    )
+    arguments = "shrm_vec(a, b, c), shrm_vec(d, e, f), shrm_vec(g, h, i)"
+    code = look_up_code(made, "c", taps=taps)
+    program = C_MAIN.format(code=code, load=load, call=call.format(arguments))
     program = program.replace("%lf %lf %lf %lf %lf %lf", "%lf " * 9).replace(
         "&e, &f) == 6", "&e, &f, &g, &h, &i) == 9"
-    )
-    program = program.replace(
-        "shrm_radiance(shrm_vec(a, b, c), shrm_vec(d, e, f))",
-        call.format("shrm_vec(a, b, c), shrm_vec(d, e, f), shrm_vec(g, h, i)"),
     )
     (folder / "main.c").write_text(program, encoding="ascii")
     done = run([compiler_of_c(), *STRICT, folder / "main.c", "-o", folder / "main", "-lm"])
