@@ -39,7 +39,7 @@ from shrm_cli.render.flip import can_flip, hdr_flip
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import horizontal_tangents
-from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
+from shrm_cli.vocabulary import COARSE_ROWS, MAX_PRINCIPAL_MAPS
 
 Array = NDArray[np.floating]
 Way = Callable[[Map], tuple[str, dict[str, Any]]]
@@ -182,7 +182,7 @@ def measure(probes: Sequence[Probe], extent: Extent = FULL) -> Iterator[list[See
         height = min(_rows(brdf, extent), opened[0].height)
         if height not in lights:
             small = small_probes(opened, height)
-            lights[height] = small, light_of(small, height)
+            lights[height] = small, _light_of_areas(small)
         probes, light = lights[height]
         truths = [lit(brdf, each.normals, each.views, light) for each in spheres]
         rows = []
@@ -197,6 +197,14 @@ def measure(probes: Sequence[Probe], extent: Extent = FULL) -> Iterator[list[See
                 errors = _errors(each, pairs, truth)
                 rows.append(_row(spec, brdf, probe, way, each, seconds, spheres, pictures, errors))
         yield rows
+
+
+def _light_of_areas(probes: Sequence[Probe]) -> Light:
+    """Turn probes into lights whose pixels are as bright all over, as maps of coarse ones are."""
+    times = -(-COARSE_ROWS // probes[0].height)
+    parts = [each.image().repeat(times, axis=0).repeat(times, axis=1) for each in probes]
+    cut = [Probe.from_array(pixels, layout="latlong") for pixels in parts]
+    return light_of(cut, cut[0].height)
 
 
 def _rows(brdf: Brdf, extent: Extent) -> int:
