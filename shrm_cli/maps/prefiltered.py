@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
 Truth = Callable[[Array, Array], Array]
+"""From normals and views to what is reflected, shape (n, 3)."""
 Notes = tuple[tuple[str, str], ...]
 """Headings and texts that tell people what was chosen automatically."""
 REMEDY = "dim them by `clamp`"

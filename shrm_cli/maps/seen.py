@@ -80,8 +80,9 @@ def kept_or_best(
         least = policy.MISSED * min(share for share, *_ in dark)
         best, made = next((each, made) for share, each, made in dark if share <= least)
         other = otherwise(best)
-        is_bright = other is not None and other.further["negative_share"]() <= NEGATIVE_SHARE
-        return other if other is not None and is_bright else made
+        if other is not None and other.further["negative_share"]() <= NEGATIVE_SHARE:
+            return other
+        return made
     best = least_wrong(tried, goal)
     if (other := otherwise(best)) is not None:
         return other
