@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from tests.fuzz.child import SECONDS, Outcome
+from tests.fuzz.child import WORKS, Outcome
 
 _RESIDENT = 2**30  # the most memory of a case, whose input is tiny
 _MOST_LINE = 1500  # characters of a line on stderr
@@ -27,7 +27,7 @@ def of_outcome(outcome: Outcome, as_json: bool) -> list[str]:
     is_refused = outcome.code in (1, 2)
     wrong = {
         f"ended with {outcome.code}": outcome.code not in (0, 1, 2),
-        "takes too long": outcome.seconds > SECONDS,
+        "takes too long": outcome.works > WORKS,
         "uses too much memory": outcome.resident > _RESIDENT,
         "asks for too much memory": "out of memory" in err,
         "internal error": "internal error" in err or "Traceback" in err,

@@ -62,7 +62,7 @@ from pathlib import Path
 import shrm_cli.analysis.describe, tests.fuzz.child as child
 from shrm_cli.errors import ProbeError
 from tests.fuzz import __main__ as harness
-child.SECONDS = 1
+child.MOST_SECONDS = 1
 seed = harness.Seed("PFM", "a.pfm", ("info FILE --json",))
 harness.make_seeds = lambda folder: (folder / "a.pfm").write_bytes(b"PF 1 1") and [seed]
 harness.copy_sound = lambda source, target: None

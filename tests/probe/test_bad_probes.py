@@ -256,10 +256,10 @@ def test_bad_files(tmp_path, capfd, case):
     path = make(tmp_path)
     options = ReadOptions(linearize=case.startswith(LINEARIZED))
     capfd.readouterr()
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(ProbeError) as caught:
         project(open_probe(path, options), 2)
-    assert time.perf_counter() - start < 2
+    assert time.process_time() - start < 2
     check_message(caught.value, path, message)
     assert capfd.readouterr() == ("", "")
 

@@ -391,10 +391,10 @@ def test_a_sparse_giant_is_refused_at_once(made):
     path = made()
     with open(path, "r+b") as stream:
         stream.truncate(2**40)
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(BrdfError, match="larger than"):
         Rgl.open(path)
-    assert time.perf_counter() - start < 1
+    assert time.process_time() - start < 1
 
 
 def test_other_files_of_the_suffix_are_refused(tmp_path):

@@ -68,10 +68,10 @@ def test_lies_are_refused_at_once(tmp_path, case):
     path = tmp_path / "lie.bsdf"
     path.write_bytes(content)
     tracemalloc.start()
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(BrdfError, match=word) as caught:
         TensorFile.open(path)
-    assert time.perf_counter() - start < 1
+    assert time.process_time() - start < 1
     assert tracemalloc.get_traced_memory()[1] < 2**22
     tracemalloc.stop()
     assert str(caught.value).startswith(f"{path}: ")
