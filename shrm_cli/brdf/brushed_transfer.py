@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import both_signs
-from shrm_cli.brdf.transfer import LobeSampling, TransferFunctions
+from shrm_cli.brdf.transfer import LobeSampling, TransferFunctions, of_channels
 from shrm_cli.brdf.turned import Turned, quarters_that_differ
 from shrm_cli.records import record
 
@@ -142,12 +142,14 @@ def _together(found: Sequence[TransferFunctions], azimuths: Azimuths) -> Transfe
     """Put the nodes of several azimuths one behind the other, real parts before imaginary ones."""
     first = found[0]
     waves, degrees, views = first.values.shape[:3]
-    nodes = np.empty((waves // 2, degrees, 2, len(found), views, 3))
+    channels = 1 if all(each.values.strides[-1] == 0 for each in found) else 3
+    nodes = np.empty((waves // 2, degrees, 2, len(found), views, channels))
     for place, each in enumerate(found):
-        nodes[:, :, :, place] = np.moveaxis(each.values.reshape(2, -1, degrees, views, 3), 0, 2)
-    shares = azimuths.weights
+        parts = each.values[..., :channels].reshape(2, -1, degrees, views, channels)
+        nodes[:, :, :, place] = np.moveaxis(parts, 0, 2)
+    values, shares = of_channels(nodes.reshape(waves // 2, degrees, -1, channels)), azimuths.weights
     return TransferFunctions(
-        nodes.reshape(waves // 2, degrees, -1, 3), np.tile(first.theta_o, 2 * len(found)),
+        values, np.tile(first.theta_o, 2 * len(found)),
         np.tile(np.outer(shares, first.weights).ravel(), 2),
         shares @ [each.total_energy for each in found], max(each.samples for each in found),
         float(shares @ [each.accuracy for each in found]), first.asked,

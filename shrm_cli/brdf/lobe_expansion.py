@@ -326,4 +326,4 @@ class _Sums:
 
 def _integrated(samples: Array, weights: Array) -> Array:
     """Integrate samples [row, view, azimuth] with [view, azimuth, k]: [row, view, k]."""
-    return np.moveaxis(np.moveaxis(samples, 0, 1) @ weights, 0, 1)
+    return np.swapaxes(np.swapaxes(samples, 0, 1) @ weights, 0, 1)

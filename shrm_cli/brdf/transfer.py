@@ -230,9 +230,9 @@ class LobeSampling:
         total = views.total()
         reached = float(missing / total.sum()) if total.sum() > 0 else 0.0
         lights, phis = (int(n) for n in views.levels.max(axis=0))
-        values = np.broadcast_to(views.values, (*views.values.shape[:3], 3))
+        values = _without_rounding(views.values, _ROUNDING[self._is_single])
         return TransferFunctions(
-            _without_rounding(values, _ROUNDING[self._is_single]), views.theta_o, views.weights,
+            of_channels(values), views.theta_o, views.weights,
             np.array(np.broadcast_to(total, 3)), (lights, count, phis), reached, self.accuracy,
         )  # fmt: skip
 
@@ -329,6 +329,11 @@ def _projected(values: Array, theta_o: Array, weights: Array, order_p: int) -> A
     for q in range(min(len(values), order_p + 1)):
         result[q:, q:, q] = functions[q, : order_p + 1 - q] @ values[q, q:]
     return result
+
+
+def of_channels(values: Array) -> Array:
+    """Give transfer functions, [..., channel], three channels, which share the memory of one."""
+    return np.broadcast_to(values, (*values.shape[:-1], 3))
 
 
 def _without_rounding(values: Array, rounding: float) -> Array:

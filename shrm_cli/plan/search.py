@@ -206,7 +206,7 @@ def rising(propose: Propose, goal: Goal) -> Iterator[Candidate[Any]]:
 
     They end where bytes, or the degrees that are known, allow no less error.
     """
-    error, missed = goal.error, None
+    error, missed, is_first = goal.error, None, True
     while True:
         found = last = propose(error)
         is_kept = found.keeps(goal)
@@ -217,7 +217,13 @@ def rising(propose: Propose, goal: Goal) -> Iterator[Candidate[Any]]:
         # Exact errors may miss what is asked by a little, which is not the end of the bytes.
         if last.total_error > policy.NEARLY_BEST * error or error <= policy.LEAST_ERROR:
             return
-        error = max(min(error, last.total_error) * policy.FINER, policy.LEAST_ERROR)
+        step = policy.FINER
+        if is_first and not is_kept:
+            # Shares of wrong pixels fall with about the square of the error. Less error than is
+            # needed may need more degrees, which can take longer than all else.
+            step = min(max(step, last.badness(goal) ** -0.5), 1 / policy.CLOSE)
+        is_first = False
+        error = max(min(error, last.total_error) * step, policy.LEAST_ERROR)
 
 
 def _between(

@@ -148,6 +148,22 @@ def test_errors_fall_until_what_is_seen_is_good():
     np.testing.assert_allclose(asked[:3], [0.05, 0.04 * policy.FINER, 0.02 * policy.FINER])
 
 
+@pytest.mark.parametrize(
+    ("wrong", "step"),
+    [(0.4, policy.FINER), (0.0625, 0.8**0.5), (0.0505, 1 / policy.CLOSE), (0.01, policy.FINER)],
+)
+def test_the_first_miss_tells_how_much_less_error_is_needed(wrong, step):
+    """Shares of wrong pixels fall with the square of the error; later steps are whole ones."""
+    asked = []
+
+    def propose(error):
+        asked.append(error)
+        return Candidate("made", round(1 / error), 1, error, lambda: wrong, int)
+
+    list(rising(propose, Goal(0.05, 0.05)))
+    np.testing.assert_allclose(asked[1:3], 0.05 * step * policy.FINER ** np.arange(2))
+
+
 def test_between_what_misses_and_what_keeps_bytes_are_saved():
     """Of maps of every error, whose bytes double with each step, the first good one is met."""
     for bound in np.geomspace(0.006, 0.049, 40):
@@ -172,7 +188,7 @@ def test_where_no_less_error_is_to_be_had_the_bytes_are_no_more_than_needed():
         return Candidate("made", bytes_, 1, found, lambda: 0.0 if found <= 0.03 else 0.06, int)
 
     tried, is_kept = first_kept(propose, Goal(0.05, 0.05))
-    assert (is_kept, len(tried)) == (True, 3)
+    assert (is_kept, len(tried)) == (True, 4)  # the first miss asks for a small step
     assert tried[-1].bytes < 40
 
 
