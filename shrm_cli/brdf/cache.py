@@ -50,9 +50,10 @@ _MOST_HEADER = 2**16
 _DOUBLE = 8  # bytes
 _DIGEST = hashlib.sha256().digest_size
 _UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RecursionError
-_in_memory = Memo(2**25)
+_in_memory = Memo(2**27)
 """Coefficients, lobes and their widths. Coefficients to F = 128 and P = 8 take 0.25 MB, those to
-the limits of the orders 13 MB."""
+the limits of the orders 13 MB; brushed lobes take 50 MB, and are asked for twice where lamps go
+beside a map."""
 
 
 def cached_coefficients(

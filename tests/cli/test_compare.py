@@ -565,6 +565,7 @@ def engines(folder):
 
 
 @pytest.mark.slow
+@pytest.mark.proof
 def test_the_truth_of_a_split_sum_is_ggx_of_that_surface(engines):
     """White light is prefiltered exactly: scale and bias give all that GGX reflects."""
     truth = ["--probe", "white.exr", *SMALL]

@@ -302,6 +302,7 @@ def test_half_holds_up_to_its_largest_value(folder):
     assert read_exr("True.exr")[1]["sh000.R"].max() == 65504
 
 
+@pytest.mark.proof
 def test_the_share_of_wrong_pixels_is_that_of_compare(folder):
     """Predicted over all pairs of directions and views, and measured in three views."""
     out = process(*COMMAND[:4], "--order-p", "1", "-o", "a.exr").out

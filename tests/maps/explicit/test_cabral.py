@@ -73,6 +73,7 @@ def test_the_triangle_is_the_one_of_the_view():
 
 
 @pytest.mark.slow
+@pytest.mark.proof
 def test_weights_are_ratios_of_areas():
     expected = np.zeros((len(VIEWS), 12))
     for row, view in zip(expected, VIEWS, strict=True):

@@ -159,6 +159,7 @@ def two():
     return product("ward", 2, 24, [(name, *ends) for name, ends in BOTH.items()])
 
 
+@pytest.mark.proof
 def test_two_parameters_beside_the_integral_for_values_of_each_point(two, points):
     """Of few textures, at values that are of none of them, down to 6 degrees above the surface."""
     points = [each[np.sum(points[0] * points[2], axis=1) > 0.1] for each in points]
