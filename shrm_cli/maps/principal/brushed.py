@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.brushed_transfer import Azimuths, Waves, azimuths_of, wave_energies, wave_values
 from shrm_cli.maps.principal.about_center import orders_about
-from shrm_cli.maps.principal.functions import TABLE, Spectrum
+from shrm_cli.maps.principal.functions import TABLES, Spectrum
 from shrm_cli.maps.principal.principal import Lobe, LookUp
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
@@ -113,8 +113,13 @@ _LEFT_OUT = 1e-6
 class BrushedSpectrum(Spectrum):
     """The singular vectors of an anisotropic BRDF.
 
-    Its tables have ``waves x TABLE`` entries.
+    Its tables have ``waves x entries`` entries.
     """
+
+    @property
+    def entries(self) -> int:
+        """Those of whole degrees: tables of all waves are large, and metals are smooth enough."""
+        return TABLES[0]
 
     @cached_property
     def _azimuths(self) -> Azimuths:
@@ -129,7 +134,7 @@ class BrushedSpectrum(Spectrum):
         return np.delete(self._azimuths.waves, left_out, axis=0)
 
     def table(self, q: int, first: int, last: int) -> Array:
-        """Return functions of an order q, shape (last - first, waves TABLE, 3).
+        """Return functions of an order q, shape (last - first, waves entries, 3).
 
         Waves that a function has next to nothing of are exactly 0, which files pack well.
         """
@@ -182,7 +187,7 @@ class BrushedSpectrum(Spectrum):
         # Over the pole a view of the azimuth psi becomes one of psi + pi.
         even, odd = (interpolation_matrix(theta_o, self.angles(), odd=odd) for odd in (False, True))
         is_odd = (q + self.waves[:, 0]) % 2 == 1
-        tables = np.empty((*amplitudes.shape[:2], TABLE, 3))
+        tables = np.empty((*amplitudes.shape[:2], self.entries, 3))
         tables[:, is_odd] = odd @ amplitudes[:, is_odd]
         tables[:, ~is_odd] = even @ amplitudes[:, ~is_odd]
         return tables.reshape(len(functions), -1, 3)
@@ -192,7 +197,7 @@ class BrushedSpectrum(Spectrum):
         values = wave_values(self.waves, transfer.azimuths[nodes])
         parts = np.where(nodes < len(transfer.theta_o) // 2, values.real, values.imag)
         theta_o, place = np.unique(transfer.theta_o[nodes], return_inverse=True)
-        by_wave = tables.reshape(len(tables), len(self.waves), TABLE, 3)
+        by_wave = tables.reshape(len(tables), len(self.waves), self.entries, 3)
         amplitudes = linear_matrix(self.angles(), theta_o) @ by_wave
         found = np.zeros((len(tables), len(nodes), 3))
         for part, amplitude in zip(parts, amplitudes.swapaxes(0, 1), strict=True):

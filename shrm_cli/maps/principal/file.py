@@ -12,7 +12,7 @@ from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import COLORS, common_header, shortest_values
 from shrm_cli.maps.principal.brushed import BrushedLobe
-from shrm_cli.maps.principal.functions import MAX_Q, TABLE
+from shrm_cli.maps.principal.functions import MAX_Q
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.stored import StoredImage, image_channels
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
@@ -33,8 +33,9 @@ def channels_of(count: int) -> list[str]:
 def encode(made: PrincipalMap) -> list[Part]:
     """Return one part for each lobe; every part carries what is known of the whole map."""
     parts, tables = [], []
-    rows = [lobe.functions[..., 0, 0].size for lobe in made.lobes if isinstance(lobe, BrushedLobe)]
-    canvas = max(made.size, TABLE if rows else 0), max(6 * made.size, *rows, 0)
+    brushed = [each.functions for each in made.lobes if isinstance(each, BrushedLobe)]
+    columns = max([made.size, *(each.shape[-2] for each in brushed)])
+    canvas = columns, max([6 * made.size, *(each[..., 0, 0].size for each in brushed)])
     for k, lobe in enumerate(made.lobes):
         header: dict[str, Any] = common_header(made, made.info.order_p) | {
             "shrm:center": lobe.center,

@@ -57,7 +57,7 @@ def _sufficient(proposals: Proposals, error: float) -> str:
     sharing, size = proposals.sharing, proposals.asked.size
     free, is_met = sharing.kept(error, _ANY_SIZE, size)
     if not is_met and sharing.within_error(error, _ANY_SIZE, size)[1]:
-        return "more bytes gain little: what it has of the view is in tables of whole degrees"
+        return "more bytes gain little: what it has of the view is in tables, which are no finer"
     if not is_met:
         return "dim the lamps with `clamp`"
     step = 10 ** max(len(str(free.bytes)) - 2, 0)  # rounded up to what `bytes_text` shows

@@ -4,9 +4,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline, interp1d
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.principal import functions
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import TRIED_SIZES, total_error
@@ -16,6 +18,7 @@ from shrm_cli.probe.open import as_probe
 from tests.cli.helpers import ROOT
 
 MOST = 2_000_000
+SHEEN = "charlie:roughness=0.4"
 LAYERED = "0.5*oren-nayar+0.5*ggx:roughness=0.5"
 THREE = "0.4*lambertian+0.3*charlie:roughness=0.5+0.3*ggx:roughness=0.6"
 UNEVEN = "lafortune:fit=skin", "charlie:roughness=0.4", "microfacet:sigma=0.2"
@@ -106,9 +109,17 @@ def test_what_is_made_keeps_the_error_in_all_bytes_together():
     assert found.bytes <= 40_000
 
 
-def test_where_tables_alone_are_too_coarse_bytes_are_not_wasted():
+@pytest.fixture
+def whole_degrees(monkeypatch):
+    """Have all tables in whole degrees."""
+    monkeypatch.setattr(functions, "TABLES", functions.TABLES[:1])
+
+
+def test_where_tables_alone_are_too_coarse_bytes_are_not_wasted(whole_degrees):
     """Charlie's steep rise near grazing is wrong by 2.7 % in tables of whole degrees."""
-    sharing = proposals_of(ROOT / "probes" / "studio.exr", "charlie:roughness=0.4").sharing
+    sharing = proposals_of.__wrapped__(
+        ROOT / "probes" / "studio.exr", "charlie:roughness=0.4"
+    ).sharing
     exact, is_met = sharing.kept(0.02, MOST, None)
     assert not is_met
     least = min(
@@ -121,13 +132,36 @@ def test_where_tables_alone_are_too_coarse_bytes_are_not_wasted():
     assert exact.bytes <= MOST / 8
 
 
-def test_what_tables_add_is_left_out_of_what_functions_may_miss():
-    sharing = proposals_of(ROOT / "probes" / "sky.exr", "charlie:roughness=0.4").sharing
+def test_what_tables_add_is_left_out_of_what_functions_may_miss(whole_degrees):
+    sharing = proposals_of.__wrapped__(ROOT / "probes" / "sky.exr", SHEEN).sharing
     rough, _ = sharing.within_error(0.028, MOST, None)
     assert sharing.joint(rough.forms, is_exact=True).total_error > 0.028
     exact, is_met = sharing.kept(0.028, MOST, None)
     assert is_met
     assert exact.total_error <= 0.028
+
+
+@pytest.mark.parametrize(("spec", "entries"), [(SHEEN, 361), ("oren-nayar:sigma=0.5", 91)])
+def test_tables_are_as_fine_as_the_functions_of_the_view_need(spec, entries):
+    """What is lost between entries is told beside splines through the nodes."""
+    (planner,) = proposals_of(ROOT / "probes" / "studio.exr", spec).planners
+    spectrum = planner.spectrum
+    seen, lost = spectrum.weights > 0, {}
+    nodes, weights = spectrum.transfer.theta_o[seen], spectrum.weights[seen]
+    for count in functions.TABLES:
+        angles, lost[count] = np.linspace(0, np.pi / 2, count), 0.0
+        for q, values in enumerate(spectrum.transfer.values):
+            table = CubicSpline(nodes, values[:, seen], axis=1)(np.clip(angles, nodes[0], 9))
+            between = interp1d(angles, table, axis=1)(nodes)
+            squares = (between - values[:, seen]) ** 2
+            energy = np.einsum("loc,o,lc->", squares, weights, spectrum.light) / (2 * np.pi)
+            lost[count] += (2 if q else 1) * energy
+    allowed = functions.BENT**2 * spectrum.whole()
+    assert spectrum.entries == entries
+    assert spectrum.entries == next((n for n in lost if lost[n] <= allowed), functions.TABLES[-1])
+    if entries > 91:
+        assert lost[91] > 4 * allowed
+        assert lost[entries] < lost[181] / 4
 
 
 def test_a_number_of_bytes_that_holds_no_cube_for_each_term_is_refused():

@@ -19,7 +19,7 @@ from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.principal import principal
 from shrm_cli.maps.principal.brushed import BrushedLobe
-from shrm_cli.maps.principal.functions import TABLE
+from shrm_cli.maps.principal.functions import TABLES
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.steps import Steps
@@ -118,11 +118,11 @@ def cube(rng, size, count):
 
 def lobe(seed, center="reflection", degrees=(3, 1, 0), size=4, albedo=True):
     rng = np.random.default_rng(seed)
-    functions = rng.standard_normal((sum(p + 1 for p in degrees), TABLE, 3))
+    functions = rng.standard_normal((sum(p + 1 for p in degrees), TABLES[0], 3))
     # Where the view is the central direction there is no azimuth, nor any part of q > 0.
     orders = np.concatenate([np.arange(p + 1) for p in degrees])
     functions[orders > 0, 0] = 0.0
-    divided = rng.random((TABLE, 3)) + 0.5 if albedo else None
+    divided = rng.random((TABLES[0], 3)) + 0.5 if albedo else None
     cubes = cube(rng, size, sum(2 * p + 1 for p in degrees))
     return Lobe(cubes, degrees, functions, center, divided)
 
