@@ -136,7 +136,7 @@ class _Asked:
         if self.request.sun is not None:
             return None
         from shrm_cli.lights.beside import split_for, with_lamps
-        from shrm_cli.maps.lamps.shader import has_code
+        from shrm_cli.maps.lamps.models import has_code
 
         if not has_code(self.request.brdf):  # shaders and pages could not show the map
             return None

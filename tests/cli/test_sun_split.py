@@ -87,8 +87,11 @@ def test_maps_of_light_alone_take_none(to):
 
 
 def test_auto_names_it_where_it_helps():
-    """In a coat that shows the sun so sharply that no map of some kilobytes keeps it."""
-    asked = ("--brdf", "coated:roughness=.15", "-o", "coat.exr", "--max-size")
+    """In a coat that shows the sun so sharply that no map of some kilobytes keeps it, over a base
+    of whose lamps shaders have no code.
+    """
+    spec = "coated:roughness=.15,base=(oren-nayar:albedo=.5)"
+    asked = ("--brdf", spec, "-o", "coat.exr", "--max-size")
     write_exr("fine.exr", sky(128, 45, 35))
     found = run("prefilter", "fine.exr", *asked, "100kB")
     assert "take them out with --sun split, as discs, or dim them by --clamp" in found.err

@@ -57,12 +57,17 @@ class UnderFuzz(Brdf):
         return self.term.is_measured
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        passing = remembered(self.sheen, ("passing",), lambda: _passing(self.sheen))
+        passing = self.passing
         least = shared(
             "least", (passing, light, view),
             lambda: np.minimum(passing(light[..., 2]), passing(view[..., 2]))[..., 0],
         )  # fmt: skip
         return scaled(self.term.evaluate(light, view), least)
+
+    @property
+    def passing(self) -> Table:
+        """What the sheen lets pass, in all channels alike."""
+        return remembered(self.sheen, ("passing",), lambda: _passing(self.sheen))
 
 
 def _passing(sheen: Charlie) -> Table:

@@ -52,11 +52,14 @@ class Charlie(Brdf):
 
     def _shadowing(self, cosine: Array) -> Array:
         """Lambda(x) of a cosine x: exp(L(x)) for x < 1/2, and exp(2 L(1/2) - L(1 - x)) above."""
-        smooth = (1 - self.number("roughness")) ** 2
-        a, b, c, d, e = (
-            smooth * s + (1 - smooth) * r for s, r in zip(_SMOOTH, _ROUGH, strict=True)
-        )
+        a, b, c, d, e = self.fit
         x = np.where(cosine < 0.5, cosine, 1 - cosine)
         value = a / (1 + b * np.maximum(x, 0.0) ** c) + d * x + e
         middle = a / (1 + b * 0.5**c) + d * 0.5 + e
         return np.exp(np.where(cosine < 0.5, value, 2 * middle - value))
+
+    @property
+    def fit(self) -> tuple[float, ...]:
+        """The parameters a, b, c, d, e of L(x) for the roughness."""
+        smooth = (1 - self.number("roughness")) ** 2
+        return tuple(smooth * s + (1 - smooth) * r for s, r in zip(_SMOOTH, _ROUGH, strict=True))

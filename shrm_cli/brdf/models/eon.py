@@ -3,7 +3,7 @@
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Parameter, added
+from shrm_cli.brdf.base import Brdf, Color, Parameter, added
 from shrm_cli.brdf.vectors import GRAZING, colored, tangential
 
 _GIVEN = 0.5 - 2 / (3 * np.pi)
@@ -30,23 +30,31 @@ class Eon(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         roughness = self.number("roughness")
-        scale = 1 / (1 + _GIVEN * roughness)
         lit, seen = (np.maximum(np.abs(each[..., 2]), GRAZING) for each in (light, view))
         swing = tangential(light, view)
         swing = np.where(swing > 0, swing / np.maximum(lit, seen), swing)
-        once = scale * (1 + roughness * swing) / np.pi * (light[..., 2] > 0)
-        mean = scale * (1 + _MEAN * roughness)
-        lost = (1 - _albedo(lit, roughness)) * (1 - _albedo(seen, roughness))
-        again = lost / max(1 - mean, 1e-12) / np.pi * (light[..., 2] > 0)
-        colors = np.array(self.color("albedo"))
-        rounds = colors**2 * mean / (1 - colors * (1 - mean))
-        red, green, blue = (float(each) for each in rounds)
-        return added([colored(once, self.color("albedo")), colored(again, (red, green, blue))])
+        once = self.scale * (1 + roughness * swing) / np.pi * (light[..., 2] > 0)
+        again = self._lost(lit) * self._lost(seen) * (light[..., 2] > 0)
+        return added([colored(once, self.color("albedo")), colored(again, self.again)])
 
+    @property
+    def scale(self) -> float:
+        """A."""
+        return 1 / (1 + _GIVEN * self.number("roughness"))
 
-def _albedo(cosine: Array, roughness: float) -> Array:
-    """The light from an angle that white walls reflect at once."""
-    sine = np.sqrt(np.maximum(1 - cosine**2, 0))
-    angle = np.arccos(np.minimum(cosine, 1))
-    bend = sine * (angle - sine * cosine) + 2 / 3 * (sine / cosine * (1 - sine**3) - sine)
-    return np.asarray((1 + roughness / np.pi * bend) / (1 + _GIVEN * roughness))
+    @property
+    def again(self) -> Color:
+        """What is reflected after some walls, of light that white ones would not reflect at once
+        for the light's angle and the view's.
+        """
+        mean = self.scale * (1 + _MEAN * self.number("roughness"))
+        colors, whole = np.array(self.color("albedo")), max(1 - mean, 1e-12) * np.pi
+        red, green, blue = (colors**2 * mean / (1 - colors * (1 - mean)) / whole).tolist()
+        return red, green, blue
+
+    def _lost(self, cosine: Array) -> Array:
+        """The light from an angle that white walls do not reflect at once."""
+        sine = np.sqrt(np.maximum(1 - cosine**2, 0))
+        angle = np.arccos(np.minimum(cosine, 1))
+        bend = sine * (angle - sine * cosine) + 2 / 3 * (sine / cosine * (1 - sine**3) - sine)
+        return np.asarray(1 - self.scale * (1 + self.number("roughness") / np.pi * bend))

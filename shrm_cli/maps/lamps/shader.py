@@ -1,29 +1,18 @@
 """The lamps beside a map as source code: the same rule, over the same discs, as `rule` has."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Color
-from shrm_cli.brdf.film import COSINES, film_table
 from shrm_cli.brdf.lobe import cuts_horizon
-from shrm_cli.brdf.models.blinn_phong import normalization
-from shrm_cli.brdf.sums import weighted_terms
-from shrm_cli.errors import MapError
 from shrm_cli.maps.lamps.discs import LitDiscs
+from shrm_cli.maps.lamps.models import Functions
 from shrm_cli.maps.lamps.rule import LEAST_COSINE, chebyshev, gauss, sines
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import central_direction, tangent_function
 
-_SUM = """\
-    float x = l.x + v.x, y = l.y + v.y, z = l.z + v.z;
-    float size = max(sqrt(x * x + y * y + z * z), 1e-5);"""
-"""The half vector before it is normalized."""
-_HALF = f"""{_SUM}
-    float sine2 = (x * x + y * y) / (size * size), up = z / size;"""
-"""The squared sine and the cosine of the half vector's angle to the normal."""
 _FRAME = """\
 vec3 shrm_across(vec3 up, vec3 to)
 {
@@ -199,7 +188,8 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
         "shrm_lamp_sizes": _rows(radii, np.sin(radii)),
         "shrm_lamp_lights": np.array([disc.radiance for disc in discs]),
     }
-    functions, reflected = _brdf(lamps.brdf, language)
+    functions = Functions(language)
+    reflected = functions.total(lamps.brdf, "l", "vec3(dot(v, s), dot(v, t), dot(v, n))")
     cuts = cuts_horizon(lamps.brdf)
     if cuts:
         tables["shrm_lamp_cut"] = _rows(*sines(rule.longitudes(is_cut=True)))
@@ -235,141 +225,9 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
         text = text.replace(word, meaning)
     text = text.replace("\n\n", "\n")
     arrays = [line for name, rows in tables.items() for line in language.colors(name, rows)]
-    return [*arrays, *functions, *_FRAME.split("\n"), *text.split("\n")]
+    return [*arrays, *_FRAME.split("\n"), *functions.lines, *text.split("\n")]
 
 
 def _rows(first: Array, second: Array) -> Array:
     """Return numbers as the first two parts of vectors."""
     return np.stack([first, second, 0 * first], axis=-1)
-
-
-def has_code(brdf: Brdf) -> bool:
-    """Tell whether there is code of what a BRDF reflects of lamps."""
-    return all(term.name in _MODELS for _, term in weighted_terms(brdf))
-
-
-def _brdf(brdf: Brdf, language: Language) -> tuple[list[str], str]:
-    """Write the functions of the terms, and their sum for a light l and the view v.
-
-    Each is a transfer function: the BRDF times the cosine of the light's angle.
-    """
-    lines, calls, terms = [], [], weighted_terms(brdf)
-    for number, (_, term) in enumerate(terms):
-        if term.name not in _MODELS:
-            known = ", ".join(_MODELS)
-            raise MapError(
-                f"no code for the lamps beside the map: there is none of {term.name}, only of "
-                f"{known} and their sums; the map's own code is had without `sun`"
-            )
-        takes, gets = "vec3 l, vec3 v", "l, vec3(dot(v, s), dot(v, t), dot(v, n))"
-        if term.name in _BLIND:
-            takes, gets = "vec3 l", "l"
-        lines += [f"vec3 shrm_brdf{number}({takes})", "{"]
-        lines += [*_MODELS[term.name](term, language), "}"]
-        calls.append(f"shrm_brdf{number}({gets})")
-    total = language.combined([language.number(weight) for weight, _ in terms], calls)
-    return lines, total if language.is_c else f"({total})"
-
-
-def _color(color: Color, language: Language) -> str:
-    return f"vec3({', '.join(map(language.number, color))})"
-
-
-def _lambertian(brdf: Brdf, language: Language) -> list[str]:
-    red, green, blue = brdf.color("albedo")
-    color = _color((red / math.pi, green / math.pi, blue / math.pi), language)
-    return [f"    return {language.scale('max(l.z, 0.0)', color)};"]
-
-
-def _ggx(brdf: Brdf, language: Language) -> list[str]:
-    parts = ["value * (1.0 - rest)", "value * rest"]
-    colors = [_color(brdf.color("f0"), language), "vec3(1.0, 1.0, 1.0)"]
-    table, place, blend = [], [], ["    rest = rest * rest * rest * rest * rest;"]
-    film = brdf.film  # type: ignore[attr-defined]
-    if film:
-        table = language.colors("film", film_table(brdf.color("f0"), *film))
-        colors, blend = ["film[k]", "film[k + 1]"], ["    rest = at - float(k);"]
-        first, per_step = (language.number(each) for each in (COSINES[0], COSINES[1] - COSINES[0]))
-        place = [
-            f"    float at = (min(0.5 * size, 1.0) - {first}) / {per_step};",
-            f"    int k = int(min(at, {len(COSINES) - 2}.0));",
-        ]
-    return [
-        *table,
-        *_facets(brdf.alphas, language),  # type: ignore[attr-defined]
-        *place,
-        *blend,
-        "    if (l.z <= 0.0 || v.z <= 0.0) {",
-        "        value = 0.0;",
-        "    }",
-        f"    return {language.combined(parts, colors)};",
-    ]
-
-
-def _facets(alphas: tuple[float, float], language: Language) -> list[str]:
-    """Write the distribution and the masking of GGX's facets, as `value`."""
-    ax2, ay2 = (alpha**2 for alpha in alphas)
-    a, b, rest = (language.number(each) for each in (ax2, ay2, 1 - ax2))
-    half, slopes = _HALF, f"sine2 / {a}"
-    masking = [f"sqrt({a} + {rest} * {z} * {z})" for z in ("vz", "lz")]
-    if ax2 != ay2:
-        half = f"{_SUM}\n    float up = z / size;"
-        slopes = f"(x * x / {a} + y * y / {b}) / (size * size)"
-        masking = [
-            f"sqrt({a} * {w}.x * {w}.x + {b} * {w}.y * {w}.y + {w}z * {w}z)" for w in ("v", "l")
-        ]
-    scale = language.number(2 * math.pi * math.sqrt(ax2 * ay2))
-    return [
-        *half.split("\n"),
-        "    float lz = max(l.z, 1e-5), vz = max(v.z, 1e-5);",
-        f"    float d = {slopes} + up * up, rest = 1.0 - min(0.5 * size, 1.0);",
-        f"    float both = lz * {masking[0]} + vz * {masking[1]};",
-        f"    float value = l.z / ({scale} * d * d * both);",
-    ]
-
-
-def _blinn_phong(brdf: Brdf, language: Language) -> list[str]:
-    n = brdf.number("exponent")
-    factor, half = language.number(normalization(n)), language.number(n / 2)
-    return [
-        *_HALF.split("\n"),
-        f"    float value = {factor} * l.z * exp({half} * log(max(1.0 - sine2, 1e-7)));",
-        "    if (l.z <= 0.0 || v.z <= 0.0 || up <= 0.0) {",
-        "        value = 0.0;",
-        "    }",
-        f"    return {language.scale('value', _color(brdf.color('color'), language))};",
-    ]
-
-
-def _phong(brdf: Brdf, language: Language) -> list[str]:
-    n = brdf.number("exponent")
-    factor = language.number((n + 1) / (2 * math.pi))
-    lobe = f"{factor} * exp({language.number(n)} * log(min(cosine, 1.0)))"
-    return [
-        "    float cosine = l.z * v.z - l.x * v.x - l.y * v.y;",
-        f"    float value = cosine > 1e-30 ? {lobe} : 0.0;",
-        "    return vec3(value, value, value);",
-    ]
-
-
-def _microfacet(brdf: Brdf, language: Language) -> list[str]:
-    sigma = brdf.number("sigma")
-    factor = language.number(1 / (4 * math.pi * sigma**2))
-    return [
-        *_HALF.split("\n"),
-        f"    float angle = atan(sqrt(sine2), up) / {language.number(sigma)};",
-        f"    float value = l.z > 0.0 ? {factor} * exp(-angle * angle) : 0.0;",
-        "    return vec3(value, value, value);",
-    ]
-
-
-_MODELS: dict[str, Callable[[Brdf, Language], Sequence[str]]] = {
-    "lambertian": _lambertian,
-    "ggx": _ggx,
-    "blinn-phong": _blinn_phong,
-    "phong": _phong,
-    "microfacet": _microfacet,
-}
-"""The models that there is code of."""
-_BLIND = {"lambertian"}
-"""Those to which the view makes no difference."""

@@ -164,6 +164,10 @@ def summed():
     return SummedShrm(terms, make_info(4, 3))
 
 
+parsed = cache(parse_spec)
+"""It keeps layers, which take seconds to tabulate."""
+
+
 def lamps(spec, within):
     """A map with three discs beside it, one of them large; some of the points mirror them."""
     normals, views = points(60)
@@ -172,7 +176,7 @@ def lamps(spec, within):
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     lights = np.array([[90.0, 70.0, 20.0], [1.0, 2.0, 3.0], [0.0, 40.0, 7.0]])
     discs = tuple(map(Disc, axes, (0.01, 0.08, 0.02), lights))
-    return LampMap(within, discs, 0.5, 0.0, parse_spec(spec))
+    return LampMap(within, discs, 0.5, 0.0, parsed(spec))
 
 
 def product(channels, order, size=9):
@@ -263,6 +267,15 @@ FORMS = {
     "lamps of lobes": lambda: lamps(
         "phong:exponent=60+2*blinn-phong:exponent=90,color=0.5/0.6/0.7+microfacet:sigma=0.1",
         explicit_map("cabral"),
+    ),
+    "lamps of a coat": lambda: lamps(
+        "coated:roughness=0.4,color=0.9/0.6/0.3,base=(0.4*ggx:roughness=0.5,f0=gold+lambertian)",
+        make_shrm(2, 2, 4),
+    ),
+    "lamps of layers": lambda: lamps(
+        "openpbr:base_diffuse_roughness=0.6,base_metalness=0.4,specular_color=0.9/1/0.8,"
+        "specular_roughness=0.5,coat_weight=0.6,coat_roughness=0.4,fuzz_weight=0.4",
+        make_shrm(2, 2, 4),
     ),
 }
 """A maker of a map of each form, with random values, which hide no mistake."""

@@ -96,7 +96,8 @@ class ThroughCoat(Brdf):
     summary = "GGX seen through a coat"
 
     def __init__(self, whole: Ggx, coat: CoatLobe, is_later: bool) -> None:
-        self.whole, self.isotropic, self.is_later = whole, whole.isotropic, is_later
+        self.whole, self.isotropic = whole, whole.isotropic
+        self.factor = 4 if is_later else 1
         self.coat, self.ior = coat.number("roughness") ** 4, coat.number("ior")
         self.values = {**whole.values, "coat": repr(coat)}
 
@@ -106,7 +107,7 @@ class ThroughCoat(Brdf):
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)
         seen = shared(
-            ("facets", self.whole.alphas, self.coat, self.ior, self.is_later), (light, view),
+            ("facets", self.whole.alphas, self.coat, self.ior, self.factor), (light, view),
             lambda: self._facets(half, light, view),
         )  # fmt: skip
         whole = self.whole
@@ -115,13 +116,12 @@ class ThroughCoat(Brdf):
 
     def _facets(self, half: Half, light: Array, view: Array) -> Array:
         """What the facets reflect if they are mirrors, shape (...)."""
-        factor = 4 if self.is_later else 1
         turned = sum(
             shared(("swerve", self.ior), (each,), partial(_square_swerve, each, self.ior))
             for each in (light, view)
         )
-        added = self.coat * (turned + factor - 1)
-        squares = [np.minimum(factor * alpha**2 + added, 1) for alpha in self.whole.alphas]
+        added = self.coat * (turned + self.factor - 1)
+        squares = [np.minimum(self.factor * alpha**2 + added, 1) for alpha in self.whole.alphas]
         stretched = half.x**2 / squares[0] + half.y**2 / squares[1] + half.z**2
         lit, seen = cosines(light, view)
         shadowed = seen * _projected(light, lit, squares)

@@ -30,6 +30,7 @@ from shrm_cli.brdf.layered.parts.table import (
     transport,
     transports,
 )
+from shrm_cli.brdf.vectors import GRAZING
 from shrm_cli.records import record
 
 Terms = Sequence[tuple[float, Brdf]]
@@ -224,14 +225,19 @@ class UnderCoat(Brdf):
         return self.part.is_measured
 
     @cached_property
-    def _lobes(self) -> Lobes:
+    def lobes(self) -> Lobes:
+        """What is seen of it, for refracted light and view, and what it is multiplied by for each
+        of both.
+        """
         return self._make()
 
     def evaluate(self, light: Array, view: Array) -> Array:
         inner_light, inner_view = refracted(light, self.ior), refracted(view, self.ior)
         values = []
-        for lobe, gain in self._lobes:
+        for lobe, gain in self.lobes:
             value = lobe.evaluate(inner_light, inner_view)
             values.append(multiplied(value, gain.at(light), gain.at(view)))
         found = scaled(added(values), (light[..., 2] > 0) & (view[..., 2] > 0))
-        return scaled(found, 1 / inner_light[..., 2]) if self.part.includes_cosine else found
+        if self.part.includes_cosine:
+            found = scaled(found, 1 / np.maximum(inner_light[..., 2], GRAZING))
+        return found

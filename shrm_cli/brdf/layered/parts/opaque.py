@@ -31,12 +31,17 @@ class MetalLobe(Ggx):
         self.values["tint"] = list(tint)
 
     def reflectance(self, cosine: Array) -> Array:
+        less = colored(cosine * (1 - cosine) * fifth_power(1 - cosine), self.darkening)
+        return np.maximum(schlick(self.color("f0"), cosine) - less, 0)
+
+    @property
+    def darkening(self) -> Color:
+        """The b of each channel."""
         color, tint = np.array(self.color("f0")), np.array(self.color("tint"))
         edge = color + (1 - color) * (1 - _TINTED) ** 5
         # Python's own numbers leave the precision of the cosines as it is.
         red, green, blue = (edge * (1 - tint) / (_TINTED * (1 - _TINTED) ** 6)).tolist()
-        less = colored(cosine * (1 - cosine) * fifth_power(1 - cosine), (red, green, blue))
-        return np.maximum(schlick(self.color("f0"), cosine) - less, 0)
+        return red, green, blue
 
 
 class BorderLobe(Ggx):
@@ -83,9 +88,13 @@ class UnderBorder(Brdf):
         self.values = {"border": repr(border), "diffuse": repr(diffuse)}
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        gain = remembered(self, ("passing",), self._passing)
         value = self.diffuse.evaluate(light, view)
-        return multiplied(value, gain.at(light), gain.at(view))
+        return multiplied(value, self.passing.at(light), self.passing.at(view))
+
+    @property
+    def passing(self) -> Table:
+        """The function that it is multiplied by."""
+        return remembered(self, ("passing",), self._passing)
 
     def _passing(self) -> Table:
         matrix = transport(self.diffuse, COSINES, COSINES)

@@ -1,0 +1,108 @@
+"""The code of lamps in layers: run in C beside sums over discs, and beside the BRDFs themselves."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import MapError
+from shrm_cli.maps.lamps.models import has_code
+from shrm_cli.maps.shader.code import look_up_code
+from tests.maps.scenes import make_shrm
+from tests.maps.shader import cases
+from tests.maps.shader.test_brushed import frames
+from tests.maps.shader.test_brushed import in_c as brushed_in_c
+from tests.maps.shader.test_code import in_c
+from tests.oracles import disc_rule
+
+METAL = "coated:roughness=0.3,ior=1.4,color=0.9/0.6/0.3,base=(ggx:roughness=0.4,f0=gold)"
+PLASTIC = "coated:roughness=0.4,base=(lambertian:albedo=0.5/0.1/0.4)"
+PAINT = (
+    "coated:roughness=0.3,base=(0.7*lambertian:albedo=0.6/0.05/0.03+0.3*ggx:roughness=0.5,f0=0.9)"
+)
+BRUSHED = (
+    "openpbr:specular_roughness=0.5,specular_roughness_anisotropy=0.6,base_metalness=0.5,"
+    "base_color=0.9/0.5/0.2,specular_color=0.9/0.95/1,coat_weight=0.5,coat_roughness=0.3"
+)
+LAYERS = [
+    METAL,
+    PLASTIC,
+    PAINT,
+    "coated:weight=0.4,roughness=0.4,film=350,base=(blinn-phong:exponent=40,color=0.9/0.8/0.7)",
+    "coated:ior=1,base=(0.4*phong:exponent=40+0.2*microfacet:sigma=0.2)",
+    "openpbr:base_color=0.7/0.3/0.1",
+    "openpbr:base_metalness=1,base_color=0.9/0.5/0.2,specular_color=0.7/0.9/1,specular_weight=0.8",
+    "openpbr:base_color=0.6/0.1/0.05,base_diffuse_roughness=0.7,specular_ior=1.3,coat_weight=0.6,"
+    "coat_roughness=0.4,coat_color=0.9/0.7/0.4,fuzz_weight=0.5,fuzz_color=0.3/0.6/0.9",
+    "fuzzy:roughness=0.3,color=0.5,base=(coated:roughness=0.5,base=(coated:roughness=0.4))",
+    "0.3*charlie:roughness=0.4,visibility=neubelt+0.5*eon:roughness=1,albedo=0.9/0.6/0.2",
+    f"0.4*{PAINT}+0.5*ggx:roughness=0.4,f0=0.04/0.1/0.3,film=500",
+]
+"""Metal, plastic and paint under coats; what OpenPBR has; layers over layers; a sum of some."""
+
+
+def summed(made, points):
+    """What the BRDF itself reflects of the discs, as a sum over directions in them."""
+    expected, brdf = np.zeros((len(points[0]), 3)), made.lamps.brdf
+    for disc in made.discs:
+        light, areas = disc_rule(disc.direction, disc.radius, 30)
+        for k, (n, t, v) in enumerate(zip(*points, strict=True)):
+            axes = np.stack([t, np.cross(n, t), n], axis=1)
+            values = brdf.transfer(light @ axes, (v @ axes)[None])
+            expected[k] += areas @ values * disc.radiance
+    return expected
+
+
+@pytest.mark.parametrize("spec", LAYERS)
+def test_c_reflects_discs_as_the_brdf_does(tmp_path, monkeypatch, spec):
+    """As `radiance` does, but for rounding, and as a sum over the discs."""
+    cases.filter_bilinearly(monkeypatch)
+    made = cases.lamps(spec, make_shrm(1, 0, 2))
+    normals, tangents, views = frames(60)
+    found = in_c(tmp_path, made, normals, views, 0.5, (1.0, 1.0, 1.0))
+    whole = made.radiance(normals, views)
+    np.testing.assert_allclose(found, whole, rtol=0, atol=2e-7 * np.abs(whole).max())
+    lamps, expected = (
+        found - made.map.radiance(normals, views),
+        summed(made, (normals, tangents, views)),
+    )
+    np.testing.assert_allclose(lamps, expected, rtol=0, atol=2e-3 * expected.max())
+
+
+def test_c_reflects_discs_in_brushed_layers(tmp_path, monkeypatch):
+    cases.filter_bilinearly(monkeypatch)
+    made, points = cases.lamps(BRUSHED, cases.FORMS["principal brushed"]()), frames(60)
+    found = brushed_in_c(tmp_path, made, points, "shrm_brushed_radiance({})")
+    lamps, expected = found - made.map.brushed_radiance(*points), summed(made, points)
+    np.testing.assert_allclose(lamps, expected, rtol=0, atol=2e-3 * expected.max())
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "oren-nayar",
+        "0.5*lambertian+0.5*ward",
+        "coated:base=(lambertian+0.1*oren-nayar)",
+        "fuzzy:base=(coated:base=(cook-torrance))",
+    ],
+)
+def test_what_there_is_no_code_of(spec):
+    assert not has_code(parse_spec(spec))
+    made = cases.lamps(spec, make_shrm(1, 0, 2))
+    with pytest.raises(MapError, match=r"none of [\w-]+, only of lambertian, ggx, .* and layers"):
+        look_up_code(made, "glsl")
+
+
+def test_a_class_that_is_derived_from_one_may_be_another_brdf():
+    class Darker(Ggx):
+        """It reflects nothing of what the code would say."""
+
+    assert has_code(Ggx())
+    assert not has_code(Darker())
+
+
+def test_what_is_under_two_layers_is_written_once():
+    """And what lies under a coat lies beside it, too, where that has a weight."""
+    made = cases.lamps("coated:weight=0.4,base=(coated:base=(eon))", make_shrm(1, 0, 2))
+    code = look_up_code(made, "c")
+    assert code.count("double lit = ") == 1
