@@ -186,11 +186,8 @@ class Points:
 def adaptive_sums(pyramid: Pyramid, points: Points) -> tuple[Array, Array]:
     """Sum the light of a pyramid for points.
 
-    Returns
-    -------
-    light : ndarray, shape (points, 3)
-    errors : ndarray, shape (points,)
-        Estimated errors of the luminance; it is more than the errors are.
+    Returns `light` of shape (points, 3); and `errors` of shape (points,), estimated errors of the
+    luminance; it is more than the errors are.
     """
     levels = pyramid.levels
     parents = points.lit(levels[-1])

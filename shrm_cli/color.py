@@ -30,16 +30,11 @@ _BRADFORD = np.array(
 def conversion(source: Primaries | None, target: Primaries | None) -> Array | None:
     """The matrix from linear RGB of some primaries to that of others; white stays white.
 
-    Parameters
-    ----------
-    source, target : sequence of 8 float, optional
-        None is Rec.709. The numbers of CIE XYZ are taken to be relative to D65, as renderers write
-        them; adaptation between other whites is Bradford's.
+    Where `source` or `target` is None, it is Rec.709. The numbers of CIE XYZ are taken to be
+    relative to D65, as renderers write them; adaptation between other whites is Bradford's.
 
-    Returns
-    -------
-    ndarray, shape (3, 3), or None
-        None where nothing is to be done: both are the same, or one of them is impossible.
+    Returns an array of shape (3, 3), or None where nothing is to be done: both are the same, or one
+    of them is impossible.
 
     References
     ----------

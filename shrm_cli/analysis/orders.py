@@ -77,13 +77,9 @@ def energy_grid(
 ) -> EnergyGrid:
     """Compute the energy that all orders up to (F, P) capture, and the orders tolerances need.
 
-    Parameters
-    ----------
-    tolerances : sequence of float
-        At least one fraction of the energy, in (0, 1), that orders may miss.
-    order_f, order_p : int, optional
-        The largest orders of the grid; by default 32 and 8, or more if a tolerance needs them. A
-        zonal BRDF has P = 0 only.
+    `tolerances` are at least one fraction of the energy, in (0, 1), that orders may miss. `order_f`
+    and `order_p` are the largest orders of the grid; by default 32 and 8, or more if a tolerance
+    needs them. A zonal BRDF has P = 0 only.
 
     Raises OrderError if a tolerance is outside (0, 1), or cannot be met. Raises BrdfError if the
     BRDF is anisotropic, or its coefficients do not converge.
@@ -160,12 +156,8 @@ def accuracy_curve(
     frequencies does not make up for a P that is too small. The energy that P misses at every F is
     therefore added to the error of the light; it is 0 for the zonal BRDFs of figure 5.5.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        Coefficients of the light to at least the order of those of the BRDF.
-    coefficients : BrdfCoefficients
-        Coefficients of the BRDF to a much higher F than `order_f`.
+    `lighting` holds coefficients of the light to at least the order of those of the BRDF.
+    `coefficients` are coefficients of the BRDF to a much higher F than `order_f`.
 
     Raises ValueError if the lighting or the coefficients are of too low an order.
     """
@@ -269,21 +261,11 @@ def order_pictures(
 ) -> OrderPictures:
     """Draw spheres for P = 0 .. 5 and for the truth (figure 5.6).
 
-    Parameters
-    ----------
-    lighting : Lighting
-        Coefficients of the light to at least the order of those of the BRDF.
-    coefficients : BrdfCoefficients
-        Coefficients of the BRDF to a much higher F than `order_f`. If their P is less than 5, the
-        pictures stop at it.
-    center : {"reflection", "normal"}
-        The BRDF's central direction.
-    order_f : int
-        F of all maps.
-    size : int
-        Width and height of a picture, pixels.
-    truth : Reflecting, optional
-        The exact reflected light, such as `shrm_cli.reference.Reference`.
+    `lighting` holds coefficients of the light to at least the order of those of the BRDF.
+    `coefficients` are coefficients of the BRDF to a much higher F than `order_f`. If their P is
+    less than 5, the pictures stop at it. `center` is the BRDF's central direction. `order_f` is F
+    of all maps. `size` is the width and height of a picture, pixels. `truth` is the exact reflected
+    light, such as `shrm_cli.reference.Reference`.
 
     Raises MapError if the map of these orders would be too large. Raises OutputError if the sheet
     of all pictures would be too large.

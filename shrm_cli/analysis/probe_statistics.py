@@ -291,10 +291,7 @@ def chromaticity(rgb: ArrayLike, primaries: Sequence[float] | None) -> tuple[flo
 def color_temperature(x: float, y: float) -> float | None:
     """Correlated colour temperature in kelvin; None where light has none.
 
-    Parameters
-    ----------
-    x, y : float
-        CIE 1931 chromaticity.
+    `x` and `y` are CIE 1931 chromaticity.
 
     References
     ----------

@@ -26,10 +26,7 @@ _GRACE = 2.0
 class ProcessWorkers:
     """A pool of processes with one thread each.
 
-    Parameters
-    ----------
-    count : int
-        The number of processes.
+    `count` is the number of processes.
 
     Attributes
     ----------

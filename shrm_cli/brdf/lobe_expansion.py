@@ -73,12 +73,9 @@ def lobe_width(brdf: Brdf) -> float:
 def squared_lobes(brdf: Brdf, theta: Array, phi: Array, from_normal: Array) -> tuple[Array, Array]:
     """Sample the squares of lobes about the mirror direction.
 
-    Parameters
-    ----------
-    theta, phi : ndarray, shapes (i,) and (p,)
-        Angles of the light about the mirror direction, radians; azimuth 0 is towards the view.
-    from_normal : ndarray, shape (o,)
-        Angles of the views from the normal, radians.
+    `theta`, of shape (i,), and `phi`, of shape (p,), are angles of the light about the mirror
+    direction, radians; azimuth 0 is towards the view. `from_normal`, of shape (o,), holds angles of
+    the views from the normal, radians.
 
     Returns `light` of shape (i, o, p, 3), its directions in the frame of the normal; and `squares`
     of shape (i, o, p), ``rho_hat^2``, its channels added.
@@ -108,14 +105,8 @@ class Expansion:
 class LobeExpander:
     """Expands lobes of one BRDF, to fixed orders, at whatever numbers of nodes.
 
-    Parameters
-    ----------
-    rule : PolarRule or SplitRule
-        The rule for the angle of the light from C.
-    order_f, max_q : int
-        The largest l and q.
-    is_single : bool
-        Whether the BRDF is evaluated in single precision.
+    `rule` is the rule for the angle of the light from C. `order_f` and `max_q` are the largest l
+    and q. `is_single` tells whether the BRDF is evaluated in single precision.
     """
 
     def __init__(
@@ -137,12 +128,8 @@ class LobeExpander:
     def expand(self, theta_o: Array, count: int, azimuth_count: int) -> Expansion:
         """Expand the lobes for views at angles from C.
 
-        Parameters
-        ----------
-        theta_o : ndarray, shape (n,)
-            Radians.
-        count, azimuth_count : int
-            The numbers of nodes in theta_i and, over half a turn, in phi: multiples of 3.
+        `theta_o`, of shape (n,), is in radians. `count` and `azimuth_count` are the numbers of
+        nodes in theta_i and, over half a turn, in phi: multiples of 3.
 
         Raises BrdfError if a value of the BRDF is not finite.
         """
@@ -253,12 +240,8 @@ class LobeExpander:
 def _error(squares: Array, energy: Array) -> Array:
     """The energy that a rule misses of each view, from its differences to the coarser rule.
 
-    Parameters
-    ----------
-    squares : ndarray, shape (n,)
-        The energy of the difference of both results.
-    energy : ndarray, shape (n, channels)
-        The difference of their energies.
+    `squares`, of shape (n,), are the energy of the difference of both results. `energy`, of shape
+    (n, channels), is the difference of their energies.
     """
     return np.asarray(np.maximum(squares / FINER**2, np.abs(energy).sum(axis=1) / FINER))
 

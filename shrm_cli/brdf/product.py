@@ -82,17 +82,10 @@ class ProductQuadrature:
     def converged(cls, brdf: Brdf, views: Array, order: int, accuracy: float = ACCURACY) -> Self:
         """Double the nodes until the coefficients of some views do not change any more.
 
-        Parameters
-        ----------
-        brdf : Brdf
-            No sum; the terms of a sum have rules of their own.
-        views : ndarray, shape (n, 3)
-            Directions to the viewer, unit, in the frame of the surface.
-        order : int
-            The largest degree l of the harmonics.
-        accuracy : float
-            The relative RMS change at which to stop, if no more nodes are needed than the BRDF
-            is worth.
+        `brdf` is no sum; the terms of a sum have rules of their own. `views`, of shape (n, 3), are
+        directions to the viewer, unit, in the frame of the surface. `order` is the largest degree l
+        of the harmonics. `accuracy` is the relative RMS change at which to stop, if no more nodes
+        are needed than the BRDF is worth.
 
         Raises BrdfError if the BRDF is not finite.
         """
@@ -118,12 +111,8 @@ class ProductQuadrature:
     def coefficients(self, views: Array, order: int) -> Array:
         """Project product functions onto the harmonics.
 
-        Parameters
-        ----------
-        views : ndarray, shape (n, 3)
-            Directions to the viewer, unit, in the frame of the surface.
-        order : int
-            The largest degree l.
+        `views`, of shape (n, 3), are directions to the viewer, unit, in the frame of the surface.
+        `order` is the largest degree l.
 
         Returns an array of shape (n, (order+1)^2, channels): index l(l+1)+m; one channel for a grey
         BRDF, else three.
@@ -133,12 +122,9 @@ class ProductQuadrature:
     def expanded(self, views: Array, order: int) -> tuple[Array, Array]:
         """Project product functions, and integrate their squares.
 
-        Returns
-        -------
-        coefficients : ndarray, shape (n, (order+1)^2, channels)
-        energy : ndarray, shape (n, channels)
-            The integrals of the squared product functions, which by Parseval are the sums of the
-            squared coefficients of all degrees.
+        Returns `coefficients` of shape (n, (order+1)^2, channels); and `energy` of shape (n,
+        channels), the integrals of the squared product functions, which by Parseval are the sums of
+        the squared coefficients of all degrees.
 
         Raises BrdfError if a value is not finite.
         """
@@ -239,12 +225,9 @@ class ProductFunctions:
     def expanded(self, views: Array, order: int) -> tuple[Array, Array]:
         """Project product functions, and integrate their squares.
 
-        Returns
-        -------
-        coefficients : ndarray, shape (n, (order+1)^2, channels)
-        energy : ndarray, shape (n, channels)
-            The integrals of the squared product functions. What the terms of a sum have beyond the
-            order is taken to be in phase, which is the most that it can be.
+        Returns `coefficients` of shape (n, (order+1)^2, channels); and `energy` of shape (n,
+        channels), the integrals of the squared product functions. What the terms of a sum have
+        beyond the order is taken to be in phase, which is the most that it can be.
         """
         coefficients, beyond = (np.zeros((len(views), k, 1)) for k in ((order + 1) ** 2, 1))
         for weight, rule, part in self._jobs(views):

@@ -48,20 +48,12 @@ class LightRule:
     def nodes(self, views: Array, along: int, around: int) -> tuple[Array, Array]:
         """Return directions to the light, and their weights, for each view.
 
-        Parameters
-        ----------
-        views : ndarray, shape (n, 3)
-            Directions to the viewer in the frame of the normal, z = N, with the tangent along x.
-        along, around : int
-            The numbers of nodes along a radius, and around it, of which the latter is a multiple
-            of 4.
+        `views`, of shape (n, 3), are directions to the viewer in the frame of the normal, z = N,
+        with the tangent along x. `along` and `around` are the numbers of nodes along a radius, and
+        around it, of which the latter is a multiple of 4.
 
-        Returns
-        -------
-        directions : ndarray, shape (n, along * around, 3)
-            Unit, in the same frame.
-        weights : ndarray, shape (n, along * around)
-            They sum to the solid angle, 2 pi or 4 pi.
+        Returns `directions` of shape (n, along * around, 3), unit, in the same frame; and `weights`
+        of shape (n, along * around), they sum to the solid angle, 2 pi or 4 pi.
         """
         if self.has_horizon and self.center == "reflection":
             return self._of_half_vectors(views, along, around)

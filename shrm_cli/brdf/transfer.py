@@ -144,18 +144,11 @@ def compute_transfer(
     A zonal BRDF needs only one integral over the cosine of the angle, for which Fejer's rule is
     exact where the BRDF is a polynomial; the rule is doubled until nothing changes at all.
 
-    Parameters
-    ----------
-    order_f, max_q : int
-        The largest l and q.
-    accuracy : float
-        The fraction of the energy that the sampling may miss.
+    `order_f` and `max_q` are the largest l and q. `accuracy` is the fraction of the energy that the
+    sampling may miss.
 
-    Returns
-    -------
-    TransferFunctions
-        Where the samples were not enough for the accuracy, as with noise and kinks of measured
-        data, it tells the accuracy that they reached.
+    Where the samples were not enough for the accuracy, as with noise and kinks of measured data,
+    the result tells the accuracy that they reached.
 
     Raises BrdfError if the BRDF is anisotropic or not finite, or if a model, that is not measured,
     is missed by more than a fiftieth of its energy.
@@ -380,17 +373,10 @@ def compute_coefficients(
 
     They are those of `compute_transfer`, expanded over theta_o.
 
-    Parameters
-    ----------
-    order_f, order_p : int
-        The largest l and p. A zonal BRDF has p = 0 only, whatever `order_p` is.
-    accuracy : float
-        The fraction of the energy that the sampling may miss.
+    `order_f` and `order_p` are the largest l and p. A zonal BRDF has p = 0 only, whatever `order_p`
+    is. `accuracy` is the fraction of the energy that the sampling may miss.
 
-    Returns
-    -------
-    BrdfCoefficients
-        Where the samples were not enough for the accuracy, it tells what they reached.
+    Where the samples were not enough for the accuracy, the result tells what they reached.
 
     Raises BrdfError if the BRDF is anisotropic or not finite, or cannot be sampled; see
     `compute_transfer`.

@@ -82,10 +82,7 @@ def choose(
 def checked_budget(budget: int | str | None) -> int | None:
     """Return a number of bytes from itself or from text.
 
-    Raises
-    ------
-    ArgumentError
-        If it is none.
+    Raises ArgumentError if it is none.
     """
     count = parse_bytes(budget) if isinstance(budget, str) else budget
     if budget is not None and (count is None or count < 1):

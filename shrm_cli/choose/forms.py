@@ -105,10 +105,8 @@ class PrincipalForms:
 class ShrmForms:
     """SHRMs of every order P and size.
 
-    Parameters
-    ----------
-    known : (Brdf, Planner), optional
-        The BRDF about the center that the map shall have, whose transfer functions are known.
+    `known` is the BRDF about the center that the map shall have, whose transfer functions are
+    known.
     """
 
     def __init__(

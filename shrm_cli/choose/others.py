@@ -36,10 +36,7 @@ _ROWS = 64, 256
 class Truth:
     """The light that a BRDF reflects of a probe, spread evenly over the pixels of spheres.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the number of points done, and of points in all.
+    `progress` is called with the number of points done, and of points in all.
     """
 
     def __init__(self, probe: Probe, brdf: Brdf, progress: Progress | None = None) -> None:
@@ -57,17 +54,10 @@ class Truth:
     def errors(self, shown: Reflecting, scale: ArrayLike = 1.0) -> tuple[float, float]:
         """Measure a map.
 
-        Parameters
-        ----------
-        scale : array_like, shape (3,)
-            What its light is multiplied with.
+        `scale`, of shape (3,), is what its light is multiplied with.
 
-        Returns
-        -------
-        error : float
-            The relative RMS error; 0 where nothing is reflected and nothing shown.
-        wrong_share : float
-            The share of points whose luminance is wrong by more than 5 %.
+        Returns `error`, the relative RMS error; 0 where nothing is reflected and nothing shown; and
+        `wrong_share`, the share of points whose luminance is wrong by more than 5 %.
         """
         found = shown.radiance(self._normals, self._views) * np.asarray(scale)
         truth = self._radiance
@@ -81,10 +71,7 @@ def others_of(brdf: Brdf, missing: list[str] | None = None) -> list[tuple[str, S
 
     They are the forms whose descriptions say that they are offered, of installed packages too.
 
-    Parameters
-    ----------
-    missing : list of str, optional
-        Gets why a form is left out that an installed package offers, and that cannot be used.
+    `missing` gets why a form is left out that an installed package offers, and that cannot be used.
     """
     found: list[tuple[str, Setting]] = []
     for form in registry.names():

@@ -25,14 +25,8 @@ _DRAWN = {_STRONG}
 class SurfaceReader:
     """Reads the materials of a file.
 
-    Parameters
-    ----------
-    name : str
-        The path of the file, whose textures are looked for in its folder.
-    tree : dict
-        Its JSON.
-    buffers : callable
-        Returns the bytes of its buffers.
+    `name` is the path of the file, whose textures are looked for in its folder. `tree` is its JSON.
+    `buffers` returns the bytes of its buffers.
     """
 
     def __init__(self, name: str, tree: Json, buffers: Callable[[], list[bytes]]) -> None:

@@ -54,19 +54,13 @@ class _Prepared:
 def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a mesh; the parts of a scene are joined where their nodes put them.
 
-    Parameters
-    ----------
-    path : path-like
-        OBJ, PLY, STL, glTF 2 or GLB. Polygons become fans of triangles. Vertices of STL that are
-        at one place are one.
+    `path` is OBJ, PLY, STL, glTF 2 or GLB. Polygons become fans of triangles. Vertices of STL that
+    are at one place are one.
 
-    Returns
-    -------
-    Mesh
-        Its normals are those of the file, or else smooth. Materials are read from glTF and OBJ. The
-        vertices of a file are numbered from 0: the lines `v` of OBJ, the rows of the element
-        `vertex` of PLY, the corners of the triangles of STL, and of glTF the elements of the
-        POSITION of all primitives of triangles, mesh after mesh.
+    The normals of the mesh are those of the file, or else smooth. Materials are read from glTF and
+    OBJ. The vertices of a file are numbered from 0: the lines `v` of OBJ, the rows of the element
+    `vertex` of PLY, the corners of the triangles of STL, and of glTF the elements of the POSITION
+    of all primitives of triangles, mesh after mesh.
 
     Raises MeshError if the file cannot be read, is damaged or too large, or has nothing to draw.
     """

@@ -85,16 +85,9 @@ def with_wrong_share(
     Whoever asks for an SHRM gets one, but not in silence. One line says it: that about the light's
     error is left out.
 
-    Parameters
-    ----------
-    lines : sequence of str
-        The warnings.
-    share : float
-        The share of what is visible that is predicted to be wrong by more than `vocabulary.WRONG`.
-    error : float
-        The predicted relative RMS error.
-    instead : str, optional
-        What ``auto`` would make, where that is known.
+    `lines` are the warnings. `share` is the share of what is visible that is predicted to be wrong
+    by more than `vocabulary.WRONG`. `error` is the predicted relative RMS error. `instead` is what
+    ``auto`` would make, where that is known.
     """
     chosen = "chooses the form that it needs" if instead is None else f"would make {instead}"
     said = (
@@ -107,12 +100,8 @@ def with_wrong_share(
 def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
     """Return lines about the orders, the energy and the errors of a map made for a BRDF.
 
-    Parameters
-    ----------
-    result : dict
-        The object that `shrm prefilter --json` prints.
-    added_by : str
-        What causes the added error of the map, in words.
+    `result` is the object that `shrm prefilter --json` prints. `added_by` is what causes the added
+    error of the map, in words.
     """
     captured, bound = result["brdf_energy_captured"], result["error_bound"]
     energy = f"{captured:.2%} captured, {1 - result['epsilon']:.2%} asked"
@@ -164,15 +153,9 @@ def negative_share(map_: Map, truth: Truth | None = None) -> float:
     Mirror directions and views are spread evenly over all pairs. These are the pixels of spheres,
     seen in parallel projection from all sides.
 
-    Parameters
-    ----------
-    truth : callable, optional
-        What is reflected, where it is known: what is black in truth may be so in the map.
+    `truth` is what is reflected, where it is known: what is black in truth may be so in the map.
 
-    Returns
-    -------
-    float
-        In 0 .. 1, to about 0.001 where it is small.
+    Returns it in 0 .. 1, to about 0.001 where it is small.
     """
     mirrored, views = visible_pairs()
     shown = map_.shaded().rough_radiance(mirrored, views) @ LUMINANCE

@@ -144,12 +144,9 @@ def _in_order(
 def response(places: Array, logarithms: Array) -> Array:
     """Find the curve of a camera from places that several exposures show.
 
-    Parameters
-    ----------
-    places : ndarray, shape (exposures, 2, n)
-        The mean of the numbers of each place, 1 is white, and their spread.
-    logarithms : ndarray, shape (exposures,)
-        Natural logarithms of what each exposure let in.
+    `places`, of shape (exposures, 2, n), are the mean of the numbers of each place, where 1 is
+    white, and their spread. `logarithms`, of shape (exposures,), are natural logarithms of what
+    each exposure let in.
 
     Returns an array of shape (LEVELS,): g, which never falls.
 

@@ -52,10 +52,7 @@ def profile_primaries(profile: bytes) -> tuple[float, ...] | None:
     Its colorants are adapted to D50. The tag ``chad`` says by which matrix; without it they are
     taken to be adapted from the media's white, by Bradford's, which is D50 itself in many profiles.
 
-    Returns
-    -------
-    tuple of 8 float or None
-        CIE x and y of red, green, blue and white; None where the profile is of another kind.
+    Returns CIE x and y of red, green, blue and white, or None where the profile is of another kind.
 
     References
     ----------
@@ -149,12 +146,8 @@ def _parametric(kind: int, numbers: list[float]) -> Curve | None:
 def png_primaries(path: Path, has_profile: bool) -> tuple[float, ...] | None:
     """Return the primaries that the chunks of a PNG state: x and y of RGB and white.
 
-    Parameters
-    ----------
-    path : Path
-        Of any file; only a PNG states something.
-    has_profile : bool
-        Whether its ICC profile tells primaries, over which only ``cICP`` stands.
+    `path` is that of any file; only a PNG states something. `has_profile` tells whether its ICC
+    profile tells primaries, over which only ``cICP`` stands.
 
     References
     ----------

@@ -58,10 +58,7 @@ class Pyramid:
     def of(cls, probe: Probe, height: int | None = None, dtype: type = np.float32) -> "Pyramid":
         """Make the pyramid of a probe.
 
-        Parameters
-        ----------
-        probe, height, dtype
-            As `Source.of` takes them.
+        `probe`, `height` and `dtype` are as `Source.of` takes them.
         """
         directions, light = source_pixels(probe, height)
         pixels = light.shape[0] * light.shape[1]

@@ -85,10 +85,7 @@ LUMINOUS_EFFICACY = 683.0
 def color_matching(wavelengths: Array) -> Array:
     """CIE 1931 color matching functions, multi-lobe fit.
 
-    Parameters
-    ----------
-    wavelengths : ndarray, shape (n,)
-        In nm.
+    `wavelengths`, of shape (n,), are in nm.
 
     Returns an array of shape (n, 3): x, y, z.
 

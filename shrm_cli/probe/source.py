@@ -40,13 +40,9 @@ class Source:
     def of(cls, probe: Probe, height: int | None = None, dtype: type = np.float32) -> "Source":
         """Make the lights of a probe.
 
-        Parameters
-        ----------
-        height : int, optional
-            Average the probe down to a lat-long of this many rows first. By default its own
-            pixels are taken, or those of no fewer than `LEAST_ROWS` rows of a large probe.
-        dtype : float32 or float64
-            Of the attributes, but for the angles.
+        With a `height` the probe is averaged down to a lat-long of this many rows first. By default
+        its own pixels are taken, or those of no fewer than `LEAST_ROWS` rows of a large probe.
+        `dtype` is that of the attributes, but for the angles.
         """
         directions, light = source_pixels(probe, height)
         pixels = light.shape[0] * light.shape[1]
@@ -76,10 +72,7 @@ def _lights(directions: Array, light: Array, dtype: type) -> tuple[Array, Array,
 def source_pixels(probe: Probe, height: int | None = None) -> tuple[Array, Array]:
     """Return world directions and radiance times solid angle of lights, shape (H, W, 3) each.
 
-    Parameters
-    ----------
-    probe, height
-        As `Source.of` takes them.
+    `probe` and `height` are as `Source.of` takes them.
     """
     probe = coarse_probe(probe, LEAST_ROWS)
     if height is None:
@@ -99,12 +92,8 @@ def _pixels(probe: Probe) -> tuple[Array, Array]:
 def latlong_light(probe: Probe, height: int) -> Array:
     """Return a probe's radiance times solid angle on a lat-long, shape (height, 2 height, 3).
 
-    Parameters
-    ----------
-    probe : Probe
-        It is averaged down, or interpolated, if it is no such lat-long itself.
-    height : int
-        Rows of the lat-long.
+    `probe` is averaged down, or interpolated, if it is no such lat-long itself. `height` is the
+    number of rows of the lat-long.
 
     Raises ProbeError if the probe cannot be read.
     """

@@ -82,10 +82,7 @@ def report_page(
 ) -> Report:
     """Return the page of a probe and its maps.
 
-    Parameters
-    ----------
-    statistics : ProbeStatistics
-        Of the same probe.
+    `statistics` are those of the same probe.
 
     Raises OutputError if the page without views is larger than it may be.
     """

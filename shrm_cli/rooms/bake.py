@@ -40,18 +40,11 @@ def bake(
 ) -> ProbeGrid:
     """Find the light at the probes of a lattice, and how far it is off between them.
 
-    Parameters
-    ----------
-    order : int
-        The largest degree of the harmonics.
-    samples : int
-        Directions along which each probe looks.
+    `order` is the largest degree of the harmonics. `samples` is the number of directions along
+    which each probe looks.
 
-    Returns
-    -------
-    ProbeGrid
-        Its facts have the relative RMS errors of the irradiance at random points, ``error`` of all
-        light and ``error_reflected`` of that which does not come straight from lamps.
+    The facts of the result have the relative RMS errors of the irradiance at random points,
+    ``error`` of all light and ``error_reflected`` of that which does not come straight from lamps.
     """
     stages = Stages(progress, 3)
     rays = Rays(room.mesh)
@@ -111,10 +104,7 @@ class Looked:
 class Gathering:
     """What is seen from points of a room.
 
-    Parameters
-    ----------
-    order, samples : int
-        As `bake` takes them.
+    `order` and `samples` are as `bake` takes them.
     """
 
     def __init__(self, brightness: Brightness, order: int, samples: int) -> None:

@@ -48,15 +48,9 @@ def captured(
 ) -> Captured:
     """Find what is seen from a place of a room.
 
-    Parameters
-    ----------
-    at : ndarray, shape (3,)
-    height : int
-        Of the image, pixels.
-    samples : int
-        Paths through each pixel; an odd number is one more.
-    surroundings : Probe, optional
-        What is seen past the room, with its compact lamps.
+    `at` is of shape (3,). `height` is that of the image, pixels. `samples` is the number of paths
+    through each pixel; an odd number is one more. `surroundings` are what is seen past the room,
+    with its compact lamps.
     """
     stages = Stages(progress, 3)
     brightness = Brightness(room, Rays(room.mesh), room.size / _PATCHES, stages.within)

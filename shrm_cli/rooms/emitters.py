@@ -28,12 +28,7 @@ _SHORT = 1e-4
 class Emitters:
     """Triangles that send light, and discs of light outside, as points of equal power.
 
-    Parameters
-    ----------
-    rays : Rays
-        They meet the same mesh.
-    samples : int
-        Points on lamps that each point looks for.
+    `rays` meet the same mesh. `samples` is the number of points on lamps that each point looks for.
     """
 
     def __init__(self, room: Room, rays: Rays, samples: int) -> None:
@@ -53,12 +48,8 @@ class Emitters:
     def density(self, faces: NDArray[np.integer], distance: Array, facing: Array) -> Array:
         """Return how many samples a unit of solid angle gets about directions to triangles.
 
-        Parameters
-        ----------
-        faces : ndarray of int, any shape
-            Triangles; -1 for none.
-        distance, facing : ndarray, of the same shape
-            To them, and the cosine that they are turned towards the point by.
+        `faces`, of any shape, are triangles; -1 for none. `distance` and `facing`, of the same
+        shape, are the distance to them, and the cosine that they are turned towards the point by.
         """
         near = np.maximum(distance, _SHORT * self._room.size)
         found = self._density[faces] * near**2 / np.maximum(facing, 1e-9)
@@ -69,21 +60,13 @@ class Emitters:
     ) -> tuple[Array, Array]:
         """Return the light of all lamps that points see, as far as other directions leave it.
 
-        Parameters
-        ----------
-        points : ndarray, shape (n, 3)
-        number : int
-            That of the first point among all, from which its samples follow.
-        others : callable
-            Takes directions (n, s, 3) and returns how many others a unit of solid angle has there.
+        `points` are of shape (n, 3). `number` is that of the first point among all, from which its
+        samples follow. `others` takes directions (n, s, 3) and returns how many others a unit of
+        solid angle has there.
 
-        Returns
-        -------
-        directions : ndarray, shape (n, s, 3)
-            Unit vectors from the points.
-        light : ndarray, shape (n, s, 3)
-            Radiance times solid angle. The sum of it times anything, and that of what is seen in
-            the other directions, is the integral over all lamps.
+        Returns `directions` of shape (n, s, 3), unit vectors from the points; and `light` of shape
+        (n, s, 3), radiance times solid angle. The sum of it times anything, and that of what is
+        seen in the other directions, is the integral over all lamps.
         """
         found = [self._of_faces(points, number, others)] if len(self._faces) else []
         found += [self._of_disc(points, disc) for disc in self._room.discs]

@@ -59,16 +59,10 @@ class Lattice:
     def corners(self, points: Array) -> tuple[Array, Array]:
         """Return the eight probes about points, and their shares by distance.
 
-        Parameters
-        ----------
-        points : ndarray, shape (n, 3)
-            Those outside of the middles of the outermost cells are moved to them.
+        Of `points`, of shape (n, 3), those outside of the middles of the outermost cells are moved
+        to them.
 
-        Returns
-        -------
-        probes : ndarray of int64, shape (n, 8)
-        shares : ndarray, shape (n, 8)
-            Their sums are 1.
+        Returns `probes` of shape (n, 8); and `shares` of shape (n, 8), their sums are 1.
         """
         most = np.array(self.shape) - 1
         place = np.clip((points - self.low) / self.spacing - 0.5, 0, most)
@@ -139,12 +133,8 @@ class ProbeGrid:
     def irradiance(self, points: ArrayLike, normals: ArrayLike, direct: bool = True) -> Array:
         """Return the irradiance of surfaces, shape (n, 3), without 1/pi and not below 0.
 
-        Parameters
-        ----------
-        points, normals : array_like, shape (n, 3)
-            World axes; normals are unit vectors.
-        direct : bool
-            Whether light counts that comes straight from lamps.
+        `points` and `normals`, each of shape (n, 3), are in world axes; normals are unit vectors.
+        `direct` tells whether light counts that comes straight from lamps.
         """
         points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
         probes, weights = self.weights(points, normals)

@@ -233,17 +233,10 @@ def read_positions(
 ) -> ProbeGrid:
     """Read a table of probes, and project each of them.
 
-    Parameters
-    ----------
-    path : path-like
-        CSV with the columns x, y, z and file; files are named relative to its folder.
-    order : int
-        The largest degree of the harmonics.
+    `path` is CSV with the columns x, y, z and file; files are named relative to its folder. `order`
+    is the largest degree of the harmonics.
 
-    Returns
-    -------
-    ProbeGrid
-        What it holds counts as reflected. Of walls it knows nothing.
+    What the grid holds counts as reflected. Of walls it knows nothing.
 
     Raises MeshError if it is no such table, or its positions are not all points of a lattice.
     Raises ProbeError if a probe cannot be read.

@@ -43,16 +43,9 @@ class Room:
     ) -> "Room":
         """Return the room that a mesh is.
 
-        Parameters
-        ----------
-        mesh : Mesh
-            Its materials' base colours are their albedos.
-        albedo : tuple of 3 float
-            That of triangles without a material.
-        changes : mapping of str to mapping of str to tuple of 3 float
-            Under ``albedo`` and ``emission`` other values for materials, by their names.
-        sky, discs
-            As of `Room`.
+        The base colours of the materials of `mesh` are their albedos. `albedo` is that of triangles
+        without a material. `changes` has under ``albedo`` and ``emission`` other values for
+        materials, by their names. `sky` and `discs` are those of `Room`.
 
         Raises MeshError if no material has a name, or nothing sends light.
         """

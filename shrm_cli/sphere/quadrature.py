@@ -41,10 +41,7 @@ def colatitude_weights(height: int, sampling: Sampling = "center") -> Array:
     for every trigonometric polynomial of degree below `height`, unlike the usual sin(theta) times
     the row's height.
 
-    Returns
-    -------
-    ndarray, shape (height,)
-        They sum to 2. Read-only.
+    Returns an array of shape (height,), read-only, whose sum is 2.
 
     References
     ----------
@@ -135,14 +132,9 @@ def scrambled(count: int) -> NDArray[np.intp]:
 def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
     """Return what leads from values at nodes to those at other angles, cubically: (m, n).
 
-    Parameters
-    ----------
-    nodes : ndarray, shape (n,)
-        Angles in 0 .. pi, ascending, four at least.
-    targets : ndarray, shape (m,)
-        Angles in 0 .. pi. Beyond the last node the polynomial of the last four goes on.
-    odd : bool
-        Whether the function is odd about angle 0; otherwise it is even.
+    `nodes`, of shape (n,), are angles in 0 .. pi, ascending, four at least. `targets`, of shape
+    (m,), are angles in 0 .. pi. Beyond the last node the polynomial of the last four goes on. `odd`
+    tells whether the function is odd about angle 0; otherwise it is even.
     """
     count = len(nodes)
     mirrored = min(3, count)
@@ -165,11 +157,7 @@ def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
 def linear_matrix(nodes: Array, targets: Array) -> Array:
     """Return the matrix of linear interpolation between even nodes, clamped: shape (m, n).
 
-    Parameters
-    ----------
-    nodes : ndarray, shape (n,)
-        Evenly spaced, ascending, two at least.
-    targets : ndarray, shape (m,)
+    `nodes`, of shape (n,), are evenly spaced, ascending, two at least. `targets` are of shape (m,).
     """
     position = (targets - nodes[0]) / (nodes[1] - nodes[0])
     position = np.clip(position, 0, len(nodes) - 1)

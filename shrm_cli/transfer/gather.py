@@ -72,18 +72,10 @@ class Rays(Protocol):
 class Gathering:
     """Transfer of light to the vertices of a mesh, for some of them at a time.
 
-    Parameters
-    ----------
-    sites : Sites
-        The vertices of the mesh, or its texels.
-    frames : ndarray, shape (v, 3, 3)
-        The rows are the axes x', y', z' of each site's frame in world axes; z' is the normal.
-    rays : Rays
-        They meet the same mesh.
-    order : int
-        The largest degree of the harmonics.
-    samples : int
-        Directions of the hemisphere above each vertex, along which a ray is traced.
+    `sites` are the vertices of the mesh, or its texels. `frames` are of shape (v, 3, 3). The rows
+    are the axes x', y', z' of each site's frame in world axes; z' is the normal. `rays` meet the
+    same mesh. `order` is the largest degree of the harmonics. `samples` is the number of directions
+    of the hemisphere above each vertex, along which a ray is traced.
     """
 
     def __init__(self, sites: Sites, frames: Array, rays: Rays, order: int, samples: int) -> None:
@@ -157,12 +149,9 @@ class Gathering:
     def _look(self, part: slice, sent: Sent | None) -> tuple[Array, Array]:
         """What is in the way of the rays of some vertices, and what it sends.
 
-        Returns
-        -------
-        blocked : ndarray of float32, shape (k, samples)
-            1 where the mesh is in the way and 0 elsewhere.
-        seen : ndarray of float32, shape (k, samples, n * channels)
-            Coefficients of the radiance that arrives from the mesh; empty if nothing is sent.
+        Returns `blocked` of shape (k, samples), 1 where the mesh is in the way and 0 elsewhere; and
+        `seen` of shape (k, samples, n * channels), coefficients of the radiance that arrives from
+        the mesh; empty if nothing is sent.
         """
         origins, directions = self._bundle(part)
         if sent is None:

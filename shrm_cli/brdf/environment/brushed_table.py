@@ -25,14 +25,8 @@ def brushed_totals(alphas: tuple[float, float], cosines: ArrayLike, azimuth: flo
     alphas are the units of length. Along a ray of slopes light comes from above up to a root of a
     quadratic equation.
 
-    Parameters
-    ----------
-    alphas : tuple of 2 float
-        Along x and y.
-    cosines : array_like, shape (n,)
-        N.V; values below 1e-5 count as 1e-5.
-    azimuth : float
-        That of the view from the x axis, radians.
+    `alphas` are along x and y. `cosines`, of shape (n,), are N.V; values below 1e-5 count as 1e-5.
+    `azimuth` is that of the view from the x axis, radians.
 
     Returns an array of shape (2, n): exact to 5e-5 down to N.V = 0.004.
     """
@@ -80,13 +74,9 @@ def brushed_table(brdf: Ggx, size: int) -> Array:
 
     Between the azimuths both are quadratic in ``w = cos(2 phi)``, which is 1, 0 and -1 there.
 
-    Parameters
-    ----------
-    brdf : Ggx
-        Whose anisotropy, and the mapping of it, all rows have.
-    size : int
-        The number of rows, over the perceptual roughness, and of columns, over N.V. Both are
-        sampled at texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
+    `brdf` is one whose anisotropy, and the mapping of it, all rows have. `size` is the number of
+    rows, over the perceptual roughness, and of columns, over N.V. Both are sampled at texel
+    centers, ``(k + 0.5) / size``. The first row is the smoothest.
 
     Returns an array of shape (size, size, 6): scale and bias along, between and across. Raises
     BrdfError if the BRDF has alphas of its own, a roughness or a reflectance.

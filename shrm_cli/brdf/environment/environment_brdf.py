@@ -31,17 +31,11 @@ def lobe_moments(roughness: float, cosines: ArrayLike) -> Array:
     reflects the view, ``R = (N.V) N + sin(theta_v) T``. All integrals are exact to 1e-5, at any
     roughness and down to N.V = 1e-5.
 
-    Parameters
-    ----------
-    roughness : float
-        Perceptual, in 0 .. 1.
-    cosines : array_like, shape (n,)
-        N.V; values below 1e-5 count as 1e-5.
+    `roughness` is perceptual, in 0 .. 1. `cosines`, of shape (n,), are N.V; values below 1e-5 count
+    as 1e-5.
 
-    Returns
-    -------
-    ndarray, shape (2, 3, n)
-        Indexed [without Fresnel's term or with the tail; 1, N.L or T.L; view].
+    Returns an array of shape (2, 3, n), indexed [without Fresnel's term or with the tail; 1, N.L or
+    T.L; view].
 
     Raises MapError if the roughness is outside 0 .. 1.
     """
@@ -95,10 +89,7 @@ class LobeMoments(ViewTable):
 
     Interpolated values differ from those of `lobe_moments` by 2e-5 at most, at any roughness.
 
-    Parameters
-    ----------
-    roughness : float
-        Perceptual, in 0 .. 1.
+    `roughness` is perceptual, in 0 .. 1.
     """
 
     def __init__(self, roughness: float) -> None:
@@ -134,20 +125,12 @@ def whole_lobe(moments: Array, f0: float) -> tuple[Array, Array]:
 
     Schlick's term is ``f0 + (1 - f0) (1 - V.H)^5``.
 
-    Parameters
-    ----------
-    moments : ndarray, shape (2, 3, ...)
-        As `lobe_moments` returns them.
-    f0 : float
-        Reflectance at normal incidence.
+    `moments`, of shape (2, 3, ...), are as `lobe_moments` returns them. `f0` is the reflectance at
+    normal incidence.
 
-    Returns
-    -------
-    albedo : ndarray, shape (...)
-    mean : ndarray, shape (2, ...)
-        N.L and T.L, averaged over the lobe; the vector is never longer than 1. Where nothing is
-        reflected, as by a mirror of f0 = 0 seen along its normal, it is the mean without
-        Schlick's term.
+    Returns `albedo` of shape (...); and `mean` of shape (2, ...), N.L and T.L, averaged over the
+    lobe; the vector is never longer than 1. Where nothing is reflected, as by a mirror of f0 = 0
+    seen along its normal, it is the mean without Schlick's term.
     """
     whole = f0 * moments[0] + (1 - f0) * moments[1]
     lobe = np.where(whole[0] > 0, whole, moments[0])
@@ -172,16 +155,12 @@ def environment_table(size: int, multiscatter: bool = False) -> Array:
     is the integral of ``f_DV (1 - V.H)^5 N.L`` over the hemisphere of L, and scale + bias is that
     of ``f_DV N.L``.
 
-    Parameters
-    ----------
-    size : int
-        The number of rows, over the roughness, and of columns, over N.V. Both are sampled at
-        texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
-    multiscatter : bool
-        What the two channels R and G hold. If False, they hold scale and bias, and a surface
-        reflects ``f0 * R + G`` of a uniform environment. If True, they hold bias and scale +
-        bias, as in Filament, and a surface reflects ``mix(R, G, f0) * (1 + f0 * (1 / G - 1))``,
-        which includes the light that meets several facets.
+    `size` is the number of rows, over the roughness, and of columns, over N.V. Both are sampled at
+    texel centers, ``(k + 0.5) / size``. The first row is the smoothest. `multiscatter` is what the
+    two channels R and G hold. If False, they hold scale and bias, and a surface reflects ``f0 * R +
+    G`` of a uniform environment. If True, they hold bias and scale + bias, as in Filament, and a
+    surface reflects ``mix(R, G, f0) * (1 + f0 * (1 / G - 1))``, which includes the light that meets
+    several facets.
 
     References
     ----------
@@ -200,14 +179,10 @@ def environment_table(size: int, multiscatter: bool = False) -> Array:
 def columns_table(kind: str, size: int) -> Array:
     """Compute `environment_table` with a third column, shape (size, size, 3).
 
-    Parameters
-    ----------
-    kind : {"fdez-aguera", "turquin", "gltf", "filament"}
-        The third column is the light that single scattering loses where f0 is 1, ``1 - E`` with
-        ``E = scale + bias``; it as a part of E; or the albedo of cloth, after scale and bias, or
-        after the columns for multiple scattering.
-    size : int
-        As of `environment_table`.
+    `kind`, a key of `environment.file.MEANINGS`, says what the third column is: the light that
+    single scattering loses where f0 is 1, ``1 - E`` with ``E = scale + bias``; it as a part of E;
+    or the albedo of cloth, after scale and bias, or after the columns for multiple scattering.
+    `size` is that of `environment_table`.
 
     References
     ----------
@@ -228,10 +203,7 @@ def columns_table(kind: str, size: int) -> Array:
 def moments_table(size: int) -> Array:
     """Compute the moments of the lobe of every roughness: the table of SH exponentials.
 
-    Parameters
-    ----------
-    size : int
-        As in `environment_table`.
+    `size` is that of `environment_table`.
 
     Returns an array of shape (size, size, 6): the integrals of 1, N.L and T.L / sin(theta_v) over
     the lobe without Fresnel's term, then with Schlick's tail; see `lobe_moments`. The quotient
@@ -254,10 +226,7 @@ class DirectionalAlbedo:
 
     Interpolated values differ from the integrals by 2e-5 at most.
 
-    Parameters
-    ----------
-    roughness : float
-        Perceptual, in 0 .. 1.
+    `roughness` is perceptual, in 0 .. 1.
 
     Raises MapError if the roughness is outside 0 .. 1.
     """
@@ -276,12 +245,8 @@ class DirectionalAlbedo:
     def __call__(self, cosines: ArrayLike, f0: ArrayLike) -> Array:
         """Interpolate the directional albedo, ``f0 * scale + bias``, shape (..., 3).
 
-        Parameters
-        ----------
-        cosines : array_like, shape (...)
-            N.V.
-        f0 : array_like, shape (3,)
-            Reflectance at normal incidence, linear RGB.
+        `cosines`, of shape (...), are N.V. `f0`, of shape (3,), is the reflectance at normal
+        incidence, linear RGB.
         """
         scale, bias = self.scale_bias(cosines)
         return scale[..., None] * np.asarray(f0, dtype=float) + bias[..., None]

@@ -193,10 +193,8 @@ def _pulled(cells: NDArray[np.float32]) -> NDArray[np.float32]:
     This is the "pull-push" of image processing. The edge of a block doubles from step to step, so
     that all steps take little longer than the first.
 
-    Parameters
-    ----------
-    cells : ndarray, shape (a, b, c, 4)
-        Three channels, which are multiplied by the weight already, and the weight.
+    `cells`, of shape (a, b, c, 4), are three channels, which are multiplied by the weight already,
+    and the weight.
 
     Returns an array of shape (a, b, c, 4): the same array, filled in place.
     """

@@ -84,10 +84,7 @@ prices_of = starting_prices
 def encoded(blocks: Array, prices: Floats) -> Found:
     """Return blocks of shape (3, 16, n), encoded.
 
-    Parameters
-    ----------
-    prices : ndarray, shape (n,)
-        As `prices_of` returns them.
+    `prices`, of shape (n,), are as `prices_of` returns them.
     """
     texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
     every = np.zeros(blocks.shape[-1], dtype=np.int64)
@@ -220,12 +217,9 @@ def _cheap_steps(
 def one_line(ends: Array, indices: Whole) -> NDArray[np.uint8]:
     """Return blocks of one line, 16 bytes each, in the finest modes that hold their ends.
 
-    Parameters
-    ----------
-    ends : ndarray, shape (2, 3, n)
-        Numbers between 0 and 65536, as they are interpolated.
-    indices : ndarray of int, shape (16, n)
-        Where texels lie on their line, of 16 steps; the first of each block in the first half.
+    `ends`, of shape (2, 3, n), are numbers between 0 and 65536, as they are interpolated.
+    `indices`, of shape (16, n), are where texels lie on their line, of 16 steps; the first of each
+    block in the first half.
     """
     return _packed(*_written(ends, 1), indices, np.zeros(indices.shape[-1], dtype=np.int64))
 

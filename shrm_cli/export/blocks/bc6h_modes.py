@@ -115,14 +115,10 @@ is texel 0."""
 def pack(mode: Mode, ends: Whole, indices: Whole, partition: Whole) -> NDArray[np.uint8]:
     """Return blocks of one mode, 16 bytes each.
 
-    Parameters
-    ----------
-    ends : ndarray of int, shape (2 * lines, 3, n)
-        The first end whole; the others as the mode has them, negative ones too.
-    indices : ndarray of int, shape (16, n)
-        Where each texel lies on its line. The highest bit of those of anchors is 0.
-    partition : ndarray of int, shape (n,)
-        Which texels lie on the second line, where there are two.
+    `ends`, of shape (2 * lines, 3, n), are the first end whole; the others as the mode has them,
+    negative ones too. `indices`, of shape (16, n), are where each texel lies on its line. The
+    highest bit of those of anchors is 0. `partition`, of shape (n,), says which texels lie on the
+    second line, where there are two.
     """
     words = np.zeros((2, len(partition)), dtype=np.uint64)
 

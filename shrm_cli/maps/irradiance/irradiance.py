@@ -57,10 +57,7 @@ def lambert_factors(order: int) -> Array:
 def irradiance_energies(power: ArrayLike) -> Array:
     """Return ``A_l^2 sum_m L_lm^2``; their sum is the integral of E^2, shape (order+1, 3).
 
-    Parameters
-    ----------
-    power : array_like, shape (order+1, 3)
-        ``sum_m L_lm^2`` of each degree and channel.
+    `power`, of shape (order+1, 3), is ``sum_m L_lm^2`` of each degree and channel.
     """
     power = np.asarray(power)
     return lambert_factors(len(power) - 1)[:, None] ** 2 * power
@@ -123,10 +120,7 @@ class Irradiance(FixedMap, ReflectionMap):
     def irradiance(self, normals: ArrayLike) -> Array:
         """Return the irradiance E(N), without a factor 1/pi (eq. 4.10).
 
-        Parameters
-        ----------
-        normals : array_like, shape (..., 3)
-            Unit vectors in world axes.
+        `normals`, of shape (..., 3), are unit vectors in world axes.
 
         Returns an array of shape (..., 3).
         """

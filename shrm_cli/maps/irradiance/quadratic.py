@@ -12,17 +12,10 @@ _TINY = 1e-13
 def shortest_within(rows: Array, bounds: Array) -> Array | None:
     """Find the x of least ``|x|^2`` with ``rows @ x <= bounds``.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (m, n)
-        Each row must be of about unit length, so that all bounds are kept with the same precision.
-    bounds : ndarray, shape (m,)
-        They must not be much smaller than -1, for the same reason.
+    `rows`, of shape (m, n), must each be of about unit length, so that all bounds are kept with the
+    same precision. `bounds`, of shape (m,), must not be much smaller than -1, for the same reason.
 
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        The vector x, or None if no x is within the bounds.
+    Returns the vector x, or None if no x is within the bounds.
 
     References
     ----------
@@ -45,10 +38,7 @@ def non_negative_least_squares(matrix: Array, target: Array) -> Array:
     Columns that lower the residual join the set of free columns, one at a time. Columns whose
     coefficient would turn negative leave it, and their coefficient is 0.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (m, n)
-    target : ndarray, shape (m,)
+    `matrix` is of shape (m, n). `target` is of shape (m,).
 
     References
     ----------

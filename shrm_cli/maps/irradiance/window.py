@@ -99,14 +99,9 @@ class Window:
 def window_factors(name: str, width: float, order: int) -> Array:
     """Return the factors of the degrees 0 .. order: 1 at 0, and 0 at and beyond the width.
 
-    Parameters
-    ----------
-    name : {"hann", "lanczos"}
-        ``(1 + cos(pi l / w)) / 2`` or ``sin(pi l / w) / (pi l / w)``.
-    width : float
-        The width w, a positive number that need not be whole.
-    order : int
-        The largest degree.
+    `name` is ``hann`` or ``lanczos``: ``(1 + cos(pi l / w)) / 2`` or ``sin(pi l / w) / (pi l /
+    w)``. `width` is the width w, a positive number that need not be whole. `order` is the largest
+    degree.
 
     Returns an array of shape (order+1,).
 
@@ -151,13 +146,9 @@ def parse_window(spec: str) -> tuple[str, float | None]:
 def make_window(spec: str, series: Array) -> Window:
     """Make the window that a specification asks for.
 
-    Parameters
-    ----------
-    spec : str
-        ``NAME`` or ``NAME:WIDTH``, as `parse_window` takes it; the width is F + 1 where none is
-        given. ``auto`` asks for `least_window`.
-    series : ndarray, shape ((F+1)^2, 3)
-        The coefficients of the irradiance, ``A_l L_lm``.
+    `spec` is ``NAME`` or ``NAME:WIDTH``, as `parse_window` takes it; the width is F + 1 where none
+    is given. ``auto`` asks for `least_window`. `series`, of shape ((F+1)^2, 3), are the
+    coefficients of the irradiance, ``A_l L_lm``.
 
     Raises MapError if the name is unknown, or the width is not a positive number.
     """
@@ -181,11 +172,8 @@ def least_window(series: Array) -> Window:
     Then the lowest directions of the windowed series join the set, and the factors are sought
     anew, until the windowed series is not too low anywhere.
 
-    Parameters
-    ----------
-    series : ndarray, shape ((F+1)^2, 3)
-        The coefficients of the irradiance. The mean, which is coefficient 0, must not be negative
-        in any channel.
+    `series`, of shape ((F+1)^2, 3), are the coefficients of the irradiance. The mean, which is
+    coefficient 0, must not be negative in any channel.
     """
     directions, values = lowest(series)
     if values.min() >= 0:
@@ -210,19 +198,11 @@ def least_factors(squares: Array, by_degree: Array, floor: Array) -> Array:
     With t = 1 - factor and p the relative RMS of a degree, the least ``|p t|^2`` is sought with
     ``sum_l t_l value_l <= sum_l value_l - floor`` in every direction, and t within 0 .. 1.
 
-    Parameters
-    ----------
-    squares : ndarray, shape (F+1,)
-        The mean square of what each degree adds, or any multiple of it.
-    by_degree : ndarray, shape (n, F+1, channels)
-        The value that each degree adds in each direction.
-    floor : ndarray, shape (channels,)
-        The least values.
+    `squares`, of shape (F+1,), are the mean square of what each degree adds, or any multiple of it.
+    `by_degree`, of shape (n, F+1, channels), is the value that each degree adds in each direction.
+    `floor`, of shape (channels,), is the least values.
 
-    Returns
-    -------
-    ndarray, shape (F+1,)
-        Within 0 .. 1; that of degree 0 is 1.
+    Returns an array of shape (F+1,), within 0 .. 1; that of degree 0 is 1.
     """
     used = np.flatnonzero(squares[1:] > 0) + 1
     share = np.sqrt(squares[used] / squares.sum())

@@ -135,25 +135,15 @@ def written_code(
     product texture vary, ``shrm_varied_radiance(n, t, v, first, second)`` takes where they are on
     their ways. All names begin with ``shrm_``.
 
-    Parameters
-    ----------
-    language : {"glsl", "hlsl", "wgsl", "c"}
-    textures : {"cube-array", "layers"}, optional
-        Where cubes are read: from arrays of cube maps, whose faces are turned as the graphics API
-        wants them, or from the arrays of images that `file.pack` returns. Code in C reads the
-        latter; for the other languages, arrays of cube maps are the default.
-    taps : {3, 5, 8}, optional
-        Of a split sum of GGX: add ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``, the light
-        of brushed GGX, by so many look-ups.
+    `language` is one of ``glsl``, ``hlsl``, ``wgsl``, ``c``. `textures`, one of ``cube-array``,
+    ``layers``, are where cubes are read: from arrays of cube maps, whose faces are turned as the
+    graphics API wants them, or from the arrays of images that `file.pack` returns. Code in C reads
+    the latter; for the other languages, arrays of cube maps are the default. `taps`, one of 3, 5,
+    8, are those of a split sum of GGX: add ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``,
+    the light of brushed GGX, by so many look-ups.
 
-    Returns
-    -------
-    Code
-
-    Raises
-    ------
-    MapError, ArgumentError
-        If the language is unknown or cannot read such textures, or the map does not fit into them.
+    Raises MapError or ArgumentError if the language is unknown or cannot read such textures, or the
+    map does not fit into them.
     """
     speech = Language(language)
     if (snippet := whole_code(made)) is not None:
@@ -209,11 +199,8 @@ def _with_lamps(
 ) -> tuple[list[str], bool]:
     """Write the functions of a map, and those of the lamps beside it.
 
-    Returns
-    -------
-    functions : list of str
-    takes_tangent : bool
-        As of `Code`: discs are brushed where the map itself is not.
+    Returns the functions, and whether they take a tangent, as of `Code`: discs are brushed where
+    the map itself is not.
     """
     from shrm_cli.maps.lamps.map import LampMap
     from shrm_cli.maps.lamps.shader import with_lamps
@@ -226,10 +213,7 @@ def _with_lamps(
 def _brushed(made: "Map", taps: int, language: Language) -> list[str]:
     """Write the functions of brushed surfaces.
 
-    Raises
-    ------
-    MapError
-        If the map is no split sum of GGX.
+    Raises MapError if the map is no split sum of GGX.
     """
     from shrm_cli.maps.splitsum.brushed_shader import brushed_functions
 
@@ -241,10 +225,7 @@ def _brushed(made: "Map", taps: int, language: Language) -> list[str]:
 def source_of(made: "Map", textures: str) -> Source:
     """Return what the shader of a map consists of; the cubes may depend on where they are read.
 
-    Raises
-    ------
-    MapError
-        If there is no such code for the map.
+    Raises MapError if there is no such code for the map.
     """
     return registry.module(made.representation, "shader").source(made.stored, textures)
 

@@ -66,11 +66,7 @@ def write_layers(
     The part of layer 3 of ``shrm_table`` is called ``shrm_table.003``. The file is no map, and
     is written as 32-bit floats unless `precision` is half, which costs tables some digits.
 
-    Returns
-    -------
-    pixel_type : {"half", "float"}
-    shapes : dict of str to tuple of 3 int
-        Layers, height and width of each texture by its name.
+    Returns `pixel_type`; and `shapes`, layers, height and width of each texture by its name.
 
     Raises MapError if the map has no textures. Raises OutputError if the file cannot be written.
     """

@@ -85,14 +85,8 @@ def most_order_p(
 
     Cubes of half the size that F asks for are counted with, because a map may be worth that.
 
-    Parameters
-    ----------
-    max_size : int
-        The most bytes of the map.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    most : int
-        The largest P in any case.
+    `max_size` is the most bytes of the map. `size` is the number of texels along a face's edge,
+    where they are given. `most` is the largest P in any case.
     """
 
     def most_at(order_f: int) -> int:
@@ -131,12 +125,8 @@ def fitting(
 ) -> Choice:
     """Choose the orders and the size of the best map that fits.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    most : int
-        The largest P in any case.
+    `lighting` is the light, to at least the order of the coefficients. `most` is the largest P in
+    any case.
 
     Raises ArgumentError if not even P = 0 fits.
     """
@@ -168,10 +158,7 @@ def map_errors(
 ) -> tuple[float, float]:
     """Predict the errors of an SHRM of an order P and a size, which carries what it can.
 
-    Returns
-    -------
-    error, filter_error : float
-        That of its orders, and that of looking it up; relative RMS.
+    Returns `error` and `filter_error`, that of its orders, and that of looking it up; relative RMS.
     """
     band = carried_band(lighting, coefficients, 0, order_p, size)
     views = view_band(lighting, coefficients, order_p)
@@ -214,18 +201,10 @@ def shrm_rows(
 ) -> "Iterator[Row[Tried]]":
     """Yield the SHRMs that known coefficients allow, for each size of cubes those of every P.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    eps : float
-        The fraction of the BRDF's energy that F, which is only stated, may miss.
-    max_size : int
-        The most bytes of the map.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    most_p : int
-        The largest P in any case.
+    `lighting` is the light, to at least the order of the coefficients. `eps` is the fraction of the
+    BRDF's energy that F, which is only stated, may miss. `max_size` is the most bytes of the map.
+    `size` is the number of texels along a face's edge, where they are given. `most_p` is the
+    largest P in any case.
     """
     from shrm_cli.plan.search import Row  # plain runs search nothing
 
@@ -253,19 +232,10 @@ def halved(
 ) -> Choice | None:
     """Halve the size of a map of other images than those of an SHRM, until they fit.
 
-    Parameters
-    ----------
-    choice : Choice
-        The orders and the size of the SHRM behind the map.
-    images : int
-        The number of RGB cubes of the map.
-    max_size : int
-        The most bytes of the map in half precision.
+    `choice` holds the orders and the size of the SHRM behind the map. `images` is the number of RGB
+    cubes of the map. `max_size` is the most bytes of the map in half precision.
 
-    Returns
-    -------
-    Choice or None
-        The least size is `vocabulary.MIN_CUBE_SIZE`; None where that does not fit either.
+    Returns None where not even the least size, `vocabulary.MIN_CUBE_SIZE`, fits.
     """
     size = choice.size
     while stored_bytes(size, images) > max_size:
@@ -282,14 +252,8 @@ def halved(
 def refuse_large(size: int, images: int, max_size: int | None) -> None:
     """Refuse a map whose form is given by hand, if it exceeds the bytes that were asked for.
 
-    Parameters
-    ----------
-    size : int
-        Texels along a face's edge.
-    images : int
-        The number of RGB cubes.
-    max_size : int, optional
-        The most bytes that were asked for. None refuses nothing.
+    `size` is the number of texels along a face's edge. `images` is the number of RGB cubes.
+    `max_size` is the most bytes that were asked for. None refuses nothing.
     """
     stored = stored_bytes(size, images)
     if max_size is not None and stored > max_size:
@@ -312,18 +276,9 @@ def shortfall(
 
     The line is None where the tolerance is met, and where what is missed is not seen.
 
-    Parameters
-    ----------
-    coefficients : BrdfCoefficients
-        The coefficients from which the orders were chosen.
-    kept : Orders
-        The orders of the map.
-    max_size : int
-        The most bytes of the map.
-    error : float
-        The predicted relative RMS error of the reflected light.
-    form : Form
-        What the map holds.
+    `coefficients` are the coefficients from which the orders were chosen. `kept` holds the orders
+    of the map. `max_size` is the most bytes of the map. `error` is the predicted relative RMS error
+    of the reflected light. `form` is what the map holds.
     """
     if kept.captured >= 1 - kept.eps:
         return None

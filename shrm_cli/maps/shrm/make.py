@@ -46,11 +46,8 @@ _STORED_VALUE = 1.5e-7
 def centered(request: Request) -> tuple[Request, Notes]:
     """Recenter the BRDF of a request about the center that is asked for.
 
-    Returns
-    -------
-    request : Request
-    notes : Notes
-        How the center was chosen; empty unless it is ``auto``, the one of the fewest coefficients.
+    Returns `request`; and `notes`, how the center was chosen; empty unless it is ``auto``, the one
+    of the fewest coefficients.
 
     Raises BrdfError or OrderError if the BRDF cannot be expanded about that center.
     """
@@ -91,14 +88,8 @@ def prefilter_shrm(
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
 
-    Parameters
-    ----------
-    light : Projection
-        The light of the probe.
-    chosen : tuple of Choice and BrdfCoefficients, optional
-        What `affordable` returns, where it is known.
-    dtype : type
-        As `Shrm.from_coefficients` takes it.
+    `light` is the light of the probe. `chosen` is what `affordable` returns, where it is known.
+    `dtype` is as `Shrm.from_coefficients` takes it.
 
     Returns the map, and what it misses of the tolerance as a warning, if the orders are chosen.
     Raises ArgumentError if no map fits into the bytes, or those of the given orders do not. Raises
@@ -127,12 +118,8 @@ def expand(
 ) -> tuple[Expansion, tuple[str, ...]]:
     """Choose the orders and the size of a map within its bytes, and expand light and BRDF.
 
-    Parameters
-    ----------
-    light, request, chosen
-        The same as for `prefilter_shrm`.
-    form : Form
-        What the map holds that the SHRM is made for. Both have to fit into the bytes.
+    `light`, `request` and `chosen` are the same as for `prefilter_shrm`. `form` is what the map
+    holds that the SHRM is made for. Both have to fit into the bytes.
 
     Returns `expansion`; and `warnings`, what the map misses of the tolerance, and BRDFs that were
     not sampled finely enough.
@@ -169,14 +156,8 @@ def from_expansion(
 ) -> Shrm:
     """Make the SHRM of an expansion.
 
-    Parameters
-    ----------
-    probe : Probe
-        The probe of the expansion's light.
-    request : Request
-        It says the frame and the sampling.
-    dtype : type
-        As `Shrm.from_coefficients` takes it.
+    `probe` is the probe of the expansion's light. `request` says the frame and the sampling.
+    `dtype` is as `Shrm.from_coefficients` takes it.
     """
     orders, brdf = expansion.orders, expansion.brdf
     tell_time_left(making_seconds(expansion.carried, orders.order_p, expansion.size))
@@ -195,19 +176,11 @@ def from_expansion(
 def making_seconds(order_f: int, order_p: int, size: int) -> float:
     """Estimate the seconds until an SHRM is made and written.
 
-    Parameters
-    ----------
-    order_f : int
-        The order F to which the light is carried.
-    order_p : int
-        The order P.
-    size : int
-        Texels along a face's edge.
+    `order_f` is the order F to which the light is carried. `size` is the number of texels along a
+    face's edge.
 
-    Returns
-    -------
-    float
-        Within a factor of 2 where the rates were measured, if no other work is going on there.
+    It is right within a factor of 2 where the rates were measured, if no other work is going on
+    there.
     """
     series = 3 * (order_p + 1) ** 2
     coupling = _COUPLING * min(order_p, _MOST_TERMS)

@@ -132,14 +132,9 @@ def converted(
 ) -> Map:
     """Return the SHRM that another map holds or that fits it best, compressed if that is asked.
 
-    Parameters
-    ----------
-    order_p : int, optional
-        The order P of the SHRM; that of the source by default.
-    frame : {"global", "local"}, optional
-        The frame of the SHRM; local by default if the source is a local SHRM, else global.
-    compress : int or float, optional
-        How far the SHRM is compressed, as `shrm_cli.maps.shrm.compressed.compressed` takes it.
+    `order_p` is the order P of the SHRM; that of the source by default. `frame` is the frame of the
+    SHRM; local by default if the source is a local SHRM, else global. `compress` is how far the
+    SHRM is compressed, as `shrm_cli.maps.shrm.compressed.compressed` takes it.
 
     Raises MapError or ArgumentError if the source has no such SHRM, or an argument does not apply.
     """

@@ -48,10 +48,7 @@ class LobeCore(NormalLobe):
     the regularized incomplete beta function. The tail begins as x^8, which outweighs the lobe's
     own fall (GGX falls with theta^-4), and it joins the lobe with three derivatives at the angle.
 
-    Parameters
-    ----------
-    angle : float
-        Where the core ends, radians.
+    `angle` is where the core ends, radians.
     """
 
     def __init__(self, lobe: NormalLobe, angle: float) -> None:
@@ -89,21 +86,12 @@ def split_lobe(
 ) -> tuple[LobeCore, Array, float]:
     """Find the narrowest core whose tail loses little where the light's expansion ends.
 
-    Parameters
-    ----------
-    coefficients : BrdfCoefficients
-        Coefficients of the lobe, to order 512.
-    tolerance : float
-        The relative RMS error that the tail may leave. It is kept small beside the mean radiance
-        too, as in an expansion of the whole lobe.
+    `coefficients` are coefficients of the lobe, to order 512. `tolerance` is the relative RMS error
+    that the tail may leave. It is kept small beside the mean radiance too, as in an expansion of
+    the whole lobe.
 
-    Returns
-    -------
-    core : LobeCore
-    tail : ndarray, shape (513,)
-        What the rest of the lobe multiplies the light's degrees with.
-    error : float
-        The predicted relative RMS error of the level.
+    Returns `core`; `tail` of shape (513,), what the rest of the lobe multiplies the light's degrees
+    with; and `error`, the predicted relative RMS error of the level.
     """
     whole = multipliers(coefficients)
     power = lighting.power().sum(axis=1)
@@ -136,13 +124,9 @@ _SAME = 2.0**-29
 def sum_core(core: LobeCore, light: Array, directions: Array) -> Array:
     """Sum a core about each direction over all pixels of a lat-long.
 
-    Parameters
-    ----------
-    light : ndarray, shape (2 k, 4 k, 3)
-        Radiance times solid angle of the pixels of a lat-long, sampled at their centers, in world
-        axes.
-    directions : ndarray, shape (..., 3)
-        Unit, world axes. Those of a cube take the least time.
+    `light`, of shape (2 k, 4 k, 3), is radiance times solid angle of the pixels of a lat-long,
+    sampled at their centers, in world axes. `directions`, of shape (..., 3), are unit, world axes.
+    Those of a cube take the least time.
 
     Returns an array of float64 of shape (..., 3): the sums are in single precision.
     """

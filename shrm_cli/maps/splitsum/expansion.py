@@ -40,12 +40,8 @@ class Expansion:
 def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float) -> Expansion:
     """Choose the degrees of a level: the order that keeps an error, and those carried beyond it.
 
-    Parameters
-    ----------
-    coefficients : BrdfCoefficients
-        Coefficients of a zonal lobe, to at least the light's order.
-    tolerance : float
-        The relative RMS error that the order may leave.
+    `coefficients` are coefficients of a zonal lobe, to at least the light's order. `tolerance` is
+    the relative RMS error that the order may leave.
     """
     passed = multipliers(coefficients)
     light, missing = energies(lighting, passed)
@@ -71,10 +67,7 @@ def unknown_light(lighting: Lighting, passed: Array) -> float:
     light does, with ``(2l+1)`` times the mean power of its last 16 degrees. In the second, all
     energy of the light that is left sits in the degree that the lobe passes most of.
 
-    Parameters
-    ----------
-    passed : ndarray, shape (degrees,)
-        The squared multipliers of the lobe.
+    `passed`, of shape (degrees,), holds the squared multipliers of the lobe.
     """
     known = lighting.order + 1
     power = lighting.power().sum(axis=1)

@@ -195,12 +195,8 @@ class SplitSum(LightMap):
     def prefiltered(self, roughness: float, directions: ArrayLike) -> Array:
         """Return light mixed of two levels, filtered between their texels, shape (..., 3).
 
-        Parameters
-        ----------
-        roughness : float
-            Perceptual roughness.
-        directions : array_like, shape (..., 3)
-            Mirror directions R in world axes, or normals where they are the center.
+        `roughness` is perceptual roughness. `directions`, of shape (..., 3), are mirror directions
+        R in world axes, or normals where they are the center.
         """
         low, weight = blend(roughness, self.roughness, self.mapping)
         value = self.sampled(low, directions)

@@ -22,12 +22,8 @@ def to_linear_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
     1 gives (1, 1, 1). Spectra outside of sRGB's gamut give negative channels, which are kept, so
     that the conversion is linear.
 
-    Parameters
-    ----------
-    wavelengths_nm : array_like, shape (n,)
-        The wavelengths in nanometers, in any order.
-    values : array_like, shape (..., n)
-        The reflectance or BRDF (1/sr) at these wavelengths; float32 stays float32.
+    `wavelengths_nm`, of shape (n,), holds the wavelengths in nanometers, in any order. `values`, of
+    shape (..., n), are the reflectance or BRDF (1/sr) at these wavelengths; float32 stays float32.
 
     Returns an array of shape (..., 3).
 

@@ -70,10 +70,7 @@ class ZernikeSeries:
     def evaluate(self, light: Array, view: Array) -> Array:
         """Evaluate the series, which can be negative.
 
-        Parameters
-        ----------
-        light, view : ndarray, shape (n, 3)
-            Unit directions of the upper hemisphere.
+        `light` and `view`, each of shape (n, 3), are unit directions of the upper hemisphere.
 
         Returns an array of shape (n, 3): linear RGB, 1/sr, in double precision.
         """
@@ -136,18 +133,11 @@ def fit_zernike(
     coefficient stays the smaller, the less the measurements determine it and the faster its
     function varies.
 
-    Parameters
-    ----------
-    theta_i, phi_i, theta_r, phi_r : array_like, shape (n,)
-        Angles of the directions to the light and to the viewer, radians. A negative theta means
-        the other side of the normal.
-    values : array_like, shape (n,) or (n, 3)
-        The BRDF (1/sr), grey or linear RGB.
-    order : int
-        0 to 20.
-    smoothing : float
-        With 0 the fit reproduces published coefficients. With 1e-3 a fit to sparse measurements
-        does not run away where nothing was measured.
+    `theta_i`, `phi_i`, `theta_r` and `phi_r`, each of shape (n,), are angles of the directions to
+    the light and to the viewer, radians. A negative theta means the other side of the normal.
+    `values`, of shape (n,) or (n, 3), are the BRDF (1/sr), grey or linear RGB. `order` is 0 to 20.
+    With a `smoothing` of 0 the fit reproduces published coefficients. With 1e-3 a fit to sparse
+    measurements does not run away where nothing was measured.
 
     Raises BrdfError if the order is out of range, or there is no measurement.
     """
