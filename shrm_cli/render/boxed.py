@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap
+from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.probe.proxy import carried
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import central_directions, horizontal_tangents

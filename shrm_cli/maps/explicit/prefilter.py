@@ -19,8 +19,17 @@ from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import Choice, Form, halved, most_order_p, refuse_large
-from shrm_cli.maps.shrm.make import centered, expand, from_expansion, order_warnings
+from shrm_cli.maps.shrm.make import (
+    Choice,
+    Form,
+    centered,
+    expand,
+    from_expansion,
+    halved,
+    most_order_p,
+    order_warnings,
+    refuse_large,
+)
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import choose_size

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import Window
-from shrm_cli.maps.kinds import FixedMap, HarmonicLight
+from shrm_cli.maps.kinds import FixedMap, HarmonicLight, ReflectionMap
 from shrm_cli.maps.size import choose_size
 from shrm_cli.records import record
 from shrm_cli.sphere.extremes import lowest, series_values

@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, ReflectionMap
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.joint import brightness, joint_error
+from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.maps.principal.about_center import orders_in_plane
 from shrm_cli.maps.principal.functions import MAX_Q, span_of
 from shrm_cli.maps.principal.selection import bundle_counts

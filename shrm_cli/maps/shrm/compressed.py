@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import CentralMap
 from shrm_cli.maps.info import MapInfo, check_names
+from shrm_cli.maps.kinds import CentralMap
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.maps.size import check_size
 from shrm_cli.records import record

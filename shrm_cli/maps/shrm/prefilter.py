@@ -12,8 +12,13 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines, truth_of, unkept_error
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import affordable, sufficient_tolerance
-from shrm_cli.maps.shrm.make import centered, order_warnings, prefilter_shrm
+from shrm_cli.maps.shrm.make import (
+    affordable,
+    centered,
+    order_warnings,
+    prefilter_shrm,
+    sufficient_tolerance,
+)
 from shrm_cli.maps.size import nothing_fits, total_error
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.probe.probe import Probe

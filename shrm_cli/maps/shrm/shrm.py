@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Memo
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import CentralMap
 from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo, check_names
+from shrm_cli.maps.kinds import CentralMap
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels, texel_directions

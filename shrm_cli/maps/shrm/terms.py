@@ -15,16 +15,16 @@ from shrm_cli.maps.info import provenance
 from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import (
+from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
+from shrm_cli.maps.shrm.make import (
     Choice,
     affordable,
     fitting,
+    from_expansion,
     map_errors,
     most_order_p,
     shortfall,
 )
-from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
-from shrm_cli.maps.shrm.make import from_expansion
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import check_size, choose_size, total_error
