@@ -81,9 +81,9 @@ def within_limit(
     """Estimate the memory of a comparison, and make its maps smaller if it would exceed a limit.
 
     `heights` are rows that the probe is averaged down to for the truth of each surface; None for
-    its own. `views` is the number of pictures of each surface. `size` is the width and height of a
-    picture, pixels. `representations` is how many of them are compared. `limit` is the most bytes
-    that the comparison may take; `default_max_memory` by default.
+    its own. `views` is the number of pictures of each surface. `representations` is how many of
+    them are compared. `limit` is the most bytes that the comparison may take; `default_max_memory`
+    by default.
 
     Raises ArgumentError if it would take more even with small maps.
     """

@@ -264,8 +264,7 @@ def order_pictures(
     `lighting` holds coefficients of the light to at least the order of those of the BRDF.
     `coefficients` are coefficients of the BRDF to a much higher F than `order_f`. If their P is
     less than 5, the pictures stop at it. `center` is the BRDF's central direction. `order_f` is F
-    of all maps. `size` is the width and height of a picture, pixels. `truth` is the exact reflected
-    light, such as `shrm_cli.reference.Reference`.
+    of all maps. `truth` is the exact reflected light, such as `shrm_cli.reference.Reference`.
 
     Raises MapError if the map of these orders would be too large. Raises OutputError if the sheet
     of all pictures would be too large.

@@ -21,8 +21,14 @@ from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, Sampled, both_signs, power_of_two_times
-from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
-from shrm_cli.brdf.lobe_views import Views
+from shrm_cli.brdf.lobe_expansion import (
+    FINER,
+    Expansion,
+    LobeExpander,
+    Views,
+    light_rule,
+    lobe_width,
+)
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError

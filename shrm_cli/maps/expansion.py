@@ -121,8 +121,7 @@ def carried_band(
     """Choose the degrees of the light that a map carries.
 
     `lighting` is the light, to at least the order of the coefficients. `order_f` and `order_p` are
-    the orders F and P that the tolerance asks for. `size` is the number of texels along a face's
-    edge of the map.
+    the orders F and P that the tolerance asks for.
     """
     beyond = visible_beyond(lighting, coefficients, order_p)
     limit = max(supported_order(size, order_p), order_f)
@@ -135,8 +134,7 @@ def carried_band(
 def view_band(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> Band:
     """Choose how the degrees of the view end that a map has.
 
-    `lighting` is the light, to at least the order of the coefficients. `order_p` is the order P of
-    the map.
+    `lighting` is the light, to at least the order of the coefficients.
     """
     return Band.of_views(visible_beyond_p(lighting, coefficients, order_p), order_p)
 
@@ -152,9 +150,9 @@ def carry(
 ) -> Expansion:
     """Choose how far a map carries the light beyond F, and extend the coefficients as needed.
 
-    `coefficients` are the coefficients of the BRDF, to at least the orders. `size` is the number of
-    texels along a face's edge. `is_exact` tells whether to carry nothing beyond F. `is_exact_view`
-    tells whether to keep every degree of the view up to P as it is.
+    `coefficients` are the coefficients of the BRDF, to at least the orders. `is_exact` tells
+    whether to carry nothing beyond F. `is_exact_view` tells whether to keep every degree of the
+    view up to P as it is.
 
     Raises ProbeError or BrdfError if the probe cannot be read, or the coefficients cannot be
     extended.

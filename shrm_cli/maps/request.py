@@ -133,8 +133,7 @@ def recorded_defaults(to: str, given: Iterable[str]) -> dict[str, Any]:
 
     Those that follow from the light and the BRDF are no values yet, and are left out.
 
-    `to` is the representation. `given` are the names of arguments that are given. An error is asked
-    for instead of `eps`.
+    `given` are the names of arguments that are given. An error is asked for instead of `eps`.
     """
     form = registry.description(to)
     unasked: set[str] = set()
@@ -173,8 +172,7 @@ def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
 def check_arguments(to: str, given: Iterable[str]) -> None:
     """Check that a representation is known, obeys all given arguments, and has all that it needs.
 
-    `to` is the representation. `given` holds names of the arguments of
-    `shrm_cli.prefilter.prefilter` that are given.
+    `given` holds names of the arguments of `shrm_cli.prefilter.prefilter` that are given.
 
     Raises ArgumentError if the representation is unknown, does not obey an argument, or lacks a
     BRDF.

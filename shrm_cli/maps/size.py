@@ -69,8 +69,7 @@ def choose_size(order_f: int) -> int:
 def supported_order(size: int, order_p: int = 1) -> int:
     """Return the largest order that cubes with so many texels along an edge support.
 
-    `size` is the number of texels along a face's edge. `order_p` is the order P of the map; with 0
-    it has a single cube.
+    `order_p` is the order P of the map; with 0 it has a single cube.
     """
     return int((_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
 
@@ -93,8 +92,7 @@ def sizes_of(size: int | None) -> tuple[int, ...]:
 def nothing_fits(size: int | None, terms: int = 1) -> ArgumentError:
     """Return the error that refuses a number of bytes which not even a cube a term fits into.
 
-    `size` is the number of texels along a face's edge, where they are given. `terms` is the number
-    of terms that need a cube each.
+    `terms` is the number of terms that need a cube each.
     """
     least = stored_bytes(TRIED_SIZES[0] if size is None else size, terms)
     return ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
@@ -111,11 +109,7 @@ def most_cubes(size: int, max_size: int) -> int:
 
 
 def largest_p(order_f: int, size: int, max_size: int) -> int:
-    """Return the largest P of an SHRM within `max_size` bytes that can be made, or -1.
-
-    `order_f` is the order F of the map. `size` is the number of texels along a face's edge.
-    `max_size` is the most bytes of the map in half precision.
-    """
+    """Return the largest P of an SHRM within `max_size` bytes that can be made, or -1."""
     cubes = min(most_cubes(size, max_size), MAX_VALUES // (18 * size**2))
     p = min(math.isqrt(cubes) - 1, MAX_ORDER_P)
     while p > 0 and largest_f(p) < order_f:
@@ -285,8 +279,7 @@ def look_up_error(cube: Array, sampling: Sampling, order: int) -> float:
     `bilinear_errors` says.
 
     `cube`, of shape (6N, N, channels), holds functions over the sphere, that count by their energy.
-    `sampling` is where the edge texels lie. `order` is the largest degree of the functions; what is
-    beyond is the rounding of files.
+    `order` is the largest degree of the functions; what is beyond is the rounding of files.
 
     Returns the error against what the texels show; 0 for a black cube.
     """

@@ -49,8 +49,7 @@ def basis_subject(
 ) -> tuple[Any, list[Any]]:
     """Return what `Scene` draws: a subject, and its material for each of the maps.
 
-    Without a `mesh` a sphere is drawn. `transfer` is what was baked of the mesh. `size` is the
-    width and height of a picture, pixels.
+    Without a `mesh` a sphere is drawn. `transfer` is what was baked of the mesh.
 
     Raises TransferError if it was baked for another mesh.
     """

@@ -60,7 +60,7 @@ class Viewer:
 def pixel_centers(size: int, start: int, stop: int) -> tuple[Array, Array]:
     """Return the offsets from the picture's centre to the pixel centres of some rows.
 
-    `size` is the width and height of the picture, pixels. The rows are `start` .. `stop` - 1.
+    The rows are `start` .. `stop` - 1.
 
     Returns `x` and `y`, each of shape (stop - start, size), offsets to the right and upwards, in
     pixels.
@@ -93,7 +93,7 @@ def sphere_normals(viewer: Viewer, x: Array, y: Array) -> Array:
 def background_directions(viewer: Viewer, size: int, start: int, stop: int) -> Array:
     """Return the directions in which the pixels of some rows see the surroundings.
 
-    `size` is the width and height of the picture, pixels. The rows are `start` .. `stop` - 1.
+    The rows are `start` .. `stop` - 1.
 
     Returns an array of shape (stop - start, size, 3): unit, world axes.
     """
@@ -128,8 +128,8 @@ def sphere_coverage(size: int, x: Array, y: Array) -> Array:
     The area is integrated exactly along the axis in which the pixel lies farther from the centre,
     and by the midpoint rule along the other axis. The fraction is right to 0.001.
 
-    `size` is the width and height of the picture, pixels. `x` and `y`, each of shape (...), are
-    offsets of pixel centres from the picture's centre, in pixels.
+    `x` and `y`, each of shape (...), are offsets of pixel centres from the picture's centre, in
+    pixels.
     """
     radius = sphere_radius(size)
     distance = np.hypot(x, y)

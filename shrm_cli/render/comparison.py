@@ -167,10 +167,9 @@ def compare_spheres(
 ) -> Comparison:
     """Draw a sphere of each map from the same views.
 
-    `baseline` is the truth or the map that the others are compared with. `size` is the width and
-    height of each picture, pixels. `progress` is called with the pictures done and all, (1 + M) V;
-    the first V are those of the baseline. `primaries` are those of the light of all of them; None
-    is Rec.709.
+    `baseline` is the truth or the map that the others are compared with. `progress` is called with
+    the pictures done and all, (1 + M) V; the first V are those of the baseline. `primaries` are
+    those of the light of all of them; None is Rec.709.
     """
     drawn: list[Picture] = []
     total = (1 + len(others)) * len(viewers)

@@ -53,7 +53,7 @@ def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color
 def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:
     """Return a warning for each map that was not made for a roughness.
 
-    `maps` are maps by the names of their files. `roughness` is perceptual roughness.
+    `maps` are maps by the names of their files.
     """
     lines = []
     for path, each in maps.items():

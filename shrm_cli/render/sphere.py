@@ -57,9 +57,9 @@ def render_sphere(
 ) -> Picture:
     """Draw a sphere as a distant viewer sees it.
 
-    `size` is the width and height in pixels. `background`, of shape (size, size, 3), is linear
-    picture behind the sphere, such as `render_background` makes. By default it is black, so that
-    silhouette pixels are premultiplied by their coverage.
+    `background`, of shape (size, size, 3), is linear picture behind the sphere, such as
+    `render_background` makes. By default it is black, so that silhouette pixels are premultiplied
+    by their coverage.
 
     Returns an array of float32 of shape (size, size, 3): scene-linear. The small negative values of
     a truncated expansion are kept.
@@ -78,8 +78,6 @@ def render_sphere(
 
 def render_background(surroundings: Surroundings, viewer: Viewer, size: int) -> Picture:
     """Draw the surroundings behind the sphere; see `background_directions`.
-
-    `size` is the width and height in pixels.
 
     Returns an array of float32 of shape (size, size, 3): scene-linear.
     """

@@ -9,10 +9,9 @@ from shrm_cli.arrays import Array
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
-from shrm_cli.rooms.emitters import Emitters
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, octahedral_directions
 from shrm_cli.rooms.radiosity import Brightness
-from shrm_cli.rooms.room import Room
+from shrm_cli.rooms.room import Emitters, Room
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 
@@ -40,8 +39,7 @@ def bake(
 ) -> ProbeGrid:
     """Find the light at the probes of a lattice, and how far it is off between them.
 
-    `order` is the largest degree of the harmonics. `samples` is the number of directions along
-    which each probe looks.
+    `samples` is the number of directions along which each probe looks.
 
     The facts of the result have the relative RMS errors of the irradiance at random points,
     ``error`` of all light and ``error_reflected`` of that which does not come straight from lamps.

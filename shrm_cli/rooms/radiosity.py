@@ -21,8 +21,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
-from shrm_cli.rooms.emitters import Emitters
-from shrm_cli.rooms.room import Room
+from shrm_cli.rooms.room import Emitters, Room
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 

@@ -45,9 +45,8 @@ def bilinear_errors(
 ) -> Array:
     """Return the mean squared error of bilinear filtering, relative to the energy of each degree.
 
-    `order` is the largest degree. `size` is the number of texels along a face's edge. `sampling` is
-    where the edge texels lie. `places`, of shape (n, n), are what `energy_places` returns for the
-    function that is filtered. By default its energy is the same everywhere.
+    `places`, of shape (n, n), are what `energy_places` returns for the function that is filtered.
+    By default its energy is the same everywhere.
 
     Returns an array of shape (order+1,): degree 0 is filtered without error. Where a degree is far
     beyond what the texels resolve, its error approaches 13/9: the wave is lost, and the values of
@@ -157,7 +156,6 @@ def lost_between_texels(series: Array, size: int, sampling: Sampling = "center")
     """Return what bilinear look-ups in a cube miss of functions.
 
     `series`, of shape ((order+1)^2, maps), are the functions' coefficients over real harmonics.
-    `size` is the number of texels along a face's edge. `sampling` is where the edge texels lie.
 
     Returns an array of shape (maps,): the integrals of the squared error over the sphere, against
     those of the squared functions, which are the sums of the squared coefficients. They are sums

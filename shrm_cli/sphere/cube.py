@@ -230,8 +230,7 @@ def nearest_texels(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Find the texels of a cube that lie nearest to directions.
 
-    `directions`, of shape (..., 3), may have any length but 0. `size` is the number of texels along
-    a face's edge.
+    `directions`, of shape (..., 3), may have any length but 0.
 
     Returns `rows` and `columns`, each of shape (...), indices into an image of 6 size rows and size
     columns.

@@ -113,8 +113,7 @@ def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
 def real_harmonics(order: int, directions: ArrayLike, first: int = 0) -> Array:
     """Values of the real spherical harmonics (eq. 4.5).
 
-    `order` is the largest degree. `directions`, of shape (..., 3), are unit vectors in world axes.
-    `first` is the least degree.
+    `directions`, of shape (..., 3), are unit vectors in world axes. `first` is the least degree.
 
     Returns an array of shape (..., (order+1)^2 - first^2): index l(l+1)+m - first^2.
     """

@@ -64,9 +64,8 @@ def synthesize_cube(
 ) -> Array:
     """Values of real spherical harmonic series at the texels of a cube.
 
-    `coefficients`, of shape ((order+1)^2, maps), are one series a column, index l(l+1)+m. `size` is
-    the number of texels along a face's edge. `dtype` is the precision of the products and of the
-    result.
+    `coefficients`, of shape ((order+1)^2, maps), are one series a column, index l(l+1)+m. `dtype`
+    is the precision of the products and of the result.
 
     Returns an array of shape (maps, 6 size, size): planes in OpenEXR's face order and orientation.
     """
@@ -280,8 +279,6 @@ class CubeIntegral:
     """Integrals of cube images with every real harmonic: the transpose of `synthesize_cube`.
 
     The faces arrive one after the other, each of whose values is multiplied by its solid angle.
-
-    `order` is the largest degree.
     """
 
     def __init__(self, order: int, sampling: Sampling = "center") -> None:

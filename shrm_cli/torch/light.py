@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.size import Band

@@ -23,8 +23,7 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
-from shrm_cli.transfer.gather import Gathering, Rays
-from shrm_cli.transfer.sent import DiffuseLight, GlossyLight, Sent
+from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Rays, Sent
 from shrm_cli.transfer.sites import Sites, sites_of
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
@@ -47,15 +46,15 @@ _MOST_SAMPLES = 2**16
 class Plan:
     """What is to be baked, and what it will take.
 
-    `order` is the largest degree of the harmonics. `bounces` is how often light may be reflected
-    within the mesh. `samples` is the number of rays that are traced for each vertex and bounce.
-    `albedo` is what the mesh reflects of its irradiance, for bounces and for pictures: a number,
-    three for R, G and B, or an array of shape (v, 1 or 3). `product` is the product function of
-    what the mesh reflects in bounces in place of `albedo`. Its order is at least `order`, and
-    matrices are needed. `glossy` tells whether matrices are baked besides the vectors. `tangents`,
-    of shape (v, 3), are the x axes of the vertices' frames, unit vectors at right angles to the
-    normals; horizontal by default. `texture` is the number of texels along the edge of a texture
-    for which is baked, in place of the vertices.
+    `bounces` is how often light may be reflected within the mesh. `samples` is the number of rays
+    that are traced for each vertex and bounce. `albedo` is what the mesh reflects of its
+    irradiance, for bounces and for pictures: a number, three for R, G and B, or an array of shape
+    (v, 1 or 3). `product` is the product function of what the mesh reflects in bounces in place of
+    `albedo`. Its order is at least `order`, and matrices are needed. `glossy` tells whether
+    matrices are baked besides the vectors. `tangents`, of shape (v, 3), are the x axes of the
+    vertices' frames, unit vectors at right angles to the normals; horizontal by default. `texture`
+    is the number of texels along the edge of a texture for which is baked, in place of the
+    vertices.
 
     Raises ArgumentError if an option has a value that it cannot have.
     """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import shrm_cli as shrm
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.maps.she.prefilter import Problem, fit_logarithm
 from shrm_cli.maps.splitsum.expansion import expand, faded_order
 from shrm_cli.maps.splitsum.prefilter import level_lobe, make_levels

@@ -114,6 +114,3 @@ def _halved(faces: Array) -> Array:
     """Return the means of four texels each, shape (6, N/2, N/2, 3)."""
     size = faces.shape[1] // 2
     return np.asarray(faces.reshape(6, size, 2, size, 2, 3).mean(axis=(2, 4)))
-
-
-ENGINE = Babylon()

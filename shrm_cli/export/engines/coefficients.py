@@ -76,6 +76,3 @@ class Coefficients(Engine):
             made.add_text(f"{light.name}_sh.json", coefficients_json(coefficients))
             made.told.append("sh: in each convention by its name; nothing is turned")
         return made
-
-
-ENGINE = Coefficients()

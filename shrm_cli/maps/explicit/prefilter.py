@@ -238,8 +238,8 @@ def tabulate(
 ) -> Kind:
     """Make an explicit map of a given kind, by one integral for each texel of each image.
 
-    `center`, `info` and `sampling` are attributes of the map. `size` is the number of texels along
-    a face's edge. `view_count` is the number of samples along an axis of the view.
+    `center`, `info` and `sampling` are attributes of the map. `view_count` is the number of samples
+    along an axis of the view.
 
     Raises MapError if the map would be too large.
     """

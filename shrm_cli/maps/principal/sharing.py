@@ -115,8 +115,6 @@ class Sharing:
         """Find the forms of the fewest bytes with a total error; else the best ones that fit.
 
         `error` is the relative RMS error of the reflected light that may be made by all causes.
-        `max_size` is the most bytes. `size` is the number of texels along a face's edge, where they
-        are given.
 
         Returns `joint`; and `is_met`, whether its error is at most the one that was asked for.
 

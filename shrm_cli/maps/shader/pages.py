@@ -120,9 +120,8 @@ def _arranged(stacks: Sequence[tuple[int, int]], width: int, height: int) -> Pag
 def with_rims(stack: Array, sampling: Sampling) -> Array:
     """Put a rim of one texel around the faces of cubes, shape (6, N+2, N+2, K, 3).
 
-    `stack`, of shape (6N, N, K, 3), holds cubes in OpenEXR's orientation. `sampling` is where the
-    edge texels lie. Border-sampled faces hold their edges, so that filtering never gives the rim a
-    weight.
+    `stack`, of shape (6N, N, K, 3), holds cubes in OpenEXR's orientation. Border-sampled faces hold
+    their edges, so that filtering never gives the rim a weight.
     """
     size = stack.shape[1]
     faces = stack.reshape(6, size, size, *stack.shape[2:])

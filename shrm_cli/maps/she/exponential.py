@@ -199,8 +199,8 @@ def exponent_series(
 
     `factors` is a `SphericalHarmonicExponential`, or its orders and law alone. `normals` and
     `views`, each of shape (..., 3), are unit vectors in world axes; views point to the viewer.
-    `roughness` is perceptual roughness. `moments`, of shape (2, 3, ...), are the moments of GGX's
-    lobe at these N.V, as `lobe_moments` returns them. `f0` is the reflectance at normal incidence.
+    `moments`, of shape (2, 3, ...), are the moments of GGX's lobe at these N.V, as `lobe_moments`
+    returns them. `f0` is the reflectance at normal incidence.
     """
     if factors.law == "paper":
         direction = reflect(views, normals)

@@ -94,8 +94,7 @@ def most_order_p(
 
     Cubes of half the size that F asks for are counted with, because a map may be worth that.
 
-    `max_size` is the most bytes of the map. `size` is the number of texels along a face's edge,
-    where they are given. `most` is the largest P in any case.
+    `most` is the largest P in any case.
     """
 
     def most_at(order_f: int) -> int:
@@ -211,9 +210,7 @@ def shrm_rows(
     """Yield the SHRMs that known coefficients allow, for each size of cubes those of every P.
 
     `lighting` is the light, to at least the order of the coefficients. `eps` is the fraction of the
-    BRDF's energy that F, which is only stated, may miss. `max_size` is the most bytes of the map.
-    `size` is the number of texels along a face's edge, where they are given. `most_p` is the
-    largest P in any case.
+    BRDF's energy that F, which is only stated, may miss. `most_p` is the largest P in any case.
     """
     from shrm_cli.plan.search import Row  # plain runs search nothing
 
@@ -242,7 +239,7 @@ def halved(
     """Halve the size of a map of other images than those of an SHRM, until they fit.
 
     `choice` holds the orders and the size of the SHRM behind the map. `images` is the number of RGB
-    cubes of the map. `max_size` is the most bytes of the map in half precision.
+    cubes of the map.
 
     Returns None where not even the least size, `vocabulary.MIN_CUBE_SIZE`, fits.
     """
@@ -261,8 +258,8 @@ def halved(
 def refuse_large(size: int, images: int, max_size: int | None) -> None:
     """Refuse a map whose form is given by hand, if it exceeds the bytes that were asked for.
 
-    `size` is the number of texels along a face's edge. `images` is the number of RGB cubes.
-    `max_size` is the most bytes that were asked for. None refuses nothing.
+    `images` is the number of RGB cubes. `max_size` is the most bytes that were asked for. None
+    refuses nothing.
     """
     stored = stored_bytes(size, images)
     if max_size is not None and stored > max_size:
@@ -286,8 +283,8 @@ def shortfall(
     The line is None where the tolerance is met, and where what is missed is not seen.
 
     `coefficients` are the coefficients from which the orders were chosen. `kept` holds the orders
-    of the map. `max_size` is the most bytes of the map. `error` is the predicted relative RMS error
-    of the reflected light. `form` is what the map holds.
+    of the map. `error` is the predicted relative RMS error of the reflected light. `form` is what
+    the map holds.
     """
     if kept.captured >= 1 - kept.eps:
         return None
@@ -451,8 +448,7 @@ def from_expansion(
 def making_seconds(order_f: int, order_p: int, size: int) -> float:
     """Estimate the seconds until an SHRM is made and written.
 
-    `order_f` is the order F to which the light is carried. `size` is the number of texels along a
-    face's edge.
+    `order_f` is the order F to which the light is carried.
 
     It is right within a factor of 2 where the rates were measured, if no other work is going on
     there.

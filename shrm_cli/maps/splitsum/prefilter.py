@@ -10,8 +10,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
-from shrm_cli.brdf.environment.lobe import MaterialLobe, NormalLobe, check_varies
+from shrm_cli.brdf.environment.lobe import GgxLobe, MaterialLobe, NormalLobe, check_varies
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import ArgumentError, BrdfError

@@ -86,8 +86,7 @@ def blend(roughness: float, levels: Sequence[float], mapping: LevelMapping) -> t
     The weights are linear in the mapping's own position. A roughness below that of the first level
     takes the first level alone, and one beyond that of the last level takes the last alone.
 
-    `roughness` is perceptual roughness. `levels` are the perceptual roughnesses of the levels,
-    rising.
+    `levels` are the perceptual roughnesses of the levels, rising.
 
     Returns `level`, the index of the lower level; and `weight`, the weight of the next level, in 0
     .. 1; the lower level has the rest.

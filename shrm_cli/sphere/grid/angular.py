@@ -176,7 +176,7 @@ def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") 
     are mirror images in x or y share their waves in longitude, up to the sign.
 
     `weighted`, of shape (size, size, channels), holds pixels, each already multiplied by its solid
-    angle. `order` is the largest degree.
+    angle.
 
     Returns an array of shape ((order+1)^2, channels): real coefficients in world axes, index
     l(l+1)+m.
