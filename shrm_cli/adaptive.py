@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.core import PART
-from shrm_cli.probe.pyramid import Level, Pyramid, pixel_sides
+from shrm_cli.probe.source import Level, Pyramid, pixel_sides
 from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.vocabulary import LUMINANCE

@@ -23,8 +23,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.pyramid import Pyramid
-from shrm_cli.probe.source import Source
+from shrm_cli.probe.source import Pyramid, Source
 from shrm_cli.progress import Progress, in_order
 from shrm_cli.sphere.directions import (
     bisector,

@@ -14,7 +14,7 @@ from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.size import Band
-from shrm_cli.maps.splitsum.expansion import multipliers
+from shrm_cli.maps.splitsum.core import multipliers
 from shrm_cli.sphere.directions import reflect
 from shrm_cli.torch.transforms import CubeSynthesis, DirectionSynthesis, table
 from shrm_cli.vocabulary import MIN_ROUGHNESS

@@ -19,8 +19,7 @@ from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import choose_size
-from shrm_cli.maps.splitsum.core import split_lobe, sum_core
-from shrm_cli.maps.splitsum.expansion import expand, faded_order, synthesized
+from shrm_cli.maps.splitsum.core import expand, faded_order, split_lobe, sum_core, synthesized
 from shrm_cli.maps.splitsum.mips import default_mips, mip_sizes, power_of_two
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum

@@ -12,7 +12,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.splitsum.expansion import energies, multipliers
+from shrm_cli.maps.splitsum.core import energies, multipliers
 from shrm_cli.maps.splitsum.prefilter import frequency_pays
 from shrm_cli.maps.splitsum.roughness import (
     DEFAULT_LEVELS,
