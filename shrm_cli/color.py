@@ -36,9 +36,8 @@ def conversion(source: Primaries | None, target: Primaries | None) -> Array | No
     Returns an array of shape (3, 3), or None where nothing is to be done: both are the same, or one
     of them is impossible.
 
-    References
-    ----------
-    SMPTE RP 177:1993 for the matrices to XYZ; Lam 1985 and ICC.1:2022, annex E, for Bradford's.
+    References: SMPTE RP 177:1993 for the matrices to XYZ; Lam 1985 and ICC.1:2022, annex E, for
+    Bradford's.
     """
     source, target = (REC709 if each is None else each for each in (source, target))
     if same_primaries(source, target):
@@ -142,9 +141,7 @@ def xyz_matrix(primaries: Primaries | None) -> Array:
 
     Primaries that are not stated, or that nothing can have, count as Rec.709.
 
-    References
-    ----------
-    SMPTE RP 177:1993.
+    References: SMPTE RP 177:1993.
     """
     matrix = None if primaries is None else _to_xyz(primaries)
     return xyz_matrix(REC709) if matrix is None else matrix

@@ -73,9 +73,7 @@ def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batc
 
     Raises ArgumentError if an argument holds a line break or another control character.
 
-    References
-    ----------
-    Open Job Description, Template Schemas 2023-09, and RFC 0001, Task Chunking.
+    References: Open Job Description, Template Schemas 2023-09, and RFC 0001, Task Chunking.
     """
     _check([*arguments, name], "openjd")
     # Behind the arguments it would be one of the probes if these hold "--".

@@ -96,9 +96,8 @@ def azimuthal_mean(brdf: Brdf, view_theta: float) -> tuple[Array, Array]:
     Returns `cosines` of shape (n,), ``C.L = 1 - 2 t^2``, falling from 1 to -1, where ``t =
     sin(theta_i' / 2)`` has equal steps; and `values` of shape (n, 3), the mean there.
 
-    References
-    ----------
-    Kautz and McCool 2000, Approximation of glossy reflection with prefiltered environment maps.
+    References: Kautz and McCool 2000, Approximation of glossy reflection with prefiltered
+    environment maps.
     """
     chords = np.linspace(0, 1, _MEAN_ANGLES)
     theta_i = 2 * np.arcsin(chords)

@@ -158,9 +158,7 @@ def schlick(f0: Color, cosine: Array) -> Array:
 
     Returns an array of shape (..., 3): a broadcast view if `f0` is grey.
 
-    References
-    ----------
-    Schlick 1994, An inexpensive BRDF model for physically-based rendering.
+    References: Schlick 1994, An inexpensive BRDF model for physically-based rendering.
     """
     rest = fifth_power(1 - cosine)
     if is_grey(f0):
@@ -199,9 +197,7 @@ def half_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
     shape (...), the azimuth of the light about the half vector, radians in -pi .. pi; it is 0 on
     the side away from the normal.
 
-    References
-    ----------
-    Rusinkiewicz 1998, "A New Change of Variables for Efficient BRDF Representation".
+    References: Rusinkiewicz 1998, "A New Change of Variables for Efficient BRDF Representation".
     """
     total, difference = light + view, light - view
     x, y, z = np.moveaxis(total, -1, 0)

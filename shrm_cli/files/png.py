@@ -20,9 +20,7 @@ def encode_srgb(pixels: ArrayLike) -> NDArray[np.uint8]:
 
     `pixels` are linear, of any shape.
 
-    References
-    ----------
-    IEC 61966-2-1:1999, the sRGB transfer function.
+    References: IEC 61966-2-1:1999, the sRGB transfer function.
     """
     linear = np.clip(np.asarray(pixels, dtype=np.float32), 0, 1)
     encoded = np.where(
@@ -37,10 +35,8 @@ def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     `pixels`, of shape (H, W, 3) or (H, W, 4), are 8-bit sRGB; the fourth channel is the coverage,
     by which the others are not multiplied.
 
-    References
-    ----------
-    ISO/IEC 15948:2004, clauses 5 and 9. Each row takes that of the filters none, sub and up whose
-    differences are the least.
+    References: ISO/IEC 15948:2004, clauses 5 and 9. Each row takes that of the filters none, sub
+    and up whose differences are the least.
     """
     height, width, channels = pixels.shape
     rows = pixels.reshape(height, width * channels)

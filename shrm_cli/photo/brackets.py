@@ -150,10 +150,8 @@ def response(places: Array, logarithms: Array) -> Array:
 
     Returns an array of shape (LEVELS,): g, which never falls.
 
-    References
-    ----------
-    Debevec and Malik 1997, eq. 3, with squares of the weights of eq. 4. The least squares are
-    solved for each E_i first, so that every place may count.
+    References: Debevec and Malik 1997, eq. 3, with squares of the weights of eq. 4. The least
+    squares are solved for each E_i first, so that every place may count.
     """
     means, spreads = places[:, 0], places[:, 1].max(axis=0)
     at = np.rint(means * (LEVELS - 1)).astype(int)

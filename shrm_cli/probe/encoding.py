@@ -39,9 +39,7 @@ _FILM = ("dpx", "cineon")
 class RadianceHeader:
     """What the header of a Radiance picture says of its numbers.
 
-    References
-    ----------
-    Ward, The RADIANCE Picture File Format; `GAMMA` is Walter's, of his rgbe.c.
+    References: Ward, The RADIANCE Picture File Format; `GAMMA` is Walter's, of his rgbe.c.
     """
 
     applied: tuple[float, float, float] = (1.0, 1.0, 1.0)

@@ -129,9 +129,7 @@ def sky_radiance(directions: Array, sun: Array, turbidity: float) -> Array:
 
     Returns an array of shape (..., 3): linear Rec.709, luminance in kcd/m^2, at least 0.
 
-    References
-    ----------
-    A.2: quantities F(theta, gamma) / F(0, theta_s) times those at the zenith.
+    References: A.2: quantities F(theta, gamma) / F(0, theta_s) times those at the zenith.
     """
     sun_theta = np.arccos(np.clip(sun[1], 0.0, 1.0))
     # A.2 divides by the cosine; the radiance is flat long before it vanishes.
@@ -168,9 +166,7 @@ def sun_radiance(elevation: float, turbidity: float) -> Array:
 
     Returns an array of shape (3,): linear Rec.709, luminance in kcd/m^2, at least 0.
 
-    References
-    ----------
-    A.1, Table 2.
+    References: A.1, Table 2.
     """
     wavelengths = np.arange(380.0, 750.5, 1.0)
     depth = atmosphere_depth(wavelengths, elevation, turbidity)
@@ -188,9 +184,7 @@ def atmosphere_depth(wavelengths: Array, elevation: float, turbidity: float) -> 
 
     Returns an array of shape (n,): minus the logarithm of the transmittance.
 
-    References
-    ----------
-    A.1; the angle in its relative optical mass (Kasten's) is in degrees.
+    References: A.1; the angle in its relative optical mass (Kasten's) is in degrees.
     """
     zenith_angle = 90 - elevation
     mass = 1 / (np.cos(np.radians(zenith_angle)) + 0.15 * (93.885 - zenith_angle) ** -1.253)

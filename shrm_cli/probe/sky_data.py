@@ -89,9 +89,7 @@ def color_matching(wavelengths: Array) -> Array:
 
     Returns an array of shape (n, 3): x, y, z.
 
-    References
-    ----------
-    Wyman, Sloan & Shirley 2013, eq. 4.
+    References: Wyman, Sloan & Shirley 2013, eq. 4.
     """
     functions = []
     for lobes in COLOR_MATCHING:

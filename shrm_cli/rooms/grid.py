@@ -191,9 +191,8 @@ def octahedral_directions(edge: int = EDGE) -> Array:
     ``(u, v, 1 - |u| - |v|)``, and where that z is negative x and y are folded over:
     ``x = (1 - |v|) sign(u), y = (1 - |u|) sign(v)``.
 
-    References
-    ----------
-    Cigolle et al. 2014, A Survey of Efficient Representations for Independent Unit Vectors.
+    References: Cigolle et al. 2014, A Survey of Efficient Representations for Independent Unit
+    Vectors.
     """
     axis = (np.arange(edge) + 0.5) / edge * 2 - 1
     v, u = (each.ravel() for each in np.meshgrid(axis, axis, indexing="ij"))

@@ -43,9 +43,7 @@ def colatitude_weights(height: int, sampling: Sampling = "center") -> Array:
 
     Returns an array of shape (height,), read-only, whose sum is 2.
 
-    References
-    ----------
-    Waldvogel 2006, Fast construction of the Fejer and Clenshaw-Curtis quadrature rules.
+    References: Waldvogel 2006, Fast construction of the Fejer and Clenshaw-Curtis quadrature rules.
     """
     return _known_weights.get((height, sampling), lambda: _colatitude_weights(height, sampling))
 
@@ -80,10 +78,8 @@ def longitude_weights(width: int, sampling: Sampling = "center") -> Array:
 def gauss_legendre(count: int) -> tuple[Array, Array]:
     """Nodes in (-1, 1), ascending, and weights of the rule exact to degree 2 count - 1; read-only.
 
-    References
-    ----------
-    Golub & Welsch 1969: eigenvalues and first components of the eigenvectors of the Jacobi
-    matrix.
+    References: Golub & Welsch 1969: eigenvalues and first components of the eigenvectors of the
+    Jacobi matrix.
     """
     k = np.arange(1, count)
     beside = k / np.sqrt(4.0 * k**2 - 1)
@@ -99,10 +95,8 @@ def spiral_directions(count: int) -> Array:
 
     Sums over the rows of other grids resonate with functions that have rows of their own.
 
-    References
-    ----------
-    Gonzalez 2010, Measurement of areas on a sphere using Fibonacci and latitude-longitude
-    lattices.
+    References: Gonzalez 2010, Measurement of areas on a sphere using Fibonacci and
+    latitude-longitude lattices.
     """
     k = np.arange(count)
     z = (2 * k + 1) / count - 1
@@ -118,9 +112,8 @@ def scrambled(count: int) -> NDArray[np.intp]:
 
     Returns an array of int of shape (count,).
 
-    References
-    ----------
-    Wellons 2018, Prospecting for hash functions: ``lowbias32``, which maps no two numbers to one.
+    References: Wellons 2018, Prospecting for hash functions: ``lowbias32``, which maps no two
+    numbers to one.
     """
     keys = np.arange(count, dtype=np.uint32)
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B), (16, 1)):

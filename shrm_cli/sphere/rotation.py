@@ -118,12 +118,10 @@ def rotate_into_frames(coefficients: ArrayLike, frames: ArrayLike) -> Array:
 
     Returns an array of shape ((order+1)^2, ..., points).
 
-    References
-    ----------
-    Kautz, Sloan & Snyder 2002, Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
-    Spherical Harmonics, appendix: low degrees are polynomials of the matrix elements, of which the
-    products with the coefficients are taken once for all points; higher ones are turned by Euler
-    angles. Degrees 0 to 2 are four times as fast by polynomials.
+    References: Kautz, Sloan & Snyder 2002, Fast, Arbitrary BRDF Shading for Low-Frequency Lighting
+    Using Spherical Harmonics, appendix: low degrees are polynomials of the matrix elements, of
+    which the products with the coefficients are taken once for all points; higher ones are turned
+    by Euler angles. Degrees 0 to 2 are four times as fast by polynomials.
     """
     source, frames = np.asarray(coefficients, dtype=float), np.asarray(frames, dtype=float)
     result = np.empty((*source.shape, len(frames)))
@@ -146,9 +144,7 @@ def rotate_to_frames(
     radians; the frames are those of `local_frame`. `inverse` turns functions in the local frames
     into world axes instead.
 
-    References
-    ----------
-    Ramamoorthi 2002, eq. 5.13 and 5.14; the inverse is what they do.
+    References: Ramamoorthi 2002, eq. 5.13 and 5.14; the inverse is what they do.
     """
     source = np.asarray(coefficients)
     result = np.empty_like(source)
@@ -273,10 +269,8 @@ def _turn_zyz(
     three angles, radians. `result`, of the shape of `source`, is what is written. Degrees below
     `lowest` are not written.
 
-    References
-    ----------
-    Ramamoorthi 2002, eq. 2.29, for the convention: ``D^l_mn(a, b, c) = exp(-i m a) d^l_mn(b)
-    exp(-i n c)``, here between real harmonics.
+    References: Ramamoorthi 2002, eq. 2.29, for the convention: ``D^l_mn(a, b, c) = exp(-i m a)
+    d^l_mn(b) exp(-i n c)``, here between real harmonics.
     """
     order = order_of(len(source))
     alpha, beta, gamma = angles

@@ -27,9 +27,8 @@ def small_d_degrees(
     Yields `l`; and `d` of shape (2l+1, 2 min(l, max_spin) + 1, *theta.shape), ``d[m + l, n + min(l,
     max_spin)] = d^l_mn(theta)``.
 
-    References
-    ----------
-    Varshalovich, Moskalev & Khersonskii 1988, 4.8.2 (14) for the recurrence, 4.17 for the edges.
+    References: Varshalovich, Moskalev & Khersonskii 1988, 4.8.2 (14) for the recurrence, 4.17 for
+    the edges.
     """
     theta = np.asarray(theta, dtype=float)
     spins = order if max_spin is None else min(max_spin, order)
@@ -169,9 +168,7 @@ def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: i
     Returns an array, zero where an order is larger than its degree, or the degrees make no
     triangle.
 
-    References
-    ----------
-    Varshalovich, Moskalev and Khersonskii 1988, 8.2.1 (3).
+    References: Varshalovich, Moskalev and Khersonskii 1988, 8.2.1 (3).
     """
     low, m = np.asarray(degree, dtype=float), np.asarray(m, dtype=float)
     total, up, down = low + shift, low + m, low - m
@@ -228,10 +225,8 @@ def zonal_coupling(order: int, p: int) -> Array:
     Returns an array of shape (order+1, p+1, p+1), indexed [l, q, j] with ``J = l - p + 2 j``; one
     term where q = 0. Zero where q > l, or where no such J >= |l - p| exists.
 
-    References
-    ----------
-    Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2 for the vectors, 8.5.2 (32) for
-    their sign.
+    References: Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2 for the vectors, 8.5.2
+    (32) for their sign.
     """
     kept = kept_order(order)
     return _known_couplings.get((kept, p), lambda: _zonal_coupling(kept, p))[: order + 1]

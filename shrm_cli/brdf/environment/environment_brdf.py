@@ -163,12 +163,10 @@ def environment_table(size: int, multiscatter: bool = False) -> Array:
     surface reflects ``mix(R, G, f0) * (1 + f0 * (1 / G - 1))``, which includes the light that meets
     several facets.
 
-    References
-    ----------
-    Karis 2013, "Real Shading in Unreal Engine 4" (scale and bias); eq. 5 to 7 and 15 of
-    Silvennoinen et al. 2025.
-    Lagarde and Golubev 2018, in Filament (multiple scattering, with which a surface of f0 = 1
-    loses nothing); Turquin 2019 (the same form; here with Fresnel's term at normal incidence).
+    References: Karis 2013, "Real Shading in Unreal Engine 4" (scale and bias); eq. 5 to 7 and 15 of
+    Silvennoinen et al. 2025. Lagarde and Golubev 2018, in Filament (multiple scattering, with which
+    a surface of f0 = 1 loses nothing); Turquin 2019 (the same form; here with Fresnel's term at
+    normal incidence).
     """
     table = np.empty((size, size, 2))
     moments = moments_table(size)
@@ -185,10 +183,8 @@ def columns_table(kind: str, size: int) -> Array:
     or the albedo of cloth, after scale and bias, or after the columns for multiple scattering.
     `size` is that of `environment_table`.
 
-    References
-    ----------
-    Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image Based Lighting";
-    Turquin 2019, "Practical multiple scattering compensation for microfacet models".
+    References: Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image Based
+    Lighting"; Turquin 2019, "Practical multiple scattering compensation for microfacet models".
     """
     two = environment_table(size, kind == "filament")
     albedo = two.sum(axis=-1)

@@ -40,10 +40,8 @@ class Merl(MeasuredBrdf):
     Cells with a negative number are invalid: they were not measured, or lie below the horizon.
     They take the mean of the valid cells in the smallest block of cells around them that has any.
 
-    References
-    ----------
-    Matusik et al. 2003, "A data-driven reflectance model"; Rusinkiewicz 1998, "A new change of
-    variables for efficient BRDF representation".
+    References: Matusik et al. 2003, "A data-driven reflectance model"; Rusinkiewicz 1998, "A new
+    change of variables for efficient BRDF representation".
     """
 
     name = "merl"

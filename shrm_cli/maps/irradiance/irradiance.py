@@ -36,10 +36,8 @@ def lambert_factors(order: int) -> Array:
 
     `order` is the largest degree l.
 
-    References
-    ----------
-    Eq. 4.11. Its factorials ``l! / (2^l (l/2)!^2)`` are computed by the ratio ``(l - 1) / l`` of
-    one to the one before.
+    References: Eq. 4.11. Its factorials ``l! / (2^l (l/2)!^2)`` are computed by the ratio ``(l - 1)
+    / l`` of one to the one before.
     """
     factors = np.zeros(order + 1)
     central = 1.0

@@ -109,9 +109,7 @@ def window_factors(name: str, width: float, order: int) -> Array:
 
     Raises MapError if there is no such window.
 
-    References
-    ----------
-    Sloan 2008, Stupid Spherical Harmonics (SH) Tricks, "Windowing".
+    References: Sloan 2008, Stupid Spherical Harmonics (SH) Tricks, "Windowing".
     """
     _check_family(name)
     share = np.minimum(np.arange(order + 1), width) / width
@@ -249,9 +247,7 @@ def shortest_within(rows: Array, bounds: Array) -> Array | None:
 
     Returns the vector x, or None if no x is within the bounds.
 
-    References
-    ----------
-    Lawson and Hanson 1974, Solving Least Squares Problems, chapter 23: Least distance
+    References: Lawson and Hanson 1974, Solving Least Squares Problems, chapter 23: Least distance
     programming, algorithm 23.27.
     """
     n = rows.shape[1]
@@ -272,9 +268,7 @@ def non_negative_least_squares(matrix: Array, target: Array) -> Array:
 
     `matrix` is of shape (m, n). `target` is of shape (m,).
 
-    References
-    ----------
-    Lawson and Hanson 1974, algorithm 23.10.
+    References: Lawson and Hanson 1974, algorithm 23.10.
     """
     count = matrix.shape[1]
     result: Array = np.zeros(count)

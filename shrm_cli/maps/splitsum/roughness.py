@@ -42,10 +42,8 @@ def level_roughnesses(count: int, mapping: LevelMapping) -> tuple[float, ...]:
     Raises MapError if the number of levels is less than 1 or too large, or a level would be sharper
     than can be integrated.
 
-    References
-    ----------
-    Filament: lodToPerceptualRoughness of cmgen, prefilteredRadiance of light_indirect.fs. Unreal
-    Engine: ComputeReflectionCaptureMipFromRoughness.
+    References: Filament: lodToPerceptualRoughness of cmgen, prefilteredRadiance of
+    light_indirect.fs. Unreal Engine: ComputeReflectionCaptureMipFromRoughness.
     """
     if not 1 <= count <= MAX_LEVELS:
         raise MapError(f"a split sum has 1 to {MAX_LEVELS} levels, not {count}")

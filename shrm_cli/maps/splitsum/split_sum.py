@@ -35,9 +35,7 @@ class SplitSum(LightMap):
 
     They may be those of any other isotropic BRDF that has a roughness, such as cloth.
 
-    References
-    ----------
-    Karis 2013, Real shading in Unreal Engine 4; Silvennoinen et al. 2025, section 3.2.
+    References: Karis 2013, Real shading in Unreal Engine 4; Silvennoinen et al. 2025, section 3.2.
     """
 
     levels: tuple[Array, ...]

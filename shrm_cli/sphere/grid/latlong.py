@@ -180,9 +180,7 @@ class LatLongAnalysis:
     `width` and `height` are the size of the whole image; the width is even. `order` is the largest
     degree. `dtype` is the precision of the longitude integral; everything after it is float64.
 
-    References
-    ----------
-    Ramamoorthi 2002, eq. 5.20 and 5.21.
+    References: Ramamoorthi 2002, eq. 5.20 and 5.21.
     """
 
     def __init__(

@@ -88,10 +88,8 @@ class Warp:
     `density`, of shape (s, rows, columns), is not negative, and has a positive integral in every
     slice, of any scale.
 
-    References
-    ----------
-    Dupuy and Jakob 2018, "An adaptive parameterization for efficient material acquisition and
-    rendering". This is the inverse of the sampling of visible normals there.
+    References: Dupuy and Jakob 2018, "An adaptive parameterization for efficient material
+    acquisition and rendering". This is the inverse of the sampling of visible normals there.
     """
 
     def __init__(self, density: Array) -> None:
