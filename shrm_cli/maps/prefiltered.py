@@ -10,22 +10,20 @@ Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE, SEEN_FLOOR, WRONG
-
-if TYPE_CHECKING:
-    from shrm_cli.brdf.base import Brdf
-    from shrm_cli.probe.probe import Probe
 
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
@@ -135,7 +133,7 @@ _DARK_PAIRS = 1024
 """The number of those with negative light whose truth is looked at, about."""
 
 
-def truth_of(probe: "Probe", brdf: "Brdf") -> Truth:
+def truth_of(probe: Probe, brdf: Brdf) -> Truth:
     """Return what looks up what a BRDF reflects of a probe, by normals and views."""
 
     def radiance(normals: Array, views: Array) -> Array:

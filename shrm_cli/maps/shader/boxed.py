@@ -2,14 +2,11 @@
 
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import central_direction
 from shrm_cli.probe.proxy import PARALLEL, ProxyBox
-
-if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
 
 _TERMS = {"shrm": "shrm_term", "principal": "shrm_lobe"}
 """What the functions of a sum's terms are called, before their numbers."""
@@ -36,7 +33,7 @@ vec3 shrm_box(vec3 p, vec3 d)
 
 
 def boxed_functions(
-    made: "Map", functions: Sequence[str], language: Language, takes_tangent: bool
+    made: Map, functions: Sequence[str], language: Language, takes_tangent: bool
 ) -> list[str]:
     """Write the function ``shrm_radiance_at``, which takes a point as well.
 
@@ -103,7 +100,7 @@ def box_function(box: ProxyBox, language: Language) -> list[str]:
     return text.split("\n")
 
 
-def _parts(made: "Map", text: str) -> list[tuple[str, str]]:
+def _parts(made: Map, text: str) -> list[tuple[str, str]]:
     """Return the function and the central direction of each part of a map."""
     within = made.stored
     centers = [center for _, center in within.parts]

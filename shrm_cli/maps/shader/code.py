@@ -2,18 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.shader.boxed import box_function, boxed_functions
 from shrm_cli.maps.shader.language import Language, harmless
 from shrm_cli.maps.shader.pages import Pages, Run, arrange
 from shrm_cli.maps.shader.source import Source, Table, Words
 from shrm_cli.records import record
-
-if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
 
 _MOST_SAMPLERS = 15
 """The most arrays of cubes; a table may be one more sampler, of the 16 that all devices have."""
@@ -117,14 +114,14 @@ class Code:
 
 
 def look_up_code(
-    made: "Map", language: str, textures: str | None = None, taps: int | None = None
+    made: Map, language: str, textures: str | None = None, taps: int | None = None
 ) -> str:
     """Write the function of a map for a shader or a program; see `written_code`."""
     return written_code(made, language, textures, taps).text
 
 
 def written_code(
-    made: "Map", language: str, textures: str | None = None, taps: int | None = None
+    made: Map, language: str, textures: str | None = None, taps: int | None = None
 ) -> Code:
     """Write the function of a map for a shader or a program, and say which it is.
 
@@ -174,13 +171,13 @@ def written_code(
     return Code(text, takes_tangent=takes_tangent, is_boxed=bool(boxed))
 
 
-def whole_code(made: "Map") -> Callable[["Map", str], str] | None:
+def whole_code(made: Map) -> Callable[[Map, str], str] | None:
     """Return what writes the code of a map that holds all numbers: of irradiance."""
     shader = registry.module(made.representation, "shader")
     return getattr(shader, "irradiance_snippet", None)
 
 
-def _irradiance(made: "Map", snippet: Callable[["Map", str], str], language: Language) -> Code:
+def _irradiance(made: Map, snippet: Callable[[Map, str], str], language: Language) -> Code:
     """Write the function of irradiance; in C, which takes arrays, without parallax."""
     text = snippet(made, language.name)
     if made.info.proxy is None or language.is_c:
@@ -195,7 +192,7 @@ def _irradiance(made: "Map", snippet: Callable[["Map", str], str], language: Lan
 
 
 def _with_lamps(
-    made: "Map", functions: Sequence[str], language: Language, takes_tangent: bool
+    made: Map, functions: Sequence[str], language: Language, takes_tangent: bool
 ) -> tuple[list[str], bool]:
     """Write the functions of a map, and those of the lamps beside it.
 
@@ -210,7 +207,7 @@ def _with_lamps(
     return found, not made.lamps.brdf.isotropic
 
 
-def _brushed(made: "Map", taps: int, language: Language) -> list[str]:
+def _brushed(made: Map, taps: int, language: Language) -> list[str]:
     """Write the functions of brushed surfaces.
 
     Raises MapError if the map is no split sum of GGX.
@@ -222,7 +219,7 @@ def _brushed(made: "Map", taps: int, language: Language) -> list[str]:
     return brushed_functions(taps, language)
 
 
-def source_of(made: "Map", textures: str) -> Source:
+def source_of(made: Map, textures: str) -> Source:
     """Return what the shader of a map consists of; the cubes may depend on where they are read.
 
     Raises MapError if there is no such code for the map.
@@ -230,7 +227,7 @@ def source_of(made: "Map", textures: str) -> Source:
     return registry.module(made.representation, "shader").source(made.stored, textures)
 
 
-def _comment(made: "Map", source: Source, version: str, textures: Sequence[str]) -> list[str]:
+def _comment(made: Map, source: Source, version: str, textures: Sequence[str]) -> list[str]:
     """Write the comment that says what the code is, and what it reads."""
     lines = [
         source.title,

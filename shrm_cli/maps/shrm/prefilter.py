@@ -6,7 +6,7 @@ The method is that of section 5.6.2 of Ramamoorthi's thesis.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
@@ -21,11 +21,9 @@ from shrm_cli.maps.shrm.make import (
 )
 from shrm_cli.maps.size import nothing_fits, total_error
 from shrm_cli.messages import refuse_arguments
+from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import Frame
-
-if TYPE_CHECKING:
-    from shrm_cli.probe.lighting import Projection
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
