@@ -254,65 +254,6 @@ def _with_thirds(weights: Array) -> Array:
     return np.append(weights, thirds, axis=2)
 
 
-@record(eq=False)
-class _Sums:
-    """Integrals of samples over the azimuth, as far as they are known; 0 elsewhere.
-
-    The second half of the last axis of `waved` and `squares` is what changes if only every third
-    azimuth counts.
-    """
-
-    waved: Array
-    """The integrals with waves, at all nodes of theta_i, shape (count, n, channels, 2
-    (max_q+1))."""
-    coarse: Array
-    """Those of the rule with a third of the nodes in theta_i, shape (count / 3, n, channels,
-    max_q+1)."""
-    squares: Array
-    """The integrals of the squares, shape (count, n, channels, 2)."""
-    coarse_squares: Array
-    """Shape (count / 3, n, channels)."""
-
-    @classmethod
-    def zeros(cls, count: int, views: int, channels: int, waves: int) -> "_Sums":
-        return cls(
-            np.zeros((count, views, channels, 2 * waves)),
-            np.zeros((count // 3, views, channels, waves)),
-            np.zeros((count, views, channels, 2)),
-            np.zeros((count // 3, views, channels)),
-        )
-
-    def add(
-        self,
-        rows: slice,
-        channel: int,
-        values: Array,
-        coverage: Array | None,
-        waves: Array,
-        phi_weights: Array,
-    ) -> None:
-        """Integrate samples [row, view, azimuth] with waves and weights [view, azimuth, ...]."""
-        thirds = slice(rows.start // 3, rows.stop // 3)
-        covered = values if coverage is None else values * coverage
-        waved, squares = _integrated(covered, waves), _integrated(covered * values, phi_weights)
-        self.waved[rows, :, channel], self.squares[rows, :, channel] = waved, squares
-        if coverage is None:
-            self.coarse[thirds, :, channel] = waved[1::3, :, : self.coarse.shape[-1]]
-            self.coarse_squares[thirds, :, channel] = squares[1::3, :, 0]
-            return
-        middle, part = every_third(values, coverage)
-        covered = middle * part
-        waves, phi_weights = waves[..., : self.coarse.shape[-1]], phi_weights[..., :1]
-        self.coarse[thirds, :, channel] = _integrated(covered, waves)
-        squares = _integrated(covered * middle, phi_weights)
-        self.coarse_squares[thirds, :, channel] = squares[..., 0]
-
-
-def _integrated(samples: Array, weights: Array) -> Array:
-    """Integrate samples [row, view, azimuth] with [view, azimuth, k]: [row, view, k]."""
-    return np.moveaxis(np.moveaxis(samples, 0, 1) @ weights, 0, 1)
-
-
 _DOUBLED = 3.0
 """How often the error of a rule goes into its difference to the rule with half of its nodes.
 
@@ -405,3 +346,62 @@ class Views:
         """Take over levels, and what estimates are worth, from the views on both sides."""
         self.levels[which] = np.maximum(others.levels[before], others.levels[after])
         self._trust[which] = np.maximum(others._trust[before], others._trust[after])
+
+
+@record(eq=False)
+class _Sums:
+    """Integrals of samples over the azimuth, as far as they are known; 0 elsewhere.
+
+    The second half of the last axis of `waved` and `squares` is what changes if only every third
+    azimuth counts.
+    """
+
+    waved: Array
+    """The integrals with waves, at all nodes of theta_i, shape (count, n, channels, 2
+    (max_q+1))."""
+    coarse: Array
+    """Those of the rule with a third of the nodes in theta_i, shape (count / 3, n, channels,
+    max_q+1)."""
+    squares: Array
+    """The integrals of the squares, shape (count, n, channels, 2)."""
+    coarse_squares: Array
+    """Shape (count / 3, n, channels)."""
+
+    @classmethod
+    def zeros(cls, count: int, views: int, channels: int, waves: int) -> "_Sums":
+        return cls(
+            np.zeros((count, views, channels, 2 * waves)),
+            np.zeros((count // 3, views, channels, waves)),
+            np.zeros((count, views, channels, 2)),
+            np.zeros((count // 3, views, channels)),
+        )
+
+    def add(
+        self,
+        rows: slice,
+        channel: int,
+        values: Array,
+        coverage: Array | None,
+        waves: Array,
+        phi_weights: Array,
+    ) -> None:
+        """Integrate samples [row, view, azimuth] with waves and weights [view, azimuth, ...]."""
+        thirds = slice(rows.start // 3, rows.stop // 3)
+        covered = values if coverage is None else values * coverage
+        waved, squares = _integrated(covered, waves), _integrated(covered * values, phi_weights)
+        self.waved[rows, :, channel], self.squares[rows, :, channel] = waved, squares
+        if coverage is None:
+            self.coarse[thirds, :, channel] = waved[1::3, :, : self.coarse.shape[-1]]
+            self.coarse_squares[thirds, :, channel] = squares[1::3, :, 0]
+            return
+        middle, part = every_third(values, coverage)
+        covered = middle * part
+        waves, phi_weights = waves[..., : self.coarse.shape[-1]], phi_weights[..., :1]
+        self.coarse[thirds, :, channel] = _integrated(covered, waves)
+        squares = _integrated(covered * middle, phi_weights)
+        self.coarse_squares[thirds, :, channel] = squares[..., 0]
+
+
+def _integrated(samples: Array, weights: Array) -> Array:
+    """Integrate samples [row, view, azimuth] with [view, azimuth, k]: [row, view, k]."""
+    return np.moveaxis(np.moveaxis(samples, 0, 1) @ weights, 0, 1)
