@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from research.extent import Extent
-from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
+from shrm_cli.analysis.analyze import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.analysis.plots import plot_accuracy
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients

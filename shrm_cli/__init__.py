@@ -69,7 +69,7 @@ _HOMES = {
     "Dimming": "lights.edit",
     "Entry": "batch.entry",
     "Terms": "batch.work",
-    "Look": "report.page",
+    "Look": "report.report",
     "Viewer": "render.camera",
     "open_map": "maps.file",
     "is_map": "maps.file",
@@ -164,7 +164,7 @@ if TYPE_CHECKING:
     from shrm_cli.render.seen import seen_errors as seen_errors
     from shrm_cli.report.contact import contact_page as contact_page
     from shrm_cli.report.contact import draw_contacts as draw_contacts
-    from shrm_cli.report.page import Look as Look
+    from shrm_cli.report.report import Look as Look
     from shrm_cli.report.report import report as report
     from shrm_cli.rooms.make import capture as capture
     from shrm_cli.rooms.make import grid as grid

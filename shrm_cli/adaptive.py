@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.core import PART
-from shrm_cli.probe.pyramid import Level, Pyramid, pixel_sides
+from shrm_cli.probe.source import Level, Pyramid, pixel_sides
 from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.vocabulary import LUMINANCE
@@ -186,11 +186,8 @@ class Points:
 def adaptive_sums(pyramid: Pyramid, points: Points) -> tuple[Array, Array]:
     """Sum the light of a pyramid for points.
 
-    Returns
-    -------
-    light : ndarray, shape (points, 3)
-    errors : ndarray, shape (points,)
-        Estimated errors of the luminance; it is more than the errors are.
+    Returns `light` of shape (points, 3); and `errors` of shape (points,), estimated errors of the
+    luminance; it is more than the errors are.
     """
     levels = pyramid.levels
     parents = points.lit(levels[-1])

@@ -40,11 +40,8 @@ class Memo:
     compute it, and get the same object. The arrays of a content become read-only, so that nobody
     changes what others are given.
 
-    Parameters
-    ----------
-    most_bytes : int
-        The most bytes that the arrays of all contents take. A content of more than a half of that
-        is not kept, so that a single one does not drive out all others.
+    `most_bytes` is the most bytes that the arrays of all contents take. A content of more than a
+    half of that is not kept, so that a single one does not drive out all others.
     """
 
     def __init__(self, most_bytes: int) -> None:
@@ -56,13 +53,9 @@ class Memo:
     def get(self, key: Hashable, make: Callable[[], Content]) -> Content:
         """Return the content of a key, which is made when it is not known.
 
-        Parameters
-        ----------
-        key : hashable
-            All that the content depends on.
-        make : callable
-            Returns the content: arrays, or tuples, lists, dictionaries and dataclasses of them.
-            What it raises is passed on, and nothing is kept.
+        `key` is all that the content depends on. `make` returns the content: arrays, or tuples,
+        lists, dictionaries and dataclasses of them. What it raises is passed on, and nothing is
+        kept.
         """
         with self._lock:
             found = self._kept.get(key)

@@ -23,14 +23,9 @@ def keep(package: str, compiled: str | None, cache: str) -> None:
     Nothing is done where Python keeps it itself, where it came with the package, or where other
     users could put code into the folder.
 
-    Parameters
-    ----------
-    package : str
-        The folder of the package.
-    compiled : str, optional
-        Where Python would look for what a module of it, that was imported, was compiled to.
-    cache : str
-        The folder of the cache. It need not be there.
+    `package` is the folder of the package. `compiled` is where Python would look for what a module
+    of it, that was imported, was compiled to. `cache` is the folder of the cache. It need not be
+    there.
     """
     if not sys.dont_write_bytecode or sys.pycache_prefix or os.path.exists(compiled or ""):
         return

@@ -30,20 +30,14 @@ _BRADFORD = np.array(
 def conversion(source: Primaries | None, target: Primaries | None) -> Array | None:
     """The matrix from linear RGB of some primaries to that of others; white stays white.
 
-    Parameters
-    ----------
-    source, target : sequence of 8 float, optional
-        None is Rec.709. The numbers of CIE XYZ are taken to be relative to D65, as renderers write
-        them; adaptation between other whites is Bradford's.
+    Where `source` or `target` is None, it is Rec.709. The numbers of CIE XYZ are taken to be
+    relative to D65, as renderers write them; adaptation between other whites is Bradford's.
 
-    Returns
-    -------
-    ndarray, shape (3, 3), or None
-        None where nothing is to be done: both are the same, or one of them is impossible.
+    Returns an array of shape (3, 3), or None where nothing is to be done: both are the same, or one
+    of them is impossible.
 
-    References
-    ----------
-    SMPTE RP 177:1993 for the matrices to XYZ; Lam 1985 and ICC.1:2022, annex E, for Bradford's.
+    References: SMPTE RP 177:1993 for the matrices to XYZ; Lam 1985 and ICC.1:2022, annex E, for
+    Bradford's.
     """
     source, target = (REC709 if each is None else each for each in (source, target))
     if same_primaries(source, target):
@@ -147,9 +141,7 @@ def xyz_matrix(primaries: Primaries | None) -> Array:
 
     Primaries that are not stated, or that nothing can have, count as Rec.709.
 
-    References
-    ----------
-    SMPTE RP 177:1993.
+    References: SMPTE RP 177:1993.
     """
     matrix = None if primaries is None else _to_xyz(primaries)
     return xyz_matrix(REC709) if matrix is None else matrix

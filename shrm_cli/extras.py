@@ -48,15 +48,9 @@ def install(extra: str) -> str:
 def install_store(scheme: str) -> str:
     """Return the command that installs what reaches a kind of store.
 
-    Parameters
-    ----------
-    scheme : str
-        Of its URLs, such as "s3"; upper case is the same.
+    `scheme` is that of its URLs, such as "s3"; upper case is the same.
 
-    Returns
-    -------
-    str
-        Such as "pip install s3fs"; "install it", where fsspec alone knows the package.
+    Returns words such as "pip install s3fs"; "install it", where fsspec alone knows the package.
     """
     package = STORES.get(scheme.lower())
     return "install it" if package is None else f"pip install {package}"

@@ -41,10 +41,7 @@ def unsound(part: str) -> str:
     whoever may write into a store. None of them may lead out of the folder that the user names, on
     any system, also where the slashes are written as ``%2f``.
 
-    Parameters
-    ----------
-    part : str
-        One name, or some folders joined by ``/``.
+    `part` is one name, or some folders joined by ``/``.
     """
     for text in _decoded(part):
         folders = re.split(r"[/\\]", text)

@@ -69,15 +69,11 @@ def choose_orders(
     `reflected.predicted_error` counts. Then P is reduced as far as the tolerance allows, and then
     F (section 5.6.2).
 
-    Parameters
-    ----------
-    eps : float
-        The fraction of the energy of all colour channels together that may be missed, in (0, 1).
-    order_f, order_p : int, optional
-        Orders to use instead of the chosen ones; `eps` may then not be met.
-    most_p : callable, optional
-        Returns the largest P that may be chosen with an order F. With it, a tolerance that cannot
-        be met is no error: the coefficients then reach that P, and the orders are their largest.
+    `eps` is the fraction of the energy of all colour channels together that may be missed, in (0,
+    1). `order_f` and `order_p` are orders to use instead of the chosen ones; `eps` may then not be
+    met. `most_p` returns the largest P that may be chosen with an order F. With it, a tolerance
+    that cannot be met is no error: the coefficients then reach that P, and the orders are their
+    largest.
 
     Returns `orders`; and `coefficients`, the coefficients of the BRDF, to orders at least as high
     as `orders`.
@@ -101,10 +97,7 @@ def choose_orders(
 def known_coefficients(brdf: Brdf, eps: float) -> BrdfCoefficients:
     """Compute coefficients that meet a tolerance, and so every larger one, or those to the limits.
 
-    Parameters
-    ----------
-    brdf, eps
-        As `choose_orders` takes them.
+    `brdf` and `eps` are as `choose_orders` takes them.
 
     Raises BrdfError if the coefficients of the BRDF cannot be computed.
     """
@@ -114,14 +107,8 @@ def known_coefficients(brdf: Brdf, eps: float) -> BrdfCoefficients:
 def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, eps: float) -> Orders:
     """Find the least orders that meet a tolerance among those of known coefficients.
 
-    Parameters
-    ----------
-    brdf : Brdf
-        The BRDF of the coefficients.
-    coefficients : BrdfCoefficients
-        What `known_coefficients` returns for this tolerance or a smaller one.
-    eps : float
-        The fraction of the energy that may be missed.
+    `brdf` is the BRDF of the coefficients. `coefficients` are what `known_coefficients` returns for
+    this tolerance or a smaller one. `eps` is the fraction of the energy that may be missed.
 
     Raises OrderError if the tolerance cannot be met.
     """
@@ -145,12 +132,8 @@ def least_orders(
 
     Where the coefficients reach no orders that meet the tolerance, their largest ones are taken.
 
-    Parameters
-    ----------
-    eps : float
-        The fraction of the energy that may be missed.
-    order_f, order_p : int, optional
-        Orders to use instead of the chosen ones; a P above that of the coefficients is lowered.
+    `eps` is the fraction of the energy that may be missed. `order_f` and `order_p` are orders to
+    use instead of the chosen ones; a P above that of the coefficients is lowered.
     """
     captured = coefficients.captured()
     enough = captured >= 1 - eps
@@ -169,13 +152,9 @@ def choose_center(brdf: Brdf, eps: float) -> tuple[Brdf, dict[Center, int]]:
 
     `eps` is the fraction of the BRDF's energy that may be missed, in (0, 1).
 
-    Returns
-    -------
-    brdf : Brdf
-        The BRDF about the best centre.
-    counts : dict
-        The number of coefficients that each centre would need. Centres about which the tolerance
-        cannot be met are left out; if it can be met about none, the BRDF keeps its own.
+    Returns `brdf`, the BRDF about the best centre; and `counts`, the number of coefficients that
+    each centre would need. Centres about which the tolerance cannot be met are left out; if it can
+    be met about none, the BRDF keeps its own.
     """
     candidates: list[Center] = ["reflection", "normal"]
     if brdf.center == "tangent":
@@ -210,14 +189,9 @@ def extended(
 ) -> BrdfCoefficients:
     """Compute the coefficients of a BRDF to a higher order F, and the same order P.
 
-    Parameters
-    ----------
-    coefficients : BrdfCoefficients
-        Its coefficients to the orders that they have.
-    eps : float
-        The fraction of the energy that may be missed, which sets the accuracy of sampling.
-    order_f : int
-        The order F of the result, where it is higher than that of the coefficients.
+    `coefficients` are its coefficients to the orders that they have. `eps` is the fraction of the
+    energy that may be missed, which sets the accuracy of sampling. `order_f` is the order F of the
+    result, where it is higher than that of the coefficients.
 
     Raises BrdfError if the coefficients cannot be computed.
     """
@@ -285,10 +259,7 @@ def _first_order_f(brdf: Brdf) -> int:
 def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] | None) -> bool:
     """Tell whether the largest P that is allowed misses so much that no higher F is worth its time.
 
-    Parameters
-    ----------
-    most_p : callable, optional
-        As `choose_orders` takes it.
+    `most_p` is as `choose_orders` takes it.
     """
     if most_p is None or coefficients.order_p < most_p(coefficients.order_f):
         return False
@@ -302,12 +273,8 @@ def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, eps: flo
 
     `energy_above` estimates it. What no F finds, because it has q > P, does not count.
 
-    Parameters
-    ----------
-    coefficients : BrdfCoefficients or TransferFunctions
-        What is known to the order F.
-    eps : float
-        The fraction of the energy that may lie beyond.
+    `coefficients` are what is known to the order F. `eps` is the fraction of the energy that may
+    lie beyond.
 
     Returns 0 .. `_MOST_OCTAVES`; 2 where energies have not begun to fall.
     """

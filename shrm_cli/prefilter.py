@@ -150,12 +150,8 @@ def prefilter_with_facts(
 ) -> Prefiltered:
     """Prefilter a light probe, and keep all that is known of how the map was made, for reports.
 
-    Parameters
-    ----------
-    to : str
-        The representation.
-    given : mapping of str to value
-        The other arguments of `prefilter` by name. An argument that is None counts as not given.
+    `given` holds the other arguments of `prefilter` by name. An argument that is None counts as not
+    given.
     """
     return make(probe, Request.of(to, given, probe), progress)
 

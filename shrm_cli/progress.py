@@ -87,12 +87,8 @@ class Stages:
     Both methods are progress callables: `done` is called for whole stages, and `within` for the
     stage that is being worked on. What is told never falls, even where a stage begins anew within.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with how far all stages together have come.
-    total : int
-        The number of stages. Work beyond the last stage takes hardly any time and is not shown.
+    `progress` is called with how far all stages together have come. `total` is the number of
+    stages. Work beyond the last stage takes hardly any time and is not shown.
     """
 
     def __init__(self, progress: Progress | None, total: int) -> None:
@@ -124,10 +120,7 @@ class Rising:
     falls: each stage takes a quarter of what its predecessors left. A stage that underrates its
     work reports the same for a while; such reports move on by little.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with how far all work has come.
+    `progress` is called with how far all work has come.
     """
 
     def __init__(self, progress: Progress | None) -> None:
@@ -171,14 +164,9 @@ def in_order(
     No more results than twice the number of threads wait to be taken, so that they never fill the
     memory. Within a job there is one thread, lest pools within pools multiply.
 
-    Parameters
-    ----------
-    work : callable
-        Called with a job. Calls at the same time must not disturb each other.
-    jobs : sequence
-    is_large : bool
-        Whether all jobs together take longer than some milliseconds; else no threads are started,
-        which takes that long.
+    `work` is called with a job. Calls at the same time must not disturb each other. `is_large`
+    tells whether all jobs together take longer than some milliseconds; else no threads are started,
+    which takes that long.
 
     Yields
     ------
@@ -216,10 +204,7 @@ def at_once(work: Callable[[Job], object], jobs: Sequence[Job], is_large: bool =
 
     No two jobs may write to the same place.
 
-    Parameters
-    ----------
-    work, jobs, is_large
-        As `in_order` takes them.
+    `work`, `jobs` and `is_large` are as `in_order` takes them.
     """
     for _ in in_order(work, jobs, is_large):
         pass

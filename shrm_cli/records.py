@@ -24,13 +24,9 @@ def record(*, eq: bool = True) -> Callable[[Class], Class]: ...
 def record(cls: Any = None, /, *, eq: bool = True) -> Any:
     """Make a class a frozen dataclass, for `dataclasses.replace`, `fields` and `asdict` too.
 
-    Parameters
-    ----------
-    cls : type
-        A class with annotated fields, as of `dataclasses.dataclass`.
-    eq : bool
-        Whether two instances are compared, and hashed, by their fields; if not, an instance is
-        equal to itself only.
+    `cls` is a class with annotated fields, as of `dataclasses.dataclass`. `eq` tells whether two
+    instances are compared, and hashed, by their fields; if not, an instance is equal to itself
+    only.
 
     Returns the class itself.
     """

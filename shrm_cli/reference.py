@@ -23,8 +23,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.pyramid import Pyramid
-from shrm_cli.probe.source import Source
+from shrm_cli.probe.source import Pyramid, Source
 from shrm_cli.progress import Progress, in_order
 from shrm_cli.sphere.directions import (
     bisector,
@@ -65,21 +64,13 @@ _TINY = 1e-300
 class Reference:
     """Reflected light by angular integration; answers `radiance` as every map does.
 
-    Parameters
-    ----------
-    source_height : int, optional
-        Average the probe down to a lat-long of this height first.
-    tolerance : float, optional
-        Truncate the lobe where it holds all but this fraction of its energy. By default it is not
-        truncated.
-    dtype : float32 or float64
-        Precision of the integrand. Sums over tiles are float64.
-    progress : callable, optional
-        Called with the number of points done, and of points in all.
-    exact : bool
-        Sum over all pixels of the source, each as a point in its middle, however coarse they are.
-        So it is with small sources, too, and with lobes that are narrow far from their central
-        directions, where the adaptive sum does not pay.
+    With a `source_height` the probe is averaged down to a lat-long of this height first. With a
+    `tolerance` the lobe is truncated where it holds all but this fraction of its energy. By default
+    it is not truncated. `dtype` is the precision of the integrand. Sums over tiles are float64.
+    `progress` is called with the number of points done, and of points in all. `exact` sums over all
+    pixels of the source, each as a point in its middle, however coarse they are. So it is with
+    small sources, too, and with lobes that are narrow far from their central directions, where the
+    adaptive sum does not pay.
 
     Attributes
     ----------
@@ -154,11 +145,9 @@ class Reference:
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         """Reflected radiance of a surface whose tangents are known.
 
-        Parameters
-        ----------
-        normals, tangents, views : array_like, shape (..., 3), broadcastable
-            Unit, world axes. The tangents are perpendicular to the normals and run along the x
-            axis of the BRDF's own frame; the y axis is N x T.
+        `normals`, `tangents` and `views`, each of shape (..., 3), broadcastable, are unit, world
+        axes. The tangents are perpendicular to the normals and run along the x axis of the BRDF's
+        own frame; the y axis is N x T.
         """
         normals, tangents, views = (
             each.astype(float) for each in np.broadcast_arrays(normals, tangents, views)
@@ -214,17 +203,11 @@ class Reference:
     def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
         """Light integrated with the lobe's mean over the azimuth (Kautz and McCool).
 
-        Parameters
-        ----------
-        centers : array_like, shape (..., 3)
-            Central directions, unit, world axes.
-        view_theta : float
-            Angle theta_o' between them and the view, radians.
+        `centers`, of shape (..., 3), are central directions, unit, world axes. `view_theta` is the
+        angle theta_o' between them and the view, radians.
 
-        Returns
-        -------
-        ndarray of float64, shape (..., 3)
-            The mean of the reflected radiance over all views at that angle from the center.
+        Returns an array of float64 of shape (..., 3), the mean of the reflected radiance over all
+        views at that angle from the center.
         """
         centers = np.asarray(centers, dtype=float)
         points = centers.reshape(-1, 3)
@@ -245,18 +228,12 @@ class Reference:
     ) -> Array:
         """Sum over the source at every point, shape (points, 3).
 
-        Parameters
-        ----------
-        rows : ndarray, shape (points, k, 3)
-            Vectors whose cosines with the directions to the light `evaluate` needs.
-        lobes : ndarrays, shapes (points, 3) and (points,)
-            Central directions, and the angles from them to the views, radians.
-        caps : list of (ndarray of shape (points, 3), float)
-            Each point is lit from within all its caps, given by axes and an angle, radians.
-        evaluate : callable
-            From cosines, shape (pairs, k, group, m), and the indices of their points, (pairs,
-            group), to the transfer function, (pairs, group, m, 3); a pair is one of a group of
-            points and a tile of m pixels.
+        `rows`, of shape (points, k, 3), are vectors whose cosines with the directions to the light
+        `evaluate` needs. `lobes` are central directions, shape (points, 3), and, shape (points,),
+        the angles from them to the views, radians. Each point is lit from within all its `caps`,
+        given by axes, shape (points, 3), and an angle, radians. `evaluate` goes from cosines, shape
+        (pairs, k, group, m), and the indices of their points, (pairs, group), to the transfer
+        function, (pairs, group, m, 3); a pair is one of a group of points and a tile of m pixels.
         """
         result = np.zeros((len(rows), 3))
         if len(rows) == 0:
@@ -397,10 +374,8 @@ def _neighbors(directions: Array, size: int) -> Indices:
     All of them are cut into halves along the longest side of their bounding box, these into halves
     along theirs, and so on.
 
-    Returns
-    -------
-    ndarray of int, shape (groups, at most size)
-        Indices. The last direction stands several times where groups would not be full.
+    Returns an array of int of shape (groups, at most size), indices. The last direction stands
+    several times where groups would not be full.
     """
     count = len(directions)
     levels = max(int(np.ceil(np.log2(max(count, 1) / size))), 0)

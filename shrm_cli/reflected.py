@@ -48,16 +48,10 @@ def predicted_error(
     The error is the square root of the ratio of the terms with l > F or p > P to the whole sum.
     Energy of the BRDF beyond its coefficients counts too; see `energy_beyond`.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients
-        The coefficients of the BRDF, to orders above F and P.
-    order_f, order_p : int
-        The largest l and p that are kept.
-    factors : ndarray, shape (order_f + 1, order_p + 1), optional
-        What the map multiplies each l <= F and p <= P with; 1 by default.
+    `lighting` is the light, to at least the order of the coefficients. `coefficients` are the
+    coefficients of the BRDF, to orders above F and P. `order_f` and `order_p` are the largest l and
+    p that are kept. `factors`, of shape (order_f + 1, order_p + 1), are what the map multiplies
+    each l <= F and p <= P with; 1 by default.
     """
     light = weighted_power(lighting, coefficients.order_f)
     whole = np.sum(light * coefficients.degree_energy) + energy_beyond(lighting, coefficients)
@@ -103,11 +97,9 @@ def energies_beyond(
 
     `lighting` is the light, to at least the order of the coefficients.
 
-    Returns
-    -------
-    above, aside : float
-        What lies at higher degrees, and at higher azimuthal orders of known degrees. In the units
-        of ``|B|^2``, integrated over orientations and views, all channels together.
+    Returns `above` and `aside`, what lies at higher degrees, and at higher azimuthal orders of
+    known degrees. In the units of ``|B|^2``, integrated over orientations and views, all channels
+    together.
     """
     order = coefficients.order_f
     above, aside = own_energies_beyond(coefficients)
@@ -127,16 +119,10 @@ def _lit_share(known: Array, above: Array, density: Array, light_left: Array) ->
     energy of the BRDF falls by the same ratio from octave to octave, as its last known octave and
     the whole of the unknown ones tell.
 
-    Parameters
-    ----------
-    known : ndarray, shape (F+1, 3)
-        The energy of the BRDF at each known degree.
-    above : ndarray, shape (3,)
-        That of all unknown degrees.
-    density : ndarray, shape (3,)
-        ``4 pi / (2l+1)`` times the power of the light in an unknown degree l.
-    light_left : ndarray, shape (3,)
-        The energy of the light at unknown degrees.
+    `known`, of shape (F+1, 3), is the energy of the BRDF at each known degree. `above`, of shape
+    (3,), is that of all unknown degrees. `density`, of shape (3,), is ``4 pi / (2l+1)`` times the
+    power of the light in an unknown degree l. `light_left`, of shape (3,), is the energy of the
+    light at unknown degrees.
     """
     first = len(known)
     # The least density is relative to the light, which may be of any brightness.
@@ -151,10 +137,8 @@ def _lit_share(known: Array, above: Array, density: Array, light_left: Array) ->
 def own_energies_beyond(coefficients: BrdfCoefficients | TransferFunctions) -> tuple[Array, Array]:
     """Estimate the BRDF's own energy beyond its coefficients.
 
-    Returns
-    -------
-    above, aside : ndarray, shape (3,)
-        What lies at higher degrees, and at higher azimuthal orders of known degrees.
+    Returns `above` and `aside`, each of shape (3,), what lies at higher degrees, and at higher
+    azimuthal orders of known degrees.
     """
     known = coefficients.degree_energy
     rest = np.maximum(coefficients.total_energy - known.sum(axis=0), 0.0)
@@ -180,12 +164,8 @@ def visible_beyond(
     It is the RMS over all orientations and views of the known terms with p <= P beyond l, in the
     channel where it is largest relative to the channel's mean. The last entry is 0.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    order_p : int, optional
-        The order P of the map; every p by default.
+    `lighting` is the light, to at least the order of the coefficients. `order_p` is the order P of
+    the map; every p by default.
 
     Returns an array of shape (coefficients.order_f + 1,).
     """
@@ -224,12 +204,8 @@ def cube_energies(light: Array, parts: Array) -> Array:
     degrees ``J = l - p, l - p + 2 .. l + p`` over R. The light of different degrees is taken as
     independent.
 
-    Parameters
-    ----------
-    light : ndarray, shape (F+1, 3)
-        ``4 pi / (2l+1) sum_m |L_lm|^2``.
-    parts : ndarray, shape (F+1, p+1, n, 3)
-        The coefficients rho_hat_lpq for q = 0 .. p, of n different functions or BRDFs.
+    `light`, of shape (F+1, 3), is ``4 pi / (2l+1) sum_m |L_lm|^2``. `parts`, of shape (F+1, p+1, n,
+    3), are the coefficients rho_hat_lpq for q = 0 .. p, of n different functions or BRDFs.
 
     Returns an array of shape (F+p+1,): their sum is the sum over l and q, of both signs, of light
     and squared parts.
@@ -249,10 +225,7 @@ def cube_energies(light: Array, parts: Array) -> Array:
 def _coupled(parts: Array) -> Array:
     """Write the parts of cubes over R in their own degrees J, shape (F+1, 3n, p+1).
 
-    Parameters
-    ----------
-    parts : ndarray, shape (F+1, p+1, n, 3)
-        As `cube_energies` takes them.
+    `parts`, of shape (F+1, p+1, n, 3), are as `cube_energies` takes them.
     """
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
     by_order = np.ascontiguousarray(np.moveaxis(parts, 1, -1)).reshape(order + 1, -1, p + 1)
@@ -265,11 +238,8 @@ def filtered_parts(parts: Array, factors: Array) -> Array:
     A look-up blurs the numbers of a cube, which are those of world axes. About the mirror direction
     that takes from the functions of one azimuthal order, and adds to those of others.
 
-    Parameters
-    ----------
-    parts : ndarray, shape (F+1, p+1, n, 3)
-        As `cube_energies` takes them.
-    factors : ndarray, shape (>= F+p+1,)
+    `parts`, of shape (F+1, p+1, n, 3), are as `cube_energies` takes them. `factors` are of shape
+    (>= F+p+1,).
     """
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
     own = np.abs(np.arange(order + 1)[:, None] + np.arange(-p, p + 1, 2))
@@ -290,17 +260,10 @@ def filtering_error(
 ) -> float:
     """Predict the relative RMS error of looking a map up by bilinear filtering.
 
-    Parameters
-    ----------
-    lighting, coefficients, order_f, order_p, factors
-        The same as for `predicted_error`.
-    size, sampling
-        Those of the map's cubes.
+    `lighting`, `coefficients`, `order_f`, `order_p` and `factors` are the same as for
+    `predicted_error`. `size` and `sampling` are those of the map's cubes.
 
-    Returns
-    -------
-    float
-        The error of the map as it is made, without that of its orders; 0 for black light.
+    Returns the error of the map as it is made, without that of its orders; 0 for black light.
     """
     light = weighted_power(lighting, order_f)
     places = fine_places(lighting, coefficients.values[: order_f + 1, 0, 0])
@@ -316,15 +279,10 @@ def filtering_error(
 def fine_places(lighting: Lighting, lobe: Array) -> Array | None:
     """Return where on the faces of a cube the finest details of the reflected light are.
 
-    Parameters
-    ----------
-    lobe : ndarray, shape (F+1, 3)
-        What the light of each degree is multiplied with: the coefficients rho_hat_l00.
+    `lobe`, of shape (F+1, 3), is what the light of each degree is multiplied with: the coefficients
+    rho_hat_l00.
 
-    Returns
-    -------
-    ndarray or None
-        The argument of `bilinear_errors`; None where there is no detail.
+    Returns the argument of `bilinear_errors`; None where there is no detail.
     """
     order = min(len(lobe) - 1, lighting.order, _PLACES_ORDER)
     degree = np.arange(order + 1)
@@ -341,12 +299,8 @@ def truncated_lobe_error(
     The integral is that of `predicted_error`, but the error is the light that the missing part
     of the lobe would reflect, instead of what lies beyond some orders.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    coefficients, tail : BrdfCoefficients
-        The coefficients of the whole BRDF and of the part that is missing, to the same order_f.
+    `lighting` is the light, to at least the order of the coefficients. `coefficients` and `tail`
+    are the coefficients of the whole BRDF and of the part that is missing, to the same order_f.
     """
     whole = reflected_rms(lighting, coefficients)
     return reflected_rms(lighting, tail) / whole if whole > 0 else 0.0
@@ -368,10 +322,8 @@ def error_bound(
     case of eq. 5.19. It is known for each degree, and is added as it is, but for azimuthal orders
     that are not known, which are added as `energies_beyond` estimates them.
 
-    Parameters
-    ----------
-    lighting, coefficients, order_f, order_p, factors
-        The same as for `predicted_error`.
+    `lighting`, `coefficients`, `order_f`, `order_p` and `factors` are the same as for
+    `predicted_error`.
 
     Returns the error, which is 0 for black light.
     """

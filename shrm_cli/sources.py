@@ -50,10 +50,7 @@ def fingerprint_with(module: str) -> str:
     `module` is the full name of a module that is loaded. All modules and tables of the package that
     it lies in count; what these import of other packages does not.
 
-    Returns
-    -------
-    str
-        As `fingerprint` returns it.
+    Returns it as `fingerprint` does.
     """
     parts = module.split(".")
     names = (".".join(parts[:end]) for end in range(1, len(parts) + 1))

@@ -249,13 +249,9 @@ class CubeArrangement:
     ) -> "CubeArrangement":
         """Make an arrangement from a picture of it.
 
-        Parameters
-        ----------
-        *lines : str
-            A line for each row, with the names of its faces. A dot stands for an unused cell, and
-            a name in small letters for a face that is turned by half a turn.
-        orientation, in_six_files
-            The attributes of the same names.
+        `*lines` is a line for each row, with the names of its faces. A dot stands for an unused
+        cell, and a name in small letters for a face that is turned by half a turn. `orientation`
+        and `in_six_files` are the attributes of the same names.
         """
         cells = [line.split() for line in lines]
         found = {

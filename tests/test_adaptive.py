@@ -8,8 +8,7 @@ import pytest
 from shrm_cli import settings
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.probe.open import as_probe
-from shrm_cli.probe.pyramid import Pyramid
-from shrm_cli.probe.source import Source
+from shrm_cli.probe.source import Pyramid, Source
 from shrm_cli.reference import Reference
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 from tests import brute_force

@@ -79,9 +79,8 @@ AMBIENT = {
 """One color: the mean radiance of the probe."""
 from dataclasses import dataclass
 import numpy as np
-from shrm_cli.maps.base import ReflectionMap
+from shrm_cli.maps.kinds import FixedMap, ReflectionMap
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.kinds import FixedMap
 @dataclass(frozen=True)
 class Ambient(FixedMap, ReflectionMap):
     """The mean radiance, shape (1, 3)."""

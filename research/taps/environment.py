@@ -4,8 +4,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from shrm_cli.brdf.environment.brushed_table import brushed_totals
-from shrm_cli.brdf.environment.environment_brdf import lobe_moments
+from shrm_cli.brdf.environment.environment_brdf import brushed_totals, lobe_moments
 
 _RATIOS = 0.25, 0.4, 0.55, 0.7, 0.85
 _ROUGHNESS = 0.2, 0.3, 0.4, 0.5, 0.62, 0.75, 0.9

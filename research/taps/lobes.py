@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import assoc_legendre_p_all, eval_legendre
 
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import open_probe

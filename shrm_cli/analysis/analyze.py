@@ -1,24 +1,302 @@
-"""`analyze`: what orders capture of a BRDF, and of the light that it reflects of a probe."""
+"""`analyze`: what orders capture of a BRDF, and of the light that it reflects of a probe.
+
+Energy of the BRDF, accuracy of the reflected light, and pictures of it are the studies of sections
+5.5.1 (figure 5.5) and 5.7.1 (figures 5.6 and 5.7). Sections, figures and equations 5.x are those of
+chapter 5 of Ramamoorthi's thesis.
+"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from shrm_cli.analysis.orders import (
-    AccuracyCurve,
-    EnergyGrid,
-    OrderPictures,
-    accuracy_curve,
-    energy_grid,
-    order_pictures,
-)
+import numpy as np
+
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.probe.lighting import project
+from shrm_cli.brdf.transfer import compute_coefficients
+from shrm_cli.files.picture import Picture
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.size import check_size
+from shrm_cli.orders import Orders, choose_orders
+from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.open import AnyProbe, as_probe
-from shrm_cli.progress import Progress, Stages, using
+from shrm_cli.progress import Progress, Rising, Stages, using
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
+from shrm_cli.reflected import error_bound, predicted_error
 from shrm_cli.render.camera import Viewer
-from shrm_cli.vocabulary import DEFAULT_EPS
+from shrm_cli.render.comparison import measure
+from shrm_cli.render.image import expose
+from shrm_cli.render.sheet import PAPER, SheetLayout, arrange, draw_sheet
+from shrm_cli.render.sphere import Reflecting, render_sphere
+from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, Center
+
+DEFAULT_ORDER_F = 32
+"""The largest F of a grid, unless a tolerance needs a larger one."""
+
+DEFAULT_ORDER_P = 8
+"""The largest P of a grid, unless a tolerance needs a larger one."""
+
+PICTURE_ORDER_P = 5
+"""The largest P of the pictures, as in figure 5.6."""
+
+MATERIAL_F, MATERIAL_P = 30, 5
+"""The order F and the largest order P of figure 5.7, which compares materials."""
+
+_ACCURACY = 1e-3
+"""The fraction of a material's energy that the sampling of its coefficients may miss."""
+
+_HIGHER = 2
+"""The reflected light counts as known at an F that is this many times the F of the grid."""
+
+
+@record(eq=False)
+class EnergyGrid:
+    """The fraction of a BRDF's energy in every pair of orders (eq. 5.18)."""
+
+    captured: Array
+    """Fractions of the energy of all colour channels together, shape (F+1, P+1)."""
+    orders: tuple[Orders, ...]
+    """The least orders that meet each tolerance."""
+    coefficients: BrdfCoefficients
+    """Coefficients to the same P and a much higher F, where the reflected light counts as known."""
+
+    @property
+    def order_f(self) -> int:
+        return self.captured.shape[0] - 1
+
+    @property
+    def order_p(self) -> int:
+        return self.captured.shape[1] - 1
+
+
+def energy_grid(
+    brdf: Brdf,
+    tolerances: Sequence[float],
+    order_f: int | None = None,
+    order_p: int | None = None,
+    progress: Progress | None = None,
+) -> EnergyGrid:
+    """Compute the energy that all orders up to (F, P) capture, and the orders tolerances need.
+
+    `tolerances` are at least one fraction of the energy, in (0, 1), that orders may miss. `order_f`
+    and `order_p` are the largest orders of the grid; by default 32 and 8, or more if a tolerance
+    needs them. A zonal BRDF has P = 0 only.
+
+    Raises OrderError if a tolerance is outside (0, 1), or cannot be met. Raises BrdfError if the
+    BRDF is anisotropic, or its coefficients do not converge.
+    """
+    # Attempts at the orders of each tolerance follow one another, and nobody knows how many.
+    rising = Rising(progress)
+    with using(rising):
+        met = [choose_orders(brdf, eps) for eps in tolerances]
+    orders = tuple(each for each, _ in met)
+    if order_f is None:
+        order_f = max(DEFAULT_ORDER_F, *(each.order_f for each in orders))
+    if order_p is None:
+        order_p = max(DEFAULT_ORDER_P, *(each.order_p for each in orders))
+    if brdf.zonal:
+        order_p = 0
+    sufficient = max(coefficients.order_f for _, coefficients in met)
+    high = min(max(_HIGHER * order_f, sufficient), MAX_ORDER_F)
+    accuracy = max(min(tolerances) / 300, 1e-5)
+    with using(rising):
+        coefficients = compute_coefficients(brdf, high, order_p, accuracy)
+    return EnergyGrid(coefficients.captured()[: order_f + 1], orders, coefficients)
+
+
+def material_energies(
+    brdfs: Sequence[Brdf],
+    order_f: int = MATERIAL_F,
+    order_p: int = MATERIAL_P,
+    progress: Progress | None = None,
+) -> Array:
+    """Compute the energy that F = `order_f` and P = 0 .. `order_p` capture of several BRDFs.
+
+    Returns an array of shape (BRDFs, P+1): fractions of the energy (eq. 5.18) for P = 0, 1, and so
+    on. A BRDF that does not depend on the view has the same fraction for all P. Raises BrdfError if
+    a BRDF is anisotropic, or its coefficients do not converge.
+    """
+    rows = []
+    for index, brdf in enumerate(brdfs):
+        found = compute_coefficients(brdf, order_f, 0 if brdf.zonal else order_p, _ACCURACY)
+        captured = found.captured()[order_f]
+        rows.append(np.pad(captured, (0, order_p + 1 - len(captured)), mode="edge"))
+        if progress is not None:
+            progress(index + 1, len(brdfs))
+    return np.array(rows)
+
+
+@record(eq=False)
+class AccuracyCurve:
+    """Accuracy of the reflected light against F, and estimates of it (figure 5.5).
+
+    All curves are fractions of energy, ``1 - eps``; eps is the square of a relative RMS error.
+    """
+
+    order_p: int
+    """P, the same for all F."""
+    truth_order_f: int
+    """The F at which the reflected light counts as known."""
+    accuracy: Array
+    """Accuracy of the reflected light over all orientations and views, by Parseval's theorem, shape
+    (F+1,)."""
+    estimate_minimum: Array
+    """Estimate from the lesser of the errors of the light and of the BRDF, shape (F+1,)."""
+    estimate_brdf: Array
+    """Estimate from the error of the BRDF alone, shape (F+1,)."""
+    estimate_bound: Array
+    """Estimate from the bound of the residual energy (eq. 5.19), shape (F+1,)."""
+
+
+def accuracy_curve(
+    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int
+) -> AccuracyCurve:
+    """Compute the accuracy of the reflected light for every F up to `order_f`, and estimates.
+
+    The rule of the minimum (section 5.5.1) is about the frequency l alone: light without high
+    frequencies does not make up for a P that is too small. The energy that P misses at every F is
+    therefore added to the error of the light; it is 0 for the zonal BRDFs of figure 5.5.
+
+    `lighting` holds coefficients of the light to at least the order of those of the BRDF.
+    `coefficients` are coefficients of the BRDF to a much higher F than `order_f`.
+
+    Raises ValueError if the lighting or the coefficients are of too low an order.
+    """
+    if lighting.order < coefficients.order_f:
+        raise ValueError(f"lighting of order {lighting.order}, not {coefficients.order_f}")
+    if order_f > coefficients.order_f or order_p > coefficients.order_p:
+        raise ValueError(f"orders {order_f}, {order_p} are more than the coefficients have")
+    # The values keep only these p, but the energies still count the others.
+    known = replace(coefficients, values=coefficients.truncated(coefficients.order_f, order_p))
+    orders = range(order_f + 1)
+    error = np.array([predicted_error(lighting, known, f, order_p) for f in orders])
+    bound = np.array([error_bound(lighting, known, f, order_p) for f in orders])
+    captured = known.captured()[:, order_p]
+    light = _missing(lighting.power(), lighting.energy)[: order_f + 1]
+    brdf = np.clip(1 - captured[: order_f + 1], 0, 1)
+    minimum = np.minimum(light + max(1 - captured[-1], 0), brdf)
+    return AccuracyCurve(
+        order_p, coefficients.order_f, 1 - error**2, 1 - minimum, 1 - brdf, 1 - bound**2
+    )
+
+
+def _missing(degrees: Array, total: Array) -> Array:
+    """Return the fraction of all channels' energy beyond each degree; 0 for black light."""
+    whole = total.sum()
+    found = np.cumsum(degrees.sum(axis=-1))
+    return np.clip(1 - found / whole, 0, 1) if whole > 0 else np.zeros(len(degrees))
+
+
+@record(eq=False)
+class OrderPictures:
+    """Spheres drawn from maps of different P, and as they truly are (figure 5.6)."""
+
+    views: Sequence[Viewer]
+    order_f: int
+    """F of all maps."""
+    captured: Array
+    """Fraction of the BRDF's energy that each P captures, shape (P+1,)."""
+    predicted_errors: Array
+    """Relative RMS error of the reflected light over all orientations and views, by Parseval's
+    theorem, shape (P+1,)."""
+    pictures: Picture
+    """Linear, premultiplied by the coverage of the sphere, shape (P+1, views, size, size, 3)."""
+    truth: Picture | None
+    """Exact pictures in the same form, shape (views, size, size, 3)."""
+
+    def error(self, order_p: int, view: int) -> float | None:
+        """Return the relative RMS error over the sphere; None if the truth is not known."""
+        if self.truth is None:
+            return None
+        return measure(self.pictures[order_p, view], self.truth[view]).relative_rmse
+
+    def exposure(self) -> float:
+        """Return the stops, in halves, that bring the brightest 5 % of the spheres near white.
+
+        They are 0 if all spheres are black.
+        """
+        values = self.pictures[-1] if self.truth is None else self.truth
+        shining = values.max(axis=-1)
+        shining = shining[shining > 0]
+        return float(np.round(-2 * np.log2(np.percentile(shining, 95))) / 2) if len(shining) else 0
+
+    def sheet(self, exposure: float = 0.0) -> Picture:
+        """Draw all pictures on one labelled sheet.
+
+        There is a column for each P and one for the truth. Each view has a row of pictures and a
+        row of absolute differences from the truth, which are not amplified. The exposure, in
+        stops, is the same for both.
+
+        Raises OutputError if the sheet would be too large, or its labels cannot be drawn.
+        """
+        orders = len(self.pictures)
+        tiles: list[Picture] = []
+        labels: list[str] = []
+        for view, viewer in enumerate(self.views):
+            tiles += list(self.pictures[:, view])
+            labels += [f"P = {p}: {part:.1%}" for p, part in enumerate(self.captured)]
+            if self.truth is not None:
+                differences = np.abs(self.pictures[:, view] - self.truth[view])
+                nothing = np.full_like(differences[0], PAPER * 2.0**-exposure)
+                tiles += [self.truth[view], *differences, nothing]
+                errors = [f"error {self.error(p, view):.1%}" for p in range(orders)]
+                labels += [f"exact {viewer.azimuth:.4g},{viewer.elevation:.4g}", *errors, ""]
+        known = self.truth is not None
+        layout = _pictures_layout(orders, len(self.views), self.pictures.shape[2], known)
+        return draw_sheet(layout, [expose(tile, exposure) for tile in tiles], labels)
+
+
+def _pictures_layout(orders: int, views: int, size: int, truth: bool) -> SheetLayout:
+    columns, rows = orders + truth, views * (1 + truth)
+    return arrange(columns * rows, size, columns)
+
+
+def order_pictures(
+    lighting: Lighting,
+    coefficients: BrdfCoefficients,
+    center: Center,
+    views: Sequence[Viewer],
+    order_f: int,
+    size: int,
+    truth: Reflecting | None = None,
+) -> OrderPictures:
+    """Draw spheres for P = 0 .. 5 and for the truth (figure 5.6).
+
+    `lighting` holds coefficients of the light to at least the order of those of the BRDF.
+    `coefficients` are coefficients of the BRDF to a much higher F than `order_f`. If their P is
+    less than 5, the pictures stop at it. `center` is the BRDF's central direction. `order_f` is F
+    of all maps. `truth` is the exact reflected light, such as `shrm_cli.reference.Reference`.
+
+    Raises MapError if the map of these orders would be too large. Raises OutputError if the sheet
+    of all pictures would be too large.
+    """
+    orders = range(min(PICTURE_ORDER_P, coefficients.order_p) + 1)
+    _pictures_layout(len(orders), len(views), size, truth is not None)
+    check_size(order_f, orders[-1])
+    captured = coefficients.captured()[order_f, : len(orders)]
+    errors = np.array([predicted_error(lighting, coefficients, order_f, p) for p in orders])
+    parts = zip(orders, captured.tolist(), errors.tolist(), strict=True)
+    infos = [MapInfo(order_f, p, 1 - part, part, error) for p, part, error in parts]
+    whole = Shrm.from_coefficients(
+        lighting.coefficients, coefficients.truncated(order_f, orders[-1]), center, infos[-1],
+        dtype=np.float32,
+    )  # fmt: skip
+    # Coefficients of different p do not mix, so the map of the largest P holds all the others.
+    maps = [
+        replace(whole, coefficients=whole.coefficients[:, :, : (p + 1) ** 2], info=infos[p])
+        for p in orders
+    ]
+
+    def draw(one: Reflecting) -> Picture:
+        return np.stack([render_sphere(one, view, size) for view in views])
+
+    exact = None if truth is None else draw(truth)
+    pictures = np.stack([draw(one) for one in maps])
+    return OrderPictures(views, order_f, captured, errors, pictures, exact)
+
 
 TOLERANCES = (0.1, DEFAULT_EPS, 0.01)
 """The tolerances that orders are found for, where none are given."""

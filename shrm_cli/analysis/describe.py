@@ -14,7 +14,7 @@ from shrm_cli.maps.shader.file import read_layers_facts
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.records import record
-from shrm_cli.rooms.file import is_grid, read_grid
+from shrm_cli.rooms.grid import is_grid, read_grid
 from shrm_cli.transfer.file import is_transfer, read_transfer
 
 

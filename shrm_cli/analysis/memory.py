@@ -80,18 +80,10 @@ def within_limit(
 ) -> Memory:
     """Estimate the memory of a comparison, and make its maps smaller if it would exceed a limit.
 
-    Parameters
-    ----------
-    heights : sequence of int or None
-        Rows that the probe is averaged down to for the truth of each surface; None for its own.
-    views : int
-        Pictures of each surface.
-    size : int
-        Width and height of a picture, pixels.
-    representations : int
-        How many of them are compared.
-    limit : int, optional
-        The most bytes that the comparison may take; `default_max_memory` by default.
+    `heights` are rows that the probe is averaged down to for the truth of each surface; None for
+    its own. `views` is the number of pictures of each surface. `representations` is how many of
+    them are compared. `limit` is the most bytes that the comparison may take; `default_max_memory`
+    by default.
 
     Raises ArgumentError if it would take more even with small maps.
     """
@@ -126,16 +118,10 @@ def within_limit(
 def check_sheet(pixels: int, size: int, held: int, limit: int | None = None) -> None:
     """Check, before it is drawn, that a sheet of spheres does not take too much memory.
 
-    Parameters
-    ----------
-    pixels : int
-        Of the sheet.
-    size : int
-        Width and height of a sphere's picture, pixels.
-    held : int
-        Bytes of the frames of a moving picture that are kept until it is written.
-    limit : int, optional
-        The most bytes that it may take; `default_max_memory` by default.
+    `pixels` is the number of those of the sheet. `size` is the width and height of a sphere's
+    picture, pixels. `held` is the number of bytes of the frames of a moving picture that are kept
+    until it is written. `limit` is the most bytes that it may take; `default_max_memory` by
+    default.
 
     Raises ArgumentError if it would take more.
     """

@@ -47,17 +47,9 @@ def plot_energy(
 ) -> None:
     """Draw the energy of a BRDF that orders capture: a curve over F for each P.
 
-    Parameters
-    ----------
-    path : path-like
-        PNG to write, whole or not at all.
-    captured : ndarray, shape (F+1, P+1)
-        Fractions of the energy.
-    orders : sequence of (F, P, tolerance)
-        The orders that meet each tolerance. A line marks the tolerance, and a circle the orders if
-        they lie within the grid.
-    title : str
-        Name of the BRDF.
+    `path` is the PNG to write, whole or not at all. `captured`, of shape (F+1, P+1), holds
+    fractions of the energy. `orders` are the orders that meet each tolerance. A line marks the
+    tolerance, and a circle the orders if they lie within the grid. `title` is the name of the BRDF.
 
     Raises OutputError if the file cannot be written.
     """
@@ -100,17 +92,9 @@ def plot_accuracy(
 ) -> None:
     """Draw the accuracy of the reflected light and estimates of it against F (figure 5.5).
 
-    Parameters
-    ----------
-    path : path-like
-        PNG to write, whole or not at all.
-    curves : mapping of str to ndarray, shape (F+1,)
-        ``accuracy``, ``estimate_minimum``, ``estimate_brdf`` and ``estimate_bound``: fractions
-        of the energy.
-    order_p : int
-        P, the same for all F.
-    title : str
-        Names of the BRDF and the probe.
+    `path` is the PNG to write, whole or not at all. `curves` are, each of shape (F+1,),
+    ``accuracy``, ``estimate_minimum``, ``estimate_brdf`` and ``estimate_bound``: fractions of the
+    energy. `order_p` is P, the same for all F. `title` holds names of the BRDF and the probe.
 
     Raises OutputError if the file cannot be written.
     """
@@ -144,16 +128,9 @@ def plot_materials(
 ) -> None:
     """Draw the energy that orders capture of several BRDFs as bars, as in figure 5.7.
 
-    Parameters
-    ----------
-    path : path-like
-        PNG to write, whole or not at all.
-    names : sequence of str
-        A label for each bar.
-    captured : ndarray, shape (materials, P+1)
-        Fractions of the energy. The energy that each further P adds is a part of the bar.
-    order_f : int
-        F, the same for all BRDFs.
+    `path` is the PNG to write, whole or not at all. `names` are a label for each bar. `captured`,
+    of shape (materials, P+1), holds fractions of the energy. The energy that each further P adds is
+    a part of the bar. `order_f` is F, the same for all BRDFs.
 
     Raises OutputError if the file cannot be written.
     """
@@ -178,12 +155,8 @@ def plot_materials(
 def plot_offers(path: str | os.PathLike[str], choices: Sequence[tuple[str, Choice]]) -> None:
     """Draw the errors of maps over what they cost, with the front and what is recommended.
 
-    Parameters
-    ----------
-    path : path-like
-        PNG to write, whole or not at all.
-    choices : sequence of (str, Choice)
-        At least one, with the path of its probe: a row of charts for each.
+    `path` is the PNG to write, whole or not at all. `choices` are at least one, with the path of
+    its probe: a row of charts for each.
 
     Raises OutputError if the file cannot be written.
     """

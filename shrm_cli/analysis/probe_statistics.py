@@ -291,15 +291,10 @@ def chromaticity(rgb: ArrayLike, primaries: Sequence[float] | None) -> tuple[flo
 def color_temperature(x: float, y: float) -> float | None:
     """Correlated colour temperature in kelvin; None where light has none.
 
-    Parameters
-    ----------
-    x, y : float
-        CIE 1931 chromaticity.
+    `x` and `y` are CIE 1931 chromaticity.
 
-    References
-    ----------
-    McCamy 1992: within 2 K of the black body from 2856 K to 6504 K, and within 3 % from 2000 K to
-    12500 K.
+    References: McCamy 1992: within 2 K of the black body from 2856 K to 6504 K, and within 3 % from
+    2000 K to 12500 K.
     """
     if y == 0.1858 or abs(blackbody_distance(x, y)) > _FARTHEST:
         return None
@@ -311,9 +306,7 @@ def color_temperature(x: float, y: float) -> float | None:
 def blackbody_distance(x: float, y: float) -> float:
     """Distance from the black body's curve in CIE 1960 u and v, above 0 for greenish light.
 
-    References
-    ----------
-    Ohno 2014, "Practical use and calculation of CCT and Duv", eq. 6 to 8.
+    References: Ohno 2014, "Practical use and calculation of CCT and Duv", eq. 6 to 8.
     """
     denominator = -2 * x + 12 * y + 3
     u, v = 4 * x / denominator, 6 * y / denominator

@@ -147,15 +147,10 @@ def plan_comparison(
 ) -> Plan:
     """Choose what to make, and estimate the memory that it takes.
 
-    Parameters
-    ----------
-    probe, surfaces, tolerance, viewers, size
-        The same as in `Plan`.
-    height : int, optional
-        Rows that the probe is averaged down to for the truth; by default it is not averaged.
-    max_memory : int, optional
-        The most bytes of memory that may be taken; by default half of the machine's memory. Where
-        they are too few, maps of fewer bytes than the default are made.
+    `probe`, `surfaces`, `tolerance`, `viewers` and `size` are the same as in `Plan`. `height` is
+    the number of rows that the probe is averaged down to for the truth; by default it is not
+    averaged. `max_memory` is the most bytes of memory that may be taken; by default half of the
+    machine's memory. Where they are too few, maps of fewer bytes than the default are made.
 
     Raises ArgumentError if the pictures or the probe alone would take more.
     """

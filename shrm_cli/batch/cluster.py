@@ -84,18 +84,11 @@ class ClusterWorkers:
 def cluster_executor(scheduler: str, jobs: int | None = None) -> Iterator[ClusterWorkers]:
     """Context manager that connects to a cluster, or starts one on this machine.
 
-    Parameters
-    ----------
-    scheduler : str
-        The address of a scheduler, or ``local``.
-    jobs : int, optional
-        The number of workers of a local cluster, each a process with one thread; by default as
-        many as there are processors. An existing cluster has as many as it has.
+    `scheduler` is the address of a scheduler, or ``local``. `jobs` is the number of workers of a
+    local cluster, each a process with one thread; by default as many as there are processors. An
+    existing cluster has as many as it has.
 
-    Yields
-    ------
-    ClusterWorkers
-        Tasks that have not begun when the block ends are cancelled.
+    Tasks that have not begun when the block ends are cancelled.
 
     Raises ClusterError if dask is not installed, nobody answers at the address, no worker joins, or
     the workers have other versions of `shrm` or of Python. Also if the scheduler goes away: dask

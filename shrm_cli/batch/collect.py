@@ -113,20 +113,12 @@ class Collection:
 def lighting_of(probe: Probe, order: int, what: What = "radiance", window: str = "none") -> Array:
     """Return the coefficients of a probe's light, or of the irradiance that it makes.
 
-    Parameters
-    ----------
-    order : int
-        The largest degree.
-    what : {"radiance", "irradiance"}
-        L_lm, or ``E_lm = A_l L_lm`` (Ramamoorthi 2002, eq. 4.8), without a factor 1/pi.
-    window : str
-        Factors of the degrees, as `maps.irradiance.window.make_window` takes them. They are found
-        for the irradiance, and multiply both alike, as in the map of ``prefilter``.
+    `what` is l_lm, or ``E_lm = A_l L_lm`` (Ramamoorthi 2002, eq. 4.8), without a factor 1/pi.
+    `window` holds factors of the degrees, as `maps.irradiance.window.make_window` takes them. They
+    are found for the irradiance, and multiply both alike, as in the map of ``prefilter``.
 
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, 3)
-        Over the real harmonics of world axes, index l(l+1)+m.
+    Returns an array of shape ((order+1)^2, 3), over the real harmonics of world axes, index
+    l(l+1)+m.
 
     Raises OrderError if the order is outside 0 .. 512. Raises MapError if the window is unknown.
     Raises ProbeError if the probe cannot be read, or its light is beyond 32-bit floats.

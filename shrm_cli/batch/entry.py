@@ -278,19 +278,13 @@ def found_probes(
 
     What `shrm` wrote is left out, but where its name is given and no pattern.
 
-    Parameters
-    ----------
-    patterns : iterable of str
-        A name that exists is no pattern, whatever it holds. One with no ``*``, ``?`` or ``[`` is
-        taken as it is, with ``%`` for six faces too.
-    left_out : list of str, optional
-        Gets the names of files that patterns match, and that `shrm` made of probes: maps, tables
-        and pictures. Elsewhere than on disk they are known by their names alone.
+    A name of `patterns` that exists is no pattern, whatever it holds. One with no ``*``, ``?`` or
+    ``[`` is taken as it is, with ``%`` for six faces too. `left_out` gets the names of files that
+    patterns match, and that `shrm` made of probes: maps, tables and pictures. Elsewhere than on
+    disk they are known by their names alone.
 
-    Returns
-    -------
-    list of (str, str)
-        In the order of the patterns, and of the alphabet within each; each probe once.
+    Returns names of files and of patterns in the order of the patterns, and of the alphabet within
+    each; each probe once.
 
     Raises ProbeError if a pattern matches no probe.
     """
@@ -329,15 +323,9 @@ def without_outputs(names: Iterable[str]) -> tuple[list[str], list[str]]:
 
     Pixels are not read; it takes some 40 microseconds a file.
 
-    Parameters
-    ----------
-    names : iterable of str
-        Paths or URLs.
+    `names` are paths or URLs.
 
-    Returns
-    -------
-    probes, outputs : list of str
-        In the order of the names.
+    Returns the probes, and the outputs, in the order of the names.
     """
     exported: dict[str, frozenset[str]] = {}
     maps: tuple[str, ...] = ()  # what their default names end in
@@ -431,10 +419,7 @@ def checked(jobs: list[Job]) -> list[Job]:
 def check_others(others: Iterable[str], chunks: Sequence[Chunk]) -> None:
     """Check that what a batch writes besides its outputs is none of these, and none of its inputs.
 
-    Parameters
-    ----------
-    others : iterable of str
-        Paths or URLs of logs, pages, collections and files of farms.
+    `others` are paths or URLs of logs, pages, collections and files of farms.
 
     Raises OutputError if one is an input, an output, or another one of them.
     """

@@ -50,12 +50,8 @@ def parse_part(text: str) -> tuple[int, int, int]:
 def command_lines(arguments: Sequence[str], parts: int) -> list[str]:
     """Return a line of a POSIX shell for every part of a batch.
 
-    Parameters
-    ----------
-    arguments : sequence of str
-        What follows ``shrm batch``, without the flags that ask for these lines.
-    parts : int
-        The number of parts.
+    `arguments` is what follows ``shrm batch``, without the flags that ask for these lines. `parts`
+    is the number of parts.
 
     Raises ArgumentError if an argument holds a line break or another control character.
     """
@@ -70,25 +66,14 @@ def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batc
     Its extension TASK_CHUNKING lets the farm run several neighbouring parts as one command. How
     many is the job's parameter ``PartsPerCommand``, which whoever submits it can set.
 
-    Parameters
-    ----------
-    arguments : sequence of str
-        What follows ``shrm batch``, without the flags that ask for this template.
-    parts : int
-        The number of parts.
-    name : str
-        What the farm calls the job.
+    `arguments` is what follows ``shrm batch``, without the flags that ask for this template.
+    `parts` is the number of parts. `name` is what the farm calls the job.
 
-    Returns
-    -------
-    str
-        JSON, which is YAML too.
+    Returns JSON, which is YAML too.
 
     Raises ArgumentError if an argument holds a line break or another control character.
 
-    References
-    ----------
-    Open Job Description, Template Schemas 2023-09, and RFC 0001, Task Chunking.
+    References: Open Job Description, Template Schemas 2023-09, and RFC 0001, Task Chunking.
     """
     _check([*arguments, name], "openjd")
     # Behind the arguments it would be one of the probes if these hold "--".

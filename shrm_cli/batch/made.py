@@ -55,12 +55,8 @@ def difference(
 ) -> Difference | None:
     """Say in what a file differs from the map that a run would write, or return None.
 
-    Parameters
-    ----------
-    path : path-like
-        A file that exists.
-    sources : str
-        The fingerprint of the program that must have written the file; any, where it is empty.
+    `path` is a file that exists. `sources` is the fingerprint of the program that must have written
+    the file; any, where it is empty.
     """
     to, brdf = request.to, request.brdf
     found = recorded(path)

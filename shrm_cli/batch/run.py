@@ -61,12 +61,8 @@ def run(
     done: then the coefficients of BRDFs are in the cache, and are not computed by all workers at
     once.
 
-    Parameters
-    ----------
-    tell : callable
-        Called with each result, as soon as it is known, in no certain order.
-    is_remote : bool
-        Whether handing out a task is slow, so that tasks are made longer.
+    `tell` is called with each result, as soon as it is known, in no certain order. `is_remote`
+    tells whether handing out a task is slow, so that tasks are made longer.
 
     Raises KeyboardInterrupt: after what was being done, if it ended soon, has been told.
     """
@@ -80,12 +76,8 @@ def run(
 class _Feeder:
     """Hands out tasks and takes back results.
 
-    Parameters
-    ----------
-    tell : callable
-        Called with each result.
-    seconds : float
-        How long a task should take, if that needs several probes.
+    `tell` is called with each result. `seconds` is how long a task should take, if that needs
+    several probes.
     """
 
     def __init__(self, workers: Workers, terms: Terms, tell: Tell, seconds: float) -> None:

@@ -95,12 +95,7 @@ class Result:
 
 
 def bake(task: Task, terms: Terms) -> list[Result]:
-    """Do the jobs of some probes, and return the result of each chunk, in order.
-
-    Parameters
-    ----------
-    task : tuple of Chunk
-    """
+    """Do the jobs of some probes, and return the result of each chunk, in order."""
     with settings.using(threads=1, cache=terms.cache):
         return [_of_probe(chunk, terms) for chunk in task]
 

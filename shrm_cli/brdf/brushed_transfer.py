@@ -90,19 +90,10 @@ def compute_brushed_transfer(
 ) -> TransferFunctions:
     """Compute the transfer functions of an anisotropic BRDF.
 
-    Parameters
-    ----------
-    order_f, max_q : int
-        The largest l and q.
-    accuracy : float
-        The fraction of the energy that the sampling may miss.
-    most_steps : int
-        The most steps of azimuths in a quarter turn.
+    `order_f` and `max_q` are the largest l and q. `accuracy` is the fraction of the energy that the
+    sampling may miss. `most_steps` is the most steps of azimuths in a quarter turn.
 
-    Returns
-    -------
-    TransferFunctions
-        Its nodes are indexed [part, azimuth, theta_o], flattened: real parts come first.
+    Nodes of the result are indexed [part, azimuth, theta_o], flattened: real parts come first.
 
     Raises BrdfError for the reasons of `compute_transfer`.
     """

@@ -65,16 +65,10 @@ def cached_coefficients(
 ) -> BrdfCoefficients:
     """Take coefficients from the cache, or compute them, and keep them if that took long.
 
-    Parameters
-    ----------
-    compute : callable
-        `compute_coefficients`, or a function with its parameters and result.
+    `compute` is `compute_coefficients`, or a function with its parameters and result.
 
-    Returns
-    -------
-    BrdfCoefficients
-        What `compute` returns, to the last bit, with read-only arrays. Only BRDFs of this package
-        are kept, because the code of others could change without the key's noticing.
+    Returns what `compute` returns, to the last bit, with read-only arrays. Only BRDFs of this
+    package are kept, because the code of others could change without the key's noticing.
     """
     return _cached(_COEFFICIENTS, brdf, (order_f, order_p, accuracy), compute)
 
@@ -84,12 +78,8 @@ def cached_transfer(
 ) -> TransferFunctions:
     """Take transfer functions from the cache, or compute them, as `cached_coefficients` does.
 
-    Parameters
-    ----------
-    brdf, accuracy
-        As of `cached_coefficients`.
-    compute : callable
-        `compute_transfer`, or a function with its parameters and result.
+    `brdf` and `accuracy` are as of `cached_coefficients`. `compute` is `compute_transfer`, or a
+    function with its parameters and result.
     """
     return _cached(_transfer_kind(), brdf, (order_f, max_q, accuracy), compute)
 
@@ -97,15 +87,9 @@ def cached_transfer(
 def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]) -> Known:
     """Take something that follows from a BRDF from this process's memory, or make it.
 
-    Parameters
-    ----------
-    brdf : Brdf
-        One whose code is not part of this package is not kept, because its values do not tell all
-        of it.
-    what : tuple
-        What is made, and all else that it depends on.
-    make : callable
-        Returns arrays, or numbers, tuples or dataclasses of them; arrays become read-only.
+    A `brdf` whose code is not part of this package is not kept, because its values do not tell all
+    of it. `what` is what is made, and all else that it depends on. `make` returns arrays, or
+    numbers, tuples or dataclasses of them; arrays become read-only.
     """
     record = _record(brdf)
     return make() if record is None else _in_memory.get((record, *what), make)

@@ -127,10 +127,7 @@ class BrdfCoefficients(Sampled):
     def captured(self) -> Array:
         """The fraction of the energy of all channels that each pair of orders captures (eq. 5.18).
 
-        Returns
-        -------
-        ndarray, shape (F+1, P+1)
-            Read-only.
+        Returns an array of shape (F+1, P+1), read-only.
         """
         return self._captured
 
@@ -166,9 +163,7 @@ def accuracy_remark(accuracy: float, asked: float) -> str | None:
 def energy_above(degree_energy: Array) -> Array:
     """Estimate the energy of the degrees above the known ones, as `next_octave` has them fall.
 
-    Parameters
-    ----------
-    degree_energy : ndarray, shape (F+1, ...)
+    `degree_energy` is of shape (F+1, ...).
 
     Returns an array of shape (...): infinite where energies have not begun to fall.
     """

@@ -117,14 +117,8 @@ def settled(
 ) -> Array:
     """Sample something with more and more nodes, until its sum changes by an accuracy at most.
 
-    Parameters
-    ----------
-    sample : callable
-        Takes a number of nodes of each angle, and returns what is found, shape (..., 3).
-    accuracy : float
-        Relative.
-    counts : sequence of int
-        The numbers of nodes that are tried.
+    `sample` takes a number of nodes of each angle, and returns what is found, shape (..., 3).
+    `accuracy` is relative. `counts` are the numbers of nodes that are tried.
     """
     previous = np.full(3, np.inf)
     for count in counts:
@@ -160,14 +154,9 @@ def hemisphere_rule(theta: float, count: int, block: slice = slice(None)) -> tup
     mirror image. Angles from the mirror direction are squares of Gauss's nodes, and end at the
     horizon, so that all that is integrated is smooth.
 
-    Parameters
-    ----------
-    theta : float
-        The angle of the view from the z axis, radians; its azimuth is 0.
-    count : int
-        Of the angles from the mirror direction, and of the azimuths about it.
-    block : slice
-        The angles from the mirror direction to take.
+    `theta` is the angle of the view from the z axis, radians; its azimuth is 0. `count` is that of
+    the angles from the mirror direction, and of the azimuths about it. `block` holds the angles
+    from the mirror direction to take.
 
     Returns `light` of shape (n, count, 3) and `weights` of shape (n, count).
     """

@@ -44,17 +44,10 @@ def film_of(brdf: Brdf) -> tuple[float, float] | None:
 def film_reflectance(cosine: Array, f0: Color, thickness: float, ior: float) -> Array:
     """Reflectance of a surface with a film, in air.
 
-    Parameters
-    ----------
-    cosine : ndarray, shape (...)
-        Of the angle to the normal, 0 .. 1.
-    f0 : tuple of 3 float
-        What the surface reflects at normal incidence without the film. Each channel has the real
-        index of refraction that follows from its f0, as in KHR_materials_iridescence.
-    thickness : float
-        Of the film, nm.
-    ior : float
-        The film's index of refraction.
+    `cosine`, of shape (...), is that of the angle to the normal, 0 .. 1. `f0` is what the surface
+    reflects at normal incidence without the film. Each channel has the real index of refraction
+    that follows from its f0, as in KHR_materials_iridescence. `thickness` is that of the film, nm.
+    `ior` is the film's index of refraction.
 
     Returns an array of shape (..., 3): linear Rec.709, within 0 .. 1: colors outside of it become
     the nearest within.

@@ -28,11 +28,8 @@ def gathering_center(brdf: Brdf) -> Center:
     few functions hold them. Lobes gather about the direction that has the larger mean cosine with
     the light, weighted by the squared lobe.
 
-    Returns
-    -------
-    {"reflection", "normal", "tangent"}
-        The BRDF's own central direction, unless that is the mirror direction and its lobes gather
-        about the normal.
+    Returns the BRDF's own central direction, unless that is the mirror direction and its lobes
+    gather about the normal.
     """
     if brdf.center != "reflection" or brdf.zonal:
         return brdf.center

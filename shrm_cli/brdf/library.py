@@ -43,10 +43,7 @@ _DIRECTIONS = np.array(
 def module_names(package: str) -> list[str]:
     """Names of the BRDFs of a package in alphabetical order: its modules, with hyphens.
 
-    Parameters
-    ----------
-    package : str
-        Its full name; packages within it are left out.
+    `package` is its full name; packages within it are left out.
     """
     return list(_module_names(tuple(importlib.import_module(package).__path__)))
 
@@ -127,12 +124,8 @@ def all_models() -> tuple[list[type[Brdf]], list[str]]:
 def checked_model(found: object, where: str) -> type[Brdf]:
     """What a file or a package calls a BRDF, if it is one.
 
-    Parameters
-    ----------
-    found : object
-        What has the name that the user gave.
-    where : str
-        Where it is, for the messages: ``mine.py: Mine``.
+    `found` is what has the name that the user gave. `where` is where it is, for the messages:
+    ``mine.py: Mine``.
 
     Raises BrdfError if it is no subclass of `Brdf`, lacks `evaluate`, or says impossible things of
     itself.
@@ -200,13 +193,9 @@ def parse_recorded(
     No part of it is taken for a path, and none for code: terms are names of models, or whatever
     the caller knows to be files.
 
-    Parameters
-    ----------
-    open_file : callable, optional
-        Returns the measured BRDF that a term stands for, or None where it is the name of a model,
-        which all of them are by default.
-    primaries : sequence of 8 float, optional
-        The chromaticities that the colors of metals are converted to; those of Rec.709 by default.
+    `open_file` returns the measured BRDF that a term stands for, or None where it is the name of a
+    model, which all of them are by default. `primaries` are the chromaticities that the colors of
+    metals are converted to; those of Rec.709 by default.
 
     Raises BrdfError if a model or a parameter is unknown, malformed, repeated or out of its range.
     """
@@ -223,12 +212,8 @@ def parse_recorded(
 def of_model(spec: str, primaries: Primaries | None, parse: Callable[[str], Brdf]) -> Brdf:
     """The BRDF of a model that has a name, and of the values after it.
 
-    Parameters
-    ----------
-    primaries
-        As `parse_recorded` takes it.
-    parse : callable
-        Makes the BRDFs that values hold of their specifications.
+    `primaries` are as `parse_recorded` takes it. `parse` makes the BRDFs that values hold of their
+    specifications.
 
     Raises BrdfError as of `parse_recorded`.
     """

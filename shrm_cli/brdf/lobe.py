@@ -38,10 +38,7 @@ def lobe_angle(brdf: Brdf, tolerance: float) -> float:
 
     `tolerance` is the fraction that may lie outside, 0 .. 1.
 
-    Returns
-    -------
-    float
-        Radians, in 0 .. pi. For Phong's lobe ``cos(angle) = tolerance^(1 / (s + 1))``.
+    Returns radians, in 0 .. pi. For Phong's lobe ``cos(angle) = tolerance^(1 / (s + 1))``.
     """
     # A zonal lobe ends at 90 degrees, whether it jumps there or not.
     cells, end = (_ZONAL_ANGLES, np.pi / 2) if brdf.zonal else (_ANGLES, np.pi)
@@ -96,17 +93,11 @@ def azimuthal_mean(brdf: Brdf, view_theta: float) -> tuple[Array, Array]:
 
     `view_theta` is the angle theta_o' between C and the view, radians.
 
-    Returns
-    -------
-    cosines : ndarray, shape (n,)
-        ``C.L = 1 - 2 t^2``, falling from 1 to -1, where ``t = sin(theta_i' / 2)`` has equal
-        steps.
-    values : ndarray, shape (n, 3)
-        The mean there.
+    Returns `cosines` of shape (n,), ``C.L = 1 - 2 t^2``, falling from 1 to -1, where ``t =
+    sin(theta_i' / 2)`` has equal steps; and `values` of shape (n, 3), the mean there.
 
-    References
-    ----------
-    Kautz and McCool 2000, Approximation of glossy reflection with prefiltered environment maps.
+    References: Kautz and McCool 2000, Approximation of glossy reflection with prefiltered
+    environment maps.
     """
     chords = np.linspace(0, 1, _MEAN_ANGLES)
     theta_i = 2 * np.arcsin(chords)
@@ -120,12 +111,8 @@ def azimuthal_mean(brdf: Brdf, view_theta: float) -> tuple[Array, Array]:
 def interpolate_mean(cosines: Array, means: Array) -> Array:
     """Interpolate the result of `azimuthal_mean` linearly in t, the sine of half the angle.
 
-    Parameters
-    ----------
-    cosines : ndarray, shape (...)
-        C.L.
-    means : ndarray, shape (n, 3)
-        The values that `azimuthal_mean` returned; the result has their precision.
+    `cosines`, of shape (...), are C.L. `means`, of shape (n, 3), are the values that
+    `azimuthal_mean` returned; the result has their precision.
 
     Returns an array of shape (..., 3): a broadcast view if the means are grey.
     """
@@ -143,10 +130,7 @@ def zonal_support(brdf: Brdf) -> float:
 
     In single precision what lies beyond is denormal numbers, which are slow.
 
-    Returns
-    -------
-    float
-        Radians, 90 degrees at most.
+    Returns radians, 90 degrees at most.
     """
     theta = np.linspace(0, np.pi / 2, _MEAN_ANGLES)
     lobe = _zonal_lobe(brdf, theta).max(axis=-1)

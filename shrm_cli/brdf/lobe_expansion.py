@@ -1,8 +1,9 @@
-"""The lobes of a BRDF for given views, expanded into harmonics of the light about C."""
+"""Lobes of a BRDF for given views, expanded into harmonics of the light about C; their errors."""
 
 from collections import OrderedDict
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
@@ -73,12 +74,9 @@ def lobe_width(brdf: Brdf) -> float:
 def squared_lobes(brdf: Brdf, theta: Array, phi: Array, from_normal: Array) -> tuple[Array, Array]:
     """Sample the squares of lobes about the mirror direction.
 
-    Parameters
-    ----------
-    theta, phi : ndarray, shapes (i,) and (p,)
-        Angles of the light about the mirror direction, radians; azimuth 0 is towards the view.
-    from_normal : ndarray, shape (o,)
-        Angles of the views from the normal, radians.
+    `theta`, of shape (i,), and `phi`, of shape (p,), are angles of the light about the mirror
+    direction, radians; azimuth 0 is towards the view. `from_normal`, of shape (o,), holds angles of
+    the views from the normal, radians.
 
     Returns `light` of shape (i, o, p, 3), its directions in the frame of the normal; and `squares`
     of shape (i, o, p), ``rho_hat^2``, its channels added.
@@ -108,14 +106,8 @@ class Expansion:
 class LobeExpander:
     """Expands lobes of one BRDF, to fixed orders, at whatever numbers of nodes.
 
-    Parameters
-    ----------
-    rule : PolarRule or SplitRule
-        The rule for the angle of the light from C.
-    order_f, max_q : int
-        The largest l and q.
-    is_single : bool
-        Whether the BRDF is evaluated in single precision.
+    `rule` is the rule for the angle of the light from C. `order_f` and `max_q` are the largest l
+    and q. `is_single` tells whether the BRDF is evaluated in single precision.
     """
 
     def __init__(
@@ -137,12 +129,8 @@ class LobeExpander:
     def expand(self, theta_o: Array, count: int, azimuth_count: int) -> Expansion:
         """Expand the lobes for views at angles from C.
 
-        Parameters
-        ----------
-        theta_o : ndarray, shape (n,)
-            Radians.
-        count, azimuth_count : int
-            The numbers of nodes in theta_i and, over half a turn, in phi: multiples of 3.
+        `theta_o`, of shape (n,), is in radians. `count` and `azimuth_count` are the numbers of
+        nodes in theta_i and, over half a turn, in phi: multiples of 3.
 
         Raises BrdfError if a value of the BRDF is not finite.
         """
@@ -253,12 +241,8 @@ class LobeExpander:
 def _error(squares: Array, energy: Array) -> Array:
     """The energy that a rule misses of each view, from its differences to the coarser rule.
 
-    Parameters
-    ----------
-    squares : ndarray, shape (n,)
-        The energy of the difference of both results.
-    energy : ndarray, shape (n, channels)
-        The difference of their energies.
+    `squares`, of shape (n,), are the energy of the difference of both results. `energy`, of shape
+    (n, channels), is the difference of their energies.
     """
     return np.asarray(np.maximum(squares / FINER**2, np.abs(energy).sum(axis=1) / FINER))
 
@@ -268,6 +252,100 @@ def _with_thirds(weights: Array) -> Array:
     thirds = -weights
     thirds[:, 1::3] += 3 * weights[:, 1::3]
     return np.append(weights, thirds, axis=2)
+
+
+_DOUBLED = 3.0
+"""How often the error of a rule goes into its difference to the rule with half of its nodes.
+
+It is 3 for the second order of convergence, as `FINER` is 8."""
+
+
+class Views:
+    """The lobes of the views at all nodes of theta_o, as far as they are known.
+
+    Attributes
+    ----------
+    levels : ndarray of int, shape (n, 2)
+        The numbers of nodes in theta_i and phi.
+    values, energy : ndarray, shapes (max_q+1, F+1, n, channels), (n, channels)
+        As `Expansion` has them.
+    errors : ndarray, shape (n, 2)
+        The energy that the rules in theta_i and phi are estimated to miss.
+    """
+
+    def __init__(self, theta_o: Array, weights: Array, levels: object) -> None:
+        self.theta_o, self.weights = theta_o, weights
+        self.levels = np.array(np.broadcast_to(np.array(levels), (len(theta_o), 2)))
+        self.values, self.energy = np.zeros((0, 0, 0, 0)), np.zeros((0, 0))
+        self.errors = np.full((len(theta_o), 2), np.inf)
+        self._sampled = np.zeros_like(self.levels)  # the levels of what is known; 0: nothing is
+        self._trust = np.ones((len(theta_o), 2))  # the errors, as parts of a third's estimates
+
+    def put(self, which: NDArray[np.intp], found: Expansion) -> None:
+        """Keep what was found for some of the views, at their levels.
+
+        A rule that was doubled errs no more than its change tells, and one that was not doubled no
+        more than before. A third of the nodes may be too few for the highest degrees, and then
+        tells far more than the rule itself errs. By how much, a view tells those beside it.
+        """
+        if not self.values.size:
+            orders, channels = found.values.shape[:2], found.values.shape[3]
+            self.values = np.zeros((*orders, len(self.theta_o), channels))
+            self.energy = np.zeros((len(self.theta_o), channels))
+        estimate = np.stack([found.error_theta, found.error_phi], axis=-1)
+        is_doubled = self.levels[which] > self._sampled[which]
+        least = np.where(is_doubled, self._change(which, found)[:, None], self.errors[which])
+        self.errors[which] = np.minimum(estimate * self._trust[which], least)
+        self._trust[which] = self.errors[which] / np.maximum(estimate, 1e-300)
+        self.values[:, :, which], self.energy[which] = found.values, found.energy
+        self._sampled[which] = self.levels[which]
+
+    def _change(self, which: NDArray[np.intp], found: Expansion) -> Array:
+        """The energy that views still miss, from their change by doubling; shape (views,)."""
+        both_signs = np.where(np.arange(len(found.values)) == 0, 1.0, 2.0)
+        squares = np.empty((len(which), len(found.values)))
+        for k, view in enumerate(which):
+            change = found.values[:, :, k] - self.values[:, :, view]
+            squares[k] = np.einsum("qlc,qlc->q", change, change)
+        by_values = squares @ both_signs / (2 * np.pi)
+        by_energy = np.abs(found.energy - self.energy[which]).sum(axis=1)
+        error = np.maximum(by_values / _DOUBLED**2, by_energy / _DOUBLED)
+        return np.where(self._sampled[which, 0] > 0, error, np.inf)
+
+    def known_energy(self) -> float:
+        """The energy of all views and channels, as far as they tell that are known."""
+        known = np.isfinite(self.errors[:, 0])
+        weights = self.weights[known]
+        return float(2 * (weights @ self.energy[known].sum(axis=1)) / weights.sum())
+
+    def total(self) -> Array:
+        """The energy of all views, shape (channels,)."""
+        return self.weights @ self.energy
+
+    def refined(self, theta_o: Array, weights: Array) -> "Views":
+        """Other nodes of theta_o, of which none is known, that begin as those beside them ended."""
+        after = np.clip(np.searchsorted(self.theta_o, theta_o), 1, len(self.theta_o) - 1)
+        result = Views(theta_o, weights, self.levels[0])
+        result._begin(np.arange(len(theta_o)), self, after - 1, after)
+        return result
+
+    def begin_beside(self, which: NDArray[np.intp], known: NDArray[np.intp]) -> None:
+        """Let some views begin as the known ones beside them ended."""
+        at = np.searchsorted(known, which)
+        self._begin(
+            which, self, known[np.maximum(at - 1, 0)], known[np.minimum(at, len(known) - 1)]
+        )
+
+    def _begin(
+        self,
+        which: NDArray[np.intp],
+        others: "Views",
+        before: NDArray[np.intp],
+        after: NDArray[np.intp],
+    ) -> None:
+        """Take over levels, and what estimates are worth, from the views on both sides."""
+        self.levels[which] = np.maximum(others.levels[before], others.levels[after])
+        self._trust[which] = np.maximum(others._trust[before], others._trust[after])
 
 
 @record(eq=False)

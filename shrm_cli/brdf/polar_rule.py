@@ -60,10 +60,8 @@ class PolarRule:
     def nodes(self, count: int) -> tuple[Array, Array]:
         """Angles theta, ascending, and weights for integrals over ``sin(theta) dtheta``.
 
-        Returns
-        -------
-        theta, weights : ndarray, shape (count,)
-            The weights sum to 2, up to the rule's error.
+        Returns `theta` and `weights`, each of shape (count,), the weights sum to 2, up to the
+        rule's error.
         """
         s, weights = _even_nodes(count), colatitude_weights(count)
         if self.focus == 1:
@@ -97,10 +95,7 @@ class SplitRule:
     def nodes(self, count: int) -> tuple[Array, Array]:
         """Angles theta, ascending, and weights for integrals over ``sin(theta) dtheta``.
 
-        Parameters
-        ----------
-        count : int
-            Even, if nodes are below the horizon.
+        `count` is even, if nodes are below the horizon.
         """
         each = count // 2 if self.below else count
         cosine, weights = (1 + np.cos(_even_nodes(each))) / 2, colatitude_weights(each) / 2
@@ -119,11 +114,9 @@ def view_nodes(center: Center, count: int) -> tuple[Array, Array]:
 
     `count` is a multiple of 6.
 
-    Returns
-    -------
-    theta_o, weights : ndarray, shape (count,)
-        Ascending angles in radians, and weights for integrals over ``sin(theta_o) dtheta_o``,
-        which sum to 2. Every third node is a node of the rule for ``count / 3``.
+    Returns `theta_o` and `weights`, each of shape (count,), ascending angles in radians, and
+    weights for integrals over ``sin(theta_o) dtheta_o``, which sum to 2. Every third node is a node
+    of the rule for ``count / 3``.
     """
     if center == "tangent":
         return PolarRule().nodes(count)
@@ -144,16 +137,11 @@ def squeezed_azimuths(count: int, squeeze: Array) -> tuple[Array, Array]:
     With ``tan(phi) = squeeze tan(s)`` they are even in s. That is the azimuth on an ellipse, which
     lobes are where their light grazes.
 
-    Parameters
-    ----------
-    squeeze : ndarray, shape (n,)
-        In (0, 1]; 1 leaves the azimuths even.
+    `squeeze`, of shape (n,), is in (0, 1]; 1 leaves the azimuths even.
 
-    Returns
-    -------
-    phi, weights : ndarray, shape (n, count)
-        Radians over half a turn, and weights for integrals over dphi, which sum to pi up to the
-        rule's error. Every third is a node of the rule for ``count / 3``.
+    Returns `phi` and `weights`, each of shape (n, count), radians over half a turn, and weights for
+    integrals over dphi, which sum to pi up to the rule's error. Every third is a node of the rule
+    for ``count / 3``.
     """
     s, squeeze = azimuths(count), squeeze[:, None]
     across, along = squeeze * np.sin(s), np.cos(s)
@@ -191,19 +179,11 @@ def transfer_samples(
     the integral of a model that jumps at the horizon converges with the square of the cell's
     size, not with the size.
 
-    Parameters
-    ----------
-    rule : PolarRule or SplitRule
-        The rule for the angle theta_i of the light from C.
-    count : int
-        The number of nodes in theta_i.
-    theta_o : ndarray, shape (n,)
-        Angles of the views from C, radians; their azimuth is 0.
-    phi : ndarray, shape (n, azimuths)
-        Azimuths of the light for each view, radians.
-    is_single : bool
-        Whether single precision suffices, in which most BRDFs take half the time. Tables of
-        measured ones are no more exact than that.
+    `rule` is the rule for the angle theta_i of the light from C. `count` is the number of nodes in
+    theta_i. `theta_o`, of shape (n,), holds angles of the views from C, radians; their azimuth is
+    0. `phi`, of shape (n, azimuths), holds azimuths of the light for each view, radians.
+    `is_single` tells whether single precision suffices, in which most BRDFs take half the time.
+    Tables of measured ones are no more exact than that.
 
     Yields
     ------
@@ -244,14 +224,8 @@ def _lights(theta: Array, phi: Array, tilt: Array, dtype: type) -> Array:
 
     Components lie apart in memory, so that functions of them need no gaps to be skipped.
 
-    Parameters
-    ----------
-    theta : ndarray, shape (rows,)
-    phi : ndarray, shape (n, azimuths)
-    tilt : ndarray, shape (n,)
-        The angles between C and the normal.
-    dtype : type
-        Of the result.
+    `theta` is of shape (rows,). `phi` is of shape (n, azimuths). `tilt`, of shape (n,), holds the
+    angles between C and the normal. `dtype` is that of the result.
     """
     theta, tilt = theta[:, None, None], tilt[:, None]
     sine: Array = np.sin(theta).astype(dtype)
@@ -269,11 +243,8 @@ def _lights(theta: Array, phi: Array, tilt: Array, dtype: type) -> Array:
 def every_third(samples: Array, coverage: Array) -> tuple[Array, Array]:
     """The samples of a block on the rule with a third of the nodes in theta_i.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (3 k, n, azimuths, ...)
-    coverage : ndarray, shape (3 k, n, azimuths)
-        Those that `transfer_samples` yields.
+    `samples` are of shape (3 k, n, azimuths, ...). `coverage`, of shape (3 k, n, azimuths), is one
+    of those that `transfer_samples` yields.
 
     Returns `samples` of shape (k, n, azimuths, ...) and `coverage` of shape (k, n, azimuths).
     """

@@ -5,6 +5,18 @@ For a view v in the frame of the surface (z = N, x along the tangent) the produc
 ``c_i(v) = int y_i(s) f*_v(s) ds``, and a surface under light of the coefficients L_i in that frame
 reflects ``sum_i L_i c_i(v)``.
 
+They are integrated with nodes where the lobe is. Lobes about the mirror direction are functions of
+the half vector H between light and view, which is near the normal in all of a lobe however the view
+grazes. So the rule for them is one in the polar angle eta and the azimuth psi of H, and
+``dL = 4 (V.H) dH``. With the view at the angle theta from the normal, and psi counted from its
+azimuth, the light is above the horizon where ``eta < pi/4 + atan(tan(theta) cos(psi)) / 2``. The
+radii of each azimuth end there, so that no sample is beyond the horizon and the integrand is smooth
+on all of its domain, for which rules of Gauss and Legendre converge exponentially. That bound rises
+steeply where psi is a right angle and the view grazes; azimuths crowd there.
+
+BRDFs about the normal have a rule in the light's own polar coordinates, and so have those that have
+no horizon, about their central direction.
+
 References
 ----------
 Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
@@ -22,13 +34,108 @@ import numpy as np
 from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.product_rule import LightRule
+from shrm_cli.brdf.lobe import cuts_horizon
+from shrm_cli.brdf.lobe_expansion import lobe_width
+from shrm_cli.brdf.polar_rule import PolarRule, SplitRule
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import in_order
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import from_angles, local_frame, to_angles
 from shrm_cli.sphere.harmonics import harmonic_planes
 from shrm_cli.sphere.parabolic import project, unproject
+from shrm_cli.sphere.quadrature import gauss_legendre
+
+_LEAST_COSINE = 1e-3
+"""The least N.V that the crowding of azimuths knows."""
+
+
+@record
+class LightRule:
+    """Nodes over the light for any view."""
+
+    center: str
+    """What the nodes crowd about. One of "reflection", "normal" and "tangent"."""
+    width: float
+    """The angle from it within which about half of a BRDF's energy lies, radians."""
+    has_horizon: bool
+    """Whether the nodes are above the horizon only."""
+
+    @classmethod
+    def of(cls, brdf: Brdf) -> "LightRule":
+        """Return the rule that suits a BRDF."""
+        width = lobe_width(brdf) if brdf.center == "reflection" else 1.0
+        return cls(brdf.center, min(width, 1.0), cuts_horizon(brdf))
+
+    def nodes(self, views: Array, along: int, around: int) -> tuple[Array, Array]:
+        """Return directions to the light, and their weights, for each view.
+
+        `views`, of shape (n, 3), are directions to the viewer in the frame of the normal, z = N,
+        with the tangent along x. `along` and `around` are the numbers of nodes along a radius, and
+        around it, of which the latter is a multiple of 4.
+
+        Returns `directions` of shape (n, along * around, 3), unit, in the same frame; and `weights`
+        of shape (n, along * around), they sum to the solid angle, 2 pi or 4 pi.
+        """
+        if self.has_horizon and self.center == "reflection":
+            return self._of_half_vectors(views, along, around)
+        return self._of_lights(views, along, around)
+
+    def _of_half_vectors(self, views: Array, along: int, around: int) -> tuple[Array, Array]:
+        theta, azimuth = (angle[:, None] for angle in to_angles(views))
+        psi, psi_weights = _azimuths(theta, around)
+        slope = np.sin(theta) * np.cos(psi)
+        end = np.pi / 4 + np.arctan2(slope, np.maximum(np.cos(theta), 0.0)) / 2
+        eta, weights = _radii(end, self.width / 2, along)
+        turned = (psi + azimuth)[..., None]
+        half = from_angles(eta, turned)
+        weights = weights * psi_weights[..., None] * np.sin(eta)
+        cosine = np.einsum("nijk,nk->nij", half, views)
+        directions = 2 * cosine[..., None] * half - views[:, None, None]
+        shape = len(views), along * around
+        return directions.reshape(*shape, 3), (4 * weights * cosine).reshape(shape)
+
+    def _of_lights(self, views: Array, along: int, around: int) -> tuple[Array, Array]:
+        is_half = self.has_horizon and self.center == "normal"
+        rule = SplitRule() if is_half else PolarRule(self.width)
+        theta, weights = rule.nodes(along)
+        psi = 2 * np.pi * (np.arange(around) + 0.5) / around
+        local = from_angles(theta[:, None], psi).reshape(-1, 3)
+        directions = local @ local_frame(*to_angles(self._centers(views))).swapaxes(1, 2)
+        weights = np.repeat(weights * (2 * np.pi / around), around)
+        return directions, np.broadcast_to(weights, directions.shape[:2])
+
+    def _centers(self, views: Array) -> Array:
+        if self.center == "reflection":
+            return views * np.array([-1.0, -1.0, 1.0])
+        axis = np.array([0.0, 0.0, 1.0] if self.center == "normal" else [1.0, 0.0, 0.0])
+        return np.broadcast_to(axis, views.shape)
+
+
+def _azimuths(theta: Array, count: int) -> tuple[Array, Array]:
+    """Azimuths that crowd about both right angles, for each view: (n, count), and their weights.
+
+    Four quarters of the circle begin at the right angles, with nodes that crowd there within the
+    cosine of the view's angle theta, shape (n, 1).
+    """
+    crowding = np.arcsinh(1 / np.maximum(np.cos(theta), _LEAST_COSINE))
+    nodes, weights = gauss_legendre(count // 4)
+    u = crowding * (nodes + 1) / 2
+    scale = np.pi / 2 / np.sinh(crowding)
+    away = np.sinh(u) * scale
+    weights = weights / 2 * crowding * np.cosh(u) * scale
+    quarters = [side * (np.pi / 2 + way * away) for side in (1, -1) for way in (1, -1)]
+    return np.concatenate(quarters, axis=1), np.tile(weights, (1, 4))
+
+
+def _radii(end: Array, width: float, count: int) -> tuple[Array, Array]:
+    """Nodes within 0 .. end that crowd within a width: (..., count), and their weights."""
+    end = end[..., None]
+    crowding = np.arcsinh(end / width)
+    nodes, weights = gauss_legendre(count)
+    u = crowding * (nodes + 1) / 2
+    return width * np.sinh(u), weights / 2 * crowding * width * np.cosh(u)
+
 
 ACCURACY = 1e-4
 """The relative RMS change, by doubling its nodes, that a rule may show."""
@@ -82,17 +189,9 @@ class ProductQuadrature:
     def converged(cls, brdf: Brdf, views: Array, order: int, accuracy: float = ACCURACY) -> Self:
         """Double the nodes until the coefficients of some views do not change any more.
 
-        Parameters
-        ----------
-        brdf : Brdf
-            No sum; the terms of a sum have rules of their own.
-        views : ndarray, shape (n, 3)
-            Directions to the viewer, unit, in the frame of the surface.
-        order : int
-            The largest degree l of the harmonics.
-        accuracy : float
-            The relative RMS change at which to stop, if no more nodes are needed than the BRDF
-            is worth.
+        `brdf` is no sum; the terms of a sum have rules of their own. `views`, of shape (n, 3), are
+        directions to the viewer, unit, in the frame of the surface. `accuracy` is the relative RMS
+        change at which to stop, if no more nodes are needed than the BRDF is worth.
 
         Raises BrdfError if the BRDF is not finite.
         """
@@ -118,12 +217,7 @@ class ProductQuadrature:
     def coefficients(self, views: Array, order: int) -> Array:
         """Project product functions onto the harmonics.
 
-        Parameters
-        ----------
-        views : ndarray, shape (n, 3)
-            Directions to the viewer, unit, in the frame of the surface.
-        order : int
-            The largest degree l.
+        `views`, of shape (n, 3), are directions to the viewer, unit, in the frame of the surface.
 
         Returns an array of shape (n, (order+1)^2, channels): index l(l+1)+m; one channel for a grey
         BRDF, else three.
@@ -133,12 +227,9 @@ class ProductQuadrature:
     def expanded(self, views: Array, order: int) -> tuple[Array, Array]:
         """Project product functions, and integrate their squares.
 
-        Returns
-        -------
-        coefficients : ndarray, shape (n, (order+1)^2, channels)
-        energy : ndarray, shape (n, channels)
-            The integrals of the squared product functions, which by Parseval are the sums of the
-            squared coefficients of all degrees.
+        Returns `coefficients` of shape (n, (order+1)^2, channels); and `energy` of shape (n,
+        channels), the integrals of the squared product functions, which by Parseval are the sums of
+        the squared coefficients of all degrees.
 
         Raises BrdfError if a value is not finite.
         """
@@ -239,12 +330,9 @@ class ProductFunctions:
     def expanded(self, views: Array, order: int) -> tuple[Array, Array]:
         """Project product functions, and integrate their squares.
 
-        Returns
-        -------
-        coefficients : ndarray, shape (n, (order+1)^2, channels)
-        energy : ndarray, shape (n, channels)
-            The integrals of the squared product functions. What the terms of a sum have beyond the
-            order is taken to be in phase, which is the most that it can be.
+        Returns `coefficients` of shape (n, (order+1)^2, channels); and `energy` of shape (n,
+        channels), the integrals of the squared product functions. What the terms of a sum have
+        beyond the order is taken to be in phase, which is the most that it can be.
         """
         coefficients, beyond = (np.zeros((len(views), k, 1)) for k in ((order + 1) ** 2, 1))
         for weight, rule, part in self._jobs(views):

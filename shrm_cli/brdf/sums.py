@@ -27,17 +27,11 @@ _LEAST_ALBEDO = 0.005  # a smaller Lambertian part is not worth a map of its own
 class Sum(Brdf):
     """A weighted sum of BRDFs.
 
-    Parameters
-    ----------
-    terms : sequence of (float, Brdf)
-        The weights and the terms, two at least. All must be defined about the normal or the
-        mirror direction, since a BRDF about the tangent is evaluated in another frame.
+    `terms` are the weights and the terms, two at least. All must be defined about the normal or the
+    mirror direction, since a BRDF about the tangent is evaluated in another frame.
 
-    Raises
-    ------
-    BrdfError
-        If there are too few terms, a term is about the tangent, or a weight is negative or
-        beyond 1e30.
+    Raises BrdfError if there are too few terms, a term is about the tangent, or a weight is
+    negative or beyond 1e30.
     """
 
     name = "sum"
@@ -243,10 +237,7 @@ def term_texts(spec: str) -> list[str]:
 def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
     """Parse a sum such as ``0.5*lambertian+0.5*ggx:roughness=0.3``.
 
-    Parameters
-    ----------
-    parse : callable
-        Makes the BRDF of one term from its specification.
+    `parse` makes the BRDF of one term from its specification.
 
     Raises BrdfError if there are too many terms, or one is empty or has no sound weight, or cannot
     be parsed or added.

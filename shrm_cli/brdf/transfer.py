@@ -21,8 +21,14 @@ from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, Sampled, both_signs, power_of_two_times
-from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
-from shrm_cli.brdf.lobe_views import Views
+from shrm_cli.brdf.lobe_expansion import (
+    FINER,
+    Expansion,
+    LobeExpander,
+    Views,
+    light_rule,
+    lobe_width,
+)
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError
@@ -144,18 +150,11 @@ def compute_transfer(
     A zonal BRDF needs only one integral over the cosine of the angle, for which Fejer's rule is
     exact where the BRDF is a polynomial; the rule is doubled until nothing changes at all.
 
-    Parameters
-    ----------
-    order_f, max_q : int
-        The largest l and q.
-    accuracy : float
-        The fraction of the energy that the sampling may miss.
+    `order_f` and `max_q` are the largest l and q. `accuracy` is the fraction of the energy that the
+    sampling may miss.
 
-    Returns
-    -------
-    TransferFunctions
-        Where the samples were not enough for the accuracy, as with noise and kinks of measured
-        data, it tells the accuracy that they reached.
+    Where the samples were not enough for the accuracy, as with noise and kinks of measured data,
+    the result tells the accuracy that they reached.
 
     Raises BrdfError if the BRDF is anisotropic or not finite, or if a model, that is not measured,
     is missed by more than a fiftieth of its energy.
@@ -385,17 +384,10 @@ def compute_coefficients(
 
     They are those of `compute_transfer`, expanded over theta_o.
 
-    Parameters
-    ----------
-    order_f, order_p : int
-        The largest l and p. A zonal BRDF has p = 0 only, whatever `order_p` is.
-    accuracy : float
-        The fraction of the energy that the sampling may miss.
+    `order_f` and `order_p` are the largest l and p. A zonal BRDF has p = 0 only, whatever `order_p`
+    is. `accuracy` is the fraction of the energy that the sampling may miss.
 
-    Returns
-    -------
-    BrdfCoefficients
-        Where the samples were not enough for the accuracy, it tells what they reached.
+    Where the samples were not enough for the accuracy, the result tells what they reached.
 
     Raises BrdfError if the BRDF is anisotropic or not finite, or cannot be sampled; see
     `compute_transfer`.

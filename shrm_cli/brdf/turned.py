@@ -16,10 +16,8 @@ _ALIKE = 1e-4
 class Turned(Brdf):
     """A BRDF in a frame that is turned about the normal: a view of azimuth 0 has another one.
 
-    Parameters
-    ----------
-    azimuth : float
-        The azimuth from the tangent that a view of azimuth 0 has in the BRDF's own frame, radians.
+    `azimuth` is the azimuth from the tangent that a view of azimuth 0 has in the BRDF's own frame,
+    radians.
     """
 
     isotropic = False

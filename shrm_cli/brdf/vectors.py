@@ -86,13 +86,8 @@ class sharing:
 def shared(what: Hashable, given: tuple[Any, ...], make: Callable[[], Shared]) -> Shared:
     """Return what follows from some objects, which `sharing` keeps with them.
 
-    Parameters
-    ----------
-    what : hashable
-        What is made, and the numbers that it depends on.
-    given : tuple
-        The objects themselves, such as arrays of directions: equal ones are not the same.
-    make : callable
+    `what` is what is made, and the numbers that it depends on. `given` is the objects themselves,
+    such as arrays of directions: equal ones are not the same.
     """
     found = _found.get()
     if found is None:
@@ -123,10 +118,8 @@ def _half_vector(light: Array, view: Array) -> Half:
 def cosines(light: Array, view: Array) -> tuple[Array, Array]:
     """Compute N.L and N.V for denominators, which are `GRAZING` at least.
 
-    Returns
-    -------
-    light_cosine, view_cosine : ndarray
-        Of the shapes of light and view without their last axis.
+    Returns `light_cosine` and `view_cosine`, of the shapes of light and view without their last
+    axis.
     """
     return np.maximum(light[..., 2], GRAZING), np.maximum(view[..., 2], GRAZING)
 
@@ -161,18 +154,11 @@ def colored(value: Array, color: Color) -> Array:
 def schlick(f0: Color, cosine: Array) -> Array:
     """Compute Schlick's approximation of Fresnel's reflectance, ``f0 + (1 - f0) (1 - L.H)^5``.
 
-    Parameters
-    ----------
-    f0 : tuple of 3 floats
-        Reflectance at normal incidence, linear RGB.
-    cosine : ndarray, shape (...)
-        L.H.
+    `f0` is the reflectance at normal incidence, linear RGB. `cosine`, of shape (...), is L.H.
 
     Returns an array of shape (..., 3): a broadcast view if `f0` is grey.
 
-    References
-    ----------
-    Schlick 1994, An inexpensive BRDF model for physically-based rendering.
+    References: Schlick 1994, An inexpensive BRDF model for physically-based rendering.
     """
     rest = fifth_power(1 - cosine)
     if is_grey(f0):
@@ -204,24 +190,14 @@ def is_grey(color: Color) -> bool:
 def half_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
     """Compute Rusinkiewicz's half and difference angles, along which reflection lobes lie.
 
-    Parameters
-    ----------
-    light, view : ndarray, shape (..., 3)
-        Unit vectors in the frame of the normal, z = N.
+    `light` and `view`, each of shape (..., 3), are unit vectors in the frame of the normal, z = N.
 
-    Returns
-    -------
-    theta_h : ndarray, shape (...)
-        The angle of the half vector from the normal, radians.
-    theta_d : ndarray, shape (...)
-        The angle of the light from the half vector, radians.
-    phi_d : ndarray, shape (...)
-        The azimuth of the light about the half vector, radians in -pi .. pi; it is 0 on the side
-        away from the normal.
+    Returns `theta_h` of shape (...), the angle of the half vector from the normal, radians;
+    `theta_d` of shape (...), the angle of the light from the half vector, radians; and `phi_d` of
+    shape (...), the azimuth of the light about the half vector, radians in -pi .. pi; it is 0 on
+    the side away from the normal.
 
-    References
-    ----------
-    Rusinkiewicz 1998, "A New Change of Variables for Efficient BRDF Representation".
+    References: Rusinkiewicz 1998, "A New Change of Variables for Efficient BRDF Representation".
     """
     total, difference = light + view, light - view
     x, y, z = np.moveaxis(total, -1, 0)

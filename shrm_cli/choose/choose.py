@@ -4,9 +4,16 @@ from collections.abc import Iterator, Sequence
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.choose.forms import Forms, Known, PrincipalForms, ShrmForms
+from shrm_cli.choose.forms import (
+    Forms,
+    Known,
+    PrincipalForms,
+    ShrmForms,
+    Truth,
+    made_offers,
+    others_of,
+)
 from shrm_cli.choose.offer import Choice, Offer, decided
-from shrm_cli.choose.others import Truth, made_offers, others_of
 from shrm_cli.errors import ArgumentError, ShrmError
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import parse_bytes
@@ -82,10 +89,7 @@ def choose(
 def checked_budget(budget: int | str | None) -> int | None:
     """Return a number of bytes from itself or from text.
 
-    Raises
-    ------
-    ArgumentError
-        If it is none.
+    Raises ArgumentError if it is none.
     """
     count = parse_bytes(budget) if isinstance(budget, str) else budget
     if budget is not None and (count is None or count < 1):

@@ -26,8 +26,7 @@ from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT
 
 if TYPE_CHECKING:
-    from shrm_cli.analysis.analyze import Analysis
-    from shrm_cli.analysis.orders import AccuracyCurve, OrderPictures
+    from shrm_cli.analysis.analyze import AccuracyCurve, Analysis, OrderPictures
 
 _TOLERANCES = (0.1, DEFAULT_EPS, 0.01)
 _VIEWS = ("0,0", "90,30")
@@ -196,7 +195,7 @@ def _analyze_materials(
 
     The figure is that of Ramamoorthi's thesis, with F = 30 and P = 0 .. 5.
     """
-    from shrm_cli.analysis.orders import MATERIAL_F, MATERIAL_P, material_energies
+    from shrm_cli.analysis.analyze import MATERIAL_F, MATERIAL_P, material_energies
     from shrm_cli.analysis.plots import can_plot, plot_materials
     from shrm_cli.brdf.spec import parse_spec
 

@@ -190,13 +190,8 @@ def _orders(
 
     What is to be said of them joins `remarks`.
 
-    Returns
-    -------
-    rows : list of dict
-        The orders for each tolerance, or why there are none.
-    captured : list of float
-        The energy that P = 0 .. 5 capture within the order F of the last tolerance that can be met;
-        empty if none can.
+    Returns the orders for each tolerance, or why there are none, and the energy that P = 0 .. 5
+    capture within the order F of the last tolerance that can be met; empty if none can.
     """
     from shrm_cli.errors import BrdfError, OrderError
     from shrm_cli.orders import known_coefficients, sufficient_orders

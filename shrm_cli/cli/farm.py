@@ -68,16 +68,8 @@ def write_farm_files(
 ) -> None:
     """Write the files that a farm takes.
 
-    Parameters
-    ----------
-    words : sequence of str
-        What follows ``shrm batch``.
-    commands, openjd : str, optional
-        The files.
-    probes : int
-        The number of probes.
-    chunk : int
-        How many of them a command takes, on average.
+    `words` is what follows ``shrm batch``. `commands` and `openjd` are the files. `probes` is the
+    number of probes. `chunk` is how many of them a command takes, on average.
     """
     from shrm_cli.batch.farm import command_lines, openjd_template
     from shrm_cli.files.whole import check_target, write_bytes

@@ -83,7 +83,7 @@ def grid(
       shrm grid house.grid.npz --light reflected -o house.json
     """
     from shrm_cli.rooms.export import WRITERS
-    from shrm_cli.rooms.file import is_grid, write_grid
+    from shrm_cli.rooms.grid import is_grid, write_grid
     from shrm_cli.rooms.make import grid as grid_of
 
     target, suffix = _target(source, output)

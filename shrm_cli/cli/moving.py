@@ -65,10 +65,7 @@ LIGHT_MOVES = ("turn_light", "blend_to", "blend", "irradiance_to", "background_t
 def split_vary(texts: Sequence[str]) -> tuple[str | None, dict[str, tuple[float, float]]]:
     """Return what parameters follow, ``vertex`` or an image, or the ways of their values.
 
-    Raises
-    ------
-    click.UsageError
-        If it is more than one of these.
+    Raises click.UsageError if it is more than one of these.
     """
     known = {text: way(text) for text in texts}
     follows = [text for text, found in known.items() if found is None]

@@ -69,11 +69,8 @@ def command_with_headings(headings: dict[str, list[str]]) -> type[click.Command]
 
     They keep the words that they were called with, for command lines that are shown or written.
 
-    Parameters
-    ----------
-    headings : dict of str to list of str
-        The names of options' values, by the heading that they stand under. All others come last,
-        under ``Running``.
+    `headings` are the names of options' values, by the heading that they stand under. All others
+    come last, under ``Running``.
     """
     place = {name: heading for heading, names in headings.items() for name in names}
 
@@ -105,12 +102,8 @@ def command_with_headings(headings: dict[str, list[str]]) -> type[click.Command]
 def _own_options(command: click.Command, words: Sequence[str], is_lenient: bool) -> list[Any]:
     """Return the options of the installed forms that words of a command line name by ``--to``.
 
-    Parameters
-    ----------
-    command : click.Command
-        It has the options that it shares with other forms already.
-    is_lenient : bool
-        Whether a form that cannot be used has none, because a shell completes.
+    `command` has the options that it shares with other forms already. `is_lenient` tells whether a
+    form that cannot be used has none, because a shell completes.
 
     Raises PluginError if the form cannot be used.
     """
@@ -322,12 +315,9 @@ def making_options(
 ) -> Callable[[Command], Command]:
     """Return a decorator that adds the options of making maps, each of them once.
 
-    Parameters
-    ----------
-    probes, cubes : str
-        What the command calls what it reads and writes: ``probe`` or ``probes``.
-    wanted : callable
-        Whether one of the representations' own options is added.
+    `probes` and `cubes` are what the command calls what it reads and writes: ``probe`` or
+    ``probes``. `wanted` tells of an option whether one of the representations' own options is
+    added.
     """
     return several(
         shared_options("eps", "error", "seen", "order_f", "order_p", "center"),
@@ -385,18 +375,11 @@ def conclude(
 ) -> None:
     """Print what a command has done, as JSON or as lines of text; warnings go to stderr.
 
-    Parameters
-    ----------
-    result : dict
-        What is printed as JSON with --json; the warnings are added to it.
-    lines : sequence of str
-        What is printed as text, but with --quiet.
-    warnings : sequence of str
-        Warnings may name arguments of the library in backticks. They are left out with --quiet.
-    failures : sequence of str
-        What could not be made; if there is any, the command exits with 1.
-    err : bool
-        Whether the lines go to stderr, because stdout holds something else.
+    `result` is what is printed as JSON with --json; the warnings are added to it. `lines` are what
+    is printed as text, but with --quiet. `warnings` are warnings may name arguments of the library
+    in backticks. They are left out with --quiet. `failures` are what could not be made; if there is
+    any, the command exits with 1. `err` tells whether the lines go to stderr, because stdout holds
+    something else.
     """
     tell({**result, "warnings": [flags(line) for line in warnings]}, lines, err)
     warn(warnings)

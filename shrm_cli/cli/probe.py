@@ -167,13 +167,8 @@ def studio(size: int, key: float, **written: Any) -> None:
 def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: object) -> None:
     """Write the image with the parameters that made it, and print what was written.
 
-    Parameters
-    ----------
-    pixels : ndarray of float32, shape (size, 2 size, 3)
-    written : dict
-        The values of --output and --precision.
-    **parameters
-        What made the image.
+    `pixels` are of shape (size, 2 size, 3). `written` holds the values of --output and --precision.
+    `**parameters` are what made the image.
     """
     from shrm_cli.files.image import write_image
     from shrm_cli.files.recipe import picture_attributes

@@ -109,7 +109,7 @@ def report(
     """
     from shrm_cli.files.whole import write_bytes
     from shrm_cli.probe.open import open_probe
-    from shrm_cli.report.page import Look
+    from shrm_cli.report.report import Look
     from shrm_cli.report.report import report as report_of
 
     light = open_probe(probe, make_read_options(values))

@@ -83,20 +83,11 @@ def open_stage(
 ) -> tuple[Stage, list[str]]:
     """Read a mesh or a scene, and check that there is a map for all of it.
 
-    Parameters
-    ----------
-    mesh : str
-        The file.
-    maps, names : sequence
-        The maps that pictures are drawn of, and their files' names; objects of a scene may name
-        their own.
-    values : mapping of str to value
-        Those of the options `OF_SURFACES`, for a mesh.
+    `mesh` is the file. `maps` and `names` are the maps that pictures are drawn of, and their files'
+    names; objects of a scene may name their own. `values` are those of the options `OF_SURFACES`,
+    for a mesh.
 
-    Returns
-    -------
-    stage : Stage
-    warnings : list of str
+    Returns the stage, and warnings.
 
     Raises click.UsageError if there is no map, one too many, or an option that does not apply.
     """
@@ -208,16 +199,8 @@ def open_baked(
     The lamps of a probe are taken out of its light, and cast shadows of their own. Without a map
     the surface is diffuse, and its light is the probe's.
 
-    Parameters
-    ----------
-    transfer : str
-        The file.
-    maps, names : sequence
-        The maps that pictures are drawn of, and their files' names.
-    probe : Probe, optional
-        The light of maps that hold none.
-    window : str, optional
-        As `lit_maps` takes it.
+    `transfer` is the file. `maps` and `names` are the maps that pictures are drawn of, and their
+    files' names. `probe` is the light of maps that hold none. `window` is as `lit_maps` takes it.
 
     Raises click.UsageError if there is neither a map nor a probe, or a window does not apply.
     Raises TransferError or ProbeError if a file cannot be read.

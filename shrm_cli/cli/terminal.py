@@ -249,10 +249,7 @@ class _Bar:
 def ticking(label: str, total: int) -> Iterator[Callable[[Totals], None]]:
     """Yield a callable that shows how far a run of many jobs has come, and how fast.
 
-    Parameters
-    ----------
-    total : int
-        Jobs in all.
+    `total` is the number of jobs in all.
     """
     if is_quiet():
         yield lambda totals: None

@@ -28,14 +28,8 @@ _START = re.compile(r"(?:^|\+|=\()(?:[0-9.eE+-]*\*)?")
 class Parsed(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only
     """A type whose texts a function reads; what is no text, such as a default, is a value already.
 
-    Parameters
-    ----------
-    name : str
-        What the help calls it.
-    parse : callable
-        Returns the value of a text, or raises a ValueError, whose message the user reads.
-    offered : iterable of str
-        Texts that the shell completes.
+    `name` is what the help calls it. `parse` returns the value of a text, or raises a ValueError,
+    whose message the user reads. `offered` holds texts that the shell completes.
     """
 
     def __init__(self, name: str, parse: Callable[[str], Any], offered: Iterable[str] = ()) -> None:
@@ -404,12 +398,7 @@ def _numbers(text: str) -> tuple[float, ...]:
 class Named(click.Choice):  # type: ignore[type-arg]  # it is generic since 8.2 only
     """Names of `shrm`; installed packages are asked only for what it has not.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Those of `shrm`.
-    more : callable
-        Returns those of installed packages.
+    `names` are those of `shrm`. `more` returns those of installed packages.
     """
 
     def __init__(self, names: Sequence[str], more: Callable[[], Iterable[str]]) -> None:

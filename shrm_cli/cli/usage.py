@@ -46,10 +46,8 @@ def flags(message: str, typed: Iterable[str] | None = None) -> str:
     The library writes arguments in backticks: `size` becomes --size, and `split=False` becomes
     --no-split. What the user has typed, such as names of files, keeps its backticks.
 
-    Parameters
-    ----------
-    typed : iterable of str, optional
-        The words of the command line; by default the values of the running command's parameters.
+    `typed` holds the words of the command line; by default the values of the running command's
+    parameters.
     """
     typed = list(_typed() if typed is None else typed)
     names = [name for name in typed if "`" in name and name in message]
@@ -114,10 +112,7 @@ def _remembered(name: str) -> bool:
 def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:
     """Refuse options that are given on the command line and would have no effect.
 
-    Parameters
-    ----------
-    rules : mapping of str to Applies
-        Rules by the names of the options' values. Options without a rule always apply.
+    `rules` are rules by the names of the options' values. Options without a rule always apply.
 
     Raises click.UsageError if an option was given that does not apply.
     """
@@ -131,10 +126,7 @@ def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:
 def renamed(**options: str) -> Iterator[None]:
     """Within this context refusals of an argument speak of the option that it came from.
 
-    Parameters
-    ----------
-    **options
-        By the library's name of an argument: the command's name for it.
+    `**options` are by the library's name of an argument: the command's name for it.
 
     Raises ArgumentError if the block raises one.
     """
@@ -186,16 +178,10 @@ def check_outputs(
 ) -> None:
     """Check, before work begins, that outputs can be written and overwrite no input.
 
-    Parameters
-    ----------
-    targets : iterable of str
-        The outputs.
-    files : iterable of str
-        Paths of inputs that have not been opened yet; all others are known, see `files.whole`.
-    specs : iterable of str or None
-        Specifications of BRDFs, which may name files that have not been opened yet.
-    suffixes : iterable of str
-        The suffixes that the targets' names may have, in lower case; by default any.
+    `targets` are the outputs. `files` are paths of inputs that have not been opened yet; all others
+    are known, see `files.whole`. `specs` are specifications of BRDFs, which may name files that
+    have not been opened yet. `suffixes` are the suffixes that the targets' names may have, in lower
+    case; by default any.
 
     Raises OutputError if a target cannot be written, is one of the inputs, or has another suffix.
     """
@@ -245,12 +231,8 @@ def readable_map(path: str) -> Map | None:
 def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
     """Refuse to replace an EXR picture that was not made by the same recipe.
 
-    Parameters
-    ----------
-    target : str
-        The name of the file, which need not exist.
-    recipe : mapping of str to value
-        What `picture_attributes` will store.
+    `target` is the name of the file, which need not exist. `recipe` is what `picture_attributes`
+    will store.
 
     Raises OutputError if the file exists, and another recipe, or none, made it.
     """

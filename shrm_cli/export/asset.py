@@ -56,12 +56,8 @@ class Asset:
     def lit(self, light: Json, pictures: list[bytes]) -> bytes:
         """Return a GLB in all scenes of which a light is.
 
-        Parameters
-        ----------
-        light : dict
-            What the extension wants of a light; its images are counted from 0.
-        pictures : list of bytes
-            PNG files, which are these images.
+        `light` is what the extension wants of a light; its images are counted from 0. `pictures`
+        are PNG files, which are these images.
         """
         tree, data = deepcopy(self.tree), bytearray(self.data)
         images = tree.setdefault("images", [])

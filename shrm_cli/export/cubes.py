@@ -41,12 +41,8 @@ WORLD = mirrored(1, 1, 1)
 def to_lookup(cube: Array, lookup: ArrayLike = WORLD) -> Array:
     """Return the faces that an engine must have so that it finds the light of a cube.
 
-    Parameters
-    ----------
-    cube : ndarray, shape (6N, N, ...)
-        An OpenEXR cube in world axes, sampled at texel centers.
-    lookup : array_like, shape (3, 3)
-        The matrix T of the engine, a permutation of the axes with signs.
+    `cube`, of shape (6N, N, ...), is an OpenEXR cube in world axes, sampled at texel centers.
+    `lookup`, of shape (3, 3), is the matrix T of the engine, a permutation of the axes with signs.
 
     Returns an array of shape (6, N, N, ...): faces in OpenGL's order and orientation, whose texel
     at the lookup direction c holds the light from ``T^-1 c``.
@@ -86,14 +82,9 @@ def ktx2_file(
 ) -> None:
     """Add a KTX 2 cube to a package, and tell what was clipped or could not be compressed.
 
-    Parameters
-    ----------
-    levels : sequence of ndarray, shape (6 N_k, N_k, 3)
-        OpenEXR cubes in world axes.
-    lookup : ndarray, shape (3, 3)
-        How the engine looks its cubes up; see the top of this module.
-    reads_zstd : bool
-        Whether the engine reads levels that Zstandard has compressed.
+    `levels`, each of shape (6 N_k, N_k, 3), are OpenEXR cubes in world axes. `lookup`, of shape (3,
+    3), is how the engine looks its cubes up; see the top of this module. `reads_zstd` tells whether
+    the engine reads levels that Zstandard has compressed.
     """
     packed = packed_levels(made, name, levels, texels, lookup)
     compress = reads_zstd and can_compress()
@@ -128,10 +119,8 @@ def decoded(data: bytes, texels: TexelFormat, count: int, size: int) -> Array:
     Other code than what packs them reads them: of BC6H this is OpenImageIO, of ASTC Arm's decoder.
     UASTC HDR is rewritten as BC6H first, which has coarser ends.
 
-    Parameters
-    ----------
-    count, size : int
-        The number of images, which are squares, and the texels along their edges.
+    `count` and `size` are the number of images, which are squares, and the texels along their
+    edges.
     """
     if texels.name in ("bc6h", "uastc"):
         data = uastc.to_bc6h(data) if texels.name == "uastc" else data

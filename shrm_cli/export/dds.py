@@ -33,13 +33,8 @@ _NUMBERS = {"rgba16f": 10, "r11g11b10": 26, "rgb9e5": 67, "bc6h": 95}
 def dds_cube(levels: Sequence[bytes], size: int, texels: TexelFormat) -> bytes:
     """Return the bytes of a file of a cube with its mips.
 
-    Parameters
-    ----------
-    levels : sequence of bytes
-        Little-endian texels of each level: six faces, in rows from the top. Each level is half as
-        wide as the one before.
-    size : int
-        Texels along an edge of the first level.
+    `levels` are little-endian texels of each level: six faces, in rows from the top. Each level is
+    half as wide as the one before. `size` is the number of texels along an edge of the first level.
     """
     flags, pitch = _FLAGS, size * texels.size
     if texels.edge > 1:

@@ -1,8 +1,8 @@
 """What an engine is, and what it is given: light as it wants it, and back come files.
 
-An engine is a subclass of `Engine` in a module of `shrm_cli.export.engines`, with one instance
-called ``ENGINE``, and a row in `vocabulary.ENGINES`. Nothing else knows it. An installed package
-offers one by an entry point of the group `plugins.ENGINES`, which names the subclass.
+An engine is a subclass of `Engine`, one in a module of `shrm_cli.export.engines`, and a row in
+`vocabulary.ENGINES`. Nothing else knows it. An installed package offers one by an entry point of
+the group `plugins.ENGINES`, which names the subclass.
 """
 
 import importlib
@@ -204,6 +204,16 @@ class PanoramaEngine(Engine):
     wants_irradiance = False
     wants_latlong = True
 
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
+        made = Package()
+        if light.latlong is not None:
+            self.add_panorama(made, light.latlong, light)
+        return made
+
+    @abstractmethod
+    def add_panorama(self, made: Package, image: Array, light: Light) -> None:
+        """Add the file of a lat-long, which lies as ours do, and what is said of it."""
+
 
 def engine(name: str) -> Engine:
     """Return the engine of a name of `vocabulary.ENGINES`, or of an installed package.
@@ -213,7 +223,10 @@ def engine(name: str) -> Engine:
     """
     if name not in ENGINES:
         return _foreign(name)
-    return importlib.import_module(f"shrm_cli.export.engines.{ENGINES[name]}").ENGINE
+    here = importlib.import_module(f"shrm_cli.export.engines.{ENGINES[name]}")
+    classes = [each for each in vars(here).values() if isinstance(each, type)]
+    (found,) = (c for c in classes if issubclass(c, Engine) and c.__module__ == here.__name__)
+    return found()
 
 
 def _foreign(name: str) -> Engine:

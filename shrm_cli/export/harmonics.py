@@ -23,11 +23,8 @@ _CONDON_SHORTLEY = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])
 def in_axes(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
     """Return the coefficients of the same light in an engine's axes.
 
-    Parameters
-    ----------
-    coefficients : array_like, shape (9, 3)
-    matrix : array_like, shape (3, 3)
-        From world axes to those of the engine; it may mirror.
+    `coefficients` are of shape (9, 3). `matrix`, of shape (3, 3), leads from world axes to those of
+    the engine; it may mirror.
     """
     return np.asarray(transform_coefficients(np.asarray(coefficients, dtype=float), matrix))
 

@@ -113,17 +113,11 @@ def ktx2(
 ) -> bytes:
     """Return a KTX 2 file of a cube, a picture or a volume.
 
-    Parameters
-    ----------
-    levels : sequence of bytes
-        The encoded texels of each mip, which has half the size of the one before: the faces of a
-        cube in the order +X -X +Y -Y +Z -Z; of a volume x runs fastest, then y, then z.
-    shape : tuple of 3 int
-        Texels along x, y and z of the first mip. The depth of pictures and cubes is 0.
-    compress : bool
-        Whether each mip is compressed by Zstandard, which needs the extra ``export``.
-    faces : int
-        6 of a cube.
+    `levels` are the encoded texels of each mip, which has half the size of the one before: the
+    faces of a cube in the order +X -X +Y -Y +Z -Z; of a volume x runs fastest, then y, then z.
+    `shape` is the number of texels along x, y and z of the first mip. The depth of pictures and
+    cubes is 0. `compress` tells whether each mip is compressed by Zstandard, which needs the extra
+    ``export``. `faces` are 6 of a cube.
     """
     number, type_size, samples = _VULKAN[texels.name]
     stored = [_compressed(mip) for mip in levels] if compress else list(levels)
@@ -156,15 +150,9 @@ def ktx1_cube(
 ) -> bytes:
     """Return a KTX 1 file of a cube.
 
-    Parameters
-    ----------
-    levels : sequence of bytes
-        The encoded faces of each mip, in the order +X -X +Y -Y +Z -Z; each mip has half the size
-        of the one before.
-    size : int
-        Texels along an edge of the first mip.
-    metadata : mapping of str to str
-        Keys and values. Values end in a NUL in the file.
+    `levels` are the encoded faces of each mip, in the order +X -X +Y -Y +Z -Z; each mip has half
+    the size of the one before. `size` is the number of texels along an edge of the first mip.
+    `metadata` holds keys and values. Values end in a NUL in the file.
     """
     pairs = b"".join(_pair(key, value) for key, value in metadata.items())
     kind, kind_size, layout, internal, base = _GL[texels.name]

@@ -29,12 +29,7 @@ def without_lamps(
     how many there are. A night with 13 lamps loses 1.4 % (RMS) of its sharp level to BC6H where all
     of them are lights, and 2.9 % where five stay.
 
-    Returns
-    -------
-    Probe
-        What is left.
-    discs : tuple of Disc
-    told, warnings : list of str
+    Returns what is left, the discs, what is told of them, and warnings.
     """
     most = engine.lamps
     split = split_lamps(probe, count=most)

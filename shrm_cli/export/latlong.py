@@ -20,12 +20,8 @@ _HALF = FORMATS["rgba16f"]
 def rolled(image: Array, degrees: int) -> Array:
     """Return a lat-long with another direction in its centre.
 
-    Parameters
-    ----------
-    image : ndarray, shape (N, 2 N, 3)
-        +Z in the centre, +X in the left quarter.
-    degrees : int
-        A multiple of 90: the azimuth of the new centre, from +Z towards +X.
+    `image`, of shape (N, 2 N, 3), is +Z in the centre, +X in the left quarter. `degrees` is a
+    multiple of 90: the azimuth of the new centre, from +Z towards +X.
 
     Raises MapError if the columns are not a whole number of such parts.
     """

@@ -99,14 +99,8 @@ class Source:
     ) -> "Source":
         """Open a probe, or some maps.
 
-        Parameters
-        ----------
-        paths : sequence of str
-            The file of one probe, or those of maps.
-        name : str
-            What the names of the files begin with; by default the name of the first file.
-        reading : ReadOptions, optional
-            How a probe is read.
+        `paths` are the file of one probe, or those of maps. `name` is what the names of the files
+        begin with; by default the name of the first file. `reading` is how a probe is read.
         """
         name = name or probe_stem(paths[0])
         if is_map(paths[0]):
@@ -404,12 +398,8 @@ def _with_images(light: Light, probe: Probe, engine: Engine, asked: Asked) -> Li
 def write(package: Package, folder: Path, kept: bool = True) -> list[Path]:
     """Write all files of an export into a folder, or none of them.
 
-    Parameters
-    ----------
-    folder : path-like
-        It is made if it does not exist; the folder that it lies in must.
-    kept : bool
-        Whether files that exist are replaced by files of the same bytes only.
+    `folder` is made if it does not exist; the folder that it lies in must. `kept` tells whether
+    files that exist are replaced by files of the same bytes only.
 
     Raises OutputError if a file cannot be written, or would replace another one.
     """

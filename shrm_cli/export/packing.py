@@ -30,11 +30,8 @@ def refuse_missing(name: str | None) -> None:
 def packed(engine: Engine, light: Light, name: str | None, max_error: float | None) -> Package:
     """Return the files of an engine, with texels that keep an error.
 
-    Parameters
-    ----------
-    name : str, optional
-        Of the texels, or ``auto``; by default the engine's own, and its spare ones for light whose
-        lamps these change.
+    `name` is that of the texels, or ``auto``; by default the engine's own, and its spare ones for
+    light whose lamps these change.
 
     Raises ArgumentError if the format, or all of those that ``auto`` chooses from, change the light
     by more.

@@ -68,12 +68,8 @@ def limited(image: Array, chosen: TexelFormat, what: str) -> tuple[Array, Clippe
 def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clipped]:
     """Encode an image, little-endian, and tell what was clipped.
 
-    Parameters
-    ----------
-    image : ndarray, shape (..., 3)
-        Linear radiance. The texels are written in the order of the array.
-    what : str
-        What the image is called in messages.
+    `image`, of shape (..., 3), is linear radiance. The texels are written in the order of the
+    array. `what` is what the image is called in messages.
 
     Returns `data` and `clipped`.
 

@@ -31,12 +31,8 @@ def rgbd_pictures(faces: Array, what: str) -> tuple[list[bytes], Clipped]:
     The pictures stand on their heads: Babylon.js, and glTF's image-based light with it, counts the
     rows of a face as those of other textures, from below.
 
-    Parameters
-    ----------
-    faces : ndarray, shape (6, N, N, 3)
-        Linear radiance.
-    what : str
-        What the level is called in messages.
+    `faces`, of shape (6, N, N, 3), are linear radiance. `what` is what the level is called in
+    messages.
 
     Raises MapError if a value is not finite.
     """
@@ -64,9 +60,7 @@ def rgba_png(pixels: NDArray[np.uint8]) -> bytes:
     Image libraries multiply colours with alpha on their way into or out of a file, which would
     destroy RGBD; here bytes stay as they are. Each row is stored as its difference to that above.
 
-    Parameters
-    ----------
-    pixels : ndarray of uint8, shape (H, W, 4)
+    `pixels` are of shape (H, W, 4).
     """
     height, width, _ = pixels.shape
     rows = pixels.reshape(height, 4 * width)

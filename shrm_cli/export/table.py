@@ -22,12 +22,8 @@ _COLUMNS = 3
 def write_texture(path: str | os.PathLike[str], table: Array, precision: Precision = "auto") -> str:
     """Write a table as a texture, by the suffix of its name, whole or not at all.
 
-    Parameters
-    ----------
-    table : ndarray, shape (N, N, 2) or (N, N, 3)
-        The third column is 0 where there are two.
-    precision : {"auto", "half", "float"}
-        The texels of KTX 2; ``auto`` is half, as engines read it.
+    The third column of `table`, of shape (N, N, 2 or 3), is 0 where there are two. `precision`
+    holds the texels of KTX 2; ``auto`` is half, as engines read it.
 
     Returns what the texels are: ``"half"``, ``"float"`` or ``"16 bits"``. Raises OutputError if the
     file cannot be written, or cannot hold the table.

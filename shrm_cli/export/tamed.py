@@ -56,9 +56,7 @@ class Sampler:
 def tamed(image: Array, sampler: Sampler) -> tuple[Array, str]:
     """Spread the lamps of a panorama that are smaller than the discs of a sampler.
 
-    Parameters
-    ----------
-    image : ndarray, shape (N, 2 N, 3)
+    `image` is of shape (N, 2 N, 3).
 
     Returns `image`, the same light, with the same sum over solid angles; and `told`, how many lamps
     were spread, and what part of the light they are.

@@ -44,10 +44,7 @@ def is_animated(path: str | os.PathLike[str]) -> bool:
 def held_bytes(path: str | os.PathLike[str], pixels: int, frames: int) -> int:
     """Return how many bytes of memory the frames of a moving picture take while it is written.
 
-    Parameters
-    ----------
-    pixels : int
-        Of a frame.
+    `pixels` is the number of those of a frame.
     """
     return _HELD.get(Path(path).suffix.lower(), 0) * pixels * frames
 
@@ -66,15 +63,10 @@ def check_animation(path: str | os.PathLike[str]) -> None:
 def write_animation(path: str | os.PathLike[str], frames: Iterable[Image8], rate: float) -> None:
     """Write a moving picture that begins anew at its end, whole or not at all.
 
-    Parameters
-    ----------
-    path : path-like
-        ``.apng``, ``.gif`` or ``.mp4``.
-    frames : iterable of ndarray of uint8, shape (H, W, 3)
-        sRGB. A GIF has 256 colours in each of them. An MP4 has an even number of rows and of
-        columns: the last ones are repeated in black where it must be.
-    rate : float
-        Frames a second. GIFs count in hundredths of a second.
+    `path` is ``.apng``, ``.gif`` or ``.mp4``. `frames`, each of shape (H, W, 3), are sRGB. A GIF
+    has 256 colours in each of them. An MP4 has an even number of rows and of columns: the last ones
+    are repeated in black where it must be. `rate` is in frames a second. GIFs count in hundredths
+    of a second.
 
     Raises OutputError if the file cannot be written, or what writes it is not installed.
     """

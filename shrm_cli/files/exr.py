@@ -34,9 +34,7 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
 
     It has a digest of itself, see `files.exr_header.seal`.
 
-    Parameters
-    ----------
-    pixel_type : {"half", "float"}
+    `pixel_type` is one of ``half``, ``float``.
 
     Raises OutputError if the file cannot be written.
     """

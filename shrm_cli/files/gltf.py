@@ -88,14 +88,8 @@ def buffers_of(name: str, tree: Json, chunk: bytes | None) -> list[bytes]:
 def bytes_at(name: str, uri: str, most: int, what: str = "a buffer") -> bytes:
     """Return the bytes at an address of a glTF file: those in the text, or a file's beside it.
 
-    Parameters
-    ----------
-    name : str
-        The path of the glTF file.
-    most : int
-        How many bytes are read of a file, at most.
-    what : str
-        What the bytes are, for messages.
+    `name` is the path of the glTF file. `most` is how many bytes are read of a file, at most.
+    `what` is what the bytes are, for messages.
     """
     if uri.startswith("data:"):
         return embedded(uri)

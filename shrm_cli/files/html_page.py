@@ -37,19 +37,10 @@ def html_page(
 ) -> str:
     """Return a page: HTML, to be written as UTF-8.
 
-    Parameters
-    ----------
-    title : str
-        Any text; it is escaped.
-    body : str
-        HTML, in which all text has been escaped.
-    style, script : str
-        What stands in the page. Neither may hold the end of its element.
-    network : str
-        What the page may ask for, as `connect-src` of its policy has it.
-    framed : tuple of (str, str)
-        Digests of scripts and styles of pages that are framed in it: they obey its policy besides
-        their own.
+    `title` is any text; it is escaped. `body` is HTML, in which all text has been escaped. `style`
+    and `script` are what stands in the page. Neither may hold the end of its element. `network` is
+    what the page may ask for, as `connect-src` of its policy has it. `framed` holds digests of
+    scripts and styles of pages that are framed in it: they obey its policy besides their own.
     """
     scripts = " ".join(filter(None, [digest(script) if script else "", framed[0]])) or "'none'"
     styles = " ".join(filter(None, [digest(style), framed[1]]))

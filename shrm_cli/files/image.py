@@ -20,14 +20,8 @@ def write_image(
 ) -> PixelType:
     """Write an RGB image, whole or not at all, and return the pixel type.
 
-    Parameters
-    ----------
-    pixels : ndarray, shape (H, W, 3)
-        Scene-linear values.
-    precision : {"auto", "half", "float"}
-        ``auto`` is half unless a value exceeds its range.
-    attributes : mapping, optional
-        Attributes of the file by name.
+    `pixels`, of shape (H, W, 3), are scene-linear values. The `precision` ``auto`` is half unless a
+    value exceeds its range. `attributes` are attributes of the file by name.
 
     Raises OutputError if a value is not finite, half would overflow, or the file cannot be written.
     """
@@ -43,14 +37,8 @@ def write_images(
 ) -> PixelType:
     """Write images of the same pixel type, which is returned, or none of them.
 
-    Parameters
-    ----------
-    paths : sequence of str
-        The file of each image.
-    images : sequence of ndarray, shape (H, W, 3)
-        Scene-linear values; all images have the same shape.
-    precision, attributes
-        As in `write_image`.
+    `paths` are the file of each image. `images`, each of shape (H, W, 3), are scene-linear values;
+    all images have the same shape. `precision` and `attributes` are as in `write_image`.
 
     Raises OutputError if a value is not finite, half would overflow, or a file cannot be written.
     """
@@ -66,13 +54,9 @@ def probe_attributes(
 ) -> dict[str, Any]:
     """Return the attributes of a probe's file.
 
-    Parameters
-    ----------
-    chromaticities : tuple of 8 float, optional
-        CIE x and y of red, green, blue and white.
-    envmap : {"openexr", "latlong"}, optional
-        Layout of a border-sampled image. A file without this attribute is sampled at pixel
-        centres.
+    `chromaticities` are CIE x and y of red, green, blue and white. `envmap`, one of ``openexr``,
+    ``latlong``, is layout of a border-sampled image. A file without this attribute is sampled at
+    pixel centres.
     """
     attributes: dict[str, Any] = {}
     if chromaticities is not None:
@@ -87,11 +71,8 @@ def without_negative(
 ) -> tuple[list[Array], list[str]]:
     """Set negative values to 0, which programs that read plain images do not expect.
 
-    Parameters
-    ----------
-    path : path-like
-        Name of the file that they are for, for the warning.
-    images : sequence of ndarray, shape (H, W, 3)
+    `path` is the name of the file that they are for, for the warning. `images` are each of shape
+    (H, W, 3).
 
     Returns `images`; and `warnings`, one, with the number of pixels and the least value, where
     there were any.

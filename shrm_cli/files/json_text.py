@@ -29,12 +29,8 @@ _BRACKETS = re.compile(r"[][{}]")
 def parse_json(text: object, most_depth: int = _MOST_DEPTH) -> Any:
     """Return the value of a text in JSON: numbers are finite, and texts can be encoded.
 
-    Parameters
-    ----------
-    text : object
-        The value of an attribute, which may be no text at all.
-    most_depth : int
-        The most lists and objects within each other.
+    `text` is the value of an attribute, which may be no text at all. `most_depth` is the most lists
+    and objects within each other.
 
     Raises ValueError if it is anything else than sound JSON of moderate length and depth.
     """
@@ -91,18 +87,9 @@ def read_toml(
 ) -> tuple[dict[str, Any], bytes]:
     """Read a file in TOML that is no larger than its kind can be.
 
-    Parameters
-    ----------
-    name : str or path
-        The file.
-    what : str
-        What the file should be, for the error messages: ``a manifest``.
-    most_bytes : int
-        The size of the largest file that is read.
-    too_large : str
-        What is said of a larger file: that it is too large, and what to do.
-    error : type
-        The class of the errors.
+    `name` is the file. `what` is what the file should be, for the error messages: ``a manifest``.
+    `most_bytes` is the size of the largest file that is read. `too_large` is what is said of a
+    larger file: that it is too large, and what to do. `error` is the class of the errors.
 
     Returns `values`, the keys of the file; and `text`, the file as it is.
 

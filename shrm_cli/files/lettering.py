@@ -30,14 +30,8 @@ def shorten(text: str, fits: Callable[[str], bool]) -> str:
 def text_coverage(text: str, font_size: int, width: int, height: int) -> Array:
     """Draw a line of text in the middle of a strip.
 
-    Parameters
-    ----------
-    text : str
-        The text is shortened in its middle if it is too wide.
-    font_size : int
-        Height of the font, pixels.
-    width, height : int
-        Of the strip, pixels.
+    The text is shortened in its middle if it is too wide. `font_size` is the height of the font,
+    pixels. `width` and `height` are those of the strip, pixels.
 
     Returns an array of float32 of shape (height, width, 1): the fraction of each pixel that the
     text covers. Raises OutputError if OpenImageIO cannot draw text.

@@ -28,14 +28,10 @@ def write_mipmap(
 ) -> PixelType:
     """Write a tiled, mip-mapped RGB image with ZIP compression, whole; return the pixel type.
 
-    Parameters
-    ----------
-    levels : sequence of ndarray, shape (H_k, W_k, 3)
-        All levels down to one pixel; each is half as wide and as high as the one before, rounded
-        down, and at least 1.
-    attributes : mapping, optional
-        Texts, numbers and ``chromaticities`` by name. ``envmap`` of ``latlong`` marks a
-        border-sampled lat-long, as texture systems want it.
+    `levels`, each of shape (H_k, W_k, 3), are all levels down to one pixel; each is half as wide
+    and as high as the one before, rounded down, and at least 1. `attributes` are texts, numbers and
+    ``chromaticities`` by name. ``envmap`` of ``latlong`` marks a border-sampled lat-long, as
+    texture systems want it.
 
     Raises OutputError if a value is not finite, half would overflow, or the file cannot be written.
     """

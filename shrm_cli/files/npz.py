@@ -61,13 +61,8 @@ class Archive:
     def numbers(self, name: str, dimensions: int, most: int | None = None) -> NDArray[np.floating]:
         """Return an array of 32 or 64-bit floats.
 
-        Parameters
-        ----------
-        dimensions : int
-            How many axes the array has.
-        most : int, optional
-            The most bytes of its numbers. By default they must not be packed, so that they are no
-            more than what the file holds.
+        `dimensions` is how many axes the array has. `most` is the most bytes of its numbers. By
+        default they must not be packed, so that they are no more than what the file holds.
 
         Raises ValueError if there is no such array, or it is another one than expected.
         """
@@ -157,11 +152,8 @@ def opened(path: Path) -> Iterator[Archive]:
 def told(path: Path, error: type[ShrmError], missing: str, again: str) -> Iterator[Archive]:
     """Yield an archive that a command reads; what is wrong with it becomes one line of an error.
 
-    Parameters
-    ----------
-    missing, again : str
-        What to do where there is no such file, and where it is damaged or not what is sought, as a
-        ValueError or a KeyError within the block tells.
+    `missing` and `again` are what to do where there is no such file, and where it is damaged or not
+    what is sought, as a ValueError or a KeyError within the block tells.
     """
     note(path)
     try:

@@ -135,10 +135,8 @@ def write_parts(
 ) -> PixelType:
     """Write a file, whole or not at all, as its suffix says, and return the pixel type.
 
-    Parameters
-    ----------
-    precision : {"auto", "half", "float"}
-        ``auto`` is half unless a value exceeds its range, or light is so dim that it loses digits.
+    The `precision` ``auto`` is half unless a value exceeds its range, or light is so dim that it
+    loses digits.
 
     Raises OutputError if the suffix is unknown, a value is not finite, half would overflow, or the
     file cannot be written.
@@ -190,17 +188,10 @@ def choose_storage(
 ) -> Storage:
     """Choose how to store values, and tell what half costs them.
 
-    Parameters
-    ----------
-    path : path-like
-        Name of the file, for messages.
-    planes : iterable of ndarray
-        The values.
-    precision : {"auto", "half", "float"}
-        ``auto`` is half, but float where half would overflow, or make a larger error than is
-        allowed: below 6e-5 it has fewer digits, and below 3e-8 none.
-    allowed : float
-        The relative RMS error that half may make. Ordinary rounding, `HALF_ROUNDING`, always may.
+    `path` is the name of the file, for messages. `planes` are the values. The `precision` ``auto``
+    is half, but float where half would overflow, or make a larger error than is allowed: below 6e-5
+    it has fewer digits, and below 3e-8 none. `allowed` is the relative RMS error that half may
+    make. Ordinary rounding, `HALF_ROUNDING`, always may.
 
     Raises OutputError if a value is not finite in 32-bit float, or half is asked for and would
     overflow.

@@ -44,17 +44,10 @@ def write_picture(
 ) -> str:
     """Write a picture, whole or not at all, as the type that its name's suffix asks for.
 
-    Parameters
-    ----------
-    path : path-like
-        ``.png`` or ``.exr``.
-    pixels : ndarray, shape (H, W, 3)
-        Linear and already exposed. PNG clips the values to 0 .. 1; EXR keeps them.
-    precision : {"auto", "half", "float"}
-        Pixel type of an EXR; a PNG ignores it.
-    attributes : mapping, optional
-        Attributes of an EXR. A PNG, which is Rec.709, is converted from their ``chromaticities``;
-        what lies outside its colors is clipped.
+    `path` is ``.png`` or ``.exr``. `pixels`, of shape (H, W, 3), are linear and already exposed.
+    PNG clips the values to 0 .. 1; EXR keeps them. `precision` is the pixel type of an EXR; a PNG
+    ignores it. `attributes` are attributes of an EXR. A PNG, which is Rec.709, is converted from
+    their ``chromaticities``; what lies outside its colors is clipped.
 
     Returns the pixel type written: ``"8-bit sRGB"``, ``"half"`` or ``"float"``. Of a PNG it says
     how much of a converted picture was clipped. Raises OutputError if the suffix is another one, a
@@ -72,14 +65,8 @@ def in_srgb(
 ) -> tuple[NDArray[np.uint8], float]:
     """Return a linear picture as 8-bit sRGB, and the share of it that was outside its colors.
 
-    Parameters
-    ----------
-    path : path-like
-        The file that it is for, for the message.
-    pixels : ndarray, shape (H, W, 3)
-        Linear and already exposed.
-    primaries : tuple of 8 float, optional
-        Its chromaticities; None is Rec.709.
+    `path` is the file that it is for, for the message. `pixels`, of shape (H, W, 3), are linear and
+    already exposed. `primaries` are its chromaticities; None is Rec.709.
 
     Raises OutputError if a value is NaN.
     """

@@ -18,14 +18,9 @@ _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 def encode_srgb(pixels: ArrayLike) -> NDArray[np.uint8]:
     """Encode linear Rec.709 values as 8-bit sRGB, clipped to 0 .. 1, of the same shape.
 
-    Parameters
-    ----------
-    pixels : array_like
-        Of any shape.
+    `pixels` are linear, of any shape.
 
-    References
-    ----------
-    IEC 61966-2-1:1999, the sRGB transfer function.
+    References: IEC 61966-2-1:1999, the sRGB transfer function.
     """
     linear = np.clip(np.asarray(pixels, dtype=np.float32), 0, 1)
     encoded = np.where(
@@ -37,15 +32,11 @@ def encode_srgb(pixels: ArrayLike) -> NDArray[np.uint8]:
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     """Return a picture as the bytes of a PNG, for pages that hold it within.
 
-    Parameters
-    ----------
-    pixels : ndarray of uint8, shape (H, W, 3) or (H, W, 4)
-        8-bit sRGB; the fourth channel is the coverage, by which the others are not multiplied.
+    `pixels`, of shape (H, W, 3) or (H, W, 4), are 8-bit sRGB; the fourth channel is the coverage,
+    by which the others are not multiplied.
 
-    References
-    ----------
-    ISO/IEC 15948:2004, clauses 5 and 9. Each row takes that of the filters none, sub and up whose
-    differences are the least.
+    References: ISO/IEC 15948:2004, clauses 5 and 9. Each row takes that of the filters none, sub
+    and up whose differences are the least.
     """
     height, width, channels = pixels.shape
     rows = pixels.reshape(height, width * channels)
@@ -72,9 +63,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8 | np.uint16]) -> None:
     """Write a picture of 8-bit sRGB values, or 16-bit linear ones, whole or not at all.
 
-    Parameters
-    ----------
-    pixels : ndarray of uint8 or uint16, shape (H, W, 3)
+    `pixels`, of shape (H, W, 3), are of 8 or 16 bits.
 
     Raises OutputError if the file cannot be written.
     """

@@ -10,14 +10,9 @@ def picture_attributes(
 ) -> dict[str, Any]:
     """Return the attributes of an EXR picture.
 
-    Parameters
-    ----------
-    recipe : dict
-        How it was made. File names stand in it without their folders, because the bytes of the
-        picture must not depend on them.
-    primaries : iterable of tuple of 8 float or None
-        The chromaticities of everything that the picture shows; they are passed on where all are
-        the same.
+    `recipe` is how it was made. File names stand in it without their folders, because the bytes of
+    the picture must not depend on them. `primaries` are the chromaticities of everything that the
+    picture shows; they are passed on where all are the same.
     """
     attributes: dict[str, Any] = {"shrm:recipe": json.dumps(recipe)}
     known = set(primaries)

@@ -59,13 +59,8 @@ def fetched(
 ) -> Iterator[Path]:
     """Yield the path of a temporary copy, which has the name of the original and is removed after.
 
-    Parameters
-    ----------
-    folder : path-like, optional
-        Where the copy is made, in a folder of its own; by default where the system has its
-        temporary files.
-    most_bytes : int
-        The most bytes that the file may have.
+    `folder` is where the copy is made, in a folder of its own; by default where the system has its
+    temporary files. `most_bytes` is the most bytes that the file may have.
 
     Raises RemoteError if the file cannot be fetched, has more bytes, or ends before its stated
     size.

@@ -286,12 +286,7 @@ def own_prefix(name: str) -> str:
 def abandoned(folder: Path, prefix: str, suffix: str = "") -> list[Path]:
     """Return temporary files and folders whose processes no longer run on this machine.
 
-    Parameters
-    ----------
-    prefix : str
-        What `own_prefix` returns.
-    suffix : str, optional
-        What their names end in.
+    `prefix` is what `own_prefix` returns. `suffix` is what their names end in.
     """
     found = []
     with contextlib.suppress(OSError):

@@ -23,12 +23,8 @@ _MOST_TRIALS = 6
 def charted(mesh: Mesh, size: int) -> Sampled:
     """Find the texels of a texture over a mesh, and the points that they stand for.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    size : int
-        Texels along the edge: of a square texture for the mesh's own coordinates, and the most for
-        charts that are made.
+    `size` is the number of texels along the edge: of a square texture for the mesh's own
+    coordinates, and the most for charts that are made.
 
     Raises MeshError if xatlas is needed and not installed, or the charts do not fit.
     """

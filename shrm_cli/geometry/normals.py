@@ -21,12 +21,8 @@ _NOWHERE = 1e-9
 def face_normals(vertices: Array, faces: Integers) -> Array:
     """Return the unit normals of triangles.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3)
-        Finite.
-    faces : ndarray of int, shape (m, 3)
-        Counterclockwise as seen from where the normals point to.
+    `vertices`, of shape (n, 3), are finite. `faces`, of shape (m, 3), are counterclockwise as seen
+    from where the normals point to.
 
     Returns an array of shape (m, 3): 0 where a triangle has no area.
     """
@@ -46,16 +42,10 @@ def smooth_normals(vertices: Array, faces: Integers) -> Array:
     "Computing vertex normals from polygonal facets"). Vertices at one place are one, so that
     seams of texture coordinates are not seen. Triangles without an area do not count.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3)
-    faces : ndarray of int, shape (m, 3)
+    `vertices` are of shape (n, 3). `faces` are of shape (m, 3).
 
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        Where normals cancel each other, as on the two sides of a sheet, that of one of the
-        vertex's own triangles.
+    Returns an array of shape (n, 3). Where normals cancel each other, as on the two sides of a
+    sheet, the normal is that of one of the vertex's own triangles.
     """
     flat = face_normals(vertices, faces)
     _, place = np.unique(vertices, axis=0, return_inverse=True)
@@ -107,14 +97,8 @@ def smooth_points(mesh: "Mesh", faces: Integers, weights: Array, normals: Array)
     look over what shadows them. Here they are moved half as far, and a plane below a point, as
     where the surface turns from convex to concave, counts against one above it.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    faces : ndarray of int, shape (n,)
-    weights : ndarray, shape (n, 3)
-        Barycentric.
-    normals : ndarray, shape (n, 3)
-        Those of the side that is looked from.
+    `faces` are of shape (n,). `weights`, of shape (n, 3), are barycentric. `normals`, of shape (n,
+    3), are those of the side that is looked from.
     """
     corners = mesh.faces[faces]
     points = mesh.interpolated(mesh.vertices, faces, weights)

@@ -142,10 +142,7 @@ class _Reader:
 def read_obj(name: str, data: bytes) -> dict[str, Any]:
     """Read an OBJ file.
 
-    Parameters
-    ----------
-    name : str
-        For messages.
+    `name` is for messages.
 
     Returns
     -------

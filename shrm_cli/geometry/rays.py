@@ -50,19 +50,13 @@ class Rays:
     ) -> tuple[NDArray[np.int64], Array, Array]:
         """Return the first triangle that each ray meets, from either side.
 
-        Parameters
-        ----------
-        origins, directions : array_like, shape (k, 3), broadcastable
-            In the mesh's own coordinates; directions are unit.
+        `origins` and `directions`, each of shape (k, 3), broadcastable, are in the mesh's own
+        coordinates; directions are unit.
 
-        Returns
-        -------
-        faces : ndarray of int64, shape (k,)
-            Triangles; -1 for none.
-        barycentric : ndarray, shape (k, 3)
-            Weights of the corners, at least 0, their sum 1; all 0 where there is no triangle.
-        distance : ndarray, shape (k,)
-            From the origin, in the mesh's unit; infinite where there is no triangle.
+        Returns `faces` of shape (k,), triangles; -1 for none; `barycentric` of shape (k, 3),
+        weights of the corners, at least 0, their sum 1; all 0 where there is no triangle; and
+        `distance` of shape (k,), from the origin, in the mesh's unit; infinite where there is no
+        triangle.
         """
         start, along = np.broadcast_arrays(
             np.asarray(origins, dtype=float), np.asarray(directions, dtype=float)
@@ -81,10 +75,8 @@ class Rays:
         Rays begin a little in front of their origin (1e-5 of half the diagonal of the mesh), so
         that points of the surface do not hide themselves.
 
-        Parameters
-        ----------
-        origins, directions : array_like, shape (k, 3), broadcastable
-            In the mesh's own coordinates; directions are unit.
+        `origins` and `directions`, each of shape (k, 3), broadcastable, are in the mesh's own
+        coordinates; directions are unit.
         """
         start, along = np.broadcast_arrays(
             np.asarray(origins, dtype=float), np.asarray(directions, dtype=float)

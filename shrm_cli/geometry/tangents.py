@@ -34,10 +34,7 @@ def tangents_from_uvs(mesh: Mesh) -> Array:
 def brushed_tangents(mesh: Mesh, brush: str | tuple[float, float, float] | None = None) -> Array:
     """Return unit tangents of a mesh's vertices, shape (n, 3).
 
-    Parameters
-    ----------
-    brush : {"uv"} or tuple of 3 float, optional
-        Along the texture coordinate u, or a direction; by default around +Y.
+    `brush` is along the texture coordinate u, or a direction; by default around +Y.
 
     Raises ArgumentError if they are to follow texture coordinates, and the mesh has none.
     """
@@ -56,10 +53,7 @@ class UvTangents:
     They are those of the file where it has them. Else they are means at the vertices, as
     `tangents_from_uvs` has them, but apart for triangles whose texture coordinates are mirrored.
 
-    Parameters
-    ----------
-    uv_set : {0, 1}
-        Which coordinates count.
+    `uv_set`, one of 0, 1, says which coordinates count.
     """
 
     def __init__(self, mesh: Mesh, uv_set: int = 0) -> None:
@@ -111,12 +105,7 @@ def _summed(places: Integers, along: Array, count: int) -> Array:
 def projected_tangents(normals: ArrayLike, direction: ArrayLike) -> Array:
     """Return a constant direction projected into the planes of surfaces.
 
-    Parameters
-    ----------
-    normals : array_like, shape (..., 3)
-        Unit.
-    direction : array_like, shape (3,)
-        Of any length but 0.
+    `normals`, of shape (..., 3), are unit. `direction`, of shape (3,), is of any length but 0.
 
     Returns an array of shape (..., 3): unit; `horizontal_tangents` where the direction is the
     normal's own.

@@ -44,17 +44,10 @@ class Texels:
     def places(self, faces: NDArray[np.integer], weights: Array) -> tuple[Integers, Array]:
         """Return which rows points of the mesh look up, and the share of each, bilinearly.
 
-        Parameters
-        ----------
-        faces : ndarray of int, shape (n,)
-        weights : ndarray, shape (n, 3)
-            Barycentric.
+        `faces` are of shape (n,). `weights`, of shape (n, 3), are barycentric.
 
-        Returns
-        -------
-        rows : ndarray of int64, shape (n, 4)
-        shares : ndarray, shape (n, 4)
-            0 for texels that are no rows; the others add up to 1, if there is any.
+        Returns `rows` of shape (n, 4); and `shares` of shape (n, 4), 0 for texels that are no rows;
+        the others add up to 1, if there is any.
         """
         height, width = self.rows.shape
         u, v = np.einsum("nc,ncv->vn", weights, self.texcoords[faces])
@@ -91,14 +84,9 @@ class Sampled:
 def sampled(texcoords: Array, charts: Integers, shape: tuple[int, int]) -> Sampled:
     """Find the texels that look-ups need, and the points that they stand for.
 
-    Parameters
-    ----------
-    texcoords : ndarray, shape (m, 3, 2)
-        As those of `Texels`.
-    charts : ndarray of int, shape (m,)
-        The number of each triangle's chart.
-    shape : tuple of 2 int
-        Height and width of the texture, 2 texels or more.
+    `texcoords`, of shape (m, 3, 2), are as those of `Texels`. `charts`, of shape (m,), are the
+    number of each triangle's chart. `shape` is the height and width of the texture, 2 texels or
+    more.
     """
     height, width = shape
     corners = texcoords * [width, -height] + [0, height]
@@ -141,10 +129,7 @@ def chart_numbers(mesh: Mesh, texcoords: Array) -> Integers:
     Vertices are the same where place, normal and texture coordinates are. So charts end at creases,
     over which a texel would have to have two normals.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    texcoords : ndarray, shape (m, 3, 2)
+    `texcoords` are of shape (m, 3, 2).
     """
     corners = mesh.faces.ravel()
     known = [mesh.vertices[corners], mesh.normals[corners], texcoords.reshape(-1, 2)]

@@ -103,12 +103,8 @@ def _wrong(lamp: Lamp, order: int) -> Array:
 def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
     """Put the lamps of a probe beside the map of the rest; errors become relative to all.
 
-    Parameters
-    ----------
-    made : Prefiltered
-        The map of the residual. Where there are no lamps, it is of the probe.
-    brdf : Brdf
-        What the map was made for.
+    `made` is the map of the residual. Where there are no lamps, it is of the probe. `brdf` is what
+    the map was made for.
     """
     split, left = beside.split, beside.left
     info = replace(made.map.info, probe=probe_name(split.probe), probe_sha256=split.probe.digest())

@@ -54,13 +54,9 @@ class Light:
     def shape(self) -> tuple[Array, Array, Array]:
         """The middle of its bright part, the directions of its length and width, and their halves.
 
-        Returns
-        -------
-        middle : ndarray, shape (3,)
-        axes : ndarray, shape (2, 3)
-            At right angles to each other and to the middle; the length comes first.
-        spans : ndarray, shape (2,)
-            Length and width in radians, of the rectangle with the same second moments.
+        Returns `middle` of shape (3,); `axes` of shape (2, 3), at right angles to each other and to
+        the middle; the length comes first; and `spans` of shape (2,), length and width in radians,
+        of the rectangle with the same second moments.
         """
         bright = brightness_of(self.radiance)
         typical = typical_brightness(np.maximum(bright, 0), self.areas)
@@ -79,11 +75,8 @@ class Light:
 def disc_of(light: Light, radius: float | None = None) -> Disc:
     """The disc that gives the same flux from the same direction.
 
-    Parameters
-    ----------
-    radius : float, optional
-        In radians. By default the disc is as large as the light would be if all of it had its
-        typical brightness: what a filter has spread around a lamp hardly counts.
+    `radius` is in radians. By default the disc is as large as the light would be if all of it had
+    its typical brightness: what a filter has spread around a lamp hardly counts.
     """
     bright = brightness_of(light.radiance)
     if radius is None:

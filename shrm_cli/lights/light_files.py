@@ -84,13 +84,8 @@ def usd_text(split: LampSplit, residual: str) -> str:
 def usd_layer(name: str, panorama: str, discs: Sequence[Disc]) -> str:
     """A USD layer of a dome and distant lights, in our axes whatever stage it becomes part of.
 
-    Parameters
-    ----------
-    name : str
-        What the dome is called.
-    panorama : str
-        The name of its file, relative to the folder of the layer.
-    discs : sequence of Disc
+    `name` is what the dome is called. `panorama` is the name of its file, relative to the folder of
+    the layer.
 
     Raises OutputError if USD cannot name such a file.
     """
@@ -205,12 +200,8 @@ def write_coefficients(path: str, coefficients: Array) -> None:
 def write_light_file(path: str, tables: Tables, working: Any = None) -> None:
     """Write the tables of a light file.
 
-    Parameters
-    ----------
-    tables : dict
-        Lists of tables of texts, numbers and lists, by their kinds.
-    working : str or list of float, optional
-        The primaries of the sum.
+    `tables` are lists of tables of texts, numbers and lists, by their kinds. `working` holds the
+    primaries of the sum.
 
     Raises OutputError if the file cannot be written.
     """

@@ -49,12 +49,7 @@ class SpherePixels:
     def within(self, axis: Array, radius: float) -> Indices:
         """Numbers of the pixels whose samples are within an angle of a direction.
 
-        Parameters
-        ----------
-        axis : ndarray, shape (3,)
-            Unit, in the grid's axes.
-        radius : float
-            Radians.
+        `axis`, of shape (3,), is unit, in the grid's axes. `radius` is in radians.
         """
         met = np.unique(self.grid.pixels(_cap(axis, radius + self.pitch, self.pitch / 2))[0])
         height, width = self.grid.shape
@@ -94,10 +89,7 @@ def clusters(points: Array, reach: float) -> Indices:
     Space is cut into little cubes with edges of `reach`. Points in the same cube or in cubes that
     touch belong together, so that those within the reach always do.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3)
-        Within the unit ball.
+    `points`, of shape (n, 3), are within the unit ball.
 
     Returns an array of int of shape (n,): 0, 1, ... for each point.
     """

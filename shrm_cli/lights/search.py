@@ -61,13 +61,8 @@ def typical_brightness(brightness: Array, areas: Array) -> float:
 def find_regions(image: Array, pixels: SpherePixels, least: float) -> list[Region]:
     """Find the lamps of an image, that of the most light first. They share no pixel.
 
-    Parameters
-    ----------
-    image : ndarray, shape (rows, columns, 3)
-    pixels : SpherePixels
-        Its cells.
-    least : float
-        The least irradiance of a lamp, mean of the channels.
+    `image` is of shape (rows, columns, 3). `pixels` are its cells. `least` is the least irradiance
+    of a lamp, mean of the channels.
     """
     flat = brightness_of(image).ravel()
     floor = _FLOOR * _background(flat, pixels)

@@ -289,10 +289,8 @@ def order_on(grid: Grid) -> int:
 def prove(before: Array, residual: Array, discs: Sequence[Disc]) -> Proof:
     """Compare the irradiance of a probe with that of what is left of it and discs.
 
-    Parameters
-    ----------
-    before, residual : ndarray, shape ((order+1)^2, 3)
-        Coefficients of the radiance of the probe and of the residual, world axes.
+    `before` and `residual`, each of shape ((order+1)^2, 3), are coefficients of the radiance of the
+    probe and of the residual, world axes.
     """
     difference = residual + disc_coefficients(discs, order_of(len(before))) - before
     irradiance = _irradiance(difference)

@@ -35,12 +35,8 @@ class Filled:
 def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices]) -> list[Filled]:
     """Take lamps out of an image, one for each region. They share no pixel.
 
-    Parameters
-    ----------
-    image : ndarray, shape (rows, columns, 3)
-        It is left as it is.
-    regions : sequence of ndarray of int
-        Numbers of the pixels of each lamp; no pixel is in two of them.
+    `image`, of shape (rows, columns, 3), is left as it is. `regions` are numbers of the pixels of
+    each lamp; no pixel is in two of them.
     """
     flat = image.reshape(-1, 3)
     owner = np.full(len(flat), -1, dtype=np.int16)

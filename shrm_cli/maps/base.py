@@ -32,7 +32,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.records import Displayed
-from shrm_cli.sphere.directions import bisector, central_directions
+from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MAX_CUBE_SIZE
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from shrm_cli.files.parts import Part
     from shrm_cli.maps.kinds import HarmonicLight
     from shrm_cli.maps.shrm.shrm import Shrm
-    from shrm_cli.vocabulary import Center, Frame, Orientation, Precision, Sampling
+    from shrm_cli.vocabulary import Frame, Orientation, Precision, Sampling
 
 
 class ReflectedLight(ABC):
@@ -116,7 +116,7 @@ class Map(Displayed, ABC):
 
     A map is of one of three kinds, which `shaded` makes reflected light of:
 
-    - `ReflectionMap`, the reflected light itself: it was made of light and a BRDF;
+    - `kinds.ReflectionMap`, the reflected light itself: it was made of light and a BRDF;
     - `kinds.LightMap`, light that was made without a BRDF, for a GGX surface that is chosen later;
     - `kinds.MaterialMap`, a BRDF that was made without light, which its `lit` gives to it.
 
@@ -179,9 +179,12 @@ class Map(Displayed, ABC):
 
     @abstractmethod
     def shaded(
-        self, roughness: float = DEFAULT_ROUGHNESS, f0: Color = (1.0, 1.0, 1.0),
-        anisotropy: float = 0.0, taps: int = DEFAULT_TAPS,
-    ) -> ReflectedLight:  # fmt: skip
+        self,
+        roughness: float = DEFAULT_ROUGHNESS,
+        f0: Color = (1.0, 1.0, 1.0),
+        anisotropy: float = 0.0,
+        taps: int = DEFAULT_TAPS,
+    ) -> ReflectedLight:
         """Return the reflected light: of light alone, that of a GGX surface.
 
         Parameters
@@ -453,9 +456,12 @@ class Map(Displayed, ABC):
         return registry.module(self.representation, "file").encode(self)
 
     def save(
-        self, path: str | os.PathLike[str], precision: Precision = "auto",
-        layout: str = "openexr", orientation: Orientation = "openexr",
-    ) -> str:  # fmt: skip
+        self,
+        path: str | os.PathLike[str],
+        precision: Precision = "auto",
+        layout: str = "openexr",
+        orientation: Orientation = "openexr",
+    ) -> str:
         """Write the map to a file, completely or not at all; see `shrm_cli.maps.stored.store`.
 
         Returns
@@ -470,29 +476,3 @@ class Map(Displayed, ABC):
         from shrm_cli.maps.stored import store  # whoever reads maps only is spared it
 
         return store(path, self, precision, layout, orientation).pixel_type
-
-
-class ReflectionMap(ReflectedLight, Map):
-    """A map of the light that surfaces of one BRDF reflect; see `Map` for its attributes."""
-
-    def shaded(self, *surface: object, **named: object) -> Self:
-        """Return the map itself, which is of a surface already."""
-        return self
-
-
-class CentralMap(ReflectionMap):
-    """A map that is looked up by central directions; hair has them of its tangents."""
-
-    center: Center
-
-    @abstractmethod
-    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the radiance for central directions instead of normals; else as `radiance`."""
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        given = (np.asarray(each, dtype=float) for each in (normals, views))
-        return self.central_radiance(central_directions(self.center, *given), views)
-
-    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        given = (np.asarray(each, dtype=float) for each in (normals, views, tangents))
-        return self.central_radiance(central_directions(self.center, *given), views)

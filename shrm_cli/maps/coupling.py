@@ -41,12 +41,9 @@ _LARGE = 2**17
 def bundle_coefficients(lighting: Array, parts: Array) -> Array:
     """Compute the coefficients over R of the cubes of bundles of one degree.
 
-    Parameters
-    ----------
-    lighting : ndarray, shape (>= (F+1)^2, channels)
-        The coefficients of the light over the real harmonics of world axes.
-    parts : ndarray, shape (F+1, p+1, bundles, channels)
-        What each degree of the light is multiplied with, for q = 0 .. p: rho_hat_lpq.
+    `lighting`, of shape (>= (F+1)^2, channels), holds the coefficients of the light over the real
+    harmonics of world axes. `parts`, of shape (F+1, p+1, bundles, channels), are what each degree
+    of the light is multiplied with, for q = 0 .. p: rho_hat_lpq.
 
     Returns an array of shape ((F+p+1)^2, 2p+1, bundles, channels): the coefficients over real
     harmonics of R, and of the view in world axes.
@@ -171,12 +168,9 @@ _LEAST_BLOCKS = 8
 def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
     """Compute the coefficients over R of every coefficient map of the global SHRM.
 
-    Parameters
-    ----------
-    lighting : ndarray, shape (>= (F+1)^2, channels)
-        The coefficients of the light over the real harmonics of world axes.
-    brdf : ndarray, shape (F+1, P+1, P+1, channels)
-        The coefficients rho_hat_lpq of the BRDF for q >= 0, indexed [l, p, q, channel].
+    `lighting`, of shape (>= (F+1)^2, channels), holds the coefficients of the light over the real
+    harmonics of world axes. `brdf`, of shape (F+1, P+1, P+1, channels), is the coefficients
+    rho_hat_lpq of the BRDF for q >= 0, indexed [l, p, q, channel].
 
     Returns an array of shape ((F+P+1)^2, (P+1)^2, channels): the coefficients over real harmonics
     of R (first index ``J (J+1) + M``) and of V (second index ``p (p+1) + q``), both in world axes.

@@ -120,14 +120,8 @@ def carried_band(
 ) -> Band:
     """Choose the degrees of the light that a map carries.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    order_f, order_p : int
-        The orders F and P that the tolerance asks for.
-    size : int
-        Texels along a face's edge of the map.
+    `lighting` is the light, to at least the order of the coefficients. `order_f` and `order_p` are
+    the orders F and P that the tolerance asks for.
     """
     beyond = visible_beyond(lighting, coefficients, order_p)
     limit = max(supported_order(size, order_p), order_f)
@@ -140,12 +134,7 @@ def carried_band(
 def view_band(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> Band:
     """Choose how the degrees of the view end that a map has.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    order_p : int
-        The order P of the map.
+    `lighting` is the light, to at least the order of the coefficients.
     """
     return Band.of_views(visible_beyond_p(lighting, coefficients, order_p), order_p)
 
@@ -161,16 +150,9 @@ def carry(
 ) -> Expansion:
     """Choose how far a map carries the light beyond F, and extend the coefficients as needed.
 
-    Parameters
-    ----------
-    coefficients : BrdfCoefficients
-        The coefficients of the BRDF, to at least the orders.
-    size : int
-        Texels along a face's edge.
-    is_exact : bool
-        Whether to carry nothing beyond F.
-    is_exact_view : bool
-        Whether to keep every degree of the view up to P as it is.
+    `coefficients` are the coefficients of the BRDF, to at least the orders. `is_exact` tells
+    whether to carry nothing beyond F. `is_exact_view` tells whether to keep every degree of the
+    view up to P as it is.
 
     Raises ProbeError or BrdfError if the probe cannot be read, or the coefficients cannot be
     extended.
@@ -212,15 +194,9 @@ _APART = 3
 def predicted_wrong_share(expansions: Sequence[Expansion]) -> float:
     """Predict the share of what is visible of an SHRM whose luminance is wrong by more than 5 %.
 
-    Parameters
-    ----------
-    expansions : sequence of Expansion
-        Light and BRDF, and the orders that the map keeps; for each term of a sum.
+    `expansions` are light and BRDF, and the orders that the map keeps; for each term of a sum.
 
-    Returns
-    -------
-    float
-        In 0 .. 1, without the errors of filtering and of rounding.
+    Returns it in 0 .. 1, without the errors of filtering and of rounding.
     """
     if all(each.error == 0 for each in expansions):
         return 0.0
@@ -230,12 +206,8 @@ def predicted_wrong_share(expansions: Sequence[Expansion]) -> float:
 def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
     """Return the share of points whose luminance is wrong by more than `WRONG`, in 0 .. 1.
 
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the lobes.
-    lobes : sequence of Lobes
-        Those of each term; they reflect their light at the same points.
+    `lighting` is the light, to at least the order of the lobes. `lobes` are those of each term;
+    they reflect their light at the same points.
     """
     if not any(each.error.any() for each in lobes):
         return 0.0
@@ -246,17 +218,10 @@ def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
 def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | None:
     """Return the share of a map that was made from SHRMs, with the errors of its own form.
 
-    Parameters
-    ----------
-    expansions : sequence of Expansion
-        Light and BRDF, for each term of a sum.
-    map_ : Map
-        Its radiance is looked up at the sample points, exactly and not as on a GPU.
+    `expansions` are light and BRDF, for each term of a sum. The radiance of `map_` is looked up at
+    the sample points, exactly and not as on a GPU.
 
-    Returns
-    -------
-    float or None
-        In 0 .. 1. It is None about the tangent, which normals and views do not tell.
+    Returns it in 0 .. 1, or None about the tangent, which normals and views do not tell.
     """
     groups = together(_lobes_of(each) for each in expansions)
     center = groups[0].center

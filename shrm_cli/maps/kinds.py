@@ -1,28 +1,53 @@
-"""The kinds of maps that reflect nothing by themselves: light alone, and materials alone.
-
-The third kind, `ReflectionMap`, stands beside `Map` in `shrm_cli.maps.base`.
-"""
+"""The kinds of maps: reflected light, and what reflects nothing by itself, light or a material."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap
+from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.registry import unconverted
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, Frame, Sampling
+from shrm_cli.sphere.directions import central_directions
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, Center, Frame, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.maps.product.product import ProductMap
     from shrm_cli.maps.product.window import LightWindow
+
+
+class ReflectionMap(ReflectedLight, Map):
+    """A map of the light that surfaces of one BRDF reflect; see `Map` for its attributes."""
+
+    def shaded(self, *surface: object, **named: object) -> Self:
+        """Return the map itself, which is of a surface already."""
+        return self
+
+
+class CentralMap(ReflectionMap):
+    """A map that is looked up by central directions; hair has them of its tangents."""
+
+    center: Center
+
+    @abstractmethod
+    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the radiance for central directions instead of normals; else as `radiance`."""
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        given = (np.asarray(each, dtype=float) for each in (normals, views))
+        return self.central_radiance(central_directions(self.center, *given), views)
+
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        given = (np.asarray(each, dtype=float) for each in (normals, views, tangents))
+        return self.central_radiance(central_directions(self.center, *given), views)
 
 
 class FixedMap(Map):

@@ -79,10 +79,8 @@ class Lobes:
 
         What is cut off beyond them is no error of the map, and would ring as one around lamps.
 
-        Parameters
-        ----------
-        beyond : ndarray, shape (>= F+1,)
-            The RMS of what truncation after each degree leaves out, relative to the mean light.
+        `beyond`, of shape (>= F+1,), is the RMS of what truncation after each degree leaves out,
+        relative to the mean light.
         """
         fading = int(_FADING * self.whole.shape[1])
         if beyond[self.order - fading] <= WRONG:
@@ -140,10 +138,8 @@ def sample_views(center: Center, count: int = _VIEWS) -> tuple[Array, Array]:
     the mirror direction: both are the same views. Views are dense where they graze the surface,
     because errors are large there. About the tangent all views count alike.
 
-    Returns
-    -------
-    theta_o, shares : ndarray, shape (count,)
-        Radians, ascending, and the share of the pixels that each of them stands for.
+    Returns theta_o, of shape (count,), in radians, ascending, and, of the same shape, the share of
+    the pixels that each of them stands for.
     """
     left = 1 - (np.arange(count) + 0.5) / count
     theta_o = np.arccos(2 * left**2 - 1)
@@ -158,10 +154,8 @@ def sample_tangents(count: int = _VIEWS) -> Array:
 def points(center: Center) -> tuple[Array, Array]:
     """Return the points at which lobes about the mirror direction or the normal are `lit`.
 
-    Returns
-    -------
-    normals, views : ndarray, shape (directions, views, azimuths, 3)
-        Unit vectors in world axes.
+    Returns `normals` and `views`, each of shape (directions, views, azimuths, 3), unit vectors in
+    world axes.
     """
     theta = np.arccos(1 - (2 * np.arange(_RINGS) + 1) / _RINGS)[:, None]
     phi = _TURNS[:, None] + 2 * np.pi / _AROUND * np.arange(_AROUND)
@@ -184,17 +178,11 @@ def together(lobes: Iterable[Lobes]) -> list[Lobes]:
 def lit(light: Array, groups: Sequence[Lobes]) -> tuple[Array, Array]:
     """Evaluate what lobes reflect, and their error, at the same points.
 
-    Parameters
-    ----------
-    light : ndarray, shape (>= (F+1)^2, channels)
-        The coefficients over the real harmonics of world axes, in which the channels are weighted
-        that are added.
-    groups : sequence of Lobes
-        Each about another central direction; the tangent stands alone.
+    `light`, of shape (>= (F+1)^2, channels), holds the coefficients over the real harmonics of
+    world axes, in which the channels are weighted that are added. `groups` are each about another
+    central direction; the tangent stands alone.
 
-    Returns
-    -------
-    whole, error : ndarray, shape (directions, views, azimuths)
+    Returns `whole` and `error`, each of shape (directions, views, azimuths).
     """
     first, *others = groups
     views = max(each.whole.shape[2] for each in groups)
@@ -233,12 +221,8 @@ def _about_own(light: Array, lobes: Lobes) -> Array:
 def _local_light(light: Array, lobes: Lobes) -> Array:
     """Expand the light about central directions that are spread evenly.
 
-    Parameters
-    ----------
-    light : ndarray, shape ((order+1)^2, channels)
-        The coefficients over the real harmonics of world axes.
-    lobes : Lobes
-        They tell the largest l and q.
+    `light`, of shape ((order+1)^2, channels), holds the coefficients over the real harmonics of
+    world axes. `lobes` tell the largest l and q.
 
     Returns an array of shape (2, max_q+1, directions, (order+1) channels): the real and the
     imaginary part of ``A_lq(R)``, zero where q > l.
@@ -286,10 +270,7 @@ def _rings(order: int, max_q: int) -> Iterable[ComplexArray]:
 def _make_rings(order: int, max_q: int) -> Iterator[ComplexArray]:
     """Yield ``d^l_mq(theta) exp(i m phi)`` on the first direction of each ring, l = 0 .. order.
 
-    Yields
-    ------
-    ndarray, shape (2l+1, (q+1) rings)
-        For q = 0 .. min(l, max_q).
+    Yields an array of shape (2l+1, (q+1) rings), for q = 0 .. min(l, max_q).
     """
     m = np.arange(-order, order + 1)[:, None]
     theta = np.arccos(1 - (2 * np.arange(_RINGS // 2) + 1) / _RINGS)

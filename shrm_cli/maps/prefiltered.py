@@ -10,22 +10,20 @@ Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE, SEEN_FLOOR, WRONG
-
-if TYPE_CHECKING:
-    from shrm_cli.brdf.base import Brdf
-    from shrm_cli.probe.probe import Probe
 
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
@@ -85,16 +83,9 @@ def with_wrong_share(
     Whoever asks for an SHRM gets one, but not in silence. One line says it: that about the light's
     error is left out.
 
-    Parameters
-    ----------
-    lines : sequence of str
-        The warnings.
-    share : float
-        The share of what is visible that is predicted to be wrong by more than `vocabulary.WRONG`.
-    error : float
-        The predicted relative RMS error.
-    instead : str, optional
-        What ``auto`` would make, where that is known.
+    `lines` are the warnings. `share` is the share of what is visible that is predicted to be wrong
+    by more than `vocabulary.WRONG`. `error` is the predicted relative RMS error. `instead` is what
+    ``auto`` would make, where that is known.
     """
     chosen = "chooses the form that it needs" if instead is None else f"would make {instead}"
     said = (
@@ -107,12 +98,8 @@ def with_wrong_share(
 def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
     """Return lines about the orders, the energy and the errors of a map made for a BRDF.
 
-    Parameters
-    ----------
-    result : dict
-        The object that `shrm prefilter --json` prints.
-    added_by : str
-        What causes the added error of the map, in words.
+    `result` is the object that `shrm prefilter --json` prints. `added_by` is what causes the added
+    error of the map, in words.
     """
     captured, bound = result["brdf_energy_captured"], result["error_bound"]
     energy = f"{captured:.2%} captured, {1 - result['epsilon']:.2%} asked"
@@ -146,7 +133,7 @@ _DARK_PAIRS = 1024
 """The number of those with negative light whose truth is looked at, about."""
 
 
-def truth_of(probe: "Probe", brdf: "Brdf") -> Truth:
+def truth_of(probe: Probe, brdf: Brdf) -> Truth:
     """Return what looks up what a BRDF reflects of a probe, by normals and views."""
 
     def radiance(normals: Array, views: Array) -> Array:
@@ -164,15 +151,9 @@ def negative_share(map_: Map, truth: Truth | None = None) -> float:
     Mirror directions and views are spread evenly over all pairs. These are the pixels of spheres,
     seen in parallel projection from all sides.
 
-    Parameters
-    ----------
-    truth : callable, optional
-        What is reflected, where it is known: what is black in truth may be so in the map.
+    `truth` is what is reflected, where it is known: what is black in truth may be so in the map.
 
-    Returns
-    -------
-    float
-        In 0 .. 1, to about 0.001 where it is small.
+    Returns it in 0 .. 1, to about 0.001 where it is small.
     """
     mirrored, views = visible_pairs()
     shown = map_.shaded().rough_radiance(mirrored, views) @ LUMINANCE

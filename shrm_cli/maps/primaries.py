@@ -16,17 +16,11 @@ def declared(found: Map, primaries: tuple[float, ...]) -> Map:
 def in_primaries(found: Map, primaries: tuple[float, ...]) -> Map:
     """Return a map in other primaries, exactly, because what it makes is linear in the light.
 
-    Parameters
-    ----------
-    primaries : tuple of 8 float
-        CIE x and y of red, green, blue and white. Those of the map are Rec.709's where it tells
-        none. White stays white, by Bradford's adaptation.
+    `primaries` are CIE x and y of red, green, blue and white. Those of the map are Rec.709's where
+    it tells none. White stays white, by Bradford's adaptation.
 
-    Returns
-    -------
-    Map
-        A BRDF with colors stays the one that it was in the old primaries, and so does the record
-        of it. The errors that the map states are those in the old primaries.
+    A BRDF with colors stays the one that it was in the old primaries, and so does the record of it.
+    The errors that the map states are those in the old primaries.
 
     Raises MapError if the map holds no light, or what it makes is not linear in it.
     """

@@ -224,12 +224,8 @@ DESCRIPTIONS = {
 def module(representation: str, name: str) -> Any:
     """Load a module of a representation's folder, such as ``file``.
 
-    Parameters
-    ----------
-    representation : str
-        One of `vocabulary.REPRESENTATIONS`, or a form of an installed package.
-    name : str
-        One of the names that the docstring of `shrm_cli.maps.base` lists.
+    `representation` is one of `vocabulary.REPRESENTATIONS`, or a form of an installed package.
+    `name` is one of the names that the docstring of `shrm_cli.maps.base` lists.
 
     Raises PluginError if the form of an installed package cannot be used.
     """
@@ -311,10 +307,8 @@ def sources(representation: str) -> str:
 def descriptions(*more: str) -> dict[str, Representation]:
     """Return the descriptions of all representations of `shrm`, in the order of the vocabulary.
 
-    Parameters
-    ----------
-    *more : str
-        Representations whose descriptions come after them, such as those of installed packages.
+    `*more` holds representations whose descriptions come after them, such as those of installed
+    packages.
     """
     return {name: description(name) for name in dict.fromkeys((*REPRESENTATIONS, *more))}
 

@@ -72,15 +72,9 @@ class Request:
     def of(cls, to: str, given: Mapping[str, Any], probe: Probe) -> Self:
         """Check arguments, and resolve what they mean.
 
-        Parameters
-        ----------
-        to : str
-            The representation, or ``auto``.
-        given : mapping of str to value
-            The arguments of `shrm_cli.prefilter.prefilter` by name. One that is None counts as
-            not given.
-        probe : Probe
-            The light, in whose primaries the colours of the BRDF are taken.
+        `to` is the representation, or ``auto``. `given` are the arguments of
+        `shrm_cli.prefilter.prefilter` by name. One that is None counts as not given. `probe` is the
+        light, in whose primaries the colours of the BRDF are taken.
 
         Raises ArgumentError or BrdfError if an argument does not apply, or has a value that it
         cannot have.
@@ -139,12 +133,7 @@ def recorded_defaults(to: str, given: Iterable[str]) -> dict[str, Any]:
 
     Those that follow from the light and the BRDF are no values yet, and are left out.
 
-    Parameters
-    ----------
-    to : str
-        The representation.
-    given : iterable of str
-        The names of arguments that are given. An error is asked for instead of `eps`.
+    `given` are the names of arguments that are given. An error is asked for instead of `eps`.
     """
     form = registry.description(to)
     unasked: set[str] = set()
@@ -164,13 +153,8 @@ def _listed(values: Mapping[str, Any]) -> dict[str, Any]:
 def resolved_form(to: str, given: Mapping[str, Any]) -> str:
     """Return the representation that is asked for: with arguments of SHRMs, ``auto`` is one.
 
-    Parameters
-    ----------
-    to : str
-        The representation, or ``auto``.
-    given : mapping of str to value
-        The arguments of `shrm_cli.prefilter.prefilter` by name. One that is None counts as not
-        given.
+    `to` is the representation, or ``auto``. `given` are the arguments of
+    `shrm_cli.prefilter.prefilter` by name. One that is None counts as not given.
     """
     named = {name for name, value in given.items() if value is not None}
     return EXPANDED if to == AUTO and named - registry.description(AUTO).arguments else to
@@ -188,12 +172,7 @@ def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
 def check_arguments(to: str, given: Iterable[str]) -> None:
     """Check that a representation is known, obeys all given arguments, and has all that it needs.
 
-    Parameters
-    ----------
-    to : str
-        The representation.
-    given : iterable of str
-        Names of the arguments of `shrm_cli.prefilter.prefilter` that are given.
+    `given` holds names of the arguments of `shrm_cli.prefilter.prefilter` that are given.
 
     Raises ArgumentError if the representation is unknown, does not obey an argument, or lacks a
     BRDF.

@@ -40,25 +40,13 @@ def kept_or_best(
 ) -> Prefiltered:
     """Make the map of the fewest bytes that keeps a goal, and shows nothing negative.
 
-    Parameters
-    ----------
-    propose : callable
-        As `shrm_cli.plan.search.rising` takes it.
-    max_size : int
-        The most bytes, for the warning.
-    instead : callable
-        Called with the first candidate that keeps the goal; may return the map of another form.
-    otherwise : callable
-        Called with the best candidate where none keeps the goal, or all are negative somewhere;
-        may return a map that is better.
-    truth : callable, optional
-        That of `negative_share`.
+    `propose` is as `shrm_cli.plan.search.rising` takes it. `max_size` is the most bytes, for the
+    warning. `instead` is called with the first candidate that keeps the goal; may return the map of
+    another form. `otherwise` is called with the best candidate where none keeps the goal, or all
+    are negative somewhere; may return a map that is better. `truth` is that of `negative_share`.
 
-    Returns
-    -------
-    Prefiltered
-        Where none keeps the goal, the one that misses the least, with a warning that says by how
-        much, and what would keep it. Where all are negative somewhere, the least dark one.
+    Where none keeps the goal, the one that misses the least is returned, with a warning that says
+    by how much, and what would keep it. Where all are negative somewhere, it is the least dark one.
     """
     tried: list[Candidate[Prefiltered]] = []
     dark: list[tuple[float, Candidate[Prefiltered], Prefiltered]] = []
@@ -93,11 +81,8 @@ def kept_or_best(
 def as_candidate(made: Prefiltered, lamp_error: float = 0.0) -> Candidate[Prefiltered]:
     """Return what is predicted to be seen of a map that is made already.
 
-    Parameters
-    ----------
-    made : Prefiltered
-    lamp_error : float
-        What discs in place of lamps change of the reflected light, as a relative RMS error.
+    `lamp_error` is what discs in place of lamps change of the reflected light, as a relative RMS
+    error.
     """
     map_, find = made.map, made.further["predicted_wrong_share"]
     error = math.hypot(total_error(map_.info.predicted_error, map_.info.filter_error), lamp_error)
@@ -131,17 +116,9 @@ def first_that_keeps(
 ) -> Prefiltered:
     """Make the map of the coarsest settings that keeps the error, and the share, of a request.
 
-    Parameters
-    ----------
-    make : callable
-        The maker of the form.
-    request : Request
-        With an error, or a share of wrong pixels, or both.
+    `make` is the maker of the form. `request` has an error, or a share of wrong pixels, or both.
 
-    Returns
-    -------
-    Prefiltered
-        Where none keeps them, the map of the least error.
+    Where none keeps them, the map of the least error is returned.
 
     Raises ArgumentError if a setting is given that the error chooses. Raises OrderError,
     ProbeError, BrdfError or MapError as the maker has them.

@@ -69,12 +69,7 @@ def choose_size(order_f: int) -> int:
 def supported_order(size: int, order_p: int = 1) -> int:
     """Return the largest order that cubes with so many texels along an edge support.
 
-    Parameters
-    ----------
-    size : int
-        Texels along a face's edge.
-    order_p : int
-        The order P of the map; with 0 it has a single cube.
+    `order_p` is the order P of the map; with 0 it has a single cube.
     """
     return int((_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
 
@@ -97,12 +92,7 @@ def sizes_of(size: int | None) -> tuple[int, ...]:
 def nothing_fits(size: int | None, terms: int = 1) -> ArgumentError:
     """Return the error that refuses a number of bytes which not even a cube a term fits into.
 
-    Parameters
-    ----------
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    terms : int
-        The number of terms that need a cube each.
+    `terms` is the number of terms that need a cube each.
     """
     least = stored_bytes(TRIED_SIZES[0] if size is None else size, terms)
     return ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
@@ -119,17 +109,7 @@ def most_cubes(size: int, max_size: int) -> int:
 
 
 def largest_p(order_f: int, size: int, max_size: int) -> int:
-    """Return the largest P of an SHRM within `max_size` bytes that can be made, or -1.
-
-    Parameters
-    ----------
-    order_f : int
-        The order F of the map.
-    size : int
-        Texels along a face's edge.
-    max_size : int
-        The most bytes of the map in half precision.
-    """
+    """Return the largest P of an SHRM within `max_size` bytes that can be made, or -1."""
     cubes = min(most_cubes(size, max_size), MAX_VALUES // (18 * size**2))
     p = min(math.isqrt(cubes) - 1, MAX_ORDER_P)
     while p > 0 and largest_f(p) < order_f:
@@ -145,12 +125,8 @@ def largest_f(order_p: int) -> int:
 def check_size(order_f: int, order_p: int, size: int | None = None) -> None:
     """Check that a map of these orders can be computed and kept in memory.
 
-    Parameters
-    ----------
-    order_f, order_p : int
-        The orders F and P.
-    size : int, optional
-        Texels along a face's edge; `choose_size` by default.
+    `order_f` and `order_p` are the orders F and P. `size` is the number of texels along a face's
+    edge; `choose_size` by default.
 
     Raises MapError if the map would be too large.
     """
@@ -201,23 +177,13 @@ class Band:
     def of(cls, beyond: Array, limit: int, furthest: int, known: int, least: int = 0) -> "Band":
         """Choose the degrees of a map.
 
-        Parameters
-        ----------
-        beyond : ndarray, shape (> known,)
-            The RMS of the reflected light after each degree, as `visible_beyond` returns it.
-        limit : int
-            The largest degree that a map may end with at once.
-        furthest : int
-            The largest degree of a map that fades out.
-        known : int
-            The largest degree that is known.
-        least : int
-            Where nothing visible is left out, the degrees up to this one are kept in any case.
+        `beyond`, of shape (> known,), is the RMS of the reflected light after each degree, as
+        `visible_beyond` returns it. `limit` is the largest degree that a map may end with at once.
+        `furthest` is the largest degree of a map that fades out. `known` is the largest degree that
+        is known. Where nothing visible is left out, the degrees up to this one are kept in any
+        case.
 
-        Returns
-        -------
-        Band
-            It is exact where no rings are seen.
+        The band is exact where no rings are seen.
         """
         visible = last_visible(beyond)
         # What is visible at the last known degree goes on beyond it.
@@ -233,17 +199,10 @@ class Band:
     def of_views(cls, beyond: float, order_p: int) -> "Band":
         """Choose how the degrees of the view end.
 
-        Parameters
-        ----------
-        beyond : float
-            The RMS of the reflected light after the last degree, as `visible_beyond_p` returns it.
-        order_p : int
-            The last degree.
+        `beyond` is the RMS of the reflected light after the last degree, as `visible_beyond_p`
+        returns it. `order_p` is the last degree.
 
-        Returns
-        -------
-        Band
-            It is exact where no rings are seen, and where degrees are too few to lose one.
+        The band is exact where no rings are seen, and where degrees are too few to lose one.
         """
         if order_p < _FEW_VIEWS or beyond <= _RINGS:
             return cls.exact(order_p)
@@ -286,12 +245,9 @@ def shrm_look_up_error(
     Small cubes are looked through, because a prediction is up to a fifth off where they show a
     single lamp.
 
-    Parameters
-    ----------
-    lighting, coefficients, order_p, size, sampling
-        The same as for `shrm_cli.reflected.filtering_error`.
-    factors : ndarray, shape (F+1, P+1)
-        What the map multiplies each degree of the light and each one of the view with.
+    `lighting`, `coefficients`, `order_p`, `size` and `sampling` are the same as for
+    `shrm_cli.reflected.filtering_error`. `factors`, of shape (F+1, P+1), are what the map
+    multiplies each degree of the light and each one of the view with.
 
     Returns the error of the map as it is made, without that of its orders; 0 for black light.
     """
@@ -322,14 +278,8 @@ def look_up_error(cube: Array, sampling: Sampling, order: int) -> float:
     is for maps that have neither any more. Each degree that the texels show loses what
     `bilinear_errors` says.
 
-    Parameters
-    ----------
-    cube : ndarray, shape (6N, N, channels)
-        Functions over the sphere, that count by their energy.
-    sampling : {"center", "border"}
-        Where the edge texels lie.
-    order : int
-        The largest degree of the functions; what is beyond is the rounding of files.
+    `cube`, of shape (6N, N, channels), holds functions over the sphere, that count by their energy.
+    `order` is the largest degree of the functions; what is beyond is the rounding of files.
 
     Returns the error against what the texels show; 0 for a black cube.
     """

@@ -43,14 +43,10 @@ def store(
 ) -> Storage:
     """Write a map to a file, completely or not at all.
 
-    Parameters
-    ----------
-    precision : {"auto", "half", "float"}
-        ``auto`` is float for an SH exponential. For other maps it is half unless a value exceeds
-        the range of half, or half would make an error of more than a tenth of the map's own.
-    layout, orientation
-        The layout of the images and the orientation of cube faces; OpenEXR's stacked cube by
-        default.
+    The `precision` ``auto`` is float for an SH exponential. For other maps it is half unless a
+    value exceeds the range of half, or half would make an error of more than a tenth of the map's
+    own. `layout` and `orientation` are the layout of the images and the orientation of cube faces;
+    OpenEXR's stacked cube by default.
 
     Returns the pixel type written, and the error that it makes. An error beyond ordinary rounding
     is written into the file as well. Raises OutputError if half would overflow, or the file cannot
@@ -208,12 +204,7 @@ class StoredImage:
     def check_channels(self, names: Sequence[str], what: str) -> None:
         """Check that the part has exactly these channels.
 
-        Parameters
-        ----------
-        names : sequence of str
-            The names of the channels.
-        what : str
-            What the channels make up, for the message.
+        `names` are the names of the channels. `what` is what the channels make up, for the message.
 
         Raises MapError if other channels are there, or some are missing.
         """

@@ -137,20 +137,11 @@ def unwrap_balls(
 def ball_points(directions: Array, view: Array, distance: float = np.inf) -> Array:
     """Return where a ball of radius 1 in a picture shows directions.
 
-    Parameters
-    ----------
-    directions : ndarray, shape (..., 3)
-        Unit, from where the light comes.
-    view : ndarray, shape (3,)
-        Unit, towards the camera.
-    distance : float
-        Of the camera from the ball's middle. The rim has the radius 1 in the picture, whatever the
-        distance is.
+    `directions`, of shape (..., 3), are unit, from where the light comes. `view`, of shape (3,), is
+    unit, towards the camera. `distance` is that of the camera from the ball's middle. The rim has
+    the radius 1 in the picture, whatever the distance is.
 
-    Returns
-    -------
-    ndarray, shape (..., 2)
-        To the right and up.
+    Returns an array of shape (..., 2), to the right and up.
     """
     right = horizontal_tangents(view)
     flat = directions @ np.stack([right, np.cross(view, right)], axis=1)

@@ -144,19 +144,14 @@ def _in_order(
 def response(places: Array, logarithms: Array) -> Array:
     """Find the curve of a camera from places that several exposures show.
 
-    Parameters
-    ----------
-    places : ndarray, shape (exposures, 2, n)
-        The mean of the numbers of each place, 1 is white, and their spread.
-    logarithms : ndarray, shape (exposures,)
-        Natural logarithms of what each exposure let in.
+    `places`, of shape (exposures, 2, n), are the mean of the numbers of each place, where 1 is
+    white, and their spread. `logarithms`, of shape (exposures,), are natural logarithms of what
+    each exposure let in.
 
     Returns an array of shape (LEVELS,): g, which never falls.
 
-    References
-    ----------
-    Debevec and Malik 1997, eq. 3, with squares of the weights of eq. 4. The least squares are
-    solved for each E_i first, so that every place may count.
+    References: Debevec and Malik 1997, eq. 3, with squares of the weights of eq. 4. The least
+    squares are solved for each E_i first, so that every place may count.
     """
     means, spreads = places[:, 0], places[:, 1].max(axis=0)
     at = np.rint(means * (LEVELS - 1)).astype(int)

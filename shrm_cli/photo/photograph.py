@@ -19,12 +19,8 @@ def open_photograph(
 ) -> ImageFile:
     """Open a photograph.
 
-    Parameters
-    ----------
-    linearize : bool
-        Whether to decode integers; they are refused otherwise.
-    as_stored : bool
-        Whether to leave all numbers as they are stored, integers as parts of the largest.
+    `linearize` tells whether to decode integers; they are refused otherwise. `as_stored` tells
+    whether to leave all numbers as they are stored, integers as parts of the largest.
 
     Raises ProbeError if there is no such image, it is turned, or too large.
     """

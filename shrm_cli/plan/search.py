@@ -69,20 +69,11 @@ def fewest_bytes(
 ) -> tuple[C, bool] | None:
     """Find the candidate of the fewest bytes that keeps an error; else that of the least error.
 
-    Parameters
-    ----------
-    rows : iterable of Row
-    error : float
-        The total error that may be made.
-    look_near : bool
-        Whether to look past errors that rise with a cube.
+    `error` is the total error that may be made. `look_near` tells whether to look past errors that
+    rise with a cube.
 
-    Returns
-    -------
-    candidate : C
-    is_met : bool
-        Whether it keeps the error.
-        None stands for both where the rows are empty.
+    Returns `candidate`; and `is_met`, whether it keeps the error. None stands for both where the
+    rows are empty.
     """
     rows = list(rows)
     best: C | None = None

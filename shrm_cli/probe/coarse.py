@@ -38,17 +38,12 @@ class _Parts(ArrayImage):
 def fine_probe(probe: Probe) -> Probe:
     """Return the same light in pixels as small as those of a lat-long of `COARSE_ROWS`.
 
-    Returns
-    -------
-    Probe
-        The probe itself where it is as fine, has no degrees beyond those of its pixels, or is a sum
-        of lights. Otherwise a probe in memory, with the digest of the first one, whose report tells
-        what the pixels needed.
+    Returns the probe itself where it is as fine, has no degrees beyond those of its pixels, or is a
+    sum of lights. Otherwise a probe in memory, with the digest of the first one, whose report tells
+    what the pixels needed.
 
-    Raises
-    ------
-    ProbeError
-        If the file is damaged, or has NaN or infinite pixels that are not to be filled.
+    Raises ProbeError if the file is damaged, or has NaN or infinite pixels that are not to be
+    filled.
     """
     count = int(np.ceil(COARSE_ROWS / probe.grid.resolution))
     if count < 2 or probe.sampling != "center" or _is_sum(probe) or not _goes_on(probe):

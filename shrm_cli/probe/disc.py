@@ -112,18 +112,11 @@ def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
 def disc_rows(disc: Disc, height: int) -> Iterator[tuple[int, Array]]:
     """Yield a disc on a lat-long sampled at pixel centers, in blocks of the rows that it is on.
 
-    Parameters
-    ----------
-    height : int
-        Rows of the lat-long.
+    `height` is the number of rows of the lat-long.
 
-    Yields
-    ------
-    start : int
-        The first row of the block.
-    coverage : ndarray, shape (rows, 2 * height)
-        The part of each pixel that the disc covers. The sum over all pixels of coverage times exact
-        solid angle is the disc's solid angle.
+    Yields `start`, the first row of the block; and `coverage` of shape (rows, 2 * height), the part
+    of each pixel that the disc covers. The sum over all pixels of coverage times exact solid angle
+    is the disc's solid angle.
     """
     areas = latlong_solid_angles(height)
     blocks = list(_covered(disc, height))

@@ -39,9 +39,7 @@ _FILM = ("dpx", "cineon")
 class RadianceHeader:
     """What the header of a Radiance picture says of its numbers.
 
-    References
-    ----------
-    Ward, The RADIANCE Picture File Format; `GAMMA` is Walter's, of his rgbe.c.
+    References: Ward, The RADIANCE Picture File Format; `GAMMA` is Walter's, of his rgbe.c.
     """
 
     applied: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -148,15 +146,8 @@ def encoding_of(
 ) -> Encoding:
     """What a file says of its own numbers.
 
-    Parameters
-    ----------
-    spec : OpenImageIO.ImageSpec
-    file_format : str
-        OpenImageIO's name of the format.
-    header : RadianceHeader, optional
-        Of a Radiance picture.
-    integers : bool
-        Whether the pixels are integers, which are decoded.
+    `file_format` is OpenImageIO's name of the format. `header` is that of a Radiance picture.
+    `integers` tells whether the pixels are integers, which are decoded.
 
     Raises ProbeError if the numbers are encoded in a way that is not known here.
     """
@@ -288,13 +279,8 @@ class Layer:
 def choose_layer(path: Path, source: Any, part: str | None, layer: str | None) -> Layer:
     """The light of a file that was opened, which is left at its part.
 
-    Parameters
-    ----------
-    source : OpenImageIO.ImageInput
-    part : str, optional
-        Name or number, from 0, of the part that is wanted.
-    layer : str, optional
-        Name of the layer or view that is wanted.
+    `part` is the name or number, from 0, of the part that is wanted. `layer` is the name of the
+    layer or view that is wanted.
 
     Raises ProbeError if nothing is light, or what is cannot be told from the rest, or there is no
     such part or layer.

@@ -33,9 +33,7 @@ def linear_curve(profile: bytes) -> Curve | None:
 
     Returns None where the profile holds no such curve, as those of printers do.
 
-    References
-    ----------
-    ICC.1:2022, 7.3 (tags), 10.6 (curveType), 10.18 (parametricCurveType).
+    References: ICC.1:2022, 7.3 (tags), 10.6 (curveType), 10.18 (parametricCurveType).
     """
     try:
         for name, data in _tags(profile):
@@ -52,14 +50,9 @@ def profile_primaries(profile: bytes) -> tuple[float, ...] | None:
     Its colorants are adapted to D50. The tag ``chad`` says by which matrix; without it they are
     taken to be adapted from the media's white, by Bradford's, which is D50 itself in many profiles.
 
-    Returns
-    -------
-    tuple of 8 float or None
-        CIE x and y of red, green, blue and white; None where the profile is of another kind.
+    Returns CIE x and y of red, green, blue and white, or None where the profile is of another kind.
 
-    References
-    ----------
-    ICC.1:2022, 8.3.3 (three-component matrix-based profiles), 9.2.14 (chad), annex E.
+    References: ICC.1:2022, 8.3.3 (three-component matrix-based profiles), 9.2.14 (chad), annex E.
     """
     try:
         found = {
@@ -149,17 +142,11 @@ def _parametric(kind: int, numbers: list[float]) -> Curve | None:
 def png_primaries(path: Path, has_profile: bool) -> tuple[float, ...] | None:
     """Return the primaries that the chunks of a PNG state: x and y of RGB and white.
 
-    Parameters
-    ----------
-    path : Path
-        Of any file; only a PNG states something.
-    has_profile : bool
-        Whether its ICC profile tells primaries, over which only ``cICP`` stands.
+    `path` is that of any file; only a PNG states something. `has_profile` tells whether its ICC
+    profile tells primaries, over which only ``cICP`` stands.
 
-    References
-    ----------
-    Portable Network Graphics (PNG) Specification, third edition, 4.3: the order of precedence is
-    cICP, iCCP, sRGB, cHRM.
+    References: Portable Network Graphics (PNG) Specification, third edition, 4.3: the order of
+    precedence is cICP, iCCP, sRGB, cHRM.
     """
     found = dict(_chunks(path))
     code = found.get(b"cICP", b"")

@@ -141,9 +141,7 @@ class ArrayImage:
     def copy_of(cls, array: ArrayLike, name: str) -> "ArrayImage":
         """Make an image from a copy of an array.
 
-        Parameters
-        ----------
-        array : array_like of a floating type, shape (H, W, 3) or (H, W)
+        `array` is of a floating type and of shape (H, W, 3) or (H, W).
 
         Raises ProbeError if it cannot be radiance.
         """
@@ -195,11 +193,7 @@ def digest(images: tuple[ProbeImage, ...]) -> str:
 def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
     """Layout of an image, from its attribute `envmap`, else from its aspect ratio.
 
-    Parameters
-    ----------
-    name : str
-        What messages call the image.
-    envmap : {"latlong", "cube", ""}
+    `name` is what messages call the image. `envmap` is ``latlong`` or ``cube``, or empty.
 
     Raises ProbeError if they do not tell.
     """
@@ -228,10 +222,7 @@ def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
 def proportions(layout: Layout, images: int = 1) -> tuple[int, int]:
     """Width and height of a layout's image, in faces or in another unit.
 
-    Parameters
-    ----------
-    images : int
-        1, or 6 where each face is an image of its own.
+    `images` are 1, or 6 where each face is an image of its own.
     """
     if images > 1:
         return 1, 1
@@ -243,14 +234,8 @@ def proportions(layout: Layout, images: int = 1) -> tuple[int, int]:
 def check_shape(name: str, layout: Layout, width: int, height: int, images: int = 1) -> None:
     """Check that an image's size suits its layout.
 
-    Parameters
-    ----------
-    name : str
-        What messages call the image.
-    width, height : int
-        Of each image.
-    images : int
-        1, or 6 where each face is an image of its own.
+    `name` is what messages call the image. `width` and `height` are those of each image. `images`
+    are 1, or 6 where each face is an image of its own.
     """
     columns, rows = proportions(layout, images)
     size = width // columns
@@ -274,12 +259,8 @@ def check_shape(name: str, layout: Layout, width: int, height: int, images: int 
 def grid_of(layout: Layout, width: int, sampling: Sampling, images: int = 1) -> Grid:
     """The grid that the pixels of a layout are brought to.
 
-    Parameters
-    ----------
-    width : int
-        Of each image, which suits the layout.
-    images : int
-        1, or 6 where each face is an image of its own.
+    `width` is that of each image, which suits the layout. `images` are 1, or 6 where each face is
+    an image of its own.
     """
     columns, _ = proportions(layout, images)
     return grid_class(grid_name(layout))(width // columns, sampling)
@@ -297,14 +278,8 @@ def clear_unused(image: Array, layout: Layout) -> None:
 def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array:
     """An image of any arrangement as a stacked cube of OpenEXR's, shape (6N, N, channels).
 
-    Parameters
-    ----------
-    image : ndarray, shape (rows * N, columns * N, channels)
-        For ``"faces"`` it is the six files stacked.
-    layout : Layout
-        One of a cube.
-    orientation : {"openexr", "gl"}
-        Of the faces in the image.
+    `image`, of shape (rows * N, columns * N, channels), holds the faces; for ``"faces"`` it is the
+    six files stacked. `layout` is one of a cube. `orientation` is that of the faces in the image.
     """
     from shrm_cli.sphere.cube import reorient
 
@@ -322,13 +297,8 @@ def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array
 def arrange_faces(stack: Array, layout: Layout, orientation: Orientation) -> Array:
     """A stacked cube of OpenEXR's orientation in any arrangement: the inverse of `stack_faces`.
 
-    Parameters
-    ----------
-    stack : ndarray, shape (6N, N, channels)
-    layout : Layout
-        One of a cube; ``"faces"`` gives the six files stacked.
-    orientation : {"openexr", "gl"}
-        Of the faces in the result.
+    `stack` is of shape (6N, N, channels). `layout` is one of a cube; ``"faces"`` gives the six
+    files stacked. `orientation` is that of the faces in the result.
 
     Returns an array of shape (rows * N, columns * N, channels): the corners of a cross are 0.
     """

@@ -87,13 +87,8 @@ class ImageFile:
     ) -> "ImageFile":
         """Open a file and check what can be checked without its pixels.
 
-        Parameters
-        ----------
-        linearize : bool
-            Whether to decode integer pixels as the file says, or else as sRGB; they are refused
-            otherwise.
-        part, layer : str, optional
-            Which of several to read; see `choose_layer`.
+        `linearize` tells whether to decode integer pixels as the file says, or else as sRGB; they
+        are refused otherwise. `part` and `layer` say which of several to read; see `choose_layer`.
 
         Raises ProbeError if there is no such image, or it is not usable as radiance.
         """

@@ -61,14 +61,9 @@ _DISC_KEYS = {
 def open_light_file(name: str, options: ReadOptions, opening: Callable[..., Probe]) -> LightSum:
     """Open a light file, and the probes that it names.
 
-    Parameters
-    ----------
-    name : str
-        The file. Names in it are relative to its folder.
-    options : ReadOptions
-        What turns the whole; other options say nothing about a light file.
-    opening : callable
-        Opens the probes that it names, as `open_probe` does.
+    `name` is the file. Names in it are relative to its folder. `options` are what turns the whole;
+    other options say nothing about a light file. `opening` opens the probes that it names, as
+    `open_probe` does.
 
     Raises ProbeError if it is no sound light file, or an option does not apply.
     """

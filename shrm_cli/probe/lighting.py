@@ -76,10 +76,7 @@ class Lamps:
 class PolarRows:
     """Gathers the polar rows of an image, which arrives in blocks of rows.
 
-    Parameters
-    ----------
-    grid : Grid
-        Nothing is gathered, and there are no lamps, where weights are solid angles.
+    Nothing is gathered of `grid`, and there are no lamps, where weights are solid angles.
     """
 
     def __init__(self, grid: Grid) -> None:

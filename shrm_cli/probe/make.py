@@ -194,16 +194,10 @@ def latlong_texels(
 ) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
     """Row and column of the texels that contain directions.
 
-    Parameters
-    ----------
-    directions : array_like, shape (..., 3)
-        World directions of any length but 0.
-    size : int
-        Height of the lat-long; it is twice as wide.
+    `directions`, of shape (..., 3), are world directions of any length but 0. `size` is the height
+    of the lat-long; it is twice as wide.
 
-    Returns
-    -------
-    rows, columns : ndarray of int, shape (...)
+    Returns `rows` and `columns`, each of shape (...).
     """
     across, down = latlong_coordinates(directions)
     columns = np.floor((across + 1) * size).astype(int)

@@ -206,11 +206,7 @@ class ReadImage(ArrayImage):
 def read_by_package(name: str) -> tuple[ReadImage, Mapping[str, Any]] | None:
     """Read a file by the package that names its suffix; None where none does.
 
-    Returns
-    -------
-    ReadImage
-    mapping of str
-        What the package says of it: `Probe.from_array` has these arguments.
+    Returns the image, and what the package says of it: `Probe.from_array` has these arguments.
 
     Raises PluginError if the package's function cannot be loaded, fails, or returns something else.
     Raises ProbeError if there is no such file, or the pixels are no image.

@@ -168,12 +168,8 @@ def chromaticities_of(
 ) -> tuple[float, ...] | None:
     """The primaries that an argument means.
 
-    Parameters
-    ----------
-    argument : str
-        Its name, for the message.
-    value : str or sequence of 8 float, optional
-        A name of `vocabulary.PRIMARIES`, or CIE x and y of red, green, blue and white.
+    `argument` is its name, for the message. `value` is a name of `vocabulary.PRIMARIES`, or CIE x
+    and y of red, green, blue and white.
 
     Raises ProbeError if it is neither, or light cannot have such primaries.
     """
@@ -248,13 +244,9 @@ class ColorReading:
     def of(cls, stated: tuple[float, ...] | None, options: ReadOptions) -> "ColorReading":
         """Decide how colors are understood.
 
-        Parameters
-        ----------
-        stated : tuple of 8 float, optional
-            What the images say. Zeros are a field that nobody has filled in, as of many Radiance
-            files, and mean Rec. 709.
-        options : ReadOptions
-            Its `primaries` overrule them, and its `working` is what the light is converted to.
+        `stated` is what the images say. Zeros are a field that nobody has filled in, as of many
+        Radiance files, and mean Rec. 709. The `primaries` of `options` overrule them, and its
+        `working` is what the light is converted to.
         """
         given = chromaticities_of("primaries", options.primaries)
         working = chromaticities_of("working", options.working)

@@ -73,14 +73,8 @@ class PixelPolicy:
     def apply(self, pixels: Array, weights: Array, report: PixelReport) -> Array:
         """Finite pixels without negative radiance, clamped if asked, shape (rows, columns, 3).
 
-        Parameters
-        ----------
-        pixels : ndarray, shape (rows, columns, 3)
-            They are left as they are.
-        weights : ndarray, shape (rows, columns) or (rows, 1)
-            Solid angles.
-        report : PixelReport
-            What is added to.
+        `pixels`, of shape (rows, columns, 3), are left as they are. `weights`, of shape (rows,
+        columns) or (rows, 1), are solid angles. `report` is what is added to.
         """
         if pixels.size and pixels.min() < 0:
             below = pixels < 0
@@ -103,18 +97,10 @@ class PixelPolicy:
 def find_nonfinite(pixels: Array, first_row: int, report: PixelReport) -> NDArray[np.bool_] | None:
     """Find the pixels of a block that are NaN or infinite, and count them in the report.
 
-    Parameters
-    ----------
-    pixels : ndarray, shape (rows, columns, 3)
-    first_row : int
-        Where the block begins in its image.
-    report : PixelReport
-        What is added to.
+    `pixels` are of shape (rows, columns, 3). `first_row` is where the block begins in its image.
+    `report` is what is added to.
 
-    Returns
-    -------
-    ndarray of bool, shape (rows, columns), or None
-        None where all pixels are finite.
+    Returns an array of bool of shape (rows, columns), or None where all pixels are finite.
     """
     # One pass in the common case: a sum is finite if every term is, short of overflow.
     with np.errstate(over="ignore", invalid="ignore"):
@@ -159,20 +145,12 @@ def fill_nonfinite(
 
     Larger holes are filled from their rim inwards, one pixel in each round.
 
-    Parameters
-    ----------
-    pixels : ndarray, shape (H, W, 3)
-    wraps : bool
-        Whether the left and right edges are beside each other, as in a lat-long.
-    used : ndarray of bool, shape (H, W), optional
-        The pixels that hold radiance; no others are filled or filled from.
-    rounds : int, optional
-        How deep to fill; what lies deeper stays as it is. By default no depth is too great.
+    `pixels` are of shape (H, W, 3). `wraps` tells whether the left and right edges are beside each
+    other, as in a lat-long. `used`, of shape (H, W), holds the pixels that hold radiance; no others
+    are filled or filled from. `rounds` is how deep to fill; what lies deeper stays as it is. By
+    default no depth is too great.
 
-    Returns
-    -------
-    ndarray
-        A copy. If no used pixel is finite, nothing can be filled.
+    Returns an array, a copy. If no used pixel is finite, nothing can be filled.
     """
     pixels = pixels.copy()
     good = _finite(pixels)

@@ -276,12 +276,8 @@ def make_probe(
 ) -> Probe:
     """Make a probe from images, after checks of their size.
 
-    Parameters
-    ----------
-    images : tuple of ProbeImage
-        One image, or six faces.
-    sampling, chromaticities, proxy
-        What the images say of themselves; the options overrule the sampling.
+    `images` is one image, or six faces. `sampling`, `chromaticities` and `proxy` are what the
+    images say of themselves; the options overrule the sampling.
 
     Raises ProbeError if the images do not suit the layout, or an option does not suit them.
     """

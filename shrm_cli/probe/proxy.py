@@ -79,10 +79,7 @@ class ProxyBox:
     def turned(self, matrix: ArrayLike) -> "ProxyBox | None":
         """Return the box turned about the origin; None where its faces leave the world axes.
 
-        Parameters
-        ----------
-        matrix : array_like, shape (3, 3)
-            Orthogonal; what was in a direction d is in ``matrix @ d``.
+        `matrix`, of shape (3, 3), is orthogonal; what was in a direction d is in ``matrix @ d``.
         """
         exact = np.round(np.asarray(matrix, dtype=float))
         if np.abs(exact - matrix).max() > 1e-6:
@@ -93,12 +90,8 @@ class ProxyBox:
     def directions(self, points: ArrayLike, directions: ArrayLike) -> Array:
         """Return where the probe saw what rays meet of the box: unit, shape (..., 3).
 
-        Parameters
-        ----------
-        points : array_like, shape (..., 3)
-            Where the rays begin, in world axes. What lies outside the box is moved to it.
-        directions : array_like, shape (..., 3), broadcastable
-            Unit vectors.
+        `points`, of shape (..., 3), are where the rays begin, in world axes. What lies outside the
+        box is moved to it. `directions`, of shape (..., 3), broadcastable, are unit vectors.
         """
         rays = np.asarray(directions, dtype=float)
         start = np.clip(points, self.low, self.high)
@@ -120,10 +113,8 @@ def carried(vectors: ArrayLike, before: ArrayLike, after: ArrayLike) -> Array:
     Two half turns, about `before` and about what is between both, make twice the angle between
     their axes.
 
-    Parameters
-    ----------
-    vectors, before, after : array_like, shape (..., 3), broadcastable
-        The directions are unit, and not opposite.
+    `vectors`, `before` and `after` are each of shape (..., 3), broadcastable. The directions are
+    unit, and not opposite.
     """
     middle = normalize(np.add(before, after))
     return _half_turned(_half_turned(np.asarray(vectors), np.asarray(before)), middle)

@@ -39,10 +39,7 @@ class OldRuns:
     def of(cls, path: Path, width: int, height: int) -> "OldRuns | None":
         """Read a Radiance picture; None if all pixels are stored, or runs are of the newer kind.
 
-        Raises
-        ------
-        ProbeError
-            If there are more or fewer pixels than the header says.
+        Raises ProbeError if there are more or fewer pixels than the header says.
         """
         with open(path, "rb") as stream:
             head = stream.read(_LONGEST)

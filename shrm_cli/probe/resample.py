@@ -46,10 +46,7 @@ def coarse_probe(probe: Probe, rows: int) -> Probe:
     Each pixel of the result is the mean of k x k pixels by solid angle, so that no light is lost.
     The image itself is never held as a whole.
 
-    Parameters
-    ----------
-    rows : int
-        The result has no fewer rows than this, and than `LEAST_ROWS`.
+    The result has no fewer rows than this, and than `LEAST_ROWS`.
 
     Returns the probe itself where no k suits its size, or its grid cannot be read by rows.
     Otherwise a probe in memory, without the files of the first one; what the pixels needed stands
@@ -139,15 +136,10 @@ def default_size(probe: Probe, kind: type[Grid]) -> int:
 def to_grid(probe: Probe, target: Grid) -> Array:
     """A probe on a grid in world axes.
 
-    Parameters
-    ----------
-    target : Grid
-        A cube is stacked, in OpenEXR's order and orientation.
+    A cube is stacked, in OpenEXR's order and orientation.
 
-    Returns
-    -------
-    ndarray of float32, shape (rows, columns, 3)
-        It is not negative, and 0 where the grid holds nothing.
+    Returns an array of float32 of shape (rows, columns, 3), not negative, and 0 where the grid
+    holds nothing.
 
     Raises ProbeError if the size is out of its range, or the probe cannot be read.
     """
@@ -214,10 +206,8 @@ def _sampled(pixels: Array, probe: Probe, target: Grid, parts: int) -> Array:
 def _take_bright(image: Array, probe: Probe) -> tuple[Indices, Indices, Array]:
     """Dim, in place, what exceeds `_BRIGHT` times the mean radiance.
 
-    Parameters
-    ----------
-    image : ndarray, shape (H, W, 3)
-        The probe's pixels, which have just been read: its report tells their mean.
+    `image`, of shape (H, W, 3), is the probe's pixels, which have just been read: its report tells
+    their mean.
 
     Returns `rows`, `columns` of shape (n,), the pixels that were dimmed; and `excess` of shape (n,
     3), the radiance that was taken from each pixel.
@@ -243,14 +233,9 @@ def _add_bright(
 ) -> None:
     """Add, in place, the light of some pixels of the source to the cells that they fall upon.
 
-    Parameters
-    ----------
-    image : ndarray, shape (H, W, 3)
-        On the target.
-    matrix : ndarray, shape (3, 3)
-        From the axes of the source to those of the target.
-    rows, columns, excess
-        As `_take_bright` gives them.
+    `image`, of shape (H, W, 3), is on the target. `matrix`, of shape (3, 3), leads from the axes of
+    the source to those of the target. `rows`, `columns` and `excess` are as `_take_bright` gives
+    them.
     """
     down, across = source.parts(_BRIGHT_PARTS)
     heights, widths = source.extents()

@@ -82,14 +82,9 @@ def read_series(
 ) -> Series:
     """Read the coefficients of a file.
 
-    Parameters
-    ----------
-    basis : str, optional
-        One of `BASES`; by default what the file says, or "real".
-    of : {"radiance", "irradiance"}
-        What the numbers are coefficients of; irradiance has degrees up to 2.
-    part : str, optional
-        The number of a light among several.
+    `basis` is one of `BASES`; by default what the file says, or "real". `of` is what the numbers
+    are coefficients of; irradiance has degrees up to 2. `part` is the number of a light among
+    several.
 
     Raises ProbeError if the file holds no such numbers.
     """
@@ -121,12 +116,8 @@ def read_series(
 def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array:
     """Return coefficients of radiance in our basis, shape (n, 3).
 
-    Parameters
-    ----------
-    values : array_like, shape (n, 3), (n, 1) or (n,), or flat
-        With n = 1, 4, 9, 16, ...
-    basis, of
-        As `read_series` takes them.
+    `values` are of shape (n, 3), (n, 1) or (n,), or flat, with n = 1, 4, 9, 16, ... `basis` and
+    `of` are as `read_series` takes them.
 
     Raises ValueError if they are something else.
     """

@@ -124,18 +124,12 @@ def sky(
 def sky_radiance(directions: Array, sun: Array, turbidity: float) -> Array:
     """Radiance of the sky without the sun's disc.
 
-    Parameters
-    ----------
-    directions : ndarray, shape (..., 3)
-        Unit directions on or above the horizon.
-    sun : ndarray, shape (3,)
-        Unit direction of the sun, on or above the horizon.
+    `directions`, of shape (..., 3), are unit directions on or above the horizon. `sun`, of shape
+    (3,), is the unit direction of the sun, on or above the horizon.
 
     Returns an array of shape (..., 3): linear Rec.709, luminance in kcd/m^2, at least 0.
 
-    References
-    ----------
-    A.2: quantities F(theta, gamma) / F(0, theta_s) times those at the zenith.
+    References: A.2: quantities F(theta, gamma) / F(0, theta_s) times those at the zenith.
     """
     sun_theta = np.arccos(np.clip(sun[1], 0.0, 1.0))
     # A.2 divides by the cosine; the radiance is flat long before it vanishes.
@@ -168,16 +162,11 @@ def zenith_luminance(turbidity: float, sun_theta: float) -> float:
 def sun_radiance(elevation: float, turbidity: float) -> Array:
     """Mean radiance of the sun's disc as seen through the atmosphere.
 
-    Parameters
-    ----------
-    elevation : float
-        Elevation of the disc's center, degrees, 0 to 90.
+    `elevation` is the elevation of the disc's center, degrees, 0 to 90.
 
     Returns an array of shape (3,): linear Rec.709, luminance in kcd/m^2, at least 0.
 
-    References
-    ----------
-    A.1, Table 2.
+    References: A.1, Table 2.
     """
     wavelengths = np.arange(380.0, 750.5, 1.0)
     depth = atmosphere_depth(wavelengths, elevation, turbidity)
@@ -190,18 +179,12 @@ def sun_radiance(elevation: float, turbidity: float) -> Array:
 def atmosphere_depth(wavelengths: Array, elevation: float, turbidity: float) -> Array:
     """Optical depth of the whole atmosphere towards the sun.
 
-    Parameters
-    ----------
-    wavelengths : ndarray, shape (n,)
-        In nm.
-    elevation : float
-        Elevation of the sun, degrees, 0 to 90.
+    `wavelengths`, of shape (n,), are in nm. `elevation` is the elevation of the sun, degrees, 0 to
+    90.
 
     Returns an array of shape (n,): minus the logarithm of the transmittance.
 
-    References
-    ----------
-    A.1; the angle in its relative optical mass (Kasten's) is in degrees.
+    References: A.1; the angle in its relative optical mass (Kasten's) is in degrees.
     """
     zenith_angle = 90 - elevation
     mass = 1 / (np.cos(np.radians(zenith_angle)) + 0.15 * (93.885 - zenith_angle) ** -1.253)

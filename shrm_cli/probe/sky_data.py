@@ -85,16 +85,11 @@ LUMINOUS_EFFICACY = 683.0
 def color_matching(wavelengths: Array) -> Array:
     """CIE 1931 color matching functions, multi-lobe fit.
 
-    Parameters
-    ----------
-    wavelengths : ndarray, shape (n,)
-        In nm.
+    `wavelengths`, of shape (n,), are in nm.
 
     Returns an array of shape (n, 3): x, y, z.
 
-    References
-    ----------
-    Wyman, Sloan & Shirley 2013, eq. 4.
+    References: Wyman, Sloan & Shirley 2013, eq. 4.
     """
     functions = []
     for lobes in COLOR_MATCHING:

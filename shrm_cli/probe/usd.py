@@ -49,15 +49,9 @@ _LAYOUTS = {"latlong": "latlong", "angular": "angular", "cubeMapVerticalCross": 
 def open_stage(name: str, options: ReadOptions, opening: Callable[..., Probe]) -> LightSum:
     """Open the lights of a stage that are infinitely far away, as one probe.
 
-    Parameters
-    ----------
-    name : str
-        A file that ends with .usda, .usdc, .usd or .usdz.
-    options : ReadOptions
-        What turns a probe turns the stage, after its up axis was turned to +Y; all else is said of
-        the textures.
-    opening : callable
-        Opens the textures, as `open_probe` does.
+    `name` is a file that ends with .usda, .usdc, .usd or .usdz. `options` are what turns a probe
+    turns the stage, after its up axis was turned to +Y; all else is said of the textures. `opening`
+    opens the textures, as `open_probe` does.
 
     Raises ProbeError if OpenUSD is not installed, the stage is damaged or has no such light, or one
     of its layers or textures lies elsewhere or cannot be read.

@@ -49,15 +49,7 @@ def basis_subject(
 ) -> tuple[Any, list[Any]]:
     """Return what `Scene` draws: a subject, and its material for each of the maps.
 
-    Parameters
-    ----------
-    maps : list of Irradiance
-    mesh : Mesh, optional
-        By default a sphere is drawn.
-    transfer : Transfer, optional
-        What was baked of the mesh.
-    size : int
-        Width and height of a picture, pixels.
+    Without a `mesh` a sphere is drawn. `transfer` is what was baked of the mesh.
 
     Raises TransferError if it was baked for another mesh.
     """

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.base import Map, ReflectedLight, ReflectionMap
+from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.probe.proxy import carried
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import central_directions, horizontal_tangents
@@ -30,14 +31,10 @@ def parts_of(made: Map, shown: ReflectedLight) -> Parts:
 def seen_from(made: Map, center: str, vectors: Vectors, points: Array | None) -> Vectors:
     """Return vectors of surfaces, turned as the probe of a map saw what they look at.
 
-    Parameters
-    ----------
-    center : {"reflection", "normal", "tangent"}
-        The central direction. About the tangent nothing is turned, as light comes from all around.
-    vectors : tuple of ndarray, shape (n, 3)
-        Normals, views, and tangents or None; unit, world axes.
-    points : ndarray, shape (n, 3), optional
-        World axes. Without them, or where the map knows of no box, nothing is turned.
+    `center`, one of ``reflection``, ``normal``, ``tangent``, is the central direction. About the
+    tangent nothing is turned, as light comes from all around. `vectors`, each of shape (n, 3), are
+    normals, views, and tangents or None; unit, world axes. `points`, of shape (n, 3), are in world
+    axes. Without them, or where the map knows of no box, nothing is turned.
     """
     box = made.info.proxy
     if points is None or box is None or center not in ("reflection", "normal"):

@@ -60,17 +60,10 @@ class Viewer:
 def pixel_centers(size: int, start: int, stop: int) -> tuple[Array, Array]:
     """Return the offsets from the picture's centre to the pixel centres of some rows.
 
-    Parameters
-    ----------
-    size : int
-        Width and height of the picture, pixels.
-    start, stop : int
-        The rows are `start` .. `stop` - 1.
+    The rows are `start` .. `stop` - 1.
 
-    Returns
-    -------
-    x, y : ndarray, shape (stop - start, size)
-        Offsets to the right and upwards, in pixels.
+    Returns `x` and `y`, each of shape (stop - start, size), offsets to the right and upwards, in
+    pixels.
     """
     right = np.arange(size) + 0.5 - size / 2
     up = size / 2 - 0.5 - np.arange(start, stop)
@@ -86,11 +79,8 @@ def sphere_radius(size: int) -> float:
 def sphere_normals(viewer: Viewer, x: Array, y: Array) -> Array:
     """Return the normals of the sphere at points where the viewer sees it.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (...)
-        Offsets to the right and upwards from the sphere's centre, in radii. Points off the sphere
-        get the normal of the nearest point on the silhouette.
+    `x` and `y`, each of shape (...), are offsets to the right and upwards from the sphere's centre,
+    in radii. Points off the sphere get the normal of the nearest point on the silhouette.
 
     Returns an array of shape (..., 3): unit, world axes.
     """
@@ -103,12 +93,7 @@ def sphere_normals(viewer: Viewer, x: Array, y: Array) -> Array:
 def background_directions(viewer: Viewer, size: int, start: int, stop: int) -> Array:
     """Return the directions in which the pixels of some rows see the surroundings.
 
-    Parameters
-    ----------
-    size : int
-        Width and height of the picture, pixels.
-    start, stop : int
-        The rows are `start` .. `stop` - 1.
+    The rows are `start` .. `stop` - 1.
 
     Returns an array of shape (stop - start, size, 3): unit, world axes.
     """
@@ -143,12 +128,8 @@ def sphere_coverage(size: int, x: Array, y: Array) -> Array:
     The area is integrated exactly along the axis in which the pixel lies farther from the centre,
     and by the midpoint rule along the other axis. The fraction is right to 0.001.
 
-    Parameters
-    ----------
-    size : int
-        Width and height of the picture, pixels.
-    x, y : ndarray, shape (...)
-        Offsets of pixel centres from the picture's centre, in pixels.
+    `x` and `y`, each of shape (...), are offsets of pixel centres from the picture's centre, in
+    pixels.
     """
     radius = sphere_radius(size)
     distance = np.hypot(x, y)

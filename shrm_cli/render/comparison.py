@@ -51,15 +51,10 @@ def measure(pictures: Picture, baselines: Picture) -> Difference:
     Only the sphere counts: the weight of a pixel is the fraction of it that the sphere covers, in
     means and in percentiles. Pixels on the silhouette are divided by that fraction first.
 
-    Parameters
-    ----------
-    pictures, baselines : ndarray, shape (..., S, S, 3)
-        As `render_sphere` draws them on black: linear, premultiplied by the coverage.
+    `pictures` and `baselines`, each of shape (..., S, S, 3), are as `render_sphere` draws them on
+    black: linear, premultiplied by the coverage.
 
-    Returns
-    -------
-    Difference
-        Over all views together.
+    The difference is over all views together.
     """
     size = pictures.shape[-2]
     coverage = whole_coverage(size)
@@ -122,16 +117,9 @@ class Comparison:
         The baseline comes first. Each other map follows, and then its absolute difference from
         the baseline.
 
-        Parameters
-        ----------
-        baseline_name : str
-            Label of the baseline.
-        names : sequence of M str
-            Labels of the others.
-        exposure : float
-            Stops, the same for all pictures and differences.
-        amplification : float
-            Factor of the differences alone.
+        `baseline_name` is the label of the baseline. `names` are labels of the others. `exposure`
+        is in stops, the same for all pictures and differences. `amplification` is the factor of the
+        differences alone.
 
         Returns an array of float32 of shape (*comparison_layout(M, V, S).shape, 3): linear. The
         tiles are exposed; the paper and the labels are not. Raises OutputError if the sheet would
@@ -161,12 +149,7 @@ def mean_flip(errors: Sequence[FlipError | None]) -> float | None:
 def comparison_layout(others: int, views: int, size: int) -> SheetLayout:
     """Lay out the tiles of a comparison's picture.
 
-    Parameters
-    ----------
-    others, views : int
-        How many there are.
-    size : int
-        Width and height of a tile, pixels.
+    `others` and `views` are how many there are. `size` is the width and height of a tile, pixels.
 
     Raises OutputError if the sheet would be too large.
     """
@@ -184,18 +167,9 @@ def compare_spheres(
 ) -> Comparison:
     """Draw a sphere of each map from the same views.
 
-    Parameters
-    ----------
-    baseline : Reflecting
-        The truth or the map that the others are compared with.
-    others : sequence of M Reflecting
-    viewers : sequence of V Viewer
-    size : int
-        Width and height of each picture, pixels.
-    progress : callable, optional
-        Called with the pictures done and all, (1 + M) V; the first V are those of the baseline.
-    primaries : tuple of 8 float, optional
-        Of the light of all of them; None is Rec.709.
+    `baseline` is the truth or the map that the others are compared with. `progress` is called with
+    the pictures done and all, (1 + M) V; the first V are those of the baseline. `primaries` are
+    those of the light of all of them; None is Rec.709.
     """
     drawn: list[Picture] = []
     total = (1 + len(others)) * len(viewers)

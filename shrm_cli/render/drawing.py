@@ -102,13 +102,9 @@ class Film:
 def on_sphere(lit: Lit, size: int, values: Mapping[str, Any]) -> Drawing:
     """Return a sphere that is drawn.
 
-    Parameters
-    ----------
-    size : int
-        Width and height of its picture, pixels.
-    values : mapping of str to value
-        ``roughness``, ``f0``, ``anisotropy`` and ``taps``, as `shaded_maps` takes them; and
-        ``place`` and ``radius``, where the sphere is within the boxes of its maps.
+    `size` is the width and height of its picture, pixels. `values` are ``roughness``, ``f0``,
+    ``anisotropy`` and ``taps``, as `shaded_maps` takes them; and ``place`` and ``radius``, where
+    the sphere is within the boxes of its maps.
     """
     asked = [values[name] for name in ("roughness", "f0", "anisotropy", "taps")]
     drawn, surface, warnings = shaded_maps(lit.maps, lit.names, *asked)
@@ -140,15 +136,10 @@ def on_stage(
 ) -> Drawing:
     """Return a mesh or a scene that is drawn, seen by the viewers of all moments.
 
-    Parameters
-    ----------
-    size : tuple of 2 int
-    values : mapping of str to value
-        ``fov``, ``target`` and ``distance`` of the camera, None for the defaults; and
-        ``no_box``, whether the boxes of maps are left out.
-    drawn : tuple of 2 list, optional
-        Its materials under the maps and under the others, where these are not those of the stage
-        under each: with their own shadows, or beside other light that moves.
+    `values` are ``fov``, ``target`` and ``distance`` of the camera, None for the defaults; and
+    ``no_box``, whether the boxes of maps are left out. `drawn` is its materials under the maps and
+    under the others, where these are not those of the stage under each: with their own shadows, or
+    beside other light that moves.
     """
     lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
     viewers = [each.viewer for each in moments]

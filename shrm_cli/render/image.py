@@ -23,17 +23,10 @@ def suitable_exposure(luminance: ArrayLike, weights: ArrayLike = 1.0) -> float:
 
     The page of `shrm view` chooses by the same rule.
 
-    Parameters
-    ----------
-    luminance : array_like
-        Of the pixels that count. What is not finite is left out.
-    weights : array_like, broadcastable to the same shape
-        How much each counts, such as its solid angle.
+    `luminance` is that of the pixels that count. What is not finite is left out. `weights`, which
+    broadcast to the same shape, are how much each counts, such as its solid angle.
 
-    Returns
-    -------
-    float
-        Between -30 and 30; 0 if the quartile is not above 0.
+    Returns stops between -30 and 30; 0 if the quartile is not above 0.
     """
     values = np.asarray(luminance, dtype=float)
     shares = np.broadcast_to(weights, values.shape)

@@ -67,12 +67,7 @@ def read_keys(path: str | os.PathLike[str]) -> list[Key]:
 def moments_between(keys: Sequence[Key], viewer: Viewer) -> list[Moment]:
     """Return all frames up to the last key's.
 
-    Parameters
-    ----------
-    keys : sequence of Key
-        At least one.
-    viewer : Viewer
-        Where no key tells the view.
+    `keys` are at least one. `viewer` holds where no key tells the view.
     """
     frames = np.arange(1.0, keys[-1].frame + 1)
     turns, shares, views = (

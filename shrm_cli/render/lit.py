@@ -24,14 +24,9 @@ def ggx_surface(
 ) -> Ggx:
     """Return the GGX surface that maps are shown as.
 
-    Parameters
-    ----------
-    roughness : float, optional
-        Perceptual roughness: GGX's alpha is its square. The default is that of `Ggx`.
-    f0 : tuple of 3 float, optional
-        Reflectance at normal incidence, linear RGB. The default is that of `Ggx`.
-    anisotropy : float, optional
-        That of glTF; without it the surface is not brushed.
+    `roughness` is perceptual roughness: GGX's alpha is its square. The default is that of `Ggx`.
+    `f0` is the reflectance at normal incidence, linear RGB. The default is that of `Ggx`.
+    `anisotropy` is that of glTF; without it the surface is not brushed.
 
     Raises BrdfError if a parameter is out of its range.
     """
@@ -58,12 +53,7 @@ def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color
 def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:
     """Return a warning for each map that was not made for a roughness.
 
-    Parameters
-    ----------
-    maps : mapping of str to Map
-        Maps by the names of their files.
-    roughness : float
-        Perceptual roughness.
+    `maps` are maps by the names of their files.
     """
     lines = []
     for path, each in maps.items():
@@ -96,27 +86,16 @@ def shaded_maps(
 ) -> tuple[list[ReflectedLight], dict[str, Any], list[str]]:
     """Give a surface to the maps of light alone, such as split sums and SH exponentials.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the maps' files, for warnings.
-    roughness : float, optional
-        Perceptual roughness of the surface; `DEFAULT_ROUGHNESS` by default.
-    f0 : str, optional
-        Its reflectance at normal incidence, as `reflectance` takes it; that of `Ggx` by default.
-        The colors of metals are converted to the primaries of each map.
-    anisotropy, taps
-        Of a brushed surface, as `shown_as` takes them.
+    `names` are names of the maps' files, for warnings. `roughness` is the perceptual roughness of
+    the surface; `DEFAULT_ROUGHNESS` by default. `f0` is its reflectance at normal incidence, as
+    `reflectance` takes it; that of `Ggx` by default. The colors of metals are converted to the
+    primaries of each map. `anisotropy` and `taps` are those of a brushed surface, as `shown_as`
+    takes them.
 
-    Returns
-    -------
-    maps : list of ReflectedLight
-        All maps, those of light alone with the surface.
-    surface : dict
-        Roughness and reflectance of the first map's surface, for a result; without a reflectance
-        where that is a BRDF with colors of its own, and empty if no map needs a surface.
-    warnings : list of str
-        One for each map that was not made for this roughness.
+    Returns `maps`, all maps, those of light alone with the surface; `surface`, roughness and
+    reflectance of the first map's surface, for a result; without a reflectance where that is a BRDF
+    with colors of its own, and empty if no map needs a surface; and `warnings`, one for each map
+    that was not made for this roughness.
     """
     lights = [each for each in maps if isinstance(each, LightMap)]
     if not lights:
@@ -138,12 +117,8 @@ def lit_maps(
 ) -> tuple[list[Map], list[str]]:
     """Give the light of a probe to the maps that hold a BRDF alone, which are product textures.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the maps' files, for the message.
-    window : str, optional
-        The window of the light; ``auto`` by default.
+    `names` are names of the maps' files, for the message. `window` is the window of the light;
+    ``auto`` by default.
 
     Returns `maps`; and `warnings`, one for each map that reflects less than nothing somewhere.
 

@@ -67,10 +67,7 @@ class _Hits:
 class MeshSubject:
     """Draws a stage from anywhere around it.
 
-    Parameters
-    ----------
-    is_boxed : bool
-        Whether light is looked up where rays meet the boxes that maps know of.
+    `is_boxed` tells whether light is looked up where rays meet the boxes that maps know of.
 
     Raises MeshError if embreex is not installed.
     """
@@ -105,12 +102,8 @@ class MeshSubject:
     ) -> Picture:
         """Draw the stage.
 
-        Parameters
-        ----------
-        reflectors : list of Reflector, VertexColors or None
-            One for each of the stage's looks.
-        background : ndarray, shape (H, W, 3), optional
-            Linear picture behind the mesh; black by default.
+        `reflectors` are one for each of the stage's looks. `background`, of shape (H, W, 3), is the
+        linear picture behind the mesh; black by default.
 
         Returns an array of float32 of shape (H, W, 3): scene-linear. The small negative values of a
         truncated expansion are kept.
@@ -304,12 +297,8 @@ def facing(normals: Array, flat: Array, views: Array) -> Array:
     still face away near a silhouette, where no BRDF has a value. It is then bent towards the
     viewer, in the plane of both, until N.V = `MIN_COSINE`.
 
-    Parameters
-    ----------
-    normals, flat : ndarray, shape (n, 3)
-        Unit normals, interpolated and of the triangles themselves.
-    views : ndarray, shape (n, 3)
-        Unit, to the viewer.
+    `normals` and `flat`, each of shape (n, 3), are unit normals, interpolated and of the triangles
+    themselves. `views`, of shape (n, 3), are unit, to the viewer.
     """
     front = np.einsum("ij,ij->i", flat, views) * np.einsum("ij,ij->i", flat, normals)
     turned = np.where((front < 0)[:, None], -normals, normals)

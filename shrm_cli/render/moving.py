@@ -53,12 +53,8 @@ class Moment:
     def moved(self, first: Drawn, second: Drawn | None = None) -> Drawn:
         """Return what is drawn under the light of this moment, with its values.
 
-        Parameters
-        ----------
-        first : map, Reflector, VertexColors, list of these, or None
-            As it is under the light at rest.
-        second : the same, optional
-            As it is under the light that this one becomes.
+        `first` is the map, or what reflects it, as it is under the light at rest. `second` is the
+        same under the light that this one becomes.
         """
         if second is None or self.share == 0:
             second = None
@@ -189,15 +185,10 @@ def moving_light(
 ) -> list[Moment]:
     """Return frames in which the light moves, and the viewer stands still.
 
-    Parameters
-    ----------
-    frames : int, optional
-        How many; by default a single picture, of the end of the way.
-    turn : tuple of array_like, shape (3,), and float, optional
-        The axis and the angle of the turn, degrees. Frames turn on by equal steps from 0, so that
-        after the last one a whole turn begins anew.
-    share : float, optional
-        How much of the light is that of the second map in the last frame; the first has none of it.
+    `frames` is how many; by default a single picture, of the end of the way. `turn` is the axis and
+    the angle of the turn, degrees. Frames turn on by equal steps from 0, so that after the last one
+    a whole turn begins anew. `share` is how much of the light is that of the second map in the last
+    frame; the first has none of it.
     """
     found = []
     for k in range(frames or 1):
@@ -220,10 +211,7 @@ def with_ways(frames: Sequence[Moment], ways: Mapping[str, tuple[float, float]])
 def check_values(frames: Iterable[Moment], maps: Sequence[Map]) -> None:
     """Check that values are those of parameters that vary in maps.
 
-    Raises
-    ------
-    MapError
-        If a parameter varies in none of them, or a value is outside the range of one.
+    Raises MapError if a parameter varies in none of them, or a value is outside the range of one.
     """
     ways = [way for each in maps for way in each.ways.items()]
     for name, value in sorted({pair for each in frames for pair in each.values.items()}):

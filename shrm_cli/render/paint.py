@@ -75,14 +75,8 @@ class Painted:
 class Paint:
     """A material with its textures opened.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        One that has the material.
-    shelf : Shelf
-        Where its textures are.
-    matrix : ndarray, shape (3, 3), optional
-        From Rec.709 to the primaries of the light.
+    `mesh` is one that has the material. `shelf` is where its textures are. `matrix`, of shape (3,
+    3), leads from Rec.709 to the primaries of the light.
 
     Attributes
     ----------
@@ -166,12 +160,9 @@ class Paint:
     def bent(self, points: Points, normals: Array, tangents: Array) -> Array:
         """Return normals as the normal map turns them, shape (n, 3).
 
-        Parameters
-        ----------
-        normals : ndarray, shape (n, 3)
-            Unit, on the side of the triangles that is their front.
-        tangents : ndarray, shape (n, 4)
-            The direction in which u grows, of any length, and the sign of v's direction N x T.
+        `normals`, of shape (n, 3), are unit, on the side of the triangles that is their front.
+        `tangents`, of shape (n, 4), are the direction in which u grows, of any length, and the sign
+        of v's direction N x T.
         """
         texture = self.material.normal_map
         if texture is None or self.normal_set < 0:

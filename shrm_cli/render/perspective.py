@@ -44,10 +44,8 @@ class Lens:
     def directions(self, viewer: Viewer, x: Array, y: Array) -> Array:
         """Return the directions in which points of the picture look.
 
-        Parameters
-        ----------
-        x, y : ndarray, shape (...)
-            Offsets from the picture's centre to the right and upwards, pixels.
+        `x` and `y`, each of shape (...), are offsets from the picture's centre to the right and
+        upwards, pixels.
 
         Returns an array of shape (..., 3): unit, world axes.
         """
@@ -83,14 +81,9 @@ def aimed(
 
     All of them have the same target and distance, so that a turning mesh does not shrink or jump.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3)
-    target : array_like, shape (3,), optional
-        By default the middle of the mesh's bounds.
-    distance : float, optional
-        By default the least at which every vertex is within 0.9 of the picture's width and height
-        in all views, which is how much of a picture a sphere fills.
+    `vertices` are of shape (n, 3). `target`, of shape (3,), is by default the middle of the mesh's
+    bounds. `distance` is by default the least at which every vertex is within 0.9 of the picture's
+    width and height in all views, which is how much of a picture a sphere fills.
 
     Raises ArgumentError if the distance is not positive, or a value is not finite.
     """

@@ -80,12 +80,8 @@ class Shown:
     ) -> Actor:
         """Return the mesh as it is shown.
 
-        Parameters
-        ----------
-        primaries : tuple of 8 float, optional
-            The chromaticities of the light, which colours are converted to.
-        shelf : Shelf, optional
-            The textures of the picture; by default those of this mesh alone.
+        `primaries` are the chromaticities of the light, which colours are converted to. `shelf`
+        holds the textures of the picture; by default those of this mesh alone.
 
         Raises BrdfError if `f0` is no colour. Raises MeshError if a texture cannot be read.
         """
@@ -123,13 +119,8 @@ def is_scene_name(path: str | os.PathLike[str]) -> bool:
 def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]") -> list[Actor]:
     """Read a scene file, and the meshes and maps that it names.
 
-    Parameters
-    ----------
-    path : path-like
-        A TOML file; see the top of this module.
-    maps : sequence of Map
-        The maps that the pictures are of, which objects without a map are drawn by. The first one
-        tells the primaries of the light.
+    `path` is a TOML file; see the top of this module. `maps` are the maps that the pictures are of,
+    which objects without a map are drawn by. The first one tells the primaries of the light.
 
     Raises MeshError if it is no such file, or a mesh cannot be read. Raises MapError or BrdfError
     if a map cannot be read, or a reflectance is no colour.

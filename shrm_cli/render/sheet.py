@@ -80,16 +80,9 @@ def arrange(
 ) -> SheetLayout:
     """Lay out a sheet.
 
-    Parameters
-    ----------
-    count : int
-        Number of tiles.
-    tile : int
-        Width of a tile, pixels.
-    columns : int, optional
-        Tiles beside each other; by default the sheet is as square as possible.
-    tall : int, optional
-        Height of a tile; by default tiles are square.
+    `count` is the number of tiles. `tile` is the width of a tile, pixels. `columns` are tiles
+    beside each other; by default the sheet is as square as possible. `tall` is the height of a
+    tile; by default tiles are square.
 
     Raises OutputError if the sheet has more than `MAX_PIXELS` pixels.
     """
@@ -112,12 +105,8 @@ def _check_size(shape: tuple[int, int], smaller: str) -> None:
 def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[str]) -> Picture:
     """Put tiles on a dark grey sheet, their labels in white, shape (*layout.shape, 3).
 
-    Parameters
-    ----------
-    tiles : sequence of ndarray, shape (tile_height, tile, 3)
-        Linear and already exposed; the paper and the labels are not exposed.
-    labels : sequence of str
-        A label is shortened in its middle if it is wider than its tile.
+    `tiles`, each of shape (tile_height, tile, 3), are linear and already exposed; the paper and the
+    labels are not exposed. A label is shortened in its middle if it is wider than its tile.
 
     Raises OutputError if the labels cannot be drawn.
     """
@@ -185,13 +174,9 @@ def draw_grid(
 ) -> Picture:
     """Put pictures on dark grey, names above columns and beside rows, shape (*grid.shape, 3).
 
-    Parameters
-    ----------
-    heads, sides : sequence of str
-        Names of the columns and of the rows; they are shortened where they are too wide.
-    tiles : iterable of (int, int, ndarray or str)
-        Row and column of a cell, and its picture, shape (tile, tile, 3), linear and exposed, or
-        why there is none.
+    `heads` and `sides` are names of the columns and of the rows; they are shortened where they are
+    too wide. `tiles` are row and column of a cell, and its picture, shape (tile, tile, 3), linear
+    and exposed, or why there is none.
 
     Raises OutputError if text cannot be drawn.
     """

@@ -57,13 +57,9 @@ def render_sphere(
 ) -> Picture:
     """Draw a sphere as a distant viewer sees it.
 
-    Parameters
-    ----------
-    size : int
-        Width and height in pixels.
-    background : ndarray, shape (size, size, 3), optional
-        Linear picture behind the sphere, such as `render_background` makes. By default it is
-        black, so that silhouette pixels are premultiplied by their coverage.
+    `background`, of shape (size, size, 3), is linear picture behind the sphere, such as
+    `render_background` makes. By default it is black, so that silhouette pixels are premultiplied
+    by their coverage.
 
     Returns an array of float32 of shape (size, size, 3): scene-linear. The small negative values of
     a truncated expansion are kept.
@@ -82,11 +78,6 @@ def render_sphere(
 
 def render_background(surroundings: Surroundings, viewer: Viewer, size: int) -> Picture:
     """Draw the surroundings behind the sphere; see `background_directions`.
-
-    Parameters
-    ----------
-    size : int
-        Width and height in pixels.
 
     Returns an array of float32 of shape (size, size, 3): scene-linear.
     """
@@ -131,19 +122,12 @@ def _draw_rows(
 def _rim_samples(x: Array, y: Array, radius: float) -> tuple[Array, Array, Array]:
     """Place samples in pixels near the silhouette, where one pixel spans many reflections.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Pixel centres, in radii.
-    radius : float
-        Radius of the sphere in pixels.
+    `x` and `y`, each of shape (n,), are pixel centres, in radii. `radius` is the radius of the
+    sphere in pixels.
 
-    Returns
-    -------
-    x, y, weights : ndarray, shape (n, k)
-        Samples on the sphere have equal weights. Samples off it are moved just inside the
-        silhouette and have almost no weight: they count only if the sphere covers a part of the
-        pixel but none of its samples. The weights of a row sum to 1.
+    Returns `x`, `y` and `weights`, each of shape (n, k), samples on the sphere have equal weights.
+    Samples off it are moved just inside the silhouette and have almost no weight: they count only
+    if the sphere covers a part of the pixel but none of its samples. The weights of a row sum to 1.
     """
     offsets = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) / radius
     down, right = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))

@@ -106,16 +106,10 @@ class Reflector:
     ) -> Array:
         """Return the radiance of a surface, shape (n, 3).
 
-        Parameters
-        ----------
-        normals, views, tangents : ndarray, shape (n, 3)
-            Unit vectors in world axes; tangents run around +Y by default.
-        shares : ndarray, shape (n,) or (n, parameters), optional
-            The values of the `variation`.
-        painted : Painted, optional
-            What the `paint` is there.
-        points : ndarray, shape (n, 3), optional
-            Where they are, in world axes, for maps that know of a box; see `render.boxed`.
+        `normals`, `views` and `tangents`, each of shape (n, 3), are unit vectors in world axes;
+        tangents run around +Y by default. `shares`, of shape (n,) or (n, parameters), are the
+        values of the `variation`. `painted` is what the `paint` is there. `points`, of shape (n,
+        3), are where they are, in world axes, for maps that know of a box; see `render.boxed`.
         """
         if tangents is None and shares is not None:
             tangents = horizontal_tangents(normals)
@@ -275,12 +269,8 @@ def transformation(
 ) -> Array:
     """Return the matrix that scales, rotates about x, y and z, and translates, shape (4, 4).
 
-    Parameters
-    ----------
-    translate : array_like, shape (3,)
-    rotate : array_like, shape (3,)
-        Degrees, counterclockwise as seen from the end of the axis.
-    scale : array_like, shape () or (3,)
+    `translate` is of shape (3,). `rotate`, of shape (3,), holds degrees, counterclockwise as seen
+    from the end of the axis. `scale` is of shape () or (3,).
     """
     matrix = np.eye(4)
     matrix[:3, :3] = np.diag(np.broadcast_to(np.asarray(scale, dtype=float), (3,)))

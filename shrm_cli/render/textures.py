@@ -55,10 +55,7 @@ class Pyramid:
 class MipMap:
     """A texture over a mesh, in halving sizes.
 
-    Parameters
-    ----------
-    texture : Texture
-        How it lies over the mesh.
+    `texture` is how it lies over the mesh.
     """
 
     def __init__(self, pyramid: Pyramid, texture: Texture) -> None:
@@ -91,14 +88,9 @@ class MipMap:
     def at(self, uvs: Array, steps: Array, finer: int = FINER) -> Array:
         """Return means over pixels, shape (n, 4).
 
-        Parameters
-        ----------
-        uvs : ndarray, shape (n, 2)
-            Texture coordinates at the middle, v upwards.
-        steps : ndarray, shape (n, 2, 2)
-            How these change to the next pixel, (u, v) by (right, up).
-        finer : {1, 2}
-            How many places there are along the sides of a square; 1 will do for parts of pixels.
+        `uvs`, of shape (n, 2), are texture coordinates at the middle, v upwards. `steps`, of shape
+        (n, 2, 2), are how these change to the next pixel, (u, v) by (right, up). `finer`, one of 1,
+        2, is how many places there are along the sides of a square; 1 will do for parts of pixels.
         """
         uvs, steps = (np.clip(np.nan_to_num(each), -_FAR, _FAR) for each in (uvs, steps))
         down = np.column_stack([uvs[:, 0], 1 - uvs[:, 1]])
@@ -201,9 +193,7 @@ def pyramid_of(pixels: ArrayLike) -> Pyramid:
 
     Sizes are rounded down; pixels then count by how much of them lies within the larger one.
 
-    Parameters
-    ----------
-    pixels : array_like, shape (H, W, 4)
+    `pixels` are of shape (H, W, 4).
     """
     level = np.asarray(pixels, dtype=np.float32)
     levels = [level]

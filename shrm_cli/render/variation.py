@@ -38,11 +38,9 @@ _MOST_PIXELS = 2**26
 class Variation:
     """Where parameters lie in their ranges, at points of a mesh: numbers from 0 to 1.
 
-    Parameters
-    ----------
-    image : array_like, shape (H, W, 3), optional
-        Its colours count over the texture coordinates, which it is repeated over; its first row is
-        at the top, where v is 1. By default the vertices' colours count.
+    The colours of `image`, of shape (H, W, 3), count over the texture coordinates, which it is
+    repeated over; its first row is at the top, where v is 1. By default the vertices' colours
+    count.
     """
 
     def __init__(self, image: ArrayLike | None = None) -> None:
@@ -53,19 +51,11 @@ class Variation:
 
         They are interpolated between vertices, or bilinearly between pixels.
 
-        Parameters
-        ----------
-        faces : ndarray of int64, shape (n,)
-            The triangles of the points.
-        weights : ndarray, shape (n, 3)
-            Their barycentric coordinates.
-        count : int
-            The number of parameters.
+        `faces`, of shape (n,), are the triangles of the points. `weights`, of shape (n, 3), are
+        their barycentric coordinates. `count` is the number of parameters.
 
-        Returns
-        -------
-        ndarray, shape (n,) or (n, count)
-            The brightness for one parameter; red and green for two.
+        Returns an array of shape (n,) or (n, count), the brightness for one parameter; red and
+        green for two.
         """
         colors = self._colors(mesh, faces, weights)
         return colors @ LUMINANCE if count < 2 else colors[:, :count]
@@ -91,18 +81,11 @@ class Variation:
 def open_variation(follows: str, mesh: Mesh) -> Variation:
     """Return what parameters follow over a mesh.
 
-    Parameters
-    ----------
-    follows : str
-        ``vertex``, or the path of an image, whose numbers are taken as they are stored, integers as
-        shares of their largest.
+    `follows` is ``vertex``, or the path of an image, whose numbers are taken as they are stored,
+    integers as shares of their largest.
 
-    Raises
-    ------
-    MeshError
-        If the mesh has no colours, or no texture coordinates for an image.
-    ProbeError
-        If the image cannot be read, or is too large.
+    Raises MeshError if the mesh has no colours, or no texture coordinates for an image; and
+    ProbeError if the image cannot be read, or is too large.
     """
     if follows == "vertex":
         _known(mesh, mesh.colors, "vertex colours")
@@ -116,17 +99,11 @@ def between_steps(
 ) -> Array:
     """Interpolate what surfaces reflect between those of a few values of their parameters.
 
-    Parameters
-    ----------
-    shares : ndarray, shape (n, parameters)
-        Where the parameters of points are on their ways, 0 .. 1.
-    radiance : callable
-        Takes the shares of a surface, and the numbers of k points; returns what they reflect as
-        that surface, shape (k, 3).
+    `shares`, of shape (n, parameters), are where the parameters of points are on their ways, 0 ..
+    1. `radiance` takes the shares of a surface, and the numbers of k points; returns what they
+    reflect as that surface, shape (k, 3).
 
-    Returns
-    -------
-    ndarray, shape (n, 3)
+    Returns an array of shape (n, 3).
     """
     steps = _STEPS[shares.shape[1]]
     places = np.clip(shares, 0, 1) * steps
@@ -157,13 +134,8 @@ _BLACK, _WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 class VariedSurface:
     """A GGX surface under the light of a map.
 
-    Parameters
-    ----------
-    made : LightMap
-    anisotropy : float, optional
-        That of glTF.
-    taps : {3, 5, 8}, optional
-        How many directions the light of a brushed surface is looked up in.
+    `anisotropy` is that of glTF. `taps`, one of 3, 5, 8, are how many directions the light of a
+    brushed surface is looked up in.
     """
 
     def __init__(
@@ -177,14 +149,9 @@ class VariedSurface:
     ) -> Array:
         """Return reflected radiance, shape (n, 3).
 
-        Parameters
-        ----------
-        normals, views, tangents : ndarray, shape (n, 3)
-            Unit vectors in world axes; tangents run around +Y by default.
-        roughness : ndarray, shape (n,)
-            Perceptual.
-        f0 : ndarray, shape (n, 3)
-            Reflectance at normal incidence, linear RGB, 0 .. 1.
+        `normals`, `views` and `tangents`, each of shape (n, 3), are unit vectors in world axes;
+        tangents run around +Y by default. `roughness`, of shape (n,), is perceptual. `f0`, of shape
+        (n, 3), is the reflectance at normal incidence, linear RGB, 0 .. 1.
         """
         if len(normals) == 0:
             return np.empty((0, 3))

@@ -34,23 +34,14 @@ class VertexColors:
     negative under a bare sun changed the light by 10 % to 21 % RMS, and no window did for a dragon.
     What is made black is 0.1 % to 5 %.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The one that the transfer was baked for.
-    lighting : array_like, shape (n, 3)
-        Coefficients of the light in world axes.
-    product : ProductMap, optional
-        That of a glossy surface; by default the surface is diffuse, with the transfer's albedo.
-    lamps : LampsOnMesh, optional
-        What the mesh reflects of lamps that `lighting` lacks. A diffuse mesh is white to them.
-    variation : Variation, optional
-        What parameters of the BRDF follow that vary; by default they are in the middle.
+    `mesh` is the one that the transfer was baked for. `lighting`, of shape (n, 3), holds
+    coefficients of the light in world axes. `product` is that of a glossy surface; by default the
+    surface is diffuse, with the transfer's albedo. `lamps` are what the mesh reflects of lamps that
+    `lighting` lacks. A diffuse mesh is white to them. `variation` is what parameters of the BRDF
+    follow that vary; by default they are in the middle.
 
-    Raises
-    ------
-    TransferError
-        If the transfer was baked for another mesh, or lacks the matrices of a glossy surface.
+    Raises TransferError if the transfer was baked for another mesh, or lacks the matrices of a
+    glossy surface.
     """
 
     def __init__(
@@ -98,14 +89,8 @@ class VertexColors:
     ) -> "VertexColors":
         """Return the mesh under light that has moved; its shadows stay those of the mesh.
 
-        Parameters
-        ----------
-        turn : ndarray, shape (3, 3), optional
-            The rotation of the light.
-        second : VertexColors, optional
-            The same mesh under the light that this one becomes.
-        share : float
-            How much of the light is that of the second one.
+        `turn`, of shape (3, 3), is the rotation of the light. `second` is the same mesh under the
+        light that this one becomes. `share` is how much of the light is that of the second one.
         """
         light, lamps = self._lighting, self._lamps
         if second is not None:
@@ -131,12 +116,8 @@ class VertexColors:
     ) -> Array:
         """Return the radiance of points towards a viewer, shape (n, 3).
 
-        Parameters
-        ----------
-        eye : ndarray, shape (3,)
-            Where the viewer is.
-        points, normals, views, samples
-            As `LampsOnMesh.radiance` takes them.
+        `eye`, of shape (3,), is where the viewer is. `points`, `normals`, `views` and `samples` are
+        as `LampsOnMesh.radiance` takes them.
         """
         transfer, albedo, tangents = self._transfer, self._transfer.albedo, None
         shares: Array = np.array(self._shares)
@@ -196,16 +177,10 @@ def vertex_colors(
 ) -> VertexColors:
     """Return a mesh as a map lights it: diffuse under irradiance, glossy by a product texture.
 
-    Parameters
-    ----------
-    light : Map
-        An irradiance map, or a product texture with light.
-    discs : sequence of Disc
-        Lamps that the map's light lacks. They cast shadows of their own.
-    path : str
-        The file of the map, beside which a measured BRDF is looked for.
-    variation : Variation, optional
-        What parameters of the BRDF follow, where some vary; they are in the middle by default.
+    `light` is an irradiance map, or a product texture with light. `discs` are lamps that the map's
+    light lacks. They cast shadows of their own. `path` is the file of the map, beside which a
+    measured BRDF is looked for. `variation` is what parameters of the BRDF follow, where some vary;
+    they are in the middle by default.
 
     Raises TransferError if the map is another one, or the transfer does not fit. Raises BrdfError
     if there are lamps, and the map's BRDF cannot be evaluated.

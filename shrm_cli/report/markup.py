@@ -36,14 +36,8 @@ def joined(*parts: Part) -> Html:
 def tag(name: str, *parts: Part, **attributes: str) -> Html:
     """Return an element.
 
-    Parameters
-    ----------
-    name : str
-        Such as ``td``, or ``td.number`` with a class.
-    *parts : str or iterables of them
-        What is in it.
-    **attributes : str
-        Their values are escaped; ``_`` in names stands for ``-``.
+    `name` is one such as ``td``, or ``td.number`` with a class. `*parts` are what is in it. Values
+    of `**attributes` are escaped; ``_`` in names stands for ``-``.
     """
     kind, _, of_class = name.partition(".")
     given = ({"class": of_class.replace(".", " ")} if of_class else {}) | attributes
@@ -56,13 +50,8 @@ def tag(name: str, *parts: Part, **attributes: str) -> Html:
 def table(titles: Sequence[Part], rows: Iterable[Sequence[Part]], texts: int = 1) -> Html:
     """Return a table that scrolls by itself where a page is narrow.
 
-    Parameters
-    ----------
-    titles : sequence of Part
-        Of the columns.
-    rows : iterable of sequence of Part
-    texts : int
-        How many of the first columns hold text; the others hold numbers.
+    `titles` are those of the columns. `texts` is how many of the first columns hold text; the
+    others hold numbers.
     """
 
     def line(kind: str, cells: Sequence[Part]) -> Html:
@@ -96,11 +85,6 @@ def _escaped(text: str) -> str:
 def whole_page(title: str, *parts: Part, framed: tuple[str, str] = ("", "")) -> str:
     """Return a page, which holds all that it needs and reaches no network.
 
-    Parameters
-    ----------
-    *parts : Part
-        What is in it.
-    framed : tuple of (str, str)
-        As `html_page` takes it.
+    `*parts` are what is in it. `framed` is as `html_page` takes it.
     """
     return html_page(title, tag("main", *parts), asset("report", "page.css"), framed=framed)

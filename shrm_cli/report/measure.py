@@ -142,10 +142,7 @@ class Measured:
 def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> Measured:
     """Make all maps, and compare each with the truth.
 
-    Returns
-    -------
-    Measured
-        A BRDF or a form that fails is among its failures, and does not stop the others.
+    A BRDF or a form that fails is among the failures of the result, and does not stop the others.
 
     Raises ArgumentError if nothing of this plan could be made of any probe.
     """

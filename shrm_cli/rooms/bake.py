@@ -9,10 +9,9 @@ from shrm_cli.arrays import Array
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
-from shrm_cli.rooms.emitters import Emitters
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, octahedral_directions
 from shrm_cli.rooms.radiosity import Brightness
-from shrm_cli.rooms.room import Room
+from shrm_cli.rooms.room import Emitters, Room
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 
@@ -40,18 +39,10 @@ def bake(
 ) -> ProbeGrid:
     """Find the light at the probes of a lattice, and how far it is off between them.
 
-    Parameters
-    ----------
-    order : int
-        The largest degree of the harmonics.
-    samples : int
-        Directions along which each probe looks.
+    `samples` is the number of directions along which each probe looks.
 
-    Returns
-    -------
-    ProbeGrid
-        Its facts have the relative RMS errors of the irradiance at random points, ``error`` of all
-        light and ``error_reflected`` of that which does not come straight from lamps.
+    The facts of the result have the relative RMS errors of the irradiance at random points,
+    ``error`` of all light and ``error_reflected`` of that which does not come straight from lamps.
     """
     stages = Stages(progress, 3)
     rays = Rays(room.mesh)
@@ -111,10 +102,7 @@ class Looked:
 class Gathering:
     """What is seen from points of a room.
 
-    Parameters
-    ----------
-    order, samples : int
-        As `bake` takes them.
+    `order` and `samples` are as `bake` takes them.
     """
 
     def __init__(self, brightness: Brightness, order: int, samples: int) -> None:

@@ -12,9 +12,8 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
-from shrm_cli.rooms.emitters import Emitters
 from shrm_cli.rooms.radiosity import LIFT, Brightness
-from shrm_cli.rooms.room import Room
+from shrm_cli.rooms.room import Emitters, Room
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.grid.latlong import LatLong, latlong_points
 
@@ -48,15 +47,9 @@ def captured(
 ) -> Captured:
     """Find what is seen from a place of a room.
 
-    Parameters
-    ----------
-    at : ndarray, shape (3,)
-    height : int
-        Of the image, pixels.
-    samples : int
-        Paths through each pixel; an odd number is one more.
-    surroundings : Probe, optional
-        What is seen past the room, with its compact lamps.
+    `at` is of shape (3,). `height` is that of the image, pixels. `samples` is the number of paths
+    through each pixel; an odd number is one more. `surroundings` are what is seen past the room,
+    with its compact lamps.
     """
     stages = Stages(progress, 3)
     brightness = Brightness(room, Rays(room.mesh), room.size / _PATCHES, stages.within)

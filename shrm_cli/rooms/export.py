@@ -32,18 +32,11 @@ _TRIED = 128
 def prepared(grid: ProbeGrid, direct: bool, order: int | None = None) -> Array:
     """Return the coefficients of all probes, shape (nx, ny, nz, (order+1)^2, 3).
 
-    Parameters
-    ----------
-    direct : bool
-        Whether light counts that comes straight from lamps.
-    order : int, optional
-        The largest degree; that of the grid by default.
+    `direct` tells whether light counts that comes straight from lamps. `order` is the largest
+    degree; that of the grid by default.
 
-    Returns
-    -------
-    ndarray
-        Of probes within walls the mean of their neighbours'. A probe whose irradiance is negative
-        somewhere has the window that changes it least and leaves it nowhere negative.
+    Returns an array, of probes within walls the mean of their neighbours'. A probe whose irradiance
+    is negative somewhere has the window that changes it least and leaves it nowhere negative.
     """
     light = np.array(grid.coefficients if direct else grid.reflected, dtype=float)
     order = grid.order if order is None else min(order, grid.order)

@@ -1,11 +1,14 @@
-"""A grid of probes: where they are, and the irradiance between them.
-
-A grid of probes, and the irradiance between them.
+"""A grid of probes: where they are, the irradiance between them, and their files.
 
 Each of the eight probes about a point counts by its distance, by how far it is on the side that the
 surface faces, and by how likely it sees the point: it knows the mean and the mean square of the
 distance to what is met in each direction, and Chebyshev's inequality bounds from them the chance
 that the point is nearer. So light does not leak through walls between probes.
+
+A file is an archive of numpy (.npz) of the arrays ``reflected``, ``direct``, ``alive`` (1 or 0)
+and, where walls are known, ``moments`` of a `ProbeGrid`, the corners of the box as ``box`` (2 x 3),
+and ``settings``: one text, a JSON object with ``version`` (1), ``shape`` and ``facts``. It may come
+from anywhere. docs/grid.md has it all.
 
 References
 ----------
@@ -14,17 +17,24 @@ Ray-Traced Irradiance Fields, Journal of Computer Graphics Techniques 8(2), sect
 are those of Donnelly and Lauritzen 2006, Variance Shadow Maps.
 """
 
+import json
+import os
 from collections.abc import Mapping
 from dataclasses import field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
+from shrm_cli.errors import MeshError
+from shrm_cli.files import npz
+from shrm_cli.files.json_text import parse_json
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
+from shrm_cli.vocabulary import MAX_GRID_ORDER
 
 MOST = 2**20
 """The most probes of a grid."""
@@ -59,16 +69,10 @@ class Lattice:
     def corners(self, points: Array) -> tuple[Array, Array]:
         """Return the eight probes about points, and their shares by distance.
 
-        Parameters
-        ----------
-        points : ndarray, shape (n, 3)
-            Those outside of the middles of the outermost cells are moved to them.
+        Of `points`, of shape (n, 3), those outside of the middles of the outermost cells are moved
+        to them.
 
-        Returns
-        -------
-        probes : ndarray of int64, shape (n, 8)
-        shares : ndarray, shape (n, 8)
-            Their sums are 1.
+        Returns `probes` of shape (n, 8); and `shares` of shape (n, 8), their sums are 1.
         """
         most = np.array(self.shape) - 1
         place = np.clip((points - self.low) / self.spacing - 0.5, 0, most)
@@ -139,12 +143,8 @@ class ProbeGrid:
     def irradiance(self, points: ArrayLike, normals: ArrayLike, direct: bool = True) -> Array:
         """Return the irradiance of surfaces, shape (n, 3), without 1/pi and not below 0.
 
-        Parameters
-        ----------
-        points, normals : array_like, shape (n, 3)
-            World axes; normals are unit vectors.
-        direct : bool
-            Whether light counts that comes straight from lamps.
+        `points` and `normals`, each of shape (n, 3), are in world axes; normals are unit vectors.
+        `direct` tells whether light counts that comes straight from lamps.
         """
         points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
         probes, weights = self.weights(points, normals)
@@ -191,9 +191,8 @@ def octahedral_directions(edge: int = EDGE) -> Array:
     ``(u, v, 1 - |u| - |v|)``, and where that z is negative x and y are folded over:
     ``x = (1 - |v|) sign(u), y = (1 - |u|) sign(v)``.
 
-    References
-    ----------
-    Cigolle et al. 2014, A Survey of Efficient Representations for Independent Unit Vectors.
+    References: Cigolle et al. 2014, A Survey of Efficient Representations for Independent Unit
+    Vectors.
     """
     axis = (np.arange(edge) + 0.5) / edge * 2 - 1
     v, u = (each.ravel() for each in np.meshgrid(axis, axis, indexing="ij"))
@@ -228,3 +227,76 @@ def _texels(directions: Array) -> tuple[Array, Array]:
             upward = row - top if down else 1 - row + top
             shares.append(across * upward)
     return np.stack(texels, axis=-1), np.stack(shares, axis=-1)
+
+
+_VERSION = 1
+_DIMENSIONS = {"reflected": 3, "direct": 3, "alive": 1, "moments": 3, "box": 2}
+
+
+def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
+    """Write a grid, whole or not at all; the same grid gives the same bytes.
+
+    Raises OutputError if the file cannot be written.
+    """
+    lattice = grid.lattice
+    arrays: dict[str, Any] = {
+        "reflected": grid.reflected.astype("<f4"),
+        "direct": grid.direct.astype("<f4"),
+        "alive": grid.alive.astype("<f4"),
+        "box": np.stack([lattice.low, lattice.high]).astype("<f8"),
+    }
+    if grid.moments is not None:
+        arrays["moments"] = grid.moments.astype("<f4")
+    settings = {"version": _VERSION, "shape": list(lattice.shape), "facts": dict(grid.facts)}
+    npz.write_npz(path, {**arrays, "settings": json.dumps(settings)})
+
+
+def is_grid(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a file holds a grid; whether it is sound, reading it tells."""
+    return npz.holds(path, {"reflected", "direct", "box", "settings"})
+
+
+def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
+    """Read a grid.
+
+    Raises MeshError if the file is missing or damaged, or holds something else.
+    """
+    missing, again = "name a grid that shrm grid wrote", "make it again with shrm grid"
+    with npz.told(Path(path), MeshError, missing, again) as archive:
+        return _grid(archive.those_of(_DIMENSIONS), parse_json(archive.text("settings")))
+
+
+def _grid(arrays: dict[str, Array], settings: object) -> ProbeGrid:
+    """Return a grid whose arrays fit each other."""
+    if not isinstance(settings, dict) or not isinstance(settings.get("facts"), dict):
+        raise ValueError("its settings are not those of a grid")
+    version, shape = settings.get("version"), settings.get("shape")
+    if isinstance(version, int) and version > _VERSION:
+        raise ValueError(f"written by a newer shrm (grid format {version})")
+    if not isinstance(shape, list) or len(shape) != 3:
+        raise ValueError("its shape is wrong")
+    if not all(type(each) is int and 1 <= each <= MOST for each in shape):
+        raise ValueError("its shape is wrong")
+    for name, array in arrays.items():
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} holds NaN or infinite values")
+    box = arrays["box"]
+    if box.shape != (2, 3) or not (box[1] > box[0]).all():
+        raise ValueError("its box is wrong")
+    lattice = Lattice(box[0], box[1], (shape[0], shape[1], shape[2]))
+    count, order = lattice.count, round(np.sqrt(arrays["reflected"].shape[1])) - 1
+    if count > MOST or not 1 <= order <= MAX_GRID_ORDER:
+        raise ValueError("its size or its order is out of range")
+    expected = {
+        "reflected": (count, (order + 1) ** 2, 3),
+        "direct": (count, (order + 1) ** 2, 3),
+        "alive": (count,),
+        "moments": (count, EDGE**2, 2),
+    }
+    for name, wanted in expected.items():
+        if name in arrays and arrays[name].shape != wanted:
+            raise ValueError(f"{name} of shape {arrays[name].shape} in a grid of {shape}")
+    return ProbeGrid(
+        lattice, arrays["reflected"], arrays["direct"], arrays.get("moments"),
+        arrays["alive"] > 0.5, settings["facts"],
+    )  # fmt: skip

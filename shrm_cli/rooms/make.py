@@ -21,8 +21,7 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
 from shrm_cli.rooms.capture import captured
-from shrm_cli.rooms.file import is_grid, read_grid
-from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid
+from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, is_grid, read_grid
 from shrm_cli.rooms.room import Room
 
 _LONGEST = 16
@@ -233,17 +232,9 @@ def read_positions(
 ) -> ProbeGrid:
     """Read a table of probes, and project each of them.
 
-    Parameters
-    ----------
-    path : path-like
-        CSV with the columns x, y, z and file; files are named relative to its folder.
-    order : int
-        The largest degree of the harmonics.
+    `path` is CSV with the columns x, y, z and file; files are named relative to its folder.
 
-    Returns
-    -------
-    ProbeGrid
-        What it holds counts as reflected. Of walls it knows nothing.
+    What the grid holds counts as reflected. Of walls it knows nothing.
 
     Raises MeshError if it is no such table, or its positions are not all points of a lattice.
     Raises ProbeError if a probe cannot be read.

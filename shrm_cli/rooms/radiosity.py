@@ -21,8 +21,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
-from shrm_cli.rooms.emitters import Emitters
-from shrm_cli.rooms.room import Room
+from shrm_cli.rooms.room import Emitters, Room
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 
@@ -49,10 +48,7 @@ class Patches:
     A triangle's patches are numbered in rows from its first corner on: row r has 2 r + 1, of which
     every second one stands upside down.
 
-    Parameters
-    ----------
-    size : float
-        The longest edge that a patch should have; there are `_MOST` of them at most.
+    `size` is the longest edge that a patch should have; there are `_MOST` of them at most.
 
     Attributes
     ----------
@@ -111,12 +107,8 @@ class Seen:
 class Brightness:
     """The light that each patch of a room sends from its front, besides that of lamps.
 
-    Parameters
-    ----------
-    size : float
-        The longest edge of a patch.
-    progress : callable, optional
-        Called with the patches done, and all of them.
+    `size` is the longest edge of a patch. `progress` is called with the patches done, and all of
+    them.
     """
 
     def __init__(
@@ -173,13 +165,9 @@ class Brightness:
     ) -> "Seen":
         """Return what rays see.
 
-        Parameters
-        ----------
-        origins, directions : ndarray, shape (n, 3)
-        emitters : Emitters
-            Which look for the lamps besides.
-        dense : ndarray, shape (n,), or float
-            How many of the rays a unit of solid angle has.
+        `origins` and `directions` are each of shape (n, 3). `emitters` say which look for the lamps
+        besides. `dense`, a number or of shape (n,), is how many of the rays a unit of solid angle
+        has.
         """
         faces, barycentric, distance = self.rays.first_hits(origins, directions)
         facing = -np.einsum("nv,nv->n", self.room.normals[faces], directions)

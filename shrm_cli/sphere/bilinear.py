@@ -45,17 +45,8 @@ def bilinear_errors(
 ) -> Array:
     """Return the mean squared error of bilinear filtering, relative to the energy of each degree.
 
-    Parameters
-    ----------
-    order : int
-        The largest degree.
-    size : int
-        Texels along a face's edge.
-    sampling : {"center", "border"}
-        Where the edge texels lie.
-    places : ndarray, shape (n, n), optional
-        What `energy_places` returns for the function that is filtered. By default its energy is
-        the same everywhere.
+    `places`, of shape (n, n), are what `energy_places` returns for the function that is filtered.
+    By default its energy is the same everywhere.
 
     Returns an array of shape (order+1,): degree 0 is filtered without error. Where a degree is far
     beyond what the texels resolve, its error approaches 13/9: the wave is lost, and the values of
@@ -97,10 +88,8 @@ def energy_places(cubes: Array) -> Array:
     face is filtered with several times the error of one at a corner. By symmetry a quarter of a
     face tells all.
 
-    Parameters
-    ----------
-    cubes : ndarray, shape (n, 6 N, N)
-        Values of the functions at texels of center-sampled cubes, of an even number N.
+    `cubes`, of shape (n, 6 N, N), are values of the functions at texels of center-sampled cubes, of
+    an even number N.
 
     Returns an array of shape (N/2, N/2): the shares of the energy in the texels of a quarter of a
     face, from its middle outwards.
@@ -122,15 +111,10 @@ def detail_places(series: Array) -> Array | None:
 
     Bilinear filtering loses what second derivatives tell, which a small cube shows well enough.
 
-    Parameters
-    ----------
-    series : ndarray, shape ((order+1)^2, n)
-        The functions' coefficients over real harmonics, to an order that a small cube shows.
+    `series`, of shape ((order+1)^2, n), are the functions' coefficients over real harmonics, to an
+    order that a small cube shows.
 
-    Returns
-    -------
-    ndarray or None
-        The argument of `bilinear_errors`; None where there is no detail.
+    Returns the argument of `bilinear_errors`; None where there is no detail.
     """
     degree = degrees(order_of(len(series)))
     details = series * (degree * (degree + 1))[:, None]
@@ -142,14 +126,9 @@ def detail_places(series: Array) -> Array | None:
 def _advances(s: Array, t: Array) -> tuple[Array, Array]:
     """Return how many radians waves of 1 radian per radian advance for each unit of s and t.
 
-    Parameters
-    ----------
-    s, t : ndarray, shape (n, n)
-        Positions on the face ``(1, s, t)``.
+    `s` and `t`, each of shape (n, n), are positions on the face ``(1, s, t)``.
 
-    Returns
-    -------
-    along_s, along_t : ndarray, shape (n, n, directions)
+    Returns `along_s` and `along_t`, each of shape (n, n, directions).
     """
     # The direction is d = (1, s, t) / r, and its derivatives are tangents of the sphere.
     r = np.sqrt(1 + s**2 + t**2)
@@ -176,14 +155,7 @@ _SMALL = 16
 def lost_between_texels(series: Array, size: int, sampling: Sampling = "center") -> Array:
     """Return what bilinear look-ups in a cube miss of functions.
 
-    Parameters
-    ----------
-    series : ndarray, shape ((order+1)^2, maps)
-        The functions' coefficients over real harmonics.
-    size : int
-        Texels along a face's edge.
-    sampling : {"center", "border"}
-        Where the edge texels lie.
+    `series`, of shape ((order+1)^2, maps), are the functions' coefficients over real harmonics.
 
     Returns an array of shape (maps,): the integrals of the squared error over the sphere, against
     those of the squared functions, which are the sums of the squared coefficients. They are sums

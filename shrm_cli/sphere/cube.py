@@ -62,10 +62,7 @@ def texel_directions(
 def cube_coordinates(directions: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:
     """The face that each direction meets, and where on it.
 
-    Parameters
-    ----------
-    directions : array_like, shape (..., 3)
-        They may have any length but 0.
+    `directions`, of shape (..., 3), may have any length but 0.
 
     Returns `face` of shape (...), index into `FACES`; and `s`, `t` of shape (...), position on the
     face to the right and down, in [-1, 1].
@@ -100,12 +97,8 @@ def cube_solid_angles(size: int, sampling: Sampling = "center") -> Array:
 def reorient(faces: ArrayLike, orientation: Orientation) -> Array:
     """Faces of another orientation as OpenEXR faces, by exact index permutation, of the same shape.
 
-    Parameters
-    ----------
-    faces : array_like, shape (6, N, N, ...)
-        Faces in the order of `FACES`.
-    orientation : {"openexr", "gl"}
-        The orientation that they are in.
+    `faces`, of shape (6, N, N, ...), are faces in the order of `FACES`. `orientation` is the
+    orientation that they are in.
     """
     faces = np.asarray(faces)
     result = np.empty_like(faces)
@@ -131,13 +124,9 @@ def right_angles(matrix: Array) -> Array | None:
 def turned_face(image: Array, axes: Array, face: int) -> Array:
     """The image of a face as seen along other axes, by index permutation, of the same shape.
 
-    Parameters
-    ----------
-    image : ndarray, shape (N, N, ...)
-    axes : ndarray, shape (>= 2, 3)
-        The new right and down, first of all, which are axes of the face or minus those.
-    face : int
-        Index into `FACES` of the face that the image is in OpenEXR's orientation.
+    `image` is of shape (N, N, ...). `axes`, of shape (>= 2, 3), are the new right and down, first
+    of all, which are axes of the face or minus those. `face` is the index into `FACES` of the face
+    that the image is in OpenEXR's orientation.
     """
     (along, turned_along), (turned_down, down) = np.rint(axes[:2] @ face_axes()[face, :2].T)
     if along:
@@ -157,10 +146,7 @@ class CubeSampler:
     Each face is surrounded by a rim of texels at the places where its own grid would go on.
     Their values are interpolated on the faces that lie there, so the filter never meets an edge.
 
-    Parameters
-    ----------
-    image : array_like, shape (6 N, N, channels)
-        Faces in OpenEXR's order and orientation.
+    `image`, of shape (6 N, N, channels), holds faces in OpenEXR's order and orientation.
     """
 
     def __init__(self, image: ArrayLike, sampling: Sampling = "center") -> None:
@@ -244,17 +230,10 @@ def nearest_texels(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Find the texels of a cube that lie nearest to directions.
 
-    Parameters
-    ----------
-    directions : array_like, shape (..., 3)
-        They may have any length but 0.
-    size : int
-        Texels along a face's edge.
+    `directions`, of shape (..., 3), may have any length but 0.
 
-    Returns
-    -------
-    rows, columns : ndarray of int, shape (...)
-        Indices into an image of 6 size rows and size columns.
+    Returns `rows` and `columns`, each of shape (...), indices into an image of 6 size rows and size
+    columns.
     """
     face, s, t = cube_coordinates(directions)
     sampling = sampling if size > 1 else "center"

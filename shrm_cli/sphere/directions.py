@@ -15,10 +15,8 @@ _GRAZING = 1e-6
 def from_angles(theta: ArrayLike, phi: ArrayLike) -> Array:
     """Unit vectors ``(sin t cos p, sin t sin p, cos t)``, shape (..., 3).
 
-    Parameters
-    ----------
-    theta, phi : array_like, broadcastable
-        Polar angle from +Z and azimuth from +X towards +Y, radians.
+    `theta` and `phi`, broadcastable, are polar angle from +Z and azimuth from +X towards +Y,
+    radians.
     """
     # Angles of a grid are few before they are broadcast, and their functions take the time.
     sine = np.sin(theta)
@@ -70,10 +68,7 @@ def turn_about(axis: ArrayLike, degrees: float) -> Array:
 
     About +Y, +X and +Z it turns as the yaw, the pitch and the roll of `turn_matrix`.
 
-    Parameters
-    ----------
-    axis : array_like, shape (3,)
-        Of any length but 0.
+    `axis`, of shape (3,), is of any length but 0.
     """
     x, y, z = normalize(np.asarray(axis, dtype=float))
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -109,10 +104,7 @@ def horizontal_tangents(normals: ArrayLike) -> Array:
 
     The tangent of N = +Z is +X. So is that of N = +-Y, where all tangents are horizontal.
 
-    Parameters
-    ----------
-    normals : array_like, shape (..., 3)
-        Unit, world axes.
+    `normals`, of shape (..., 3), are unit, world axes.
     """
     normals = np.asarray(normals)
     x, z = normals[..., 0], normals[..., 2]
@@ -125,10 +117,8 @@ def horizontal_tangents(normals: ArrayLike) -> Array:
 def surface_frames(normals: Array, tangents: Array) -> Array:
     """The rows T, N x T and N of surfaces: ``frame @ world = local``, shape (n, 3, 3).
 
-    Parameters
-    ----------
-    normals, tangents : ndarray, shape (n, 3)
-        Unit vectors, world axes, at right angles to each other.
+    `normals` and `tangents`, each of shape (n, 3), are unit vectors, world axes, at right angles to
+    each other.
     """
     return np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)
 
@@ -148,14 +138,8 @@ def tilted_frame(directions: Array, tilt: Array) -> Array:
 def views_around(centers: ArrayLike, theta: float, count: int) -> Iterator[Array]:
     """Yield directions at an angle from each center, at evenly spaced azimuths of its local frame.
 
-    Parameters
-    ----------
-    centers : array_like, shape (..., 3)
-        Unit vectors.
-    theta : float
-        The angle, radians.
-    count : int
-        The number of azimuths.
+    `centers`, of shape (..., 3), are unit vectors. `theta` is the angle, radians. `count` is the
+    number of azimuths.
 
     Yields an array of shape (..., 3).
     """
@@ -181,14 +165,9 @@ def central_directions(
 ) -> Array:
     """Compute the central directions C of points of a surface.
 
-    Parameters
-    ----------
-    center : {"reflection", "normal", "tangent"}
-        The mirror direction of the view, the normal, or the tangent.
-    normals, views : ndarray, shape (..., 3), broadcastable
-        Unit vectors in world axes.
-    tangents : ndarray, shape (..., 3), optional
-        Unit vectors in world axes; horizontal by default.
+    `center` is the mirror direction of the view, the normal, or the tangent. `normals` and `views`,
+    each of shape (..., 3), broadcastable, are unit vectors in world axes. `tangents`, of shape
+    (..., 3), are unit vectors in world axes; horizontal by default.
 
     Returns an array of shape (..., 3): unit vectors in world axes.
     """

@@ -57,10 +57,7 @@ _LARGE = 2**20
 def fourier_from_harmonics(coefficients: Array) -> Array:
     """Double Fourier coefficients of real series.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape ((order+1)^2, maps)
-        One series a column, index l(l+1)+m.
+    `coefficients`, of shape ((order+1)^2, maps), are one series a column, index l(l+1)+m.
 
     Returns an array of shape (2, order+1, order+1, maps): ``[A or B, m, k]``.
     """
@@ -102,11 +99,9 @@ def _transform_circles(flat: Array, result: Array) -> None:
 def harmonics_from_moments(moments: Array) -> Array:
     """Coefficients from the integrals of an image with every double Fourier wave.
 
-    Parameters
-    ----------
-    moments : ndarray, shape (2, order+1, order+1, maps)
-        ``[cos or sin of m phi, m, k]``: the image's integral over the sphere with
-        ``cos(m phi) trig_m(k theta)``, and with ``sin(m phi) trig_m(k theta)``.
+    `moments`, of shape (2, order+1, order+1, maps), are ``[cos or sin of m phi, m, k]``: the
+    image's integral over the sphere with ``cos(m phi) trig_m(k theta)``, and with ``sin(m phi)
+    trig_m(k theta)``.
 
     Returns an array of shape ((order+1)^2, maps): ``c_lm``, index l(l+1)+m.
     """
@@ -212,10 +207,7 @@ def _make_tables(order: int, part: range) -> list[Tables]:
     of even and odd l - m are symmetric and antisymmetric about the equator, so they are tabulated
     on one hemisphere only.
 
-    Parameters
-    ----------
-    part : range
-        Some m.
+    `part` is some m.
 
     Returns
     -------
@@ -287,10 +279,8 @@ def synthesize_octants(coefficients: Array, size: int, sampling: Sampling, dtype
 def _class_values(coefficients: Array, tables: list[Array], half: int, dtype: type) -> Array:
     """Return what the harmonics of each class add to the texels of the first octant.
 
-    Returns
-    -------
-    ndarray, shape (2, 2, 2, maps, 3, half, half)
-        By the parities in x, y and z, and by the axis of the texel's face.
+    Returns an array of shape (2, 2, 2, maps, 3, half, half), by the parities in x, y and z, and by
+    the axis of the texel's face.
     """
     order, maps = order_of(len(coefficients)), coefficients.shape[1]
     source, sign = _exchanged(order)
@@ -365,11 +355,8 @@ def _octant(size: int, sampling: Sampling) -> Array:
 def _fill(values: Array, result: Array) -> None:
     """Write the values in all octants, from those of the classes in one, into faces.
 
-    Parameters
-    ----------
-    values : ndarray, shape (2, 2, 2, maps, 3, half, half)
-        What `_class_values` returns. They are overwritten.
-    result : ndarray, shape (maps, 6, N, N)
+    `values`, of shape (2, 2, 2, maps, 3, half, half), are what `_class_values` returns. They are
+    overwritten. `result` is of shape (maps, 6, N, N).
     """
     for even, odd in ((values[0], values[1]), (values[:, 0], values[:, 1])):
         difference = even - odd
@@ -386,10 +373,7 @@ def _fill(values: Array, result: Array) -> None:
 def _places(negative: tuple[int, int, int], size: int) -> list[tuple[int, slice, slice]]:
     """Return the face, and the rows and columns on it, that an octant has of each axis.
 
-    Parameters
-    ----------
-    negative : tuple of int
-        For x, y and z whether the octant lies on their negative side.
+    `negative` tells for x, y and z whether the octant lies on their negative side.
     """
     rising, falling = slice(size // 2, None), slice((size + 1) // 2 - 1, None, -1)
     places = []

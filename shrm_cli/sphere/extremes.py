@@ -32,12 +32,8 @@ _BLOCK_VALUES = 2**22
 def series_values(series: Array, directions: Array) -> Array:
     """Evaluate real series in some directions, shape (n, maps).
 
-    Parameters
-    ----------
-    series : ndarray, shape ((order+1)^2, maps)
-        Each column is a series, index l(l+1)+m.
-    directions : ndarray, shape (n, 3)
-        Unit directions, in the axes of the series.
+    Each column of `series`, of shape ((order+1)^2, maps), is a series, index l(l+1)+m.
+    `directions`, of shape (n, 3), are unit directions, in the axes of the series.
     """
     order = order_of(len(series))
     step = max(1, _BLOCK_VALUES // len(series))
@@ -75,10 +71,7 @@ def lowest(series: Array) -> tuple[Array, Array]:
     downhill. All of them take one step, because many minima may be nearly as low. The lowest places
     after this step are followed to the end.
 
-    Parameters
-    ----------
-    series : ndarray, shape ((order+1)^2, maps)
-        Each column is a series, index l(l+1)+m.
+    Each column of `series`, of shape ((order+1)^2, maps), is a series, index l(l+1)+m.
 
     Returns `directions` of shape (maps, 3), unit directions of the minima; and `values` of shape
     (maps,), the minima.
@@ -105,14 +98,9 @@ def lowest(series: Array) -> tuple[Array, Array]:
 def low_places(series: Array, limits: Array, most: int) -> Array:
     """Find some directions where series are too low, and lower than most around them.
 
-    Parameters
-    ----------
-    series : ndarray, shape ((order+1)^2, maps)
-        Each column is a series, index l(l+1)+m.
-    limits : ndarray, shape (maps,)
-        The value below which each series is too low.
-    most : int
-        The most directions that are taken for each series, evenly from the lowest to the highest.
+    Each column of `series`, of shape ((order+1)^2, maps), is a series, index l(l+1)+m. `limits`, of
+    shape (maps,), are the value below which each series is too low. `most` is the most directions
+    that are taken for each series, evenly from the lowest to the highest.
 
     Returns an array of shape (n, 3): unit directions of texels of a cube.
     """

@@ -37,14 +37,9 @@ def legendre_degrees(
     ``Y_lm = f_lm(theta) exp(i m phi)``, so that ``2 pi`` times the integral of ``f_lm^2`` over
     z is 1. The three-term recurrence in l is stable upwards for every m.
 
-    Parameters
-    ----------
-    z : array_like
-        Cosines of the polar angle, in [-1, 1].
-    max_m : int, optional
-        Largest m; every m by default.
-    sine : array_like, optional
-        Sines of the polar angle, for callers who know them better than z tells, as beside poles.
+    `z` holds cosines of the polar angle, in [-1, 1]. `max_m` is the largest m; every m by default.
+    `sine` holds sines of the polar angle, for callers who know them better than z tells, as beside
+    poles.
 
     Yields `l` and `values` of shape (min(l, max_m) + 1, *z.shape).
     """
@@ -72,10 +67,7 @@ def legendre_degrees(
 def legendre_table(order: int, z: ArrayLike, max_m: int | None = None) -> Array:
     """The values of `legendre_degrees` as one array.
 
-    Parameters
-    ----------
-    order, z, max_m
-        As `legendre_degrees` takes them.
+    `order`, `z` and `max_m` are as `legendre_degrees` takes them.
 
     Returns an array of shape (max_m+1, order+1, *z.shape): ``[m, l - m, ...]``, zero where l >
     order. The parity of ``l - m`` is the parity of the function in z.
@@ -91,10 +83,7 @@ def legendre_table(order: int, z: ArrayLike, max_m: int | None = None) -> Array:
 def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
     """Some rows of `legendre_table`: those of ``m = first .. last - 1``, without the others.
 
-    Parameters
-    ----------
-    z : ndarray, shape (n,)
-        Cosines of the polar angle, in [-1, 1].
+    `z`, of shape (n,), holds cosines of the polar angle, in [-1, 1].
 
     Returns an array of shape (last - first, order + 1 - first, n): ``[m - first, l - m, ...]``,
     zero where l > order; the same to the last bit as in the table.
@@ -124,14 +113,7 @@ def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
 def real_harmonics(order: int, directions: ArrayLike, first: int = 0) -> Array:
     """Values of the real spherical harmonics (eq. 4.5).
 
-    Parameters
-    ----------
-    order : int
-        Largest degree.
-    directions : array_like, shape (..., 3)
-        Unit vectors in world axes.
-    first : int
-        The least degree.
+    `directions`, of shape (..., 3), are unit vectors in world axes. `first` is the least degree.
 
     Returns an array of shape (..., (order+1)^2 - first^2): index l(l+1)+m - first^2.
     """
@@ -169,10 +151,7 @@ def harmonic_planes(order: int, directions: ArrayLike, first: int = 0) -> Array:
 def complex_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloating]:
     """Complex coefficients, with Condon-Shortley phase, of a real function.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape (>= (order+1)^2, ...)
-        Real coefficients, index l(l+1)+m.
+    `coefficients`, of shape (>= (order+1)^2, ...), are real coefficients, index l(l+1)+m.
 
     Returns an array of shape (order+1, 2*order+1, ...): ``[l, m + order]``, zero where |m| > l.
     """

@@ -57,10 +57,8 @@ def unproject(x: ArrayLike, y: ArrayLike) -> Array:
 class ParabolicSampler:
     """Filtered look-ups in a parabolic map.
 
-    Parameters
-    ----------
-    image : ndarray, shape (N, N, channels)
-        Its texels outside the circle continue those inside, as `parabolic_directions` has them.
+    The texels of `image`, of shape (N, N, channels), outside the circle continue those inside, as
+    `parabolic_directions` has them.
     """
 
     def __init__(self, image: Array) -> None:
@@ -70,10 +68,7 @@ class ParabolicSampler:
     def __call__(self, directions: ArrayLike) -> Array:
         """Look up directions by Catmull and Rom's cubic filter, shape (..., channels).
 
-        Parameters
-        ----------
-        directions : array_like, shape (..., 3)
-            Unit vectors; those below the horizon count as on it.
+        `directions`, of shape (..., 3), are unit vectors; those below the horizon count as on it.
         """
         return self._filtered(directions, catmull_rom)
 

@@ -41,14 +41,9 @@ def colatitude_weights(height: int, sampling: Sampling = "center") -> Array:
     for every trigonometric polynomial of degree below `height`, unlike the usual sin(theta) times
     the row's height.
 
-    Returns
-    -------
-    ndarray, shape (height,)
-        They sum to 2. Read-only.
+    Returns an array of shape (height,), read-only, whose sum is 2.
 
-    References
-    ----------
-    Waldvogel 2006, Fast construction of the Fejer and Clenshaw-Curtis quadrature rules.
+    References: Waldvogel 2006, Fast construction of the Fejer and Clenshaw-Curtis quadrature rules.
     """
     return _known_weights.get((height, sampling), lambda: _colatitude_weights(height, sampling))
 
@@ -83,10 +78,8 @@ def longitude_weights(width: int, sampling: Sampling = "center") -> Array:
 def gauss_legendre(count: int) -> tuple[Array, Array]:
     """Nodes in (-1, 1), ascending, and weights of the rule exact to degree 2 count - 1; read-only.
 
-    References
-    ----------
-    Golub & Welsch 1969: eigenvalues and first components of the eigenvectors of the Jacobi
-    matrix.
+    References: Golub & Welsch 1969: eigenvalues and first components of the eigenvectors of the
+    Jacobi matrix.
     """
     k = np.arange(1, count)
     beside = k / np.sqrt(4.0 * k**2 - 1)
@@ -102,10 +95,8 @@ def spiral_directions(count: int) -> Array:
 
     Sums over the rows of other grids resonate with functions that have rows of their own.
 
-    References
-    ----------
-    Gonzalez 2010, Measurement of areas on a sphere using Fibonacci and latitude-longitude
-    lattices.
+    References: Gonzalez 2010, Measurement of areas on a sphere using Fibonacci and
+    latitude-longitude lattices.
     """
     k = np.arange(count)
     z = (2 * k + 1) / count - 1
@@ -121,9 +112,8 @@ def scrambled(count: int) -> NDArray[np.intp]:
 
     Returns an array of int of shape (count,).
 
-    References
-    ----------
-    Wellons 2018, Prospecting for hash functions: ``lowbias32``, which maps no two numbers to one.
+    References: Wellons 2018, Prospecting for hash functions: ``lowbias32``, which maps no two
+    numbers to one.
     """
     keys = np.arange(count, dtype=np.uint32)
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B), (16, 1)):
@@ -135,14 +125,9 @@ def scrambled(count: int) -> NDArray[np.intp]:
 def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
     """Return what leads from values at nodes to those at other angles, cubically: (m, n).
 
-    Parameters
-    ----------
-    nodes : ndarray, shape (n,)
-        Angles in 0 .. pi, ascending, four at least.
-    targets : ndarray, shape (m,)
-        Angles in 0 .. pi. Beyond the last node the polynomial of the last four goes on.
-    odd : bool
-        Whether the function is odd about angle 0; otherwise it is even.
+    `nodes`, of shape (n,), are angles in 0 .. pi, ascending, four at least. `targets`, of shape
+    (m,), are angles in 0 .. pi. Beyond the last node the polynomial of the last four goes on. `odd`
+    tells whether the function is odd about angle 0; otherwise it is even.
     """
     count = len(nodes)
     mirrored = min(3, count)
@@ -165,11 +150,7 @@ def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
 def linear_matrix(nodes: Array, targets: Array) -> Array:
     """Return the matrix of linear interpolation between even nodes, clamped: shape (m, n).
 
-    Parameters
-    ----------
-    nodes : ndarray, shape (n,)
-        Evenly spaced, ascending, two at least.
-    targets : ndarray, shape (m,)
+    `nodes`, of shape (n,), are evenly spaced, ascending, two at least. `targets` are of shape (m,).
     """
     position = (targets - nodes[0]) / (nodes[1] - nodes[0])
     position = np.clip(position, 0, len(nodes) - 1)

@@ -40,14 +40,9 @@ _QUADRATIC[4] = np.diag([1.0, -1.0, 0.0]) / np.sqrt(2)
 def euler_zyz(rotations: ArrayLike) -> tuple[Array, Array, Array]:
     """Angles (a, b, c) of ``rotation = Rz(a) Ry(b) Rz(c)``.
 
-    Parameters
-    ----------
-    rotations : array_like, shape (..., 3, 3)
+    `rotations` are of shape (..., 3, 3).
 
-    Returns
-    -------
-    a, b, c : ndarray, shape (...)
-        Radians; b is in [0, pi].
+    Returns `a`, `b` and `c`, each of shape (...), radians; b is in [0, pi].
     """
     r = np.asarray(rotations, dtype=float)
     first, second, third = np.moveaxis(r, -2, 0)
@@ -63,12 +58,9 @@ def euler_zyz(rotations: ArrayLike) -> tuple[Array, Array, Array]:
 def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
     """Coefficients of ``g(d) = f(M^-1 d)``, f carried along by M, shape ((order+1)^2, ...).
 
-    Parameters
-    ----------
-    coefficients : array_like, shape ((order+1)^2, ...)
-        Real coefficients of f, index l(l+1)+m.
-    matrix : array_like, shape (3, 3)
-        Orthogonal matrix M: a rotation, or a rotation with a mirroring.
+    `coefficients`, of shape ((order+1)^2, ...), are real coefficients of f, index l(l+1)+m.
+    `matrix`, of shape (3, 3), is the orthogonal matrix M: a rotation, or a rotation with a
+    mirroring.
     """
     source, matrix = np.asarray(coefficients, dtype=float), np.asarray(matrix, dtype=float)
     flat = source.reshape(len(source), -1)
@@ -83,10 +75,7 @@ def rotated_again(coefficients: Array, rotation: Array) -> Array:
 
     Its matrices are kept, up to an order, and so sums are rounded differently.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape ((order+1)^2, maps)
-    rotation : ndarray, shape (3, 3)
+    `coefficients` are of shape ((order+1)^2, maps). `rotation` is of shape (3, 3).
     """
     order = order_of(len(coefficients))
     if order > _REPEATED_ORDER:
@@ -123,22 +112,16 @@ def rotation_blocks(order: int, rotation: Array) -> list[Array]:
 def rotate_into_frames(coefficients: ArrayLike, frames: ArrayLike) -> Array:
     """Turn one set of functions of direction, in world axes, into many local frames.
 
-    Parameters
-    ----------
-    coefficients : array_like, shape ((order+1)^2, ...)
-        Real coefficients of the functions, index l(l+1)+m.
-    frames : array_like, shape (points, 3, 3)
-        Orthogonal. The rows of each are the axes x', y', z' of a local frame in world axes, so
-        that ``frame @ world = local``.
+    `coefficients`, of shape ((order+1)^2, ...), are real coefficients of the functions, index
+    l(l+1)+m. `frames`, of shape (points, 3, 3), are orthogonal. The rows of each are the axes x',
+    y', z' of a local frame in world axes, so that ``frame @ world = local``.
 
     Returns an array of shape ((order+1)^2, ..., points).
 
-    References
-    ----------
-    Kautz, Sloan & Snyder 2002, Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
-    Spherical Harmonics, appendix: low degrees are polynomials of the matrix elements, of which the
-    products with the coefficients are taken once for all points; higher ones are turned by Euler
-    angles. Degrees 0 to 2 are four times as fast by polynomials.
+    References: Kautz, Sloan & Snyder 2002, Fast, Arbitrary BRDF Shading for Low-Frequency Lighting
+    Using Spherical Harmonics, appendix: low degrees are polynomials of the matrix elements, of
+    which the products with the coefficients are taken once for all points; higher ones are turned
+    by Euler angles. Degrees 0 to 2 are four times as fast by polynomials.
     """
     source, frames = np.asarray(coefficients, dtype=float), np.asarray(frames, dtype=float)
     result = np.empty((*source.shape, len(frames)))
@@ -156,18 +139,12 @@ def rotate_to_frames(
 ) -> Array:
     """Turn functions in world axes into each point's own local frame, of the same shape.
 
-    Parameters
-    ----------
-    coefficients : array_like, shape ((order+1)^2, ..., points)
-        A function of direction at each point, in world axes.
-    theta, phi : array_like, shape (points,)
-        Angles of the frames' z axes, radians; the frames are those of `local_frame`.
-    inverse : bool
-        Turn functions in the local frames into world axes instead.
+    `coefficients`, of shape ((order+1)^2, ..., points), are a function of direction at each point,
+    in world axes. `theta` and `phi`, each of shape (points,), are angles of the frames' z axes,
+    radians; the frames are those of `local_frame`. `inverse` turns functions in the local frames
+    into world axes instead.
 
-    References
-    ----------
-    Ramamoorthi 2002, eq. 5.13 and 5.14; the inverse is what they do.
+    References: Ramamoorthi 2002, eq. 5.13 and 5.14; the inverse is what they do.
     """
     source = np.asarray(coefficients)
     result = np.empty_like(source)
@@ -181,12 +158,8 @@ def rotate_to_frames(
 def turn_about_z(coefficients: ArrayLike, angle: ArrayLike) -> Array:
     """Rotate coefficients about +Z, f(phi) to f(phi - angle).
 
-    Parameters
-    ----------
-    coefficients : array_like, shape ((order+1)^2, ...)
-        Real coefficients, index l(l+1)+m.
-    angle : array_like, broadcastable with the last axes of `coefficients`
-        Radians.
+    `coefficients`, of shape ((order+1)^2, ...), are real coefficients, index l(l+1)+m. `angle`,
+    which broadcasts with the last axes of `coefficients`, is in radians.
 
     Returns an array of shape ((order+1)^2, ...): the last axes are those that both broadcast to.
     """
@@ -292,20 +265,12 @@ def _turn_zyz(
     about z join those by a and c. Where b is 90 degrees itself, as where axes are exchanged for
     lat-longs and cubes, a single product with the matrices of ``Ry(90)`` does.
 
-    Parameters
-    ----------
-    source : ndarray, shape ((order+1)^2, ..., points)
-    angles : tuple of ndarray, shape (points,)
-        The three angles, radians.
-    result : ndarray, of the shape of `source`
-        What is written.
-    lowest : int
-        Degrees below it are not written.
+    `source` is of shape ((order+1)^2, ..., points). `angles`, each of shape (points,), are the
+    three angles, radians. `result`, of the shape of `source`, is what is written. Degrees below
+    `lowest` are not written.
 
-    References
-    ----------
-    Ramamoorthi 2002, eq. 2.29, for the convention: ``D^l_mn(a, b, c) = exp(-i m a) d^l_mn(b)
-    exp(-i n c)``, here between real harmonics.
+    References: Ramamoorthi 2002, eq. 2.29, for the convention: ``D^l_mn(a, b, c) = exp(-i m a)
+    d^l_mn(b) exp(-i n c)``, here between real harmonics.
     """
     order = order_of(len(source))
     alpha, beta, gamma = angles

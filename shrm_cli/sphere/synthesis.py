@@ -64,14 +64,8 @@ def synthesize_cube(
 ) -> Array:
     """Values of real spherical harmonic series at the texels of a cube.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape ((order+1)^2, maps)
-        One series a column, index l(l+1)+m.
-    size : int
-        Texels along a face's edge.
-    dtype : float32 or float64
-        Precision of the products and of the result.
+    `coefficients`, of shape ((order+1)^2, maps), are one series a column, index l(l+1)+m. `dtype`
+    is the precision of the products and of the result.
 
     Returns an array of shape (maps, 6 size, size): planes in OpenEXR's face order and orientation.
     """
@@ -83,10 +77,7 @@ class CubeSeries:
 
     They are turned once, because turning does not mix degrees.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape ((order+1)^2, maps)
-        One series a column, index l(l+1)+m.
+    `coefficients`, of shape ((order+1)^2, maps), are one series a column, index l(l+1)+m.
     """
 
     def __init__(self, coefficients: Array) -> None:
@@ -111,13 +102,9 @@ class CubeSeries:
     ) -> Array:
         """Values at the texels of a cube, shape (maps, 6 size, size).
 
-        Parameters
-        ----------
-        size, sampling, dtype
-            As of `synthesize_cube`.
-        factors : ndarray, shape (degrees,), optional
-            What the degrees are multiplied with, no more of them than the series have. Further
-            degrees are left out. By default the series are taken as they are.
+        `size`, `sampling` and `dtype` are as of `synthesize_cube`. `factors`, of shape (degrees,),
+        are what the degrees are multiplied with, no more of them than the series have. Further
+        degrees are left out. By default the series are taken as they are.
         """
         order = self.order if factors is None else len(factors) - 1
         degree = degrees(order)
@@ -171,14 +158,8 @@ def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
 def _rows_at_once(series_bytes: int, count: int, half: int) -> int:
     """Return for how many rows values stay in the processor's cache, and waves within bounds.
 
-    Parameters
-    ----------
-    series_bytes : int
-        The bytes that a single value of each face and map takes.
-    count : int
-        The waves, order + 1.
-    half : int
-        Half of the texels along a row.
+    `series_bytes` are the bytes that a single value of each face and map takes. `count` is the
+    number of waves, order + 1. `half` is half of the texels along a row.
     """
     values = 2 * series_bytes * half
     waves = _WAVE_BYTES * count * half
@@ -219,11 +200,9 @@ def _meridians(
 ) -> tuple[Array, Array]:
     """Fourier coefficients in theta along the meridians through s = +-half of each quadrant.
 
-    Returns
-    -------
-    symmetric, antisymmetric : ndarray, shape (len(half), quadrants * 2 * maps, about order+1)
-        Coefficients of the waves that keep and that change their sign under theta -> pi - theta,
-        in the order that `meridian_waves` has.
+    Returns `symmetric` and `antisymmetric`, each of shape (len(half), quadrants * 2 * maps, about
+    order+1), coefficients of the waves that keep and that change their sign under theta -> pi -
+    theta, in the order that `meridian_waves` has.
     """
     count, maps = fourier.shape[1], fourier.shape[-1]
     parts = []
@@ -243,10 +222,8 @@ def longitude_waves(
 ) -> tuple[Array, Array]:
     """Cosines and sines of m times the longitudes of `_meridians`, m < count.
 
-    Returns
-    -------
-    even, odd : ndarray, shape (longitudes, about count)
-        Those of even and of odd m; the cosines come first.
+    Returns `even` and `odd`, each of shape (longitudes, about count), those of even and of odd m;
+    the cosines come first.
     """
 
     def make() -> tuple[Array, Array]:
@@ -282,10 +259,8 @@ def meridian_waves(count: int, s: Array, t: Array) -> tuple[Array, Array]:
     They are sorted by their symmetry about the equator:
     ``cos(k (pi - theta)) = (-1)^k cos(k theta)``, ``sin(k (pi - theta)) = -(-1)^k sin(k theta)``.
 
-    Returns
-    -------
-    same, opposite : ndarray, shape (len(s), count or so, len(t))
-        Even cosines and odd sines, which keep their sign there; odd cosines and even sines.
+    Returns `same` and `opposite`, each of shape (len(s), count or so, len(t)), even cosines and odd
+    sines, which keep their sign there; odd cosines and even sines.
     """
     theta = np.arctan2(np.hypot(1.0, s)[:, None], t)
     step = np.exp(1j * theta)
@@ -304,11 +279,6 @@ class CubeIntegral:
     """Integrals of cube images with every real harmonic: the transpose of `synthesize_cube`.
 
     The faces arrive one after the other, each of whose values is multiplied by its solid angle.
-
-    Parameters
-    ----------
-    order : int
-        Largest degree.
     """
 
     def __init__(self, order: int, sampling: Sampling = "center") -> None:

@@ -21,21 +21,14 @@ def small_d_degrees(
 ) -> Iterator[tuple[int, Array]]:
     """Yield ``(l, d^l)`` for l = 0 .. order.
 
-    Parameters
-    ----------
-    order : int
-        Largest degree.
-    theta : array_like
-        Angles in radians, any shape.
-    max_spin : int, optional
-        Keep only the columns ``|n| <= max_spin``; all of them by default.
+    `order` is the largest degree. `theta` holds angles in radians, any shape. `max_spin` keeps only
+    the columns ``|n| <= max_spin``; all of them by default.
 
     Yields `l`; and `d` of shape (2l+1, 2 min(l, max_spin) + 1, *theta.shape), ``d[m + l, n + min(l,
     max_spin)] = d^l_mn(theta)``.
 
-    References
-    ----------
-    Varshalovich, Moskalev & Khersonskii 1988, 4.8.2 (14) for the recurrence, 4.17 for the edges.
+    References: Varshalovich, Moskalev & Khersonskii 1988, 4.8.2 (14) for the recurrence, 4.17 for
+    the edges.
     """
     theta = np.asarray(theta, dtype=float)
     spins = order if max_spin is None else min(max_spin, order)
@@ -56,9 +49,7 @@ def small_d_degrees(
 def right_angle_degrees(order: int) -> Iterator[Array]:
     """Yield ``d^l_mn(pi/2)``, m, n = 0 .. l, for l = 0 .. order.
 
-    Yields
-    ------
-    d : ndarray, shape (l+1, l+1)
+    Yields `d` of shape (l+1, l+1).
     """
     for degree, blocks in enumerate(right_angle_blocks(order)):
         quadrant = np.empty((degree + 1, degree + 1))
@@ -74,10 +65,8 @@ def right_angle_blocks(order: int) -> Iterator[tuple[tuple[Array, Array], tuple[
     ``d_m,-n = (-1)^(l+m) d_mn``. It never mixes values of different m or n, and those of odd m
     and even n follow by ``d_nm = (-1)^(m-n) d_mn``.
 
-    Yields
-    ------
-    blocks : pair of pairs of ndarray
-        ``blocks[i][j]`` has m = i, i + 2 .. and n = j, j + 2 .. in its rows and columns.
+    Yields `blocks`, ``blocks[i][j]`` has m = i, i + 2 .. and n = j, j + 2 .. in its rows and
+    columns.
     """
     m = np.arange(order + 1.0)
     pairs = (0, 0), (0, 1), (1, 1)
@@ -172,23 +161,14 @@ def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: i
 
     The factorials of large numbers occur as ratios, which are products of few numbers.
 
-    Parameters
-    ----------
-    degree, m : array_like of int, broadcastable
-        The degree l and the order m, of any sign.
-    small, s : int
-        The degree p, at most 12, for which the sums keep ten digits, and its order.
-    shift : int
-        How far the coupled degree J is above l.
+    `degree` and `m`, broadcastable, are the degree l and the order m, of any sign. `small` and `s`
+    are the degree p, at most 12, for which the sums keep ten digits, and its order. `shift` is how
+    far the coupled degree J is above l.
 
-    Returns
-    -------
-    ndarray
-        Zero where an order is larger than its degree, or the degrees make no triangle.
+    Returns an array, zero where an order is larger than its degree, or the degrees make no
+    triangle.
 
-    References
-    ----------
-    Varshalovich, Moskalev and Khersonskii 1988, 8.2.1 (3).
+    References: Varshalovich, Moskalev and Khersonskii 1988, 8.2.1 (3).
     """
     low, m = np.asarray(degree, dtype=float), np.asarray(m, dtype=float)
     total, up, down = low + shift, low + m, low - m
@@ -240,21 +220,13 @@ def zonal_coupling(order: int, p: int) -> Array:
     matrix is tridiagonal in q and whose eigenvalues J (J + 1) lie far apart. Found so, they are as
     exact for large p as for small ones. The sum of both terms is 0 where J - l - p is odd.
 
-    Parameters
-    ----------
-    order, p : int
-        The largest degree l, and the other degree.
+    `order` and `p` are the largest degree l, and the other degree.
 
-    Returns
-    -------
-    ndarray, shape (order+1, p+1, p+1)
-        Indexed [l, q, j] with ``J = l - p + 2 j``; one term where q = 0. Zero where q > l, or
-        where no such J >= |l - p| exists.
+    Returns an array of shape (order+1, p+1, p+1), indexed [l, q, j] with ``J = l - p + 2 j``; one
+    term where q = 0. Zero where q > l, or where no such J >= |l - p| exists.
 
-    References
-    ----------
-    Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2 for the vectors, 8.5.2 (32) for
-    their sign.
+    References: Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2 for the vectors, 8.5.2
+    (32) for their sign.
     """
     kept = kept_order(order)
     return _known_couplings.get((kept, p), lambda: _zonal_coupling(kept, p))[: order + 1]

@@ -10,11 +10,11 @@ from torch import Tensor, nn
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.size import Band
-from shrm_cli.maps.splitsum.expansion import multipliers
+from shrm_cli.maps.splitsum.core import multipliers
 from shrm_cli.sphere.directions import reflect
 from shrm_cli.torch.transforms import CubeSynthesis, DirectionSynthesis, table
 from shrm_cli.vocabulary import MIN_ROUGHNESS

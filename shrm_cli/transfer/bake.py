@@ -23,8 +23,7 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
-from shrm_cli.transfer.gather import Gathering, Rays
-from shrm_cli.transfer.sent import DiffuseLight, GlossyLight, Sent
+from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Rays, Sent
 from shrm_cli.transfer.sites import Sites, sites_of
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
@@ -47,28 +46,15 @@ _MOST_SAMPLES = 2**16
 class Plan:
     """What is to be baked, and what it will take.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    order : int
-        The largest degree of the harmonics.
-    bounces : int
-        How often light may be reflected within the mesh.
-    samples : int
-        Rays that are traced for each vertex and bounce.
-    albedo : array_like
-        What the mesh reflects of its irradiance, for bounces and for pictures: a number, three for
-        R, G and B, or an array of shape (v, 1 or 3).
-    product : ProductTexture, optional
-        The product function of what the mesh reflects in bounces in place of `albedo`. Its order is
-        at least `order`, and matrices are needed.
-    glossy : bool
-        Whether matrices are baked besides the vectors.
-    tangents : ndarray, shape (v, 3), optional
-        The x axes of the vertices' frames, unit vectors at right angles to the normals; horizontal
-        by default.
-    texture : int, optional
-        Texels along the edge of a texture for which is baked, in place of the vertices.
+    `bounces` is how often light may be reflected within the mesh. `samples` is the number of rays
+    that are traced for each vertex and bounce. `albedo` is what the mesh reflects of its
+    irradiance, for bounces and for pictures: a number, three for R, G and B, or an array of shape
+    (v, 1 or 3). `product` is the product function of what the mesh reflects in bounces in place of
+    `albedo`. Its order is at least `order`, and matrices are needed. `glossy` tells whether
+    matrices are baked besides the vectors. `tangents`, of shape (v, 3), are the x axes of the
+    vertices' frames, unit vectors at right angles to the normals; horizontal by default. `texture`
+    is the number of texels along the edge of a texture for which is baked, in place of the
+    vertices.
 
     Raises ArgumentError if an option has a value that it cannot have.
     """
@@ -196,25 +182,13 @@ def transfer_plan(
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
 
-    Parameters
-    ----------
-    mesh : Mesh or path-like
-    order : int
-        The largest degree of the light's harmonics.
-    bounces : int
-        How often light is reflected within the mesh.
-    albedo : array_like or {"vertex"}
-        What the mesh reflects, as `Plan` takes it, or the colors of its vertices.
-    samples : int
-        Rays of each vertex and bounce.
-    matrices : bool
-        Whether matrices are baked too, for glossy surfaces.
-    brush : {"uv"} or tuple of 3 float, optional
-        Tangents of the matrices, as `brushed_tangents` takes them.
-    brdf : Brdf or str, optional
-        What the mesh reflects in bounces in place of `albedo`; matrices are baked with it.
-    texture : int, optional
-        Texels along the edge of a texture for which is baked, in place of the vertices.
+    `order` is the largest degree of the light's harmonics. `bounces` is how often light is
+    reflected within the mesh. `albedo` is what the mesh reflects, as `Plan` takes it, or the colors
+    of its vertices. `samples` is the number of rays of each vertex and bounce. `matrices` tells
+    whether matrices are baked too, for glossy surfaces. `brush` holds tangents of the matrices, as
+    `brushed_tangents` takes them. `brdf` is what the mesh reflects in bounces in place of `albedo`;
+    matrices are baked with it. `texture` is the number of texels along the edge of a texture for
+    which is baked, in place of the vertices.
 
     Raises ArgumentError if an argument has a value that it cannot have, or the mesh lacks what it
     names. Raises MeshError or BrdfError if a file cannot be read.
@@ -287,20 +261,12 @@ def bake(
 ) -> Any:
     """Bake the transfer of a mesh.
 
-    Parameters
-    ----------
-    rays : Rays, optional
-        What traces rays; `geometry.rays.Rays` of the mesh by default.
-    keep : path-like, optional
-        An output beside which unfinished work is kept, so that a later run goes on with it. The
-        arrays are on disk then rather than in memory.
-    use : callable, optional
-        Called with the transfer; unfinished work is kept until it returns. With `keep` the
-        transfer is valid until then only.
+    `rays` are what traces rays; `geometry.rays.Rays` of the mesh by default. `keep` is an output
+    beside which unfinished work is kept, so that a later run goes on with it. The arrays are on
+    disk then rather than in memory. `use` is called with the transfer; unfinished work is kept
+    until it returns. With `keep` the transfer is valid until then only.
 
-    Returns
-    -------
-    Transfer, or what `use` returns
+    Returns the transfer, or what `use` returns.
 
     Raises OutputError if unfinished work cannot be kept.
     """

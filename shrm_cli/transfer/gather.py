@@ -23,9 +23,15 @@ value depends on it. This choice makes an unshadowed vertex exact, whereas a fun
 off at the horizon has no short expansion.
 
 A direction that is blocked brings the light that the point in the way reflects: what the three
-vertices of its triangle, or the texels around it, send back along the ray (`transfer.sent`),
-interpolated between them. "Vertex" stands for both here (`transfer.sites`). A triangle that is met
-from behind blocks light, and sends none.
+vertices of its triangle, or the texels around it, send back along the ray, interpolated between
+them. A diffuse vertex sends the same radiance everywhere: ``albedo / pi`` times its irradiance. A
+glossy one sends towards the unit vector v
+
+    sum_i c_i(F v) sum_j M_ij L_j,
+
+where c_i are those of the BRDF's product function (see `maps.product.product`). Both are linear in
+the light, so that what is sent is a coefficient for each j. "Vertex" stands for texels, too
+(`transfer.sites`). A triangle that is met from behind blocks light, and sends none.
 
 All vertices use the same directions of their own frames. With these the sums over the directions
 are products of matrices, and neighbours on a smooth surface share their errors, which are not seen
@@ -36,7 +42,7 @@ References
 Sloan, Kautz and Snyder 2002, Precomputed Radiance Transfer for Real-Time Rendering in Dynamic,
 Low-Frequency Lighting Environments, sections 4 and 5.
 Kautz, Sloan and Snyder 2002, Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
-Spherical Harmonics, section 5.
+Spherical Harmonics, section 5: the BRDF must be fixed for interreflection.
 """
 
 from typing import Protocol
@@ -47,10 +53,11 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
+from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
-from shrm_cli.transfer.sent import Sent
+from shrm_cli.transfer.shading import Product
 from shrm_cli.transfer.sites import Sites
 
 Both = tuple[Array, Array | None]
@@ -69,21 +76,85 @@ class Rays(Protocol):
         """First triangle of each ray, -1 for none, its barycentric (k, 3), and the distance."""
 
 
+class Sent(Protocol):
+    """Coefficients of the radiance that the vertices of a mesh send."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Coefficients, and colour channels."""
+
+    def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
+        """What some vertices, shape (k,), send in world directions, shape (k, 3).
+
+        Returns an array of float32 of shape (k, coefficients * channels).
+        """
+
+
+@record(eq=False)
+class DiffuseLight:
+    """What diffuse vertices send."""
+
+    radiance: Array
+    """``albedo / pi`` times the transfer vectors of all vertices, float32 of shape (v, n,
+    channels)."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Coefficients, and colour channels."""
+        return self.radiance.shape[1:]
+
+    def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
+        """See `Sent.towards`; the direction does not matter."""
+        return self.radiance.reshape(len(self.radiance), -1)[vertices]
+
+
+@record(eq=False)
+class GlossyLight:
+    """What glossy vertices send."""
+
+    matrices: Array
+    """The transfer matrices of all vertices, float32 of shape (v, n, n, 1 or channels)."""
+    frames: Array
+    """Their frames, with axes as rows, shape (v, 3, 3)."""
+    product: Product
+    """The product function of the BRDF."""
+    channels: int
+    """Colour channels of what is sent."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Coefficients, and colour channels."""
+        return self.matrices.shape[2], self.channels
+
+    def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
+        """See `Sent.towards`; vertices that face away send nothing."""
+        size = self.matrices.shape[1]
+        result = np.zeros((len(vertices), *self.shape), np.float32)
+        for start in range(0, len(vertices), _VERTICES_AT_ONCE):
+            part = slice(start, start + _VERTICES_AT_ONCE)
+            some = vertices[part]
+            local = np.einsum("kij,kj->ki", self.frames[some], directions[part])
+            facing = np.flatnonzero(local[:, 2] > 0)
+            values = self.product.values(local[facing])[:, :size].astype(np.float32)
+            matrices = self.matrices[some[facing]]
+            # Matrices of one channel serve all colours of the BRDF, and the other way round.
+            shape = len(facing), size, self.channels
+            result[start + facing] = np.einsum(
+                "kic,kijc->kjc",
+                np.broadcast_to(values, shape),
+                np.broadcast_to(matrices, (*shape[:2], size, self.channels)),
+                optimize=True,
+            )
+        return result.reshape(len(vertices), -1)
+
+
 class Gathering:
     """Transfer of light to the vertices of a mesh, for some of them at a time.
 
-    Parameters
-    ----------
-    sites : Sites
-        The vertices of the mesh, or its texels.
-    frames : ndarray, shape (v, 3, 3)
-        The rows are the axes x', y', z' of each site's frame in world axes; z' is the normal.
-    rays : Rays
-        They meet the same mesh.
-    order : int
-        The largest degree of the harmonics.
-    samples : int
-        Directions of the hemisphere above each vertex, along which a ray is traced.
+    `sites` are the vertices of the mesh, or its texels. `frames` are of shape (v, 3, 3). The rows
+    are the axes x', y', z' of each site's frame in world axes; z' is the normal. `rays` meet the
+    same mesh. `samples` is the number of directions of the hemisphere above each vertex, along
+    which a ray is traced.
     """
 
     def __init__(self, sites: Sites, frames: Array, rays: Rays, order: int, samples: int) -> None:
@@ -157,12 +228,9 @@ class Gathering:
     def _look(self, part: slice, sent: Sent | None) -> tuple[Array, Array]:
         """What is in the way of the rays of some vertices, and what it sends.
 
-        Returns
-        -------
-        blocked : ndarray of float32, shape (k, samples)
-            1 where the mesh is in the way and 0 elsewhere.
-        seen : ndarray of float32, shape (k, samples, n * channels)
-            Coefficients of the radiance that arrives from the mesh; empty if nothing is sent.
+        Returns `blocked` of shape (k, samples), 1 where the mesh is in the way and 0 elsewhere; and
+        `seen` of shape (k, samples, n * channels), coefficients of the radiance that arrives from
+        the mesh; empty if nothing is sent.
         """
         origins, directions = self._bundle(part)
         if sent is None:
@@ -198,3 +266,7 @@ def _outer_sides(mesh: Mesh) -> Array:
     across = np.cross(b - a, c - a)
     along = np.einsum("fi,fi->f", across, mesh.normals[mesh.faces].sum(axis=1))
     return np.where(along < 0, -1.0, 1.0)[:, None] * across
+
+
+_VERTICES_AT_ONCE = 2**12
+"""Vertices whose matrices are gathered at a time: 10 MB of them at order 4."""

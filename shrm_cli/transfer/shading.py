@@ -22,11 +22,7 @@ class Product(Protocol):
 def fitted(lighting: ArrayLike, count: int) -> Array:
     """Return coefficients to another order, cut off or followed by 0, shape (count, 3).
 
-    Parameters
-    ----------
-    lighting : array_like, shape (m, 3)
-    count : int
-        How many coefficients are asked for.
+    `lighting` is of shape (m, 3). `count` is how many coefficients are asked for.
     """
     lighting = np.asarray(lighting, dtype=float)
     result = np.zeros((count, 3))
@@ -39,12 +35,8 @@ def diffuse_colors(
 ) -> Array:
     """Return the radiance of a diffuse surface, ``albedo / pi`` times its irradiance, shape (v, 3).
 
-    Parameters
-    ----------
-    lighting : array_like, shape (m, 3)
-        Coefficients of the light in world axes, of any order, index l(l+1)+m.
-    albedo : array_like, shape (1 or 3,) or (v, 1 or 3), optional
-        That of the transfer by default.
+    `lighting`, of shape (m, 3), holds coefficients of the light in world axes, of any order, index
+    l(l+1)+m. `albedo`, of shape (1 or 3,) or (v, 1 or 3), is that of the transfer by default.
     """
     vectors = transfer.vectors
     light = fitted(lighting, vectors.shape[1])
@@ -73,16 +65,9 @@ def glossy_colors(
 ) -> Array:
     """Return the radiance of a glossy surface towards a viewer.
 
-    Parameters
-    ----------
-    transfer : Transfer
-        With matrices.
-    product : Product
-        The product function of the surface's BRDF.
-    lighting : array_like, shape (m, 3)
-        As `diffuse_colors` takes it.
-    views : array_like, shape (3,) or (v, 3)
-        Unit vectors to the viewer in world axes.
+    `transfer` has matrices. `product` is the product function of the surface's BRDF. `lighting`, of
+    shape (m, 3), is as `diffuse_colors` takes it. `views`, of shape (3,) or (v, 3), are unit
+    vectors to the viewer in world axes.
 
     Returns an array of shape (v, 3): 0 where a vertex faces away. Raises TransferError if the
     transfer has no matrices.

@@ -49,11 +49,7 @@ class Sites:
 def sites_of(mesh: Mesh, texture: int | None = None) -> Sites:
     """Return the vertices of a mesh, or the texels of a texture over it.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    texture : int, optional
-        Texels along the texture's edge, as `charted` takes them.
+    `texture` is the number of texels along the texture's edge, as `charted` takes them.
 
     Raises MeshError if there are no charts for a texture.
     """

@@ -82,14 +82,8 @@ class Transfer:
     def at(self, mesh: Mesh, values: Array, faces: NDArray[np.integer], weights: Array) -> Array:
         """Return values of all rows at points of the mesh, shape (k, channels).
 
-        Parameters
-        ----------
-        mesh : Mesh
-            The one that the transfer was baked for.
-        values : ndarray, shape (v, channels)
-        faces : ndarray of int, shape (k,)
-        weights : ndarray, shape (k, 3)
-            Barycentric.
+        `mesh` is the one that the transfer was baked for. `values` are of shape (v, channels).
+        `faces` are of shape (k,). `weights`, of shape (k, 3), are barycentric.
         """
         if self.texels is None:
             return mesh.interpolated(values, faces, weights)
@@ -122,11 +116,7 @@ class Transfer:
     def check_mesh(self, digest: str, mesh: Mesh) -> None:
         """Check that a mesh is the one that the transfer was baked for.
 
-        Parameters
-        ----------
-        digest : str
-            `bake.mesh_digest` of the mesh.
-        mesh : Mesh
+        `digest` is `bake.mesh_digest` of the mesh.
 
         Raises TransferError if it is another one.
         """

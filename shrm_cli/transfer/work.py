@@ -39,11 +39,7 @@ _WRITTEN = 1 << 32
 class Work:
     """Arrays of 32-bit floats in memory.
 
-    Parameters
-    ----------
-    shapes : mapping of str to tuple of int
-    step : int
-        The length of a block along the first axis.
+    `step` is the length of a block along the first axis.
     """
 
     def __init__(self, shapes: Shapes, step: int) -> None:
@@ -71,12 +67,8 @@ class Work:
 class FileWork(Work):
     """Arrays in a file, of which blocks may have been computed by an earlier run.
 
-    Parameters
-    ----------
-    key : str
-        A digest of everything that the arrays depend on, in hexadecimal digits.
-    shapes, step
-        As of `Work`.
+    `key` is a digest of everything that the arrays depend on, in hexadecimal digits. `shapes` and
+    `step` are as of `Work`.
     """
 
     def __init__(self, path: Path, key: str, shapes: Shapes, step: int) -> None:

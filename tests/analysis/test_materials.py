@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from shrm_cli.analysis.orders import material_energies
+from shrm_cli.analysis.analyze import material_energies
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.orders import choose_orders
 from tests.cli.helpers import assert_refused, done, run

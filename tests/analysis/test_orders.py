@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import eval_legendre
 
-from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
+from shrm_cli.analysis.analyze import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import MapError, OrderError

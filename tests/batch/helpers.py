@@ -56,7 +56,7 @@ def work_here(monkeypatch):
         def stop(self, at_once=False):
             pass
 
-    monkeypatch.setattr(import_module("shrm_cli.batch.pool"), "ProcessWorkers", Pool)
+    monkeypatch.setattr(import_module("shrm_cli.batch.batch"), "ProcessWorkers", Pool)
     monkeypatch.setattr("shrm_cli.cli.batch.limit_libraries", lambda count: None)
 
 

@@ -14,9 +14,9 @@ from importlib import import_module
 import pytest
 
 from shrm_cli.batch import run as batch_run
+from shrm_cli.batch.batch import ProcessWorkers
 from shrm_cli.batch.entry import Entry, checked
 from shrm_cli.batch.job import Chunk, by_probe
-from shrm_cli.batch.pool import ProcessWorkers
 from shrm_cli.batch.run import run
 from shrm_cli.batch.work import Result, Terms
 from tests.batch.helpers import Here, log_lines, records_of, statuses, write_probes

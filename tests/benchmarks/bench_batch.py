@@ -20,9 +20,9 @@ import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
 
+from shrm_cli.batch.batch import ProcessWorkers
 from shrm_cli.batch.entry import Entry
 from shrm_cli.batch.job import by_probe
-from shrm_cli.batch.pool import ProcessWorkers
 from shrm_cli.batch.run import run
 from shrm_cli.batch.work import Terms
 from shrm_cli.files.whole import replacing

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from shrm_cli.brdf.lobe_expansion import Expansion
-from shrm_cli.brdf.lobe_views import Views
+from shrm_cli.brdf.lobe_expansion import Expansion, Views
 
 
 def _found(value: float, error_theta: float, error_phi: float) -> Expansion:

@@ -7,8 +7,8 @@ import pytest
 
 import shrm_cli as shrm
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.choose import others
-from shrm_cli.choose.others import Truth
+from shrm_cli.choose import forms
+from shrm_cli.choose.forms import Truth
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
 from shrm_cli.maps.principal.sharing import Sharing
@@ -241,14 +241,14 @@ def test_brushed_materials_are_offered_taps_beside_principal_maps(spec):
 
 
 def test_all_taps_share_one_chain(monkeypatch):
-    made, prefilter = [], others.prefilter_with_facts
+    made, prefilter = [], forms.prefilter_with_facts
     monkeypatch.setattr(
-        others, "prefilter_with_facts", lambda *asked: made.append(asked) or prefilter(*asked)
+        forms, "prefilter_with_facts", lambda *asked: made.append(asked) or prefilter(*asked)
     )
     brdf = parse_spec("ggx:roughness=0.8,anisotropy=0.5")
-    ((form, setting),) = others.others_of(brdf)
+    ((form, setting),) = forms.others_of(brdf)
     truth = Truth(light(0, 5), brdf)
-    offers = others.made_offers(form, setting, light(0, 5), brdf, truth)
+    offers = forms.made_offers(form, setting, light(0, 5), brdf, truth)
     assert len(made) == 1
     assert [offer.look_ups for offer in offers] == [14, 18, 24]
     assert len({offer.error for offer in offers}) == 3

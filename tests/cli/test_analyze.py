@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
+from shrm_cli.analysis.analyze import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.files.png import encode_srgb
 from shrm_cli.probe.lighting import project

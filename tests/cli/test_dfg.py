@@ -8,7 +8,7 @@ import OpenEXR
 import OpenImageIO as oiio
 import pytest
 
-from shrm_cli.brdf.environment.brushed_table import brushed_table
+from shrm_cli.brdf.environment.environment_brdf import brushed_table
 from shrm_cli.brdf.models.ggx import Ggx
 from tests.cli.helpers import assert_refused, done, read_exr, run, snapshot, write_exr
 

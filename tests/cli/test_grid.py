@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from shrm_cli.rooms.file import read_grid
+from shrm_cli.rooms.grid import read_grid
 from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 from tests.rooms import shapes
 

@@ -7,7 +7,7 @@ import pytest
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export.blocks import astc, bc6h, rate, uastc, uastc_bits
-from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, pack
+from shrm_cli.export.blocks.bc6h import ANCHORS, MODES, PARTITIONS, pack
 from shrm_cli.export.blocks.lamps import nearest, refined
 from shrm_cli.export.blocks.lines import Texels, line
 from shrm_cli.export.cubes import decoded

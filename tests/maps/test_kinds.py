@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import ReflectionMap
-from shrm_cli.maps.kinds import LightMap, MaterialMap
+from shrm_cli.maps.kinds import LightMap, MaterialMap, ReflectionMap
 from tests.maps.shader import cases
 
 FORMS = {**cases.FORMS, "irradiance": lambda: cases.irradiance(2)}

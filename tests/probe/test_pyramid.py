@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.probe.open import as_probe
-from shrm_cli.probe.pyramid import Pyramid
+from shrm_cli.probe.source import Pyramid
 from shrm_cli.vocabulary import LUMINANCE
 from tests import brute_force
 from tests.oracles import cube_texels

@@ -11,8 +11,16 @@ import pytest
 from shrm_cli.errors import MeshError
 from shrm_cli.export.ktx import can_compress
 from shrm_cli.rooms import export
-from shrm_cli.rooms.file import is_grid, read_grid, write_grid
-from shrm_cli.rooms.grid import EDGE, Lattice, ProbeGrid, _texels, octahedral_directions
+from shrm_cli.rooms.grid import (
+    EDGE,
+    Lattice,
+    ProbeGrid,
+    _texels,
+    is_grid,
+    octahedral_directions,
+    read_grid,
+    write_grid,
+)
 from shrm_cli.rooms.make import read_positions
 from tests.cli.helpers import write_exr
 from tests.oracles import real_harmonics, sphere_rule

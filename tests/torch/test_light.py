@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import shrm_cli as shrm
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.maps.she.prefilter import Problem, fit_logarithm
-from shrm_cli.maps.splitsum.expansion import expand, faded_order
+from shrm_cli.maps.splitsum.core import expand, faded_order
 from shrm_cli.maps.splitsum.prefilter import level_lobe, make_levels
 from shrm_cli.probe.lighting import project
 from tests.oracles import random_directions

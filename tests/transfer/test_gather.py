@@ -8,8 +8,7 @@ from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.maps.product.prefilter import product_texture
 from shrm_cli.transfer.bake import Plan, bake
-from shrm_cli.transfer.gather import Gathering
-from shrm_cli.transfer.sent import DiffuseLight
+from shrm_cli.transfer.gather import DiffuseLight, Gathering
 from tests.oracles import real_harmonics as harmonics
 from tests.transfer import meshes
 

@@ -19,8 +19,7 @@ from shrm_cli.prefilter import prefilter
 from shrm_cli.render.vertex_colors import vertex_colors
 from shrm_cli.transfer.bake import Plan, bake
 from shrm_cli.transfer.file import read_transfer, write_transfer
-from shrm_cli.transfer.gather import Gathering
-from shrm_cli.transfer.sent import DiffuseLight
+from shrm_cli.transfer.gather import DiffuseLight, Gathering
 from tests.cli.helpers import assert_refused, done, run
 from tests.oracles import real_harmonics as harmonics
 from tests.transfer import meshes

@@ -8,7 +8,7 @@ from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from shrm_cli.report.contact import contact_page, draw_contacts
 from shrm_cli.report.measure import Plan, measure_maps
-from shrm_cli.report.page import report_page
+from shrm_cli.report.report import report_page
 
 SPEC = "ggx:roughness=0.6"
 

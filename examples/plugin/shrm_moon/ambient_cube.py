@@ -11,8 +11,7 @@ import shrm_cli as shrm
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.files.parts import Part
 from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes
-from shrm_cli.maps.base import ReflectionMap
-from shrm_cli.maps.kinds import FixedMap
+from shrm_cli.maps.kinds import FixedMap, ReflectionMap
 from shrm_cli.maps.offers import FLOATS, LookUp, Setting
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.shader.cost import Cost

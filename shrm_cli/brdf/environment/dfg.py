@@ -3,7 +3,7 @@
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, value_text
 from shrm_cli.brdf.environment import environment_brdf as tables
-from shrm_cli.brdf.environment.brushed_table import brushed_table
+from shrm_cli.brdf.environment.environment_brdf import brushed_table
 from shrm_cli.brdf.environment.file import MEANINGS, Kind, Meaning
 from shrm_cli.brdf.environment.lobe import check_varies
 from shrm_cli.brdf.environment.material_albedo import albedo_table

@@ -13,8 +13,9 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.environment.material_albedo import albedo_table
 from shrm_cli.brdf.environment.views import ViewTable, half_vectors, unit_rule
 from shrm_cli.brdf.models.charlie import Charlie
+from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.vectors import GRAZING, fifth_power
-from shrm_cli.errors import MapError
+from shrm_cli.errors import BrdfError, MapError
 
 _SLOPES = 40  # nodes of each half of the integral over the slope of the half vector
 _AZIMUTHS = 16  # and of the integral over its azimuth
@@ -31,17 +32,11 @@ def lobe_moments(roughness: float, cosines: ArrayLike) -> Array:
     reflects the view, ``R = (N.V) N + sin(theta_v) T``. All integrals are exact to 1e-5, at any
     roughness and down to N.V = 1e-5.
 
-    Parameters
-    ----------
-    roughness : float
-        Perceptual, in 0 .. 1.
-    cosines : array_like, shape (n,)
-        N.V; values below 1e-5 count as 1e-5.
+    `roughness` is perceptual, in 0 .. 1. `cosines`, of shape (n,), are N.V; values below 1e-5 count
+    as 1e-5.
 
-    Returns
-    -------
-    ndarray, shape (2, 3, n)
-        Indexed [without Fresnel's term or with the tail; 1, N.L or T.L; view].
+    Returns an array of shape (2, 3, n), indexed [without Fresnel's term or with the tail; 1, N.L or
+    T.L; view].
 
     Raises MapError if the roughness is outside 0 .. 1.
     """
@@ -95,10 +90,7 @@ class LobeMoments(ViewTable):
 
     Interpolated values differ from those of `lobe_moments` by 2e-5 at most, at any roughness.
 
-    Parameters
-    ----------
-    roughness : float
-        Perceptual, in 0 .. 1.
+    `roughness` is perceptual, in 0 .. 1.
     """
 
     def __init__(self, roughness: float) -> None:
@@ -134,20 +126,12 @@ def whole_lobe(moments: Array, f0: float) -> tuple[Array, Array]:
 
     Schlick's term is ``f0 + (1 - f0) (1 - V.H)^5``.
 
-    Parameters
-    ----------
-    moments : ndarray, shape (2, 3, ...)
-        As `lobe_moments` returns them.
-    f0 : float
-        Reflectance at normal incidence.
+    `moments`, of shape (2, 3, ...), are as `lobe_moments` returns them. `f0` is the reflectance at
+    normal incidence.
 
-    Returns
-    -------
-    albedo : ndarray, shape (...)
-    mean : ndarray, shape (2, ...)
-        N.L and T.L, averaged over the lobe; the vector is never longer than 1. Where nothing is
-        reflected, as by a mirror of f0 = 0 seen along its normal, it is the mean without
-        Schlick's term.
+    Returns `albedo` of shape (...); and `mean` of shape (2, ...), N.L and T.L, averaged over the
+    lobe; the vector is never longer than 1. Where nothing is reflected, as by a mirror of f0 = 0
+    seen along its normal, it is the mean without Schlick's term.
     """
     whole = f0 * moments[0] + (1 - f0) * moments[1]
     lobe = np.where(whole[0] > 0, whole, moments[0])
@@ -172,23 +156,17 @@ def environment_table(size: int, multiscatter: bool = False) -> Array:
     is the integral of ``f_DV (1 - V.H)^5 N.L`` over the hemisphere of L, and scale + bias is that
     of ``f_DV N.L``.
 
-    Parameters
-    ----------
-    size : int
-        The number of rows, over the roughness, and of columns, over N.V. Both are sampled at
-        texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
-    multiscatter : bool
-        What the two channels R and G hold. If False, they hold scale and bias, and a surface
-        reflects ``f0 * R + G`` of a uniform environment. If True, they hold bias and scale +
-        bias, as in Filament, and a surface reflects ``mix(R, G, f0) * (1 + f0 * (1 / G - 1))``,
-        which includes the light that meets several facets.
+    `size` is the number of rows, over the roughness, and of columns, over N.V. Both are sampled at
+    texel centers, ``(k + 0.5) / size``. The first row is the smoothest. `multiscatter` is what the
+    two channels R and G hold. If False, they hold scale and bias, and a surface reflects ``f0 * R +
+    G`` of a uniform environment. If True, they hold bias and scale + bias, as in Filament, and a
+    surface reflects ``mix(R, G, f0) * (1 + f0 * (1 / G - 1))``, which includes the light that meets
+    several facets.
 
-    References
-    ----------
-    Karis 2013, "Real Shading in Unreal Engine 4" (scale and bias); eq. 5 to 7 and 15 of
-    Silvennoinen et al. 2025.
-    Lagarde and Golubev 2018, in Filament (multiple scattering, with which a surface of f0 = 1
-    loses nothing); Turquin 2019 (the same form; here with Fresnel's term at normal incidence).
+    References: Karis 2013, "Real Shading in Unreal Engine 4" (scale and bias); eq. 5 to 7 and 15 of
+    Silvennoinen et al. 2025. Lagarde and Golubev 2018, in Filament (multiple scattering, with which
+    a surface of f0 = 1 loses nothing); Turquin 2019 (the same form; here with Fresnel's term at
+    normal incidence).
     """
     table = np.empty((size, size, 2))
     moments = moments_table(size)
@@ -200,19 +178,13 @@ def environment_table(size: int, multiscatter: bool = False) -> Array:
 def columns_table(kind: str, size: int) -> Array:
     """Compute `environment_table` with a third column, shape (size, size, 3).
 
-    Parameters
-    ----------
-    kind : {"fdez-aguera", "turquin", "gltf", "filament"}
-        The third column is the light that single scattering loses where f0 is 1, ``1 - E`` with
-        ``E = scale + bias``; it as a part of E; or the albedo of cloth, after scale and bias, or
-        after the columns for multiple scattering.
-    size : int
-        As of `environment_table`.
+    `kind`, a key of `environment.file.MEANINGS`, says what the third column is: the light that
+    single scattering loses where f0 is 1, ``1 - E`` with ``E = scale + bias``; it as a part of E;
+    or the albedo of cloth, after scale and bias, or after the columns for multiple scattering.
+    `size` is that of `environment_table`.
 
-    References
-    ----------
-    Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image Based Lighting";
-    Turquin 2019, "Practical multiple scattering compensation for microfacet models".
+    References: Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image Based
+    Lighting"; Turquin 2019, "Practical multiple scattering compensation for microfacet models".
     """
     two = environment_table(size, kind == "filament")
     albedo = two.sum(axis=-1)
@@ -228,10 +200,7 @@ def columns_table(kind: str, size: int) -> Array:
 def moments_table(size: int) -> Array:
     """Compute the moments of the lobe of every roughness: the table of SH exponentials.
 
-    Parameters
-    ----------
-    size : int
-        As in `environment_table`.
+    `size` is that of `environment_table`.
 
     Returns an array of shape (size, size, 6): the integrals of 1, N.L and T.L / sin(theta_v) over
     the lobe without Fresnel's term, then with Schlick's tail; see `lobe_moments`. The quotient
@@ -254,10 +223,7 @@ class DirectionalAlbedo:
 
     Interpolated values differ from the integrals by 2e-5 at most.
 
-    Parameters
-    ----------
-    roughness : float
-        Perceptual, in 0 .. 1.
+    `roughness` is perceptual, in 0 .. 1.
 
     Raises MapError if the roughness is outside 0 .. 1.
     """
@@ -276,12 +242,93 @@ class DirectionalAlbedo:
     def __call__(self, cosines: ArrayLike, f0: ArrayLike) -> Array:
         """Interpolate the directional albedo, ``f0 * scale + bias``, shape (..., 3).
 
-        Parameters
-        ----------
-        cosines : array_like, shape (...)
-            N.V.
-        f0 : array_like, shape (3,)
-            Reflectance at normal incidence, linear RGB.
+        `cosines`, of shape (...), are N.V. `f0`, of shape (3,), is the reflectance at normal
+        incidence, linear RGB.
         """
         scale, bias = self.scale_bias(cosines)
         return scale[..., None] * np.asarray(f0, dtype=float) + bias[..., None]
+
+
+AZIMUTHS = 0.0, np.pi / 4, np.pi / 2
+"""Views along the stretched axis, between both, and across it."""
+_TURNS = 192
+"""Nodes of the integral over the azimuth of the slope of the half vector of brushed GGX."""
+
+
+def brushed_totals(alphas: tuple[float, float], cosines: ArrayLike, azimuth: float) -> Array:
+    """Integrate GGX's lobe without Fresnel's term, and with ``(1 - V.H)^5``.
+
+    The integral is over the slopes of half vectors, which have the length ``sinh(x)`` where the
+    alphas are the units of length. Along a ray of slopes light comes from above up to a root of a
+    quadratic equation.
+
+    `alphas` are along x and y. `cosines`, of shape (n,), are N.V; values below 1e-5 count as 1e-5.
+    `azimuth` is that of the view from the x axis, radians.
+
+    Returns an array of shape (2, n): exact to 5e-5 down to N.V = 0.004.
+    """
+    view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
+    result = np.empty((2, len(view)))
+    for start in range(0, len(view), _VIEWS_AT_ONCE):
+        part = slice(start, start + _VIEWS_AT_ONCE)
+        result[:, part] = _totals(alphas, view[part, None, None], azimuth)
+    return result
+
+
+def _totals(alphas: tuple[float, float], z: Array, azimuth: float) -> Array:
+    """Compute `brushed_totals` for N.V of shape (n, 1, 1)."""
+    ax, ay = alphas
+    sine = np.sqrt(1 - z**2)
+    x, y = sine * np.cos(azimuth), sine * np.sin(azimuth)
+    turns = (np.arange(_TURNS)[:, None] + 0.5) * 2 * np.pi / _TURNS
+    unit_x, unit_y = ax * np.cos(turns), ay * np.sin(turns)
+    along, square = unit_x * x + unit_y * y, unit_x**2 + unit_y**2
+    # N.L > 0 is ``z + 2 along t - z square t^2 > 0``; the form of the root does not cancel.
+    root = np.sqrt(along**2 + z**2 * square)
+    positive = (along + root) / (z * square)
+    negative = z / np.maximum(root - along, np.finfo(float).tiny)
+    end = np.arcsinh(np.where(along > 0, positive, negative))
+    nodes, weights = unit_rule(_SLOPES)
+    steps = end * nodes
+    length = np.sinh(steps)
+    facing = z + along * length  # V.H / N.H
+    cosine2 = 1 / (1 + square * length**2)
+    scale = 2 * cosine2 * facing
+    light = [scale * unit_x * length - x, scale * unit_y * length - y]
+    height = np.maximum(scale - z, 0.0)
+    masking = np.sqrt((ax * x) ** 2 + (ay * y) ** 2 + z**2)
+    shadowing = np.sqrt((ax * light[0]) ** 2 + (ay * light[1]) ** 2 + height**2)
+    # With t = sinh(x), D cos(theta_h) dH = 2 t / (1 + t^2)^2 dt dphi / (2 pi).
+    measure = end * weights * 2 * length / np.cosh(steps) ** 3 / _TURNS
+    both = np.maximum(height * masking + z * shadowing, np.finfo(float).tiny)
+    base = measure * 2 * facing * height / both
+    tail = base * fifth_power(1 - np.minimum(facing * np.sqrt(cosine2), 1.0))
+    return np.stack([base.sum(axis=(1, 2)), tail.sum(axis=(1, 2))])
+
+
+def brushed_table(brdf: Ggx, size: int) -> Array:
+    """Compute scale and bias of f0 for every roughness, in three azimuths of the view.
+
+    Between the azimuths both are quadratic in ``w = cos(2 phi)``, which is 1, 0 and -1 there.
+
+    `brdf` is one whose anisotropy, and the mapping of it, all rows have. `size` is the number of
+    rows, over the perceptual roughness, and of columns, over N.V. Both are sampled at texel
+    centers, ``(k + 0.5) / size``. The first row is the smoothest.
+
+    Returns an array of shape (size, size, 6): scale and bias along, between and across. Raises
+    BrdfError if the BRDF has alphas of its own, a roughness or a reflectance.
+    """
+    usual = Ggx().values
+    if any(brdf.values.get(key) != value for key, value in usual.items()):
+        raise BrdfError(
+            f"{brdf!r}: all roughnesses are made, for any f0; give only anisotropy and mapping"
+        )
+    centers = (np.arange(size) + 0.5) / size
+    table = np.empty((size, size, 6))
+    for row, roughness in enumerate(centers.tolist()):
+        alphas = brdf.at_roughness(roughness).alphas
+        for column, azimuth in enumerate(AZIMUTHS):
+            total, bias = brushed_totals(alphas, centers, azimuth)
+            table[row, :, 2 * column : 2 * column + 2] = np.stack([total - bias, bias], axis=-1)
+        progress.report(row + 1, size)
+    return table

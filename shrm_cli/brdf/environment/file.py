@@ -105,16 +105,9 @@ def write_dfg(
     channels are; it is not a map. A table of the channels R and G gets a channel B of zeros, for
     readers that expect three channels.
 
-    Parameters
-    ----------
-    table : ndarray, shape (N, N, channels)
-        Indexed [perceptual roughness, N.V, channel]; the channels are those of its `MEANINGS`.
-    kind : str
-        Which table it is, one of `MEANINGS`.
-    precision : {"auto", "half", "float"}
-        The pixel type to write.
-    brdf : str
-        The specification of the BRDF.
+    `table`, of shape (N, N, channels), is indexed [perceptual roughness, N.V, channel]; the
+    channels are those of its `MEANINGS`. `kind` says which table it is, one of `MEANINGS`.
+    `precision` is the pixel type to write. `brdf` is the specification of the BRDF.
 
     Raises OutputError if the file cannot be written.
     """

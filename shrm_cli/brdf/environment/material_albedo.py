@@ -30,10 +30,7 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike) -> Array:
     The nodes are doubled until nothing changes that counts, so that the integrals are exact to
     2e-5 of the albedo, or of 1 where that is less.
 
-    Parameters
-    ----------
-    cosines : array_like, shape (n,)
-        N.V; values below 1e-5 count as 1e-5.
+    `cosines`, of shape (n,), are N.V; values below 1e-5 count as 1e-5.
 
     Raises BrdfError if the BRDF is one that `MaterialLobe` refuses.
     """
@@ -91,10 +88,8 @@ def albedo_table(brdf: Brdf, size: int) -> Array:
     `size` is the number of rows, over the perceptual roughness, and of columns, over N.V. Both are
     sampled at texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
 
-    Returns
-    -------
-    ndarray, shape (size, size, 3)
-        Read-only where the process keeps it for the next map of this BRDF.
+    Returns an array of shape (size, size, 3), read-only where the process keeps it for the next map
+    of this BRDF.
 
     Raises BrdfError if the BRDF has no roughness, or is one that `MaterialLobe` refuses.
     """

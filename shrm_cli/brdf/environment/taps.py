@@ -50,11 +50,9 @@ class Taps:
 def polynomials(count: int) -> dict[str, Array]:
     """Return the fitted polynomials of a number of taps.
 
-    Returns
-    -------
-    dict of ndarray, shape (n, 10)
-        By the letters of `KINDS`. With an odd number of taps the first one is the middle, which has
-        no u. All others are pairs. The first weight is 1, and is not among those of ``w``.
+    Returns arrays of shape (n, 10), by the letters of `KINDS`. With an odd number of taps the first
+    one is the middle, which has no u. All others are pairs. The first weight is 1, and is not among
+    those of ``w``.
     """
     rows: dict[str, list[list[float]]] = {kind: [] for kind in KINDS}
     for line in _TABLE.read_text(encoding="ascii").splitlines()[1:]:
@@ -76,14 +74,9 @@ def monomials(roughness: Array, ratio: Array, cosines: Array) -> Array:
 def taps(alphas: tuple[float, float], views: ArrayLike, count: int) -> Taps:
     """Return the taps of brushed GGX.
 
-    Parameters
-    ----------
-    alphas : tuple of 2 float
-        Along x and y, that along x not being the lesser.
-    views : array_like, shape (..., 3)
-        Unit vectors above the horizon, in the frame of the surface.
-    count : int
-        One of `vocabulary.TAP_COUNTS`.
+    `alphas` are along x and y, that along x not being the lesser. `views`, of shape (..., 3), are
+    unit vectors above the horizon, in the frame of the surface. `count` is one of
+    `vocabulary.TAP_COUNTS`.
     """
     numbers = polynomials(count)
     return taps_of(tuple(numbers[kind] for kind in KINDS), alphas, views)

@@ -20,19 +20,11 @@ def half_vectors(alpha: float, view: Array, count: int) -> tuple[Array, Array, A
     slope ``(1 - sin(theta_v)) / N.V``, and for none beyond ``(1 + sin(theta_v)) / N.V``. Nodes are
     dense at both slopes, because the range of azimuths changes there like a square root.
 
-    Parameters
-    ----------
-    alpha : float
-        The width of the lobe, as a slope.
-    view : ndarray, shape (n, 1)
-        N.V.
-    count : int
-        Nodes of each half of the integral over x.
+    `alpha` is the width of the lobe, as a slope. `view`, of shape (n, 1), is N.V. `count` is the
+    number of nodes of each half of the integral over x.
 
-    Returns
-    -------
-    x, measure, end : ndarray, shape (n, 2 count)
-        The nodes, their weights for an integral over x, and the azimuth where L meets the horizon.
+    Returns `x`, `measure` and `end`, each of shape (n, 2 count), the nodes, their weights for an
+    integral over x, and the azimuth where L meets the horizon.
     """
     sine = np.sqrt(1 - view**2)
     first, second = np.arcsinh(view / (1 + sine) / alpha), np.arcsinh((1 + sine) / view / alpha)
@@ -59,10 +51,7 @@ class ViewTable:
     What a lobe reflects changes fastest where N.V is less than its width. The nodes are dense
     there, for any width.
 
-    Parameters
-    ----------
-    width : float
-        The ggx_alpha of the lobe, or of one that is as wide.
+    `width` is the ggx_alpha of the lobe, or of one that is as wide.
     """
 
     def __init__(self, width: float) -> None:
@@ -78,11 +67,7 @@ class ViewTable:
     def interpolated(self, table: Array, view: Array) -> Array:
         """Interpolate each row by the cubic polynomial through the four nearest nodes.
 
-        Parameters
-        ----------
-        table : ndarray, shape (..., nodes)
-        view : ndarray
-            N.V, from 1e-5 to 1.
+        `table` is of shape (..., nodes). `view` is N.V, from 1e-5 to 1.
         """
         first, last = self._ends
         position = (_TABLE - 1) * (

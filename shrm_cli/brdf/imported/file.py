@@ -21,12 +21,8 @@ from shrm_cli.files.whole import note
 def open_material(path: Path, wanted: str, primaries: Primaries | None = None) -> OpenPbr:
     """The surface of a material in a file.
 
-    Parameters
-    ----------
-    wanted : str
-        The material's name or number; empty for the only one.
-    primaries : sequence of 8 float, optional
-        Chromaticities that colors are converted to, Rec.709 by default.
+    `wanted` is the material's name or number; empty for the only one. `primaries` are
+    chromaticities that colors are converted to, Rec.709 by default.
 
     Warns
     -----

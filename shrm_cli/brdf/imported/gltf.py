@@ -46,12 +46,8 @@ _NORMALS = (
 def read_gltf_material(name: str, data: bytes, wanted: str) -> Material:
     """A material of a glTF or GLB file, by its name or its number.
 
-    Parameters
-    ----------
-    name : str
-        The path of the file. Buffers and textures are looked for in its folder.
-    wanted : str
-        Empty for the only material.
+    `name` is the path of the file. Buffers and textures are looked for in its folder. `wanted` is
+    empty for the only material.
 
     Raises BrdfError if the file is damaged, has no such material, or needs what is not read.
     """

@@ -46,10 +46,7 @@ class MeasuredBrdf(Brdf):
     def open(cls, path: str | os.PathLike[str]) -> Self:
         """Read a file.
 
-        Raises
-        ------
-        BrdfError
-            If it cannot be read, is damaged, or is of another format.
+        Raises BrdfError if it cannot be read, is damaged, or is of another format.
         """
 
     def evaluate(self, light: Array, view: Array) -> Array:

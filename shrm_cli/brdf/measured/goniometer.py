@@ -43,12 +43,10 @@ class Goniometer(MeasuredBrdf):
     of the lowest sample. No value exceeds the largest measured one. The result is sampled in a
     table, which is interpolated trilinearly.
 
-    References
-    ----------
-    Kautz, Sloan and Snyder 2002, "Fast, arbitrary BRDF shading for low-frequency lighting using
-    spherical harmonics", section 3 (tabulated data by radial basis functions); Rusinkiewicz 1998
-    (the angles); Wendland 2005, "Scattered Data Approximation", chapter 8 (the kernel -r^1.5 is
-    conditionally positive definite of order 1, so a constant beside it suffices).
+    References: Kautz, Sloan and Snyder 2002, "Fast, arbitrary BRDF shading for low-frequency
+    lighting using spherical harmonics", section 3 (tabulated data by radial basis functions);
+    Rusinkiewicz 1998 (the angles); Wendland 2005, "Scattered Data Approximation", chapter 8 (the
+    kernel -r^1.5 is conditionally positive definite of order 1, so a constant beside it suffices).
     """
 
     name = "goniometer"

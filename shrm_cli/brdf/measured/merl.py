@@ -40,10 +40,8 @@ class Merl(MeasuredBrdf):
     Cells with a negative number are invalid: they were not measured, or lie below the horizon.
     They take the mean of the valid cells in the smallest block of cells around them that has any.
 
-    References
-    ----------
-    Matusik et al. 2003, "A data-driven reflectance model"; Rusinkiewicz 1998, "A new change of
-    variables for efficient BRDF representation".
+    References: Matusik et al. 2003, "A data-driven reflectance model"; Rusinkiewicz 1998, "A new
+    change of variables for efficient BRDF representation".
     """
 
     name = "merl"
@@ -193,10 +191,8 @@ def _pulled(cells: NDArray[np.float32]) -> NDArray[np.float32]:
     This is the "pull-push" of image processing. The edge of a block doubles from step to step, so
     that all steps take little longer than the first.
 
-    Parameters
-    ----------
-    cells : ndarray, shape (a, b, c, 4)
-        Three channels, which are multiplied by the weight already, and the weight.
+    `cells`, of shape (a, b, c, 4), are three channels, which are multiplied by the weight already,
+    and the weight.
 
     Returns an array of shape (a, b, c, 4): the same array, filled in place.
     """

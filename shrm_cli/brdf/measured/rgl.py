@@ -41,10 +41,8 @@ class Rgl(MeasuredBrdf):
 
     Measured numbers below zero are noise; where the interpolated value is negative, it becomes 0.
 
-    References
-    ----------
-    Dupuy and Jakob 2018, "An adaptive parameterization for efficient material acquisition and
-    rendering"; the RGL material database's reference code.
+    References: Dupuy and Jakob 2018, "An adaptive parameterization for efficient material
+    acquisition and rendering"; the RGL material database's reference code.
     """
 
     name = "rgl"

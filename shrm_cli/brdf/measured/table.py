@@ -189,10 +189,7 @@ def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
     Nodes whose light or view lies below the horizon, where nothing is known, take the value half a
     degree above it, so that no zero is interpolated into the grazing angles.
 
-    Parameters
-    ----------
-    shape : tuple of three int
-        The numbers of nodes of theta_h, theta_d and phi_d.
+    `shape` holds the numbers of nodes of theta_h, theta_d and phi_d.
 
     Raises BrdfError if the BRDF is anisotropic, or not finite.
     """
@@ -270,10 +267,7 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
 
     The same table gives the same bytes.
 
-    Parameters
-    ----------
-    path : path-like
-        The suffix, .exr or .npz, decides on the format.
+    The suffix of `path`, .exr or .npz, decides on the format.
 
     Raises OutputError if the name has another suffix, or the file cannot be written.
     """

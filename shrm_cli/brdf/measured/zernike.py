@@ -1,25 +1,219 @@
-"""Files of Zernike coefficients, and of sparse measurements, to which coefficients are fitted."""
+"""Files of Zernike coefficients, and of sparse measurements, to which coefficients are fitted.
+
+Koenderink and van Doorn expand BRDFs in Zernike polynomials on the hemisphere. A direction is
+mapped to the unit disk by ``r = sqrt(2) sin(theta / 2)``, which keeps areas, and the BRDF is
+``sum C_nml H_nml`` with the reciprocal, isotropic, mirror-symmetric functions
+
+    H_nml = N_nml (R_n^l(r_i) R_m^l(r_o) + R_m^l(r_i) R_n^l(r_o)) cos(l (phi_i - phi_o)),
+
+which are orthonormal over both hemispheres in solid angle. In the disk's coordinates they are
+polynomials, so nothing is singular at the normal.
+
+References
+----------
+Koenderink and van Doorn 1998, "Phenomenological description of bidirectional surface
+reflection", J. Opt. Soc. Am. A 15(11); Germer 2018, "Full four-dimensional and reciprocal
+Mueller matrix bidirectional reflectance distribution function of sintered
+polytetrafluoroethylene", Applied Optics (the normalisation, and the files of coefficients).
+"""
 
 import os
 import re
 from collections.abc import Mapping
+from functools import cached_property
+from math import factorial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
-from shrm_cli.brdf.measured.reading.zernike_series import (
-    MAX_ORDER,
-    Term,
-    ZernikeSeries,
-    fit_zernike,
-    terms_of,
-)
 from shrm_cli.errors import BrdfError
+from shrm_cli.records import record
+from shrm_cli.sphere.directions import from_angles
+
+MAX_ORDER = 20
+"""The largest order; the radial polynomials of larger ones lose their digits to cancellation."""
+
+
+class Term(NamedTuple):
+    """The orders of one function of the basis: n >= m >= azimuth >= 0, all odd or all even.
+
+    The azimuth is the order l of the cosine.
+    """
+
+    n: int
+    m: int
+    azimuth: int
+
+
+def terms_of(order: int) -> list[Term]:
+    """List the functions up to an order, which are 5 for order 2 and 55 for order 8."""
+    return [
+        Term(n, m, azimuth)
+        for n in range(order + 1)
+        for m in range(n % 2, n + 1, 2)
+        for azimuth in range(n % 2, m + 1, 2)
+    ]
+
+
+@record(eq=False)
+class ZernikeSeries:
+    """An expansion of a BRDF in the functions H."""
+
+    terms: list[Term]
+    coefficients: Array
+    """The coefficient of each term for linear RGB, 1/sr, shape (t, 3)."""
+
+    def __post_init__(self) -> None:
+        if self.coefficients.shape != (len(self.terms), 3) or not self.terms:
+            raise ValueError(f"{self.coefficients.shape} coefficients of {len(self.terms)} terms")
+        if not set(self.terms) <= set(terms_of(max(term.n for term in self.terms))):
+            raise ValueError("orders must be n >= m >= azimuth >= 0, all odd or all even")
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        """Evaluate the series, which can be negative.
+
+        `light` and `view`, each of shape (n, 3), are unit directions of the upper hemisphere.
+
+        Returns an array of shape (n, 3): linear RGB, 1/sr, in double precision.
+        """
+        radial_i, radial_o, waves = _factors(self._order, light, view)
+        total = np.zeros((len(light), 3))
+        for wave, at_i, at_o, matrix in zip(waves, radial_i, radial_o, self._matrices, strict=True):
+            for channel in range(1 if self._is_grey else 3):
+                part = np.einsum("nj,nj->n", at_i @ matrix[..., channel], at_o)
+                total[:, channel] += part * wave
+        if self._is_grey:
+            total[:, 1:] = total[:, :1]
+        return total
+
+    @cached_property
+    def _order(self) -> int:
+        return max(term.n for term in self.terms)
+
+    @cached_property
+    def _is_grey(self) -> bool:
+        return bool((self.coefficients == self.coefficients[:, :1]).all())
+
+    @cached_property
+    def _matrices(self) -> list[Array]:
+        """The coefficients for each l as a symmetric matrix between R_n^l and R_m^l, and RGB."""
+        order = self._order
+        sizes = [(order - azimuth) // 2 + 1 for azimuth in range(order + 1)]
+        matrices: list[Array] = [np.zeros((size, size, 3)) for size in sizes]
+        for term, coefficient in zip(self.terms, self.coefficients, strict=True):
+            j, k = (term.n - term.azimuth) // 2, (term.m - term.azimuth) // 2
+            matrices[term.azimuth][j, k] += coefficient * _norm(term)
+            matrices[term.azimuth][k, j] += coefficient * _norm(term)
+        return matrices
+
+
+def basis(terms: list[Term], light: Array, view: Array) -> Array:
+    """Evaluate the t functions H at unit directions (n, 3) above the horizon; shape (n, t)."""
+    radial_i, radial_o, waves = _factors(max(term.n for term in terms), light, view)
+    columns = []
+    for term in terms:
+        at_i, at_o = radial_i[term.azimuth], radial_o[term.azimuth]
+        j, k = (term.n - term.azimuth) // 2, (term.m - term.azimuth) // 2
+        pair = at_i[:, j] * at_o[:, k] + at_i[:, k] * at_o[:, j]
+        columns.append(_norm(term) * pair * waves[term.azimuth])
+    return np.stack(columns, axis=-1)
+
+
+def fit_zernike(
+    theta_i: ArrayLike,
+    phi_i: ArrayLike,
+    theta_r: ArrayLike,
+    phi_r: ArrayLike,
+    values: ArrayLike,
+    order: int = 8,
+    smoothing: float = 0.0,
+) -> ZernikeSeries:
+    """Fit a series to measurements by least squares; every measurement counts the same.
+
+    The fit minimizes the mean square of the errors, plus the smoothing times the sum of ``(k C)^2``
+    over the coefficients C, where k is ``n(n+2) + m(m+2)`` relative to its largest. So a
+    coefficient stays the smaller, the less the measurements determine it and the faster its
+    function varies.
+
+    `theta_i`, `phi_i`, `theta_r` and `phi_r`, each of shape (n,), are angles of the directions to
+    the light and to the viewer, radians. A negative theta means the other side of the normal.
+    `values`, of shape (n,) or (n, 3), are the BRDF (1/sr), grey or linear RGB. `order` is 0 to 20.
+    With a `smoothing` of 0 the fit reproduces published coefficients. With 1e-3 a fit to sparse
+    measurements does not run away where nothing was measured.
+
+    Raises BrdfError if the order is out of range, or there is no measurement.
+    """
+    if not 0 <= order <= MAX_ORDER:
+        raise BrdfError(f"order {order} of a Zernike expansion is outside 0 .. {MAX_ORDER}")
+    light, view = from_angles(theta_i, phi_i), from_angles(theta_r, phi_r)
+    values = np.asarray(values, dtype=float)
+    if not len(values):
+        raise BrdfError("there is no measurement to fit")
+    terms = terms_of(order)
+    columns = values[:, None] if values.ndim == 1 else values
+    functions = basis(terms, light, view)
+    if smoothing > 0:
+        roughness = np.array([n * (n + 2) + m * (m + 2) for n, m, _ in terms], dtype=float)
+        weights = np.sqrt(smoothing * len(columns)) * roughness / max(roughness.max(), 1.0)
+        functions = np.concatenate([functions, np.diag(weights)])
+        columns = np.concatenate([columns, np.zeros((len(terms), columns.shape[1]))])
+    found = np.linalg.lstsq(functions, columns, rcond=None)[0]
+    return ZernikeSeries(terms, np.ascontiguousarray(np.broadcast_to(found, (len(terms), 3))))
+
+
+def _norm(term: Term) -> float:
+    """The factor N_nml that makes H_nml orthonormal."""
+    n, m, azimuth = term
+    doubled = (2 if n == m else 1) * (2 if azimuth == 0 else 1)
+    return float(np.sqrt((n + 1) * (m + 1) / doubled) / (2 * np.pi))
+
+
+def _factors(order: int, light: Array, view: Array) -> tuple[list[Array], list[Array], list[Array]]:
+    """The factors of the functions H, for each azimuthal order l.
+
+    Returns
+    -------
+    radial_i, radial_o : list of ndarray, shape (n, (order - l) // 2 + 1)
+        ``R_n^l(r) / r^l`` of the light and of the view.
+    waves : list of ndarray, shape (n,)
+        ``(r_i r_o)^l cos(l (phi_i - phi_o))``, by the recurrence for cosines of multiples.
+    """
+    light, view = light.astype(float), view.astype(float)
+    # A direction is (x, y) / sqrt(1 + z) on the disk, and its squared radius there is 1 - z.
+    square_i, square_o = 1 - light[:, 2], 1 - view[:, 2]
+    across = light[:, 0] * view[:, 0] + light[:, 1] * view[:, 1]
+    product = across / np.sqrt((1 + light[:, 2]) * (1 + view[:, 2]))
+    waves: list[Array] = [np.ones(len(light)), product]
+    for _ in range(order - 1):
+        waves.append(2 * product * waves[-1] - square_i * square_o * waves[-2])
+    powers = np.arange(order // 2 + 1)
+    powers_i, powers_o = square_i[:, None] ** powers, square_o[:, None] ** powers
+    radial = [_radial(order, azimuth) for azimuth in range(order + 1)]
+    return (
+        [powers_i[:, : len(r)] @ r for r in radial],
+        [powers_o[:, : len(r)] @ r for r in radial],
+        waves[: order + 1],
+    )
+
+
+def _radial(order: int, azimuth: int) -> Array:
+    """Coefficients of ``R_n^l(r) / r^l``: rows are powers of r^2, columns n = l, l + 2 .."""
+    size = (order - azimuth) // 2 + 1
+    table = np.zeros((size, size))
+    for column in range(size):
+        n = azimuth + 2 * column
+        for s in range(column + 1):
+            below = factorial(s) * factorial(azimuth + column - s) * factorial(column - s)
+            table[column - s, column] = (-1) ** s * factorial(n - s) // below
+    return table
+
 
 MAX_ROWS = 2**16
 

@@ -75,13 +75,9 @@ def _open_parts(direction: Array, distance: float) -> tuple[Array, Array, Array,
     ``sin(angle - inclination) = distance cos(inclination) - 1``, or the floor at ``distance - 1 /
     cos(inclination)`` from this cylinder's axis.
 
-    Returns
-    -------
-    low, high : ndarray, shape (...)
-        The range of angles on the cylinder, radians.
-    start, end : ndarray, shape (...)
-        The range of places on the floor, measured from the axis in radii; it is empty where
-        start >= end.
+    Returns `low` and `high`, each of shape (...), the range of angles on the cylinder, radians; and
+    `start` and `end`, each of shape (...), the range of places on the floor, measured from the axis
+    in radii; it is empty where start >= end.
     """
     y, z = direction[..., 1], np.maximum(direction[..., 2], 0.0)
     inclination = np.arctan2(np.abs(y), z)

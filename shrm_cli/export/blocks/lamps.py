@@ -66,10 +66,7 @@ def with_lamps(blocks: Array, found: Found, search: Encoder) -> NDArray[np.uint8
 def light_error(light: Floats, wanted: Floats) -> Floats:
     """Return the squared errors of the texels and the energy of blocks: shape (n,).
 
-    Parameters
-    ----------
-    light, wanted : ndarray, shape (k, 16, n)
-        What is read, and what should be.
+    `light` and `wanted`, each of shape (k, 16, n), are what is read, and what should be.
     """
     off = light - wanted
     return (off**2).sum(axis=(0, 1)) + (off.sum(axis=1) ** 2).sum(axis=0)
@@ -78,11 +75,7 @@ def light_error(light: Floats, wanted: Floats) -> Floats:
 def nearest(texels: Texels, ends: Floats, count: int) -> Whole:
     """Return the steps of a line whose light is nearest to that of texels, shape (16, n).
 
-    Parameters
-    ----------
-    ends : ndarray, shape (2, 3, n)
-    count : int
-        The steps of the line.
+    `ends` are of shape (2, 3, n). `count` is the number of steps of the line.
     """
     return step_errors(texels, ends, count).argmin(axis=0)
 

@@ -121,13 +121,9 @@ def line(texels: Texels, members: Members, count: int) -> Floats:
 def solved(values: Floats, weights: Floats, at: Floats, ends: Floats) -> Floats:
     """Return the ends of lines that suit values best, by least squares: shape (2, 3, n).
 
-    Parameters
-    ----------
-    values, weights : ndarray, shape (3, 16, n)
-    at : ndarray, shape (16, n)
-        Where the values lie: 0 at the first end, 1 at the last.
-    ends : ndarray, shape (2, 3, n)
-        What stays where all values lie at one place.
+    `values` and `weights` are each of shape (3, 16, n). `at`, of shape (16, n), is where the values
+    lie: 0 at the first end, 1 at the last. `ends`, of shape (2, 3, n), are what stays where all
+    values lie at one place.
     """
     weights = weights / weights.sum(axis=1, keepdims=True)
     far = weights * at
@@ -168,11 +164,8 @@ def balanced(light: Callable[[Whole], Floats], wanted: Floats, indices: Whole, c
     The steps of a steep line are coarse, and what its bright texels lose to rounding is a part of
     a lamp. Of all moves by one, the one is taken that leaves the least.
 
-    Parameters
-    ----------
-    light : callable
-        What decoders make of steps of shape (16, n): shape (k, 16, n).
-    wanted : ndarray, shape (k, 16, n)
+    `light` tells what decoders make of steps of shape (16, n): shape (k, 16, n). `wanted` is of
+    shape (k, 16, n).
     """
     every = np.arange(indices.shape[-1])
     for _ in range(_MOVES):
@@ -198,11 +191,8 @@ def squared_error(texels: Texels, values: Floats) -> Floats:
 def between(ends: Floats, at: Floats, on_second: Members) -> Floats:
     """Return the values of texels, by where they lie between the ends of one line or two.
 
-    Parameters
-    ----------
-    ends : ndarray, shape (2 or 4, 3, n)
-    at : ndarray, shape (16, n)
-        0 at the first end of a line, 1 at its last.
+    `ends` are of shape (2 or 4, 3, n). `at`, of shape (16, n), is 0 at the first end of a line, 1
+    at its last.
     """
     first = np.where(on_second, ends[-2][:, None], ends[0][:, None])
     last = np.where(on_second, ends[-1][:, None], ends[1][:, None])

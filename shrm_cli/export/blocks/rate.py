@@ -30,9 +30,7 @@ def starting_prices(blocks: Array) -> Floats:
 
     What is bright beside the rest of the level changes less, and so does what is smooth.
 
-    Parameters
-    ----------
-    blocks : ndarray, shape (3, 16, n)
+    `blocks` are of shape (3, 16, n).
     """
     squares = (blocks**2).sum(axis=0)
     light = squares.mean(axis=0)
@@ -64,20 +62,11 @@ def cheap_steps(
 ) -> Whole:
     """Return steps of texels that are cheap in error and bits, shape (16, n).
 
-    Parameters
-    ----------
-    errors : ndarray, shape (16, 16, n)
-        By step and texel.
-    prices : ndarray, shape (n,)
-        The error that a bit is worth.
-    packed : callable
-        The blocks of steps, of which it is counted how frequent bytes are.
-    places : ndarray of int, shape (16, 16)
-        The byte that two steps are, of a texel and of the next one.
-    passes : int
-        How often they are chosen.
-    first : int
-        The texel from which on two fill a byte; those before it have the steps of least error.
+    `errors`, of shape (16, 16, n), are by step and texel. `prices`, of shape (n,), are the error
+    that a bit is worth. `packed` holds the blocks of steps, of which it is counted how frequent
+    bytes are. `places`, of shape (16, 16), are the bytes that two steps are, of a texel and of the
+    next one. `passes` is how often they are chosen. `first` is the texel from which on two fill a
+    byte; those before it have the steps of least error.
     """
     indices = smallest(errors)
     if prices.any():
@@ -90,12 +79,8 @@ def cheap_steps(
 def _cheapest(errors: Floats, price: Floats, bits: Floats, places: Whole) -> Whole:
     """Return steps of texels that leave the least of error and bits together: shape (k, n).
 
-    Parameters
-    ----------
-    errors : ndarray, shape (16, k, n)
-        By step and texel; k is even.
-    price, bits, places
-        As of `cheap_steps`; bits are those of each of the 256 bytes.
+    `errors`, of shape (16, k, n), are by step and texel; k is even. `price`, `bits` and `places`
+    are as of `cheap_steps`; bits are those of each of the 256 bytes.
     """
     found = np.empty(errors.shape[1:], dtype=np.int64)
     costs = (bits[places][..., None] * price).astype(np.float32)

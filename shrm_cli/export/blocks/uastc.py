@@ -96,10 +96,7 @@ SPACE = Space(_numbers, _light, 2048, {_STEPS: _FRACTIONS})
 def encoded(blocks: Array, prices: Floats) -> Found:
     """Return blocks of shape (3, 16, n), encoded.
 
-    Parameters
-    ----------
-    prices : ndarray, shape (n,)
-        As `prices_of` returns them.
+    `prices`, of shape (n,), are as `prices_of` returns them.
     """
     texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
     of_channels = texels.weights.sum(axis=1)
@@ -119,9 +116,7 @@ def prices_of(blocks: Array) -> Floats:
     It is a squared error relative to the light of a texel, as `lines.relative_weights` has it: so
     much that the level takes no more bytes than it may.
 
-    Parameters
-    ----------
-    blocks : ndarray, shape (3, 16, n)
+    `blocks` are of shape (3, 16, n).
     """
     prices = starting_prices(blocks)
     if not prices.any():
@@ -160,10 +155,7 @@ def _fitted(texels: Texels, weight: Floats, ends: Floats, rounds: int) -> Floats
     They are those of the best of some rounds, in each of which the line is fitted to where its
     steps would have to lie so that the mean of what the decoders read is right.
 
-    Parameters
-    ----------
-    weight : ndarray, shape (16, n)
-        What squared errors of light count.
+    `weight`, of shape (16, n), is what squared errors of light count.
     """
     kept, least = ends, np.full(ends.shape[-1], np.float32(np.inf))
     for _ in range(rounds):

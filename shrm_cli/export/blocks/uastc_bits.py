@@ -44,16 +44,10 @@ def written(
 ) -> Whole:
     """Return the six bytes of ends in the way that keeps them best: shape (6, n).
 
-    Parameters
-    ----------
-    ends : ndarray, shape (2, 3, n)
-        Numbers between 0 and 65536, as they are interpolated. The last end has the largest one.
-    weight : ndarray, shape (3, n)
-        What differences squared count in each channel.
-    price : array_like, shape (n,)
-        The error that a bit is worth.
-    bits : ndarray, shape (256,), optional
-        What each byte of the block takes. With it coarser ends are tried, too.
+    `ends`, of shape (2, 3, n), are numbers between 0 and 65536, as they are interpolated. The last
+    end has the largest one. `weight`, of shape (3, n), is what differences squared count in each
+    channel. `price`, of shape (n,), is the error that a bit is worth. `bits`, of shape (256,), are
+    what each byte of the block takes. With it coarser ends are tried, too.
     """
     wanted = np.clip(np.rint(ends / 16), 0, _MOST).astype(np.int64)
     largest = np.argmax(wanted[1], axis=0)
@@ -215,10 +209,7 @@ _HEAD_BITS = 17
 def _levels() -> tuple[Whole, Whole]:
     """Return the trit and the 6 bits of each byte, where it is one of the 192 that there are.
 
-    Returns
-    -------
-    trits, bits : ndarray of int, shape (256,)
-        The trit is -1 where there is none.
+    Returns `trits` and `bits`, each of shape (256,), the trit is -1 where there is none.
     """
     trits, bits = np.full(256, -1), np.zeros(256, dtype=np.int64)
     for trit in range(3):
@@ -278,12 +269,8 @@ _SHARED = ((0, 2), (2, 2), (4, 1), (5, 2), (7, 1))
 def pack(numbers: Whole, indices: Whole) -> NDArray[np.uint8]:
     """Return blocks, 16 bytes each.
 
-    Parameters
-    ----------
-    numbers : ndarray of int, shape (6, n)
-        The bytes of the ends, each one of the 192 that there are.
-    indices : ndarray of int, shape (16, n)
-        Where each texel lies on the line, of 16 steps.
+    `numbers`, of shape (6, n), are the bytes of the ends, each one of the 192 that there are.
+    `indices`, of shape (16, n), are where each texel lies on the line, of 16 steps.
     """
     data = np.empty((indices.shape[-1], 16), dtype=np.uint8)
     data[:, :8] = _packed_ends(numbers)
@@ -307,10 +294,7 @@ def _packed_ends(numbers: Whole) -> NDArray[np.uint8]:
 def unpack(data: NDArray[np.uint8]) -> tuple[Whole, Whole]:
     """Return the bytes of the ends, shape (6, n), and the numbers of texels, shape (16, n).
 
-    Parameters
-    ----------
-    data : ndarray of uint8, shape (n, 16)
-        Blocks as `pack` makes them.
+    `data`, of shape (n, 16), holds blocks as `pack` makes them.
     """
     bits = np.unpackbits(data, axis=1, bitorder="little").T.astype(np.int64)
     at, code = _HEAD_BITS, np.zeros(len(data), dtype=np.int64)

@@ -89,14 +89,10 @@ def _env_file(
 ) -> bytes:
     """Return the bytes of a file.
 
-    Parameters
-    ----------
-    levels : sequence of sequence of bytes
-        PNG pictures of the six faces of each level, from `rgbd.rgbd_pictures`. The last has one
-        texel, each other one twice as many along an edge as the next.
-    irradiance : mapping of str to sequence of 3 float, optional
-        RGB of the polynomials x, y, z, xx, yy, zz, yz, zx and xy. Without it Babylon.js makes its
-        own from the pictures.
+    `levels` are PNG pictures of the six faces of each level, from `rgbd.rgbd_pictures`. The last
+    has one texel, each other one twice as many along an edge as the next. `irradiance` is RGB of
+    the polynomials x, y, z, xx, yy, zz, yz, zx and xy. Without it Babylon.js makes its own from the
+    pictures.
     """
     pictures = [picture for level in levels for picture in level]
     places, position = [], 0
@@ -118,6 +114,3 @@ def _halved(faces: Array) -> Array:
     """Return the means of four texels each, shape (6, N/2, N/2, 3)."""
     size = faces.shape[1] // 2
     return np.asarray(faces.reshape(6, size, 2, size, 2, 3).mean(axis=(2, 4)))
-
-
-ENGINE = Babylon()

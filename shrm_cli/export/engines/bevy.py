@@ -47,6 +47,3 @@ class Bevy(Engine):
             "    intensity: 1000.0, ..default() });",
         ]
         return made
-
-
-ENGINE = Bevy()

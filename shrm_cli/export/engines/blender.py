@@ -9,9 +9,9 @@ References
 Blender, intern/cycles/kernel/camera/projection.h (`direction_to_equirectangular_range`).
 """
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_exr, rolled
-from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment
 
 _SCRIPT = """\
@@ -46,21 +46,15 @@ class Blender(PanoramaEngine):
     name = "blender"
     title = "Blender"
 
-    def pack(self, light: Light, texels: TexelFormat) -> Package:
-        made = Package()
-        if light.latlong is not None:
-            name, script = f"{light.name}_world.exr", f"{light.name}_world.py"
-            add_exr(made, name, rolled(light.latlong, 90), light)
-            made.add_text(script, _SCRIPT.format(name=ascii(light.name), file=ascii(name)))
-            made.told.append(
-                "directions (x, y, z) are Blender's (x, -z, y), as its glTF importer has it; the "
-                "panorama is turned by 90 degrees for it"
-            )
-            made.loading += [
-                f"# blender scene.blend --python {comment(script)}",
-                "# or open it in the workspace Scripting, and choose Text, Run Script",
-            ]
-        return made
-
-
-ENGINE = Blender()
+    def add_panorama(self, made: Package, image: Array, light: Light) -> None:
+        name, script = f"{light.name}_world.exr", f"{light.name}_world.py"
+        add_exr(made, name, rolled(image, 90), light)
+        made.add_text(script, _SCRIPT.format(name=ascii(light.name), file=ascii(name)))
+        made.told.append(
+            "directions (x, y, z) are Blender's (x, -z, y), as its glTF importer has it; the "
+            "panorama is turned by 90 degrees for it"
+        )
+        made.loading += [
+            f"# blender scene.blend --python {comment(script)}",
+            "# or open it in the workspace Scripting, and choose Text, Run Script",
+        ]

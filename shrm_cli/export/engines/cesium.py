@@ -69,6 +69,3 @@ def _module(ready: Array) -> str:
         "export const sphericalHarmonicCoefficients = [",
     ]
     return "\n".join([*head, *rows, "];"]) + "\n"
-
-
-ENGINE = Cesium()

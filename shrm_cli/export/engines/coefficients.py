@@ -54,13 +54,8 @@ def coefficients_json(coefficients: ArrayLike) -> str:
 def add_coefficients(made: Package, name: str, values: Array, meaning: str, axes: str) -> None:
     """Add coefficients, shape (9, 3), to a package: a list for each channel.
 
-    Parameters
-    ----------
-    name : str
-        The name of the file.
-    values : ndarray, shape (9, 3)
-    meaning, axes : str
-        What the numbers are, and the axes that they are in, for people.
+    `name` is the name of the file. `values` are of shape (9, 3). `meaning` and `axes` are what the
+    numbers are, and the axes that they are in, for people.
     """
     red, green, blue = (values[:, channel].tolist() for channel in range(3))
     found = {"meaning": meaning, "axes": axes, "red": red, "green": green, "blue": blue}
@@ -81,6 +76,3 @@ class Coefficients(Engine):
             made.add_text(f"{light.name}_sh.json", coefficients_json(coefficients))
             made.told.append("sh: in each convention by its name; nothing is turned")
         return made
-
-
-ENGINE = Coefficients()

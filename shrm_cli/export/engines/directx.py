@@ -46,6 +46,3 @@ class DirectX(Engine):
             made.add_text(f"{light.name}_sh.json", coefficients_json(coefficients))
             made.told.append("sh: nine coefficients, in each convention by its name")
         return made
-
-
-ENGINE = DirectX()

@@ -78,6 +78,3 @@ def sh_text(ready: Array) -> str:
         for name, (red, green, blue) in zip(_NAMES, ready.tolist(), strict=True)
     ]
     return "\n".join(lines) + "\n"
-
-
-ENGINE = Filament()

@@ -101,6 +101,3 @@ def _document(light: dict[str, Any], images: list[dict[str, str]]) -> dict[str, 
         "scene": 0,
         "scenes": [{"extensions": {EXTENSION: {"light": 0}}}],
     }
-
-
-ENGINE = Gltf()

@@ -64,6 +64,3 @@ class GltfSampleViewer(Engine):
                 "the table has N.V across and the roughness down, from 0 in the first row"
             )
         return made
-
-
-ENGINE = GltfSampleViewer()

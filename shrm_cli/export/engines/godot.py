@@ -12,9 +12,9 @@ cubemap_roughness.glsl; the project settings of rendering/reflections/sky_reflec
 
 import numpy as np
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_exr
-from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import numbers, string
 from shrm_cli.export.tamed import Sampler
 from shrm_cli.probe.proxy import ProxyBox
@@ -46,19 +46,13 @@ class Godot(PanoramaEngine):
             "probe.box_projection = true",
         ]
 
-    def pack(self, light: Light, texels: TexelFormat) -> Package:
-        made = Package()
-        if light.latlong is not None:
-            name = f"{light.name}_panorama.exr"
-            add_exr(made, name, light.latlong, light)
-            made.told.append("the panorama lies as Godot's do, +Z in the centre")
-            made.loading += [
-                "var material := PanoramaSkyMaterial.new()",
-                f"material.panorama = load({string(f'res://{name}')})",
-                "environment.sky = Sky.new()",
-                "environment.sky.sky_material = material",
-            ]
-        return made
-
-
-ENGINE = Godot()
+    def add_panorama(self, made: Package, image: Array, light: Light) -> None:
+        name = f"{light.name}_panorama.exr"
+        add_exr(made, name, image, light)
+        made.told.append("the panorama lies as Godot's do, +Z in the centre")
+        made.loading += [
+            "var material := PanoramaSkyMaterial.new()",
+            f"material.panorama = load({string(f'res://{name}')})",
+            "environment.sky = Sky.new()",
+            "environment.sky.sky_material = material",
+        ]

@@ -8,9 +8,9 @@ three.js, ShaderChunk/common.glsl.js (`equirectUv`); @google/model-viewer, Textu
 reads Radiance files where the name ends in ``.hdr``.
 """
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_radiance, rolled
-from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import uri
 
 _ROWS = 1024
@@ -23,23 +23,17 @@ class ModelViewer(PanoramaEngine):
     name = "model-viewer"
     title = "<model-viewer>"
 
-    def pack(self, light: Light, texels: TexelFormat) -> Package:
-        made = Package()
-        if light.latlong is not None:
-            name = f"{light.name}.hdr"
-            add_radiance(made, name, rolled(light.latlong, 90))
-            made.told.append("the panorama is turned by 90 degrees: +X is in its centre")
-            if light.latlong.shape[0] < _ROWS:
-                made.told.append(
-                    "it filters better what has more rows: at roughness .5 it is 22 % from GGX "
-                    f"with 256, 15 % with `--size {_ROWS}`"
-                )
-            address = uri(name)
-            made.loading += [
-                f'<model-viewer src="model.glb" environment-image="{address}"',
-                f'  skybox-image="{address}" tone-mapping="neutral"></model-viewer>',
-            ]
-        return made
-
-
-ENGINE = ModelViewer()
+    def add_panorama(self, made: Package, image: Array, light: Light) -> None:
+        name = f"{light.name}.hdr"
+        add_radiance(made, name, rolled(image, 90))
+        made.told.append("the panorama is turned by 90 degrees: +X is in its centre")
+        if image.shape[0] < _ROWS:
+            made.told.append(
+                "it filters better what has more rows: at roughness .5 it is 22 % from GGX "
+                f"with 256, 15 % with `--size {_ROWS}`"
+            )
+        address = uri(name)
+        made.loading += [
+            f'<model-viewer src="model.glb" environment-image="{address}"',
+            f'  skybox-image="{address}" tone-mapping="neutral"></model-viewer>',
+        ]

@@ -76,12 +76,8 @@ class PlayCanvas(Engine):
 def env_atlas(levels: Sequence[Array], diffuse: Array) -> Array:
     """Return the picture of linear radiance, shape (2 N, 2 N, 3).
 
-    Parameters
-    ----------
-    levels : sequence of 6 ndarray, shape (6 N_k, N_k, 3)
-        OpenEXR cubes of roughness k / 5; the first has N_0 = N texels along an edge.
-    diffuse : ndarray, shape (6 M, M, 3)
-        A cube of E / pi.
+    `levels`, each of shape (6 N_k, N_k, 3), are OpenEXR cubes of roughness k / 5; the first has N_0
+    = N texels along an edge. `diffuse`, of shape (6 M, M, 3), is a cube of E / pi.
     """
     rows = levels[0].shape[1]
     border = rows / _UNIT

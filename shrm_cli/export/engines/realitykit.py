@@ -9,9 +9,9 @@ Apple's documentation of `TextureResource.init(cubeFromEquirectangular:)`, `Envi
 `ImageBasedLightComponent`.
 """
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_exr, rolled
-from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string
 
 
@@ -21,23 +21,17 @@ class RealityKit(PanoramaEngine):
     name = "realitykit"
     title = "RealityKit"
 
-    def pack(self, light: Light, texels: TexelFormat) -> Package:
-        made = Package()
-        if light.latlong is not None:
-            name = f"{light.name}_skybox.exr"
-            add_exr(made, name, rolled(light.latlong, 180), light)
-            made.told.append("the panorama is turned by 180 degrees: -Z is in its centre")
-            made.loading += [
-                "// a file of the app's bundle; or in a folder NAME.skybox, which Xcode compiles,",
-                '// for EnvironmentResource(named: "NAME")',
-                f"let url = Bundle.main.url(forResource: {string(name)}, withExtension: nil)!",
-                "let source = CGImageSourceCreateWithURL(url as CFURL, nil)!",
-                "let image = CGImageSourceCreateImageAtIndex(source, 0, nil)!",
-                "let environment = try await EnvironmentResource(equirectangular: image)",
-                "root.components.set(ImageBasedLightComponent(source: .single(environment)))",
-                "model.components.set(ImageBasedLightReceiverComponent(imageBasedLight: root))",
-            ]
-        return made
-
-
-ENGINE = RealityKit()
+    def add_panorama(self, made: Package, image: Array, light: Light) -> None:
+        name = f"{light.name}_skybox.exr"
+        add_exr(made, name, rolled(image, 180), light)
+        made.told.append("the panorama is turned by 180 degrees: -Z is in its centre")
+        made.loading += [
+            "// a file of the app's bundle; or in a folder NAME.skybox, which Xcode compiles,",
+            '// for EnvironmentResource(named: "NAME")',
+            f"let url = Bundle.main.url(forResource: {string(name)}, withExtension: nil)!",
+            "let source = CGImageSourceCreateWithURL(url as CFURL, nil)!",
+            "let image = CGImageSourceCreateImageAtIndex(source, 0, nil)!",
+            "let environment = try await EnvironmentResource(equirectangular: image)",
+            "root.components.set(ImageBasedLightComponent(source: .single(environment)))",
+            "model.components.set(ImageBasedLightReceiverComponent(imageBasedLight: root))",
+        ]

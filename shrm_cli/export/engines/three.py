@@ -96,6 +96,3 @@ class Three(Engine):
         else:
             made.loading.append(f"scene.environment = await loadEnvironment({string(uri(name))});")
         made.loading.append("scene.background = scene.environment;")
-
-
-ENGINE = Three()

@@ -13,6 +13,7 @@ com.unity.render-pipelines.core; Skybox-Panoramic.shader.
 
 import numpy as np
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.cubes import mirrored
 from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.engines.coefficients import add_coefficients
@@ -53,17 +54,16 @@ class Unity(PanoramaEngine):
             f"probe.center = {center}; probe.size = {size};",
         ]
 
+    def add_panorama(self, made: Package, image: Array, light: Light) -> None:
+        add_exr(made, f"{light.name}_latlong.exr", image, light)
+        made.told.append("directions (x, y, z) are Unity's (-x, y, z), as glTF importers have it")
+        made.loading += [
+            "// Texture Shape: Cube, Mapping: Latitude-Longitude, Convolution Type: Specular",
+            "// (a Skybox/Panoramic material has Unity's +X in its centre: set Rotation to 90)",
+        ]
+
     def pack(self, light: Light, texels: TexelFormat) -> Package:
-        made = Package()
-        if light.latlong is not None:
-            add_exr(made, f"{light.name}_latlong.exr", light.latlong, light)
-            made.told.append(
-                "directions (x, y, z) are Unity's (-x, y, z), as glTF importers have it"
-            )
-            made.loading += [
-                "// Texture Shape: Cube, Mapping: Latitude-Longitude, Convolution Type: Specular",
-                "// (a Skybox/Panoramic material has Unity's +X in its centre: set Rotation to 90)",
-            ]
+        made = super().pack(light, texels)
         nine = light.nine()
         if nine is not None:
             ready = unity(in_axes(nine, _AXES))
@@ -80,6 +80,3 @@ class Unity(PanoramaEngine):
                 "RenderSettings.ambientProbe = sh;",
             ]
         return made
-
-
-ENGINE = Unity()

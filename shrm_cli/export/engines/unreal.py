@@ -11,6 +11,7 @@ References
 
 import numpy as np
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.engines.coefficients import add_coefficients
 from shrm_cli.export.harmonics import in_axes, unreal
@@ -38,19 +39,20 @@ class Unreal(PanoramaEngine):
             f"Capture Offset {numbers(at - middle)}",
         ]
 
+    def add_panorama(self, made: Package, image: Array, light: Light) -> None:
+        name = f"{light.name}_longlat.exr"
+        add_exr(made, name, rolled(image, 180), light)
+        made.told.append(
+            "directions (x, y, z) are Unreal's (x, z, y), as glTF importers have it; the "
+            "lat-long is turned by 180 degrees for it"
+        )
+        made.loading += [
+            f"// drag {comment(name)} into the content browser: it becomes a Texture Cube",
+            "// SkyLight: Source Type SLS Specified Cubemap, Cubemap: this one",
+        ]
+
     def pack(self, light: Light, texels: TexelFormat) -> Package:
-        made = Package()
-        if light.latlong is not None:
-            name = f"{light.name}_longlat.exr"
-            add_exr(made, name, rolled(light.latlong, 180), light)
-            made.told.append(
-                "directions (x, y, z) are Unreal's (x, z, y), as glTF importers have it; the "
-                "lat-long is turned by 180 degrees for it"
-            )
-            made.loading += [
-                f"// drag {comment(name)} into the content browser: it becomes a Texture Cube",
-                "// SkyLight: Source Type SLS Specified Cubemap, Cubemap: this one",
-            ]
+        made = super().pack(light, texels)
         nine = light.nine()
         if nine is not None:
             name = f"{light.name}_sh.json"
@@ -60,6 +62,3 @@ class Unreal(PanoramaEngine):
             made.told.append("the nine coefficients are of radiance, in Unreal's axes and basis")
             made.loading.append(f"// {comment(name)}: FSHVectorRGB3 sh; sh.R.V[i] = red[i]; ...")
         return made
-
-
-ENGINE = Unreal()

@@ -1,8 +1,8 @@
 """USD: a panorama, which lies as ours do, and a layer with a dome light of it."""
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_exr
-from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment
 from shrm_cli.lights.light_files import usd_layer
 from shrm_cli.vocabulary import LAMP_COUNT
@@ -15,17 +15,11 @@ class Usd(PanoramaEngine):
     title = "USD"
     lamps = LAMP_COUNT
 
-    def pack(self, light: Light, texels: TexelFormat) -> Package:
-        made = Package()
-        if light.latlong is not None:
-            name, layer = f"{light.name}_dome.exr", f"{light.name}.usda"
-            if "@" in name or not name.isprintable():
-                name = "dome.exr"  # USD has no way to write such names
-            add_exr(made, name, light.latlong, light)
-            made.add_text(layer, usd_layer("Dome", name, light.discs))
-            made.told.append("a DomeLight_1 whose pole is +Y, and a DistantLight for each lamp")
-            made.loading.append(f"# usdview {comment(layer)}, or a sublayer of your stage")
-        return made
-
-
-ENGINE = Usd()
+    def add_panorama(self, made: Package, image: Array, light: Light) -> None:
+        name, layer = f"{light.name}_dome.exr", f"{light.name}.usda"
+        if "@" in name or not name.isprintable():
+            name = "dome.exr"  # USD has no way to write such names
+        add_exr(made, name, image, light)
+        made.add_text(layer, usd_layer("Dome", name, light.discs))
+        made.told.append("a DomeLight_1 whose pole is +Y, and a DistantLight for each lamp")
+        made.loading.append(f"# usdview {comment(layer)}, or a sublayer of your stage")

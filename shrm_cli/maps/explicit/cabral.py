@@ -49,10 +49,8 @@ class Cabral(ExplicitMap):
     Each image is a global map over the central direction, so that the warping of the original
     method is not needed.
 
-    References
-    ----------
-    Cabral, Olano and Nemec 1999, Reflection space image based rendering. The maps for distant
-    views are those of eq. 5.35 of chapter 5 of Ramamoorthi's thesis.
+    References: Cabral, Olano and Nemec 1999, Reflection space image based rendering. The maps for
+    distant views are those of eq. 5.35 of chapter 5 of Ramamoorthi's thesis.
     """
 
     representation = "cabral"
@@ -97,9 +95,7 @@ class Cabral(ExplicitMap):
 def _solid_angle(a: Array, b: Array, c: Array) -> Array:
     """Return the solid angles of the spherical triangles of unit vectors, shape (..., 3) each.
 
-    References
-    ----------
-    Van Oosterom and Strackee 1983, The solid angle of a plane triangle.
+    References: Van Oosterom and Strackee 1983, The solid angle of a plane triangle.
     """
     volume = np.sum(a * np.cross(b, c), axis=-1)
     sides = np.sum(a * b, axis=-1) + np.sum(b * c, axis=-1) + np.sum(c * a, axis=-1)

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import CentralMap
 from shrm_cli.maps.info import MapInfo, check_names
+from shrm_cli.maps.kinds import CentralMap
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
@@ -130,17 +130,11 @@ class ExplicitMap(CentralMap):
     def blend(cls, centers: Array, views: Array, count: int) -> tuple[Indices, Array]:
         """Return the images between which a view lies, and their weights.
 
-        Parameters
-        ----------
-        centers, views : ndarray, shape (..., 3), broadcastable
-            Unit vectors in world axes.
-        count : int
-            The number of images of the map.
+        `centers` and `views`, each of shape (..., 3), broadcastable, are unit vectors in world
+        axes. `count` is the number of images of the map.
 
-        Returns
-        -------
-        indices, weights : ndarray, shape (..., k)
-            The images, and weights that sum to 1.
+        Returns `indices` and `weights`, each of shape (..., k), the images, and weights that sum to
+        1.
         """
 
     @classmethod
@@ -159,11 +153,8 @@ class ExplicitMap(CentralMap):
     def view_count(cls, slices: int | None = None, views: int | None = None) -> int | None:
         """Return the samples along an axis of the view that this kind of map is asked for.
 
-        Parameters
-        ----------
-        slices, views : int, optional
-            The arguments of Kautz and McCool's maps and of light fields. Each kind of map takes
-            its own argument or none.
+        `slices` and `views` are the arguments of Kautz and McCool's maps and of light fields. Each
+        kind of map takes its own argument or none.
 
         Returns None where the number is not given. Raises ArgumentError if the argument of another
         kind is given.
@@ -184,10 +175,7 @@ class ExplicitMap(CentralMap):
     def check_images(cls, size: int, count: int) -> None:
         """Check that a map of `count` images can be kept in memory.
 
-        Parameters
-        ----------
-        size : int
-            Texels along a face's edge.
+        `size` is the number of texels along a face's edge.
 
         Raises MapError if the map would be too large.
         """
@@ -202,10 +190,8 @@ class ExplicitMap(CentralMap):
     def from_shrm(cls, shrm: Shrm, view_count: int | None = None) -> Self:
         """Make the map that tabulates an SHRM (eq. 5.25, 5.35); it is exact at its samples.
 
-        Parameters
-        ----------
-        view_count : int, optional
-            Samples along an axis of the view; `default_view_count` of the SHRM's order by default.
+        `view_count` is the number of samples along an axis of the view; `default_view_count` of the
+        SHRM's order by default.
 
         Raises MapError if the map would be too large.
         """
@@ -226,13 +212,8 @@ class ExplicitMap(CentralMap):
 
         Its `info` holds the residual: the relative RMS of what the fit leaves of the images.
 
-        Parameters
-        ----------
-        order_p : int, optional
-            The order P of the SHRM. By default it is that of the map's `info`, as far as the
-            samples determine it.
-        frame : {"global", "local"}, optional
-            The frame of the SHRM; that of the samples by default.
+        `order_p` is the order P of the SHRM. By default it is that of the map's `info`, as far as
+        the samples determine it. `frame` is the frame of the SHRM; that of the samples by default.
 
         Raises MapError if the samples do not determine so high an order.
         """
@@ -317,9 +298,7 @@ class ExplicitMap(CentralMap):
     def _norm(self, planes: Array) -> float:
         """Return the root of the integral of the squares over views, texels and channels.
 
-        Parameters
-        ----------
-        planes : ndarray, shape (K, 3, 6N, N)
+        `planes` are of shape (K, 3, 6N, N).
         """
         texels = np.tile(cube_solid_angles(self.size, self.sampling), (6, 1))
         squares = np.einsum("kcij,kcij,ij->k", planes, planes, texels, dtype=float)

@@ -16,11 +16,9 @@ class KautzMcCool(ExplicitMap):
     The slice with index k of T belongs to the angle ``theta_o = pi k / (T - 1)`` between the view
     and the central direction, so that both ends of the range are slices.
 
-    References
-    ----------
-    Kautz and McCool 2000, Approximation of glossy reflection with prefiltered environment maps:
-    the BRDF is approximated by ``u(theta_i', theta_o')``. The slices are those of eq. 5.25 of
-    chapter 5 of Ramamoorthi's thesis.
+    References: Kautz and McCool 2000, Approximation of glossy reflection with prefiltered
+    environment maps: the BRDF is approximated by ``u(theta_i', theta_o')``. The slices are those of
+    eq. 5.25 of chapter 5 of Ramamoorthi's thesis.
     """
 
     representation = "kautz-mccool"

@@ -19,8 +19,17 @@ from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import Choice, Form, halved, most_order_p, refuse_large
-from shrm_cli.maps.shrm.make import centered, expand, from_expansion, order_warnings
+from shrm_cli.maps.shrm.make import (
+    Choice,
+    Form,
+    centered,
+    expand,
+    from_expansion,
+    halved,
+    most_order_p,
+    order_warnings,
+    refuse_large,
+)
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import choose_size
@@ -71,13 +80,9 @@ def converted(
 ) -> Map:
     """Make the map that tabulates another map; see `Map.converted`.
 
-    Parameters
-    ----------
-    order_p : int, optional
-        The order P of the SHRM that is tabulated. By default it is the order that the source
-        has or determines. A sum of terms is tabulated as it is.
-    slices, views : int, optional
-        Samples along an axis of the view, as `ExplicitMap.view_count` takes them.
+    `order_p` is the order P of the SHRM that is tabulated. By default it is the order that the
+    source has or determines. A sum of terms is tabulated as it is. `slices` and `views` are the
+    numbers of samples along an axis of the view, as `ExplicitMap.view_count` takes them.
 
     Raises MapError or ArgumentError if the source has no such SHRM, the map would be too large, or
     an argument does not apply.
@@ -122,10 +127,7 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
     Where the images exceed the bytes at the size that the orders ask for, the size is halved until
     they fit.
 
-    Parameters
-    ----------
-    dtype : type
-        As `prefilter_shrm` takes it.
+    `dtype` is as `prefilter_shrm` takes it.
     """
     expansion, warnings = expand(Projection(probe), request, explicit_form(request))
     shrm = from_expansion(expansion, probe, request, dtype)
@@ -211,21 +213,15 @@ class Integral(Protocol):
     def central_radiance(self, centers: Array, views: Array) -> Array:
         """Evaluate the radiance for central directions and views, shape (..., 3).
 
-        Parameters
-        ----------
-        centers, views : ndarray, shape (..., 3), broadcastable
-            Unit vectors in world axes.
+        `centers` and `views`, each of shape (..., 3), broadcastable, are unit vectors in world
+        axes.
         """
 
     def zonal_radiance(self, centers: Array, view_theta: float) -> Array:
         """Average the radiance over the azimuth of the view about central directions.
 
-        Parameters
-        ----------
-        centers : ndarray, shape (..., 3)
-            Unit vectors in world axes.
-        view_theta : float
-            The angle between the view and the central direction, radians.
+        `centers`, of shape (..., 3), are unit vectors in world axes. `view_theta` is the angle
+        between the view and the central direction, radians.
 
         Returns an array of shape (..., 3).
         """
@@ -242,15 +238,8 @@ def tabulate(
 ) -> Kind:
     """Make an explicit map of a given kind, by one integral for each texel of each image.
 
-    Parameters
-    ----------
-    kind : type of ExplicitMap
-    center, info, sampling
-        Attributes of the map.
-    size : int
-        Texels along a face's edge.
-    view_count : int
-        Samples along an axis of the view.
+    `center`, `info` and `sampling` are attributes of the map. `view_count` is the number of samples
+    along an axis of the view.
 
     Raises MapError if the map would be too large.
     """
@@ -287,12 +276,8 @@ def tabulate_sum(
 ) -> Kind:
     """Tabulate a sum of terms as an explicit map over the mirror direction.
 
-    Parameters
-    ----------
-    kind : type of ExplicitMap
-    view_count : int, optional
-        Samples along an axis of the view; `ExplicitMap.default_view_count` of the largest P by
-        default.
+    `view_count` is the number of samples along an axis of the view;
+    `ExplicitMap.default_view_count` of the largest P by default.
 
     Raises MapError if the map would be too large.
     """

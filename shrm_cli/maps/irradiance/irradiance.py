@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import ReflectionMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import Window
-from shrm_cli.maps.kinds import FixedMap, HarmonicLight
+from shrm_cli.maps.kinds import FixedMap, HarmonicLight, ReflectionMap
 from shrm_cli.maps.size import choose_size
 from shrm_cli.records import record
 from shrm_cli.sphere.extremes import lowest, series_values
@@ -37,10 +36,8 @@ def lambert_factors(order: int) -> Array:
 
     `order` is the largest degree l.
 
-    References
-    ----------
-    Eq. 4.11. Its factorials ``l! / (2^l (l/2)!^2)`` are computed by the ratio ``(l - 1) / l`` of
-    one to the one before.
+    References: Eq. 4.11. Its factorials ``l! / (2^l (l/2)!^2)`` are computed by the ratio ``(l - 1)
+    / l`` of one to the one before.
     """
     factors = np.zeros(order + 1)
     central = 1.0
@@ -57,10 +54,7 @@ def lambert_factors(order: int) -> Array:
 def irradiance_energies(power: ArrayLike) -> Array:
     """Return ``A_l^2 sum_m L_lm^2``; their sum is the integral of E^2, shape (order+1, 3).
 
-    Parameters
-    ----------
-    power : array_like, shape (order+1, 3)
-        ``sum_m L_lm^2`` of each degree and channel.
+    `power`, of shape (order+1, 3), is ``sum_m L_lm^2`` of each degree and channel.
     """
     power = np.asarray(power)
     return lambert_factors(len(power) - 1)[:, None] ** 2 * power
@@ -123,10 +117,7 @@ class Irradiance(FixedMap, ReflectionMap):
     def irradiance(self, normals: ArrayLike) -> Array:
         """Return the irradiance E(N), without a factor 1/pi (eq. 4.10).
 
-        Parameters
-        ----------
-        normals : array_like, shape (..., 3)
-            Unit vectors in world axes.
+        `normals`, of shape (..., 3), are unit vectors in world axes.
 
         Returns an array of shape (..., 3).
         """

@@ -43,14 +43,9 @@ _C_OF_SUM = [
 def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
     """Write the function ``shrm_irradiance(normal)`` for a shader or a program.
 
-    Parameters
-    ----------
-    irradiance : Irradiance
-        A map of order 16 at most. Up to order 2 the code is the quadratic polynomial of eq. 4.16;
-        above it sums the harmonics of the even degrees.
-    language : {"glsl", "hlsl", "wgsl", "c"}
-        The code in C is C89, which later standards and C++ take too. It computes in double
-        precision.
+    `irradiance` is a map of order 16 at most. Up to order 2 the code is the quadratic polynomial of
+    eq. 4.16; above it sums the harmonics of the even degrees. The code in the language C is C89,
+    which later standards and C++ take too. It computes in double precision.
 
     Returns the code; its last line ends with a newline too. Raises MapError if the language is
     unknown, the map's order is above 16, or a number does not fit into the language's type.

@@ -1,15 +1,17 @@
 """Windows: factors that damp the high degrees of an irradiance map.
 
 Without them, a sun or another small bright light may leave a side where the irradiance is negative.
+The least that leaves none is the shortest vector within linear bounds, by non-negative least
+squares.
 """
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.irradiance.quadratic import shortest_within
 from shrm_cli.records import record
 from shrm_cli.sphere.extremes import degree_values, low_places, lowest
 from shrm_cli.sphere.harmonics import degrees, order_of
@@ -99,22 +101,15 @@ class Window:
 def window_factors(name: str, width: float, order: int) -> Array:
     """Return the factors of the degrees 0 .. order: 1 at 0, and 0 at and beyond the width.
 
-    Parameters
-    ----------
-    name : {"hann", "lanczos"}
-        ``(1 + cos(pi l / w)) / 2`` or ``sin(pi l / w) / (pi l / w)``.
-    width : float
-        The width w, a positive number that need not be whole.
-    order : int
-        The largest degree.
+    `name` is ``hann`` or ``lanczos``: ``(1 + cos(pi l / w)) / 2`` or ``sin(pi l / w) / (pi l /
+    w)``. `width` is the width w, a positive number that need not be whole. `order` is the largest
+    degree.
 
     Returns an array of shape (order+1,).
 
     Raises MapError if there is no such window.
 
-    References
-    ----------
-    Sloan 2008, Stupid Spherical Harmonics (SH) Tricks, "Windowing".
+    References: Sloan 2008, Stupid Spherical Harmonics (SH) Tricks, "Windowing".
     """
     _check_family(name)
     share = np.minimum(np.arange(order + 1), width) / width
@@ -151,13 +146,9 @@ def parse_window(spec: str) -> tuple[str, float | None]:
 def make_window(spec: str, series: Array) -> Window:
     """Make the window that a specification asks for.
 
-    Parameters
-    ----------
-    spec : str
-        ``NAME`` or ``NAME:WIDTH``, as `parse_window` takes it; the width is F + 1 where none is
-        given. ``auto`` asks for `least_window`.
-    series : ndarray, shape ((F+1)^2, 3)
-        The coefficients of the irradiance, ``A_l L_lm``.
+    `spec` is ``NAME`` or ``NAME:WIDTH``, as `parse_window` takes it; the width is F + 1 where none
+    is given. ``auto`` asks for `least_window`. `series`, of shape ((F+1)^2, 3), are the
+    coefficients of the irradiance, ``A_l L_lm``.
 
     Raises MapError if the name is unknown, or the width is not a positive number.
     """
@@ -181,11 +172,8 @@ def least_window(series: Array) -> Window:
     Then the lowest directions of the windowed series join the set, and the factors are sought
     anew, until the windowed series is not too low anywhere.
 
-    Parameters
-    ----------
-    series : ndarray, shape ((F+1)^2, 3)
-        The coefficients of the irradiance. The mean, which is coefficient 0, must not be negative
-        in any channel.
+    `series`, of shape ((F+1)^2, 3), are the coefficients of the irradiance. The mean, which is
+    coefficient 0, must not be negative in any channel.
     """
     directions, values = lowest(series)
     if values.min() >= 0:
@@ -210,19 +198,11 @@ def least_factors(squares: Array, by_degree: Array, floor: Array) -> Array:
     With t = 1 - factor and p the relative RMS of a degree, the least ``|p t|^2`` is sought with
     ``sum_l t_l value_l <= sum_l value_l - floor`` in every direction, and t within 0 .. 1.
 
-    Parameters
-    ----------
-    squares : ndarray, shape (F+1,)
-        The mean square of what each degree adds, or any multiple of it.
-    by_degree : ndarray, shape (n, F+1, channels)
-        The value that each degree adds in each direction.
-    floor : ndarray, shape (channels,)
-        The least values.
+    `squares`, of shape (F+1,), are the mean square of what each degree adds, or any multiple of it.
+    `by_degree`, of shape (n, F+1, channels), is the value that each degree adds in each direction.
+    `floor`, of shape (channels,), is the least values.
 
-    Returns
-    -------
-    ndarray, shape (F+1,)
-        Within 0 .. 1; that of degree 0 is 1.
+    Returns an array of shape (F+1,), within 0 .. 1; that of degree 0 is 1.
     """
     used = np.flatnonzero(squares[1:] > 0) + 1
     share = np.sqrt(squares[used] / squares.sum())
@@ -253,3 +233,83 @@ def _squares(series: Array) -> Array:
     """Sum the squares of each degree's coefficients over all channels, shape (F+1,)."""
     starts = np.arange(order_of(len(series)) + 1) ** 2
     return np.add.reduceat(np.sum(series**2, axis=1), starts)
+
+
+_TINY = 1e-13
+"""Residuals, gains and coefficients that are smaller than this, relatively, count as rounding."""
+
+
+def shortest_within(rows: Array, bounds: Array) -> Array | None:
+    """Find the x of least ``|x|^2`` with ``rows @ x <= bounds``.
+
+    `rows`, of shape (m, n), must each be of about unit length, so that all bounds are kept with the
+    same precision. `bounds`, of shape (m,), must not be much smaller than -1, for the same reason.
+
+    Returns the vector x, or None if no x is within the bounds.
+
+    References: Lawson and Hanson 1974, Solving Least Squares Problems, chapter 23: Least distance
+    programming, algorithm 23.27.
+    """
+    n = rows.shape[1]
+    matrix = -np.concatenate([rows.T, bounds[None]])
+    target = np.zeros(n + 1)
+    target[n] = 1.0
+    residual = target - matrix @ non_negative_least_squares(matrix, target)
+    if residual[n] <= _TINY:
+        return None
+    return np.asarray(-residual[:n] / residual[n])
+
+
+def non_negative_least_squares(matrix: Array, target: Array) -> Array:
+    """Find the u >= 0 of least ``|matrix @ u - target|``, shape (n,).
+
+    Columns that lower the residual join the set of free columns, one at a time. Columns whose
+    coefficient would turn negative leave it, and their coefficient is 0.
+
+    `matrix` is of shape (m, n). `target` is of shape (m,).
+
+    References: Lawson and Hanson 1974, algorithm 23.10.
+    """
+    count = matrix.shape[1]
+    result: Array = np.zeros(count)
+    free = np.zeros(count, dtype=bool)
+    lengths = np.linalg.norm(matrix, axis=0)
+    tolerance = _TINY * lengths * np.linalg.norm(target)
+    for _ in range(3 * count):
+        gain = np.where(free, 0.0, matrix.T @ (target - matrix @ result))
+        joined = _join(matrix, target, free, np.where(gain > tolerance, gain, 0.0))
+        if joined is None:
+            break
+        solved = joined
+        while (solved[free] <= 0).any():
+            leaving = free & (solved <= 0)
+            shares = result[leaving] / (result[leaving] - solved[leaving])
+            result += shares.min() * (solved - result)
+            free &= result > _TINY * result.max()
+            result[~free] = 0.0
+            solved = _solved(matrix, target, free)
+        result = solved
+    return result
+
+
+def _join(matrix: Array, target: Array, free: NDArray[np.bool_], gain: Array) -> Array | None:
+    """Let the column that gains most join the free ones, and solve for all free ones.
+
+    The result is None if no column can join.
+    """
+    while gain.any():
+        joining = int(np.argmax(gain))
+        free[joining] = True
+        solved = _solved(matrix, target, free)
+        if solved[joining] > 0:
+            return solved
+        free[joining], gain[joining] = False, 0.0  # its gain is rounding alone
+    return None
+
+
+def _solved(matrix: Array, target: Array, free: NDArray[np.bool_]) -> Array:
+    """Solve least squares over the free columns; the coefficients of the others are 0."""
+    result = np.zeros(matrix.shape[1])
+    if free.any():
+        result[free] = np.linalg.lstsq(matrix[:, free], target, rcond=None)[0]
+    return result

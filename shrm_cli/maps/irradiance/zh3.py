@@ -102,16 +102,9 @@ class Zh3(Irradiance):
 def in_form(source: Irradiance, form: str) -> Irradiance:
     """Return an irradiance map in another form.
 
-    Parameters
-    ----------
-    source : Irradiance
-    form : {"sh", "zh3", "zh3-channel", "zh3-hallucinated"}
-        ``sh`` keeps all coefficients, those of a ZH3 too.
+    `form` is one of `FORMS`; ``sh`` keeps all coefficients, those of a ZH3 too.
 
-    Returns
-    -------
-    Irradiance
-        Its `added_error` includes the relative RMS change of the irradiance.
+    The `added_error` of the result includes the relative RMS change of the irradiance.
 
     Raises MapError if the map is not of order 2.
     """
@@ -158,10 +151,7 @@ def zonal_harmonics(axes: Array) -> Array:
 def form_errors(plain: Irradiance, made: Irradiance) -> dict[str, float]:
     """Return what a form costs beside what other numbers of coefficients cost.
 
-    Parameters
-    ----------
-    plain, made : Irradiance
-        Of all nine coefficients, and in the form; both without a window.
+    `plain` and `made` are those of all nine coefficients, and in the form; both without a window.
 
     Returns
     -------

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, ReflectionMap
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo, common_brdf
+from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.maps.lamps.attribute import FORMAT, lamps_text
 from shrm_cli.maps.lamps.discs import LitDiscs, disc_records
 from shrm_cli.probe.disc import Disc

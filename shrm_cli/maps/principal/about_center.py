@@ -20,10 +20,7 @@ _CONES = 400
 def orders_in_plane(degree: int, centers: Array, across: Array) -> Array:
     """Return what leads from harmonics in world axes to the parts of each q in a plane.
 
-    Parameters
-    ----------
-    centers, across : ndarray, shape (..., 3)
-        Orthonormal vectors of the plane.
+    `centers` and `across`, each of shape (..., 3), are orthonormal vectors of the plane.
 
     Returns an array of shape (..., degree+1, 2 degree + 1).
     """
@@ -42,12 +39,8 @@ def plane_rule(degree: int) -> tuple[Array, Array]:
     A function of one degree, with coefficients b_q along the plane, has the values ``sum_q b_q
     f_q(angle)`` in it, with the normalized Legendre functions of that degree.
 
-    Returns
-    -------
-    angles : ndarray, shape (degree+1,)
-        Radians from C.
-    inverse : ndarray, shape (degree+1, degree+1)
-        From values at the angles to the b_q, in the convention of `legendre_table`.
+    Returns `angles` of shape (degree+1,), radians from C; and `inverse` of shape (degree+1,
+    degree+1), from values at the angles to the b_q, in the convention of `legendre_table`.
     """
     # Spread over half a turn, they tell all orders well apart: rounding of the cubes grows fivefold
     # at degree 12, where it would grow a hundred thousand times with angles over a quarter turn.
@@ -63,10 +56,8 @@ def plane_rule(degree: int) -> tuple[Array, Array]:
 def orders_about(degree: int, centers: Array, across: Array) -> Array:
     """Return what leads from harmonics in world axes to the parts of each q about C.
 
-    Parameters
-    ----------
-    centers, across : ndarray, shape (n, 3)
-        Orthonormal vectors; azimuths are counted from the second about the first.
+    `centers` and `across`, each of shape (n, 3), are orthonormal vectors; azimuths are counted from
+    the second about the first.
 
     Returns an array of shape (n, 2 degree + 1, 2 degree + 1): the rows are ``cos(q phi)`` for q = 0
     .. p, and ``sin(q phi)`` for q = 1 .. p.
@@ -92,14 +83,9 @@ def cone_rule(degree: int) -> tuple[float, Array, Array]:
     A function of one degree has the values ``sum_q f_q(angle) (b_q cos(q phi) + b_-q sin(q phi))``,
     with the normalized Legendre functions of that degree.
 
-    Returns
-    -------
-    angle : float
-        That of the cone, radians. No function of the degree is small there.
-    azimuths : ndarray, shape (2 degree + 1,)
-        Even azimuths on it.
-    inverse : ndarray, shape (2 degree + 1, 2 degree + 1)
-        From values at the directions to ``b_0 .. b_p, b_-1 .. b_-p``.
+    Returns `angle`, that of the cone, radians; `azimuths` of shape (2 degree + 1,), even azimuths
+    on it; and `inverse` of shape (2 degree + 1, 2 degree + 1), from values at the directions to
+    ``b_0 .. b_p, b_-1 .. b_-p``. No function of the degree is small there.
     """
     # Shaders are given its tangent of half the angle, as `plane_rule` has it.
     angles = np.linspace(0, np.pi / 2, _CONES + 1)[1:]

@@ -68,10 +68,8 @@ class BrushedLobe(Lobe):
     def parts(self, theta: Array, psi: Array) -> Array:
         """Return the real and imaginary parts of functions, shape (2, points, n, 3).
 
-        Parameters
-        ----------
-        theta, psi : ndarray, shape (points,)
-            The angle of the view from the central direction and its azimuth, radians.
+        `theta` and `psi`, each of shape (points,), are the angle of the view from the central
+        direction and its azimuth, radians.
         """
         values = wave_values(self.waves, psi)
         rows = self.at(theta)
@@ -154,19 +152,11 @@ class BrushedSpectrum(Spectrum):
     ) -> tuple[NDArray[np.intp], Array]:
         """Return the nodes of the nearest azimuths.
 
-        Parameters
-        ----------
-        nodes : ndarray of int, shape (n,)
-            Those of theta_o.
-        azimuths : ndarray, shape (n,)
-            Radians in 0 .. 2 pi.
+        `nodes`, of shape (n,), are those of theta_o. `azimuths`, of shape (n,), are radians in 0 ..
+        2 pi.
 
-        Returns
-        -------
-        nodes : ndarray of int, shape (2n,)
-            All real parts, then all imaginary ones.
-        signs : ndarray, shape (n,)
-            What the imaginary parts are multiplied with: -1 in mirror images.
+        Returns `nodes` of shape (2n,), all real parts, then all imaginary ones; and `signs` of
+        shape (n,), what the imaginary parts are multiplied with: -1 in mirror images.
         """
         known = self._azimuths
         step, turn = np.round(azimuths / (np.pi / 2 / known.steps)), 4 * known.steps

@@ -36,12 +36,9 @@ def rows(lobe: BrushedLobe) -> int:
 def numbers(lobe: BrushedLobe) -> tuple[Array, Array]:
     """Return the weights of a lobe, and what its rows are for.
 
-    Returns
-    -------
-    weights : ndarray, shape (layers, rows, entries, 3)
-    about : ndarray, shape (rows, 3)
-        The tangent of half the angle of the cone, the degree of the bundle, and the tangent of half
-        the azimuth on the cone, because sines of shading languages may be wrong by 5e-4.
+    Returns `weights` of shape (layers, rows, entries, 3); and `about` of shape (rows, 3), the
+    tangent of half the angle of the cone, the degree of the bundle, and the tangent of half the
+    azimuth on the cone, because sines of shading languages may be wrong by 5e-4.
     """
     count, entries = layers(lobe), lobe.functions.shape[2]
     theta = np.linspace(0.0, lobe.span, entries)

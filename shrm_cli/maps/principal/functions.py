@@ -104,13 +104,9 @@ class Spectrum:
     ) -> "Spectrum":
         """Prepare to factorize transfer functions.
 
-        Parameters
-        ----------
-        light : ndarray, shape (>= F+1, 3)
-            As the attribute.
-        divide : bool
-            Whether to factorize the BRDF divided by its directional albedo, so that the error is
-            small relative to the albedo. Otherwise it is small relative to a power of it.
+        `light`, of shape (>= F+1, 3), is as the attribute. `divide` tells whether to factorize the
+        BRDF divided by its directional albedo, so that the error is small relative to the albedo.
+        Otherwise it is small relative to a power of it.
         """
         weights = np.where(transfer.theta_o <= span_of(center), transfer.weights, 0.0)
         return cls(transfer, center, light[: transfer.order_f + 1], weights, divide)
@@ -219,10 +215,7 @@ class Spectrum:
     def light_parts(self, q: int, first: int, last: int) -> Array:
         """Return what the light of each degree is multiplied with, for functions of an order q.
 
-        Parameters
-        ----------
-        first, last : int
-            Which functions, from `first` to before `last`.
+        `first` and `last` say which functions, from `first` to before `last`.
 
         Returns an array of shape (last - first, F+1, 3): the coefficients rho_hat_lkq, which take
         the place of rho_hat_lpq.
@@ -232,17 +225,10 @@ class Spectrum:
     def shown_energy(self, q: int, parts: Array, light: Array) -> float:
         """Return the energy of reflected light that the first functions of an order q make up.
 
-        Parameters
-        ----------
-        parts : ndarray, shape (k, F+1, 3)
-            What the light of each degree is multiplied with, for the first k functions.
-        light : ndarray, shape (F+1, 3)
-            As the attribute, to the same degree.
+        `parts`, of shape (k, F+1, 3), are what the light of each degree is multiplied with, for the
+        first k functions. `light`, of shape (F+1, 3), is as the attribute, to the same degree.
 
-        Returns
-        -------
-        float
-            That of both signs of q together, integrated over visible views.
+        Returns that of both signs of q together, integrated over visible views.
         """
         by_channel = parts.transpose(2, 0, 1)
         products = self._products[q][:, : len(parts), : len(parts)]
@@ -252,12 +238,8 @@ class Spectrum:
     def bundle_parts(self, bundles: Sequence[tuple[int, ...]], order: int) -> Array:
         """Return what the light of each degree is multiplied with, for bundles of a degree p.
 
-        Parameters
-        ----------
-        bundles : sequence of tuple of int
-            For each bundle, the index of its function of each order 0 .. p.
-        order : int
-            The largest order of the light.
+        `bundles` has for each bundle the index of its function of each order 0 .. p. `order` is the
+        largest order of the light.
 
         Returns an array of shape (order+1, p+1, bundles, 3): the coefficients rho_hat_lqk, which
         take the place of rho_hat_lpq.
@@ -326,12 +308,8 @@ class Spectrum:
     def missing(self, counts: "tuple[int, ...]", factors: Array) -> float:
         """Return the energy of the reflected light that some of the functions do not represent.
 
-        Parameters
-        ----------
-        counts : tuple of int
-            The number of functions of each q.
-        factors : ndarray, shape (order + 1,)
-            What each degree of the light that is kept is multiplied with.
+        `counts` are the number of functions of each q. `factors`, of shape (order + 1,), are what
+        each degree of the light that is kept is multiplied with.
 
         Returns the integral of the squared error over visible views, from tables as renderers read
         them, for the degrees that the transfer functions have.
@@ -353,17 +331,10 @@ class Spectrum:
     ) -> Array:
         """Return what some of the functions leave out of the transfer functions of an order q.
 
-        Parameters
-        ----------
-        counts, factors
-            The same as for `missing`.
-        nodes : ndarray of int, shape (n,), optional
-            The nodes of the transfer functions; all of them by default.
+        `counts` and `factors` are the same as for `missing`. `nodes`, of shape (n,), are the nodes
+        of the transfer functions; all of them by default.
 
-        Returns
-        -------
-        ndarray, shape (F+1, n, 3)
-            In the units of the transfer functions, at the nodes.
+        Returns an array of shape (F+1, n, 3), in the units of the transfer functions, at the nodes.
         """
         at = np.arange(len(self.weights)) if nodes is None else nodes
         rest = self.transfer.values[q][:, at]

@@ -183,9 +183,7 @@ class Planner:
     def visible_beyond(self, energies: Array) -> Array:
         """Return the RMS after each degree of light with an energy in each, relative to its mean.
 
-        Parameters
-        ----------
-        energies : ndarray, shape (F+1,)
+        `energies` are of shape (F+1,).
 
         Returns an array of shape (F+1,): 0 for black light.
         """
@@ -227,12 +225,8 @@ class Planner:
     def best_within(self, max_size: int, largest: int) -> Form:
         """Return the form of the fewest cubes that has nearly the least total error.
 
-        Parameters
-        ----------
-        max_size : int
-            The most bytes, enough for a cube of some tried size.
-        largest : int
-            The most texels along a face's edge.
+        `max_size` is the most bytes, enough for a cube of some tried size. `largest` is the most
+        texels along a face's edge.
         """
         sizes = [texels for texels in TRIED_SIZES if texels <= largest]
         forms = least_errors(self.rows(max_size, sizes))

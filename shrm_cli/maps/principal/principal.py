@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, ReflectionMap
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.joint import brightness, joint_error
+from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.maps.principal.about_center import orders_in_plane
 from shrm_cli.maps.principal.functions import MAX_Q, span_of
 from shrm_cli.maps.principal.selection import bundle_counts
@@ -101,15 +102,9 @@ class Lobe:
     def at(self, theta: Array) -> Array:
         """Return the functions at angles of the view, interpolated linearly.
 
-        Parameters
-        ----------
-        theta : ndarray, shape (...)
-            Angles from the central direction, radians.
+        `theta`, of shape (...), holds angles from the central direction, radians.
 
-        Returns
-        -------
-        ndarray, shape (..., n, 3)
-            They are multiplied with the albedo, if there is one.
+        Returns an array of shape (..., n, 3). They are multiplied with the albedo, if there is one.
         """
         table = self.functions
         if self.albedo is not None:
@@ -125,14 +120,9 @@ class Lobe:
     ) -> Array:
         """Evaluate the light of the lobe for central directions and views, shape (..., 3).
 
-        Parameters
-        ----------
-        look_up : LookUp
-            Such as a `CubeSampler` of the cubes as (6N, N, 3K).
-        centers, views : ndarray, shape (..., 3)
-            Unit vectors in world axes.
-        tangents : ndarray, shape (..., 3), optional
-            Those of the surface, for lobes that depend on them; horizontal ones by default.
+        `look_up` is such as a `CubeSampler` of the cubes as (6N, N, 3K). `centers` and `views`,
+        each of shape (..., 3), are unit vectors in world axes. `tangents`, of shape (..., 3), are
+        those of the surface, for lobes that depend on them; horizontal ones by default.
         """
         shape = centers.shape
         if tangents is None:
@@ -358,12 +348,8 @@ class PrincipalMap(ReflectionMap):
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
         """Return the SHRM that the functions of the view have, up to an order P.
 
-        Parameters
-        ----------
-        order_p : int, optional
-            The order P, by default 8.
-        frame : {"global", "local"}, optional
-            The frame of the result; global by default.
+        `order_p` is the order P, by default 8. `frame` is the frame of the result; global by
+        default.
 
         Raises MapError if the map has several lobes, whose centers differ, or depends on tangents.
         """

@@ -104,10 +104,7 @@ class Proposal:
 class Proposals:
     """The maps of a probe and a BRDF that could be made.
 
-    Parameters
-    ----------
-    request : Request
-        What is asked of the whole map.
+    `request` is what is asked of the whole map.
     """
 
     def __init__(self, light: Projection, request: Request) -> None:
@@ -284,15 +281,10 @@ def predicted_wrong_share(terms: Sequence[tuple[Planner, Form]]) -> float:
     The transfer functions that were factorized are the lobes of all views, and what the map leaves
     out of them is known, so that nothing of the BRDF is sampled again.
 
-    Parameters
-    ----------
-    terms : sequence of (Planner, Form)
-        The light and the transfer functions of each term of the BRDF, and what the map keeps.
+    `terms` are the light and the transfer functions of each term of the BRDF, and what the map
+    keeps.
 
-    Returns
-    -------
-    float
-        As `shrm_cli.maps.expansion.predicted_wrong_share` returns it.
+    Returns what `shrm_cli.maps.expansion.predicted_wrong_share` does.
     """
     lighting = max((planner.lighting for planner, _ in terms), key=lambda each: each.order)
     return wrong_share(lighting, [_lobes(*term) for term in terms])

@@ -36,11 +36,8 @@ def bundle_functions(counts: Counts) -> dict[int, list[tuple[int, ...]]]:
     look-ups between texels blur. The strongest functions are therefore in the bundles of the lowest
     degrees that may hold them, and the weakest in those of the highest.
 
-    Returns
-    -------
-    dict of int to list of tuple of int
-        For each degree p, descending, the bundles, in the order of `bundle_degrees`. A bundle is
-        given by the index of its function of each order 0 .. p, of which 0 is the strongest.
+    Returns the bundles for each degree p, descending, in the order of `bundle_degrees`. A bundle is
+    given by the index of its function of each order 0 .. p, of which 0 is the strongest.
     """
     found: dict[int, list[tuple[int, ...]]] = {}
     for place, p in enumerate(bundle_degrees(counts)):
@@ -56,12 +53,8 @@ def bundle_counts(degrees: tuple[int, ...]) -> Counts:
 def best_counts(energies: Array, most: int) -> list[Counts]:
     """Choose the functions of the most energy: those of K cubes at index K - 1.
 
-    Parameters
-    ----------
-    energies : ndarray, shape (Q+1, k)
-        The energy in each function; functions of an order are taken from the first on.
-    most : int
-        The largest number of cubes, 1 or more.
+    `energies`, of shape (Q+1, k), are the energy in each function; functions of an order are taken
+    from the first on. `most` is the largest number of cubes, 1 or more.
     """
     q_count = len(energies)
     # held[n, k] is the most energy of orders from q on, with n functions of order q, in k cubes.

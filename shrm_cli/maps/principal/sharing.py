@@ -114,14 +114,7 @@ class Sharing:
     def within_error(self, error: float, max_size: int, size: int | None) -> tuple[Joint, bool]:
         """Find the forms of the fewest bytes with a total error; else the best ones that fit.
 
-        Parameters
-        ----------
-        error : float
-            The relative RMS error of the reflected light that may be made by all causes.
-        max_size : int
-            The most bytes.
-        size : int, optional
-            Texels along a face's edge, where they are given.
+        `error` is the relative RMS error of the reflected light that may be made by all causes.
 
         Returns `joint`; and `is_met`, whether its error is at most the one that was asked for.
 

@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, ReflectionMap
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.kinds import FixedMap, HarmonicLight, MaterialMap
+from shrm_cli.maps.kinds import FixedMap, HarmonicLight, MaterialMap, ReflectionMap
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import order_of

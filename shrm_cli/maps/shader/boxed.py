@@ -2,14 +2,11 @@
 
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import central_direction
 from shrm_cli.probe.proxy import PARALLEL, ProxyBox
-
-if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
 
 _TERMS = {"shrm": "shrm_term", "principal": "shrm_lobe"}
 """What the functions of a sum's terms are called, before their numbers."""
@@ -36,19 +33,15 @@ vec3 shrm_box(vec3 p, vec3 d)
 
 
 def boxed_functions(
-    made: "Map", functions: Sequence[str], language: Language, takes_tangent: bool
+    made: Map, functions: Sequence[str], language: Language, takes_tangent: bool
 ) -> list[str]:
     """Write the function ``shrm_radiance_at``, which takes a point as well.
 
     Where the surface is brushed, it is ``shrm_brushed_radiance_at(n, t, v, p)``, and that with the
     tangent of ``shrm_tangent``.
 
-    Parameters
-    ----------
-    functions : sequence of str
-        Those of the map, with ``shrm_radiance``.
-    takes_tangent : bool
-        Whether ``shrm_brushed_radiance`` is among them.
+    `functions` are those of the map, with ``shrm_radiance``. `takes_tangent` tells whether
+    ``shrm_brushed_radiance`` is among them.
 
     Returns lines of GLSL as `Language.translated` takes it; none where the map knows of no box, and
     none where all parts are about the tangent, which are looked up without.
@@ -107,7 +100,7 @@ def box_function(box: ProxyBox, language: Language) -> list[str]:
     return text.split("\n")
 
 
-def _parts(made: "Map", text: str) -> list[tuple[str, str]]:
+def _parts(made: Map, text: str) -> list[tuple[str, str]]:
     """Return the function and the central direction of each part of a map."""
     within = made.stored
     centers = [center for _, center in within.parts]

@@ -2,18 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.shader.boxed import box_function, boxed_functions
 from shrm_cli.maps.shader.language import Language, harmless
 from shrm_cli.maps.shader.pages import Pages, Run, arrange
 from shrm_cli.maps.shader.source import Source, Table, Words
 from shrm_cli.records import record
-
-if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
 
 _MOST_SAMPLERS = 15
 """The most arrays of cubes; a table may be one more sampler, of the 16 that all devices have."""
@@ -117,14 +114,14 @@ class Code:
 
 
 def look_up_code(
-    made: "Map", language: str, textures: str | None = None, taps: int | None = None
+    made: Map, language: str, textures: str | None = None, taps: int | None = None
 ) -> str:
     """Write the function of a map for a shader or a program; see `written_code`."""
     return written_code(made, language, textures, taps).text
 
 
 def written_code(
-    made: "Map", language: str, textures: str | None = None, taps: int | None = None
+    made: Map, language: str, textures: str | None = None, taps: int | None = None
 ) -> Code:
     """Write the function of a map for a shader or a program, and say which it is.
 
@@ -135,25 +132,15 @@ def written_code(
     product texture vary, ``shrm_varied_radiance(n, t, v, first, second)`` takes where they are on
     their ways. All names begin with ``shrm_``.
 
-    Parameters
-    ----------
-    language : {"glsl", "hlsl", "wgsl", "c"}
-    textures : {"cube-array", "layers"}, optional
-        Where cubes are read: from arrays of cube maps, whose faces are turned as the graphics API
-        wants them, or from the arrays of images that `file.pack` returns. Code in C reads the
-        latter; for the other languages, arrays of cube maps are the default.
-    taps : {3, 5, 8}, optional
-        Of a split sum of GGX: add ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``, the light
-        of brushed GGX, by so many look-ups.
+    `language` is one of ``glsl``, ``hlsl``, ``wgsl``, ``c``. `textures`, one of ``cube-array``,
+    ``layers``, are where cubes are read: from arrays of cube maps, whose faces are turned as the
+    graphics API wants them, or from the arrays of images that `file.pack` returns. Code in C reads
+    the latter; for the other languages, arrays of cube maps are the default. `taps`, one of 3, 5,
+    8, are those of a split sum of GGX: add ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``,
+    the light of brushed GGX, by so many look-ups.
 
-    Returns
-    -------
-    Code
-
-    Raises
-    ------
-    MapError, ArgumentError
-        If the language is unknown or cannot read such textures, or the map does not fit into them.
+    Raises MapError or ArgumentError if the language is unknown or cannot read such textures, or the
+    map does not fit into them.
     """
     speech = Language(language)
     if (snippet := whole_code(made)) is not None:
@@ -184,13 +171,13 @@ def written_code(
     return Code(text, takes_tangent=takes_tangent, is_boxed=bool(boxed))
 
 
-def whole_code(made: "Map") -> Callable[["Map", str], str] | None:
+def whole_code(made: Map) -> Callable[[Map, str], str] | None:
     """Return what writes the code of a map that holds all numbers: of irradiance."""
     shader = registry.module(made.representation, "shader")
     return getattr(shader, "irradiance_snippet", None)
 
 
-def _irradiance(made: "Map", snippet: Callable[["Map", str], str], language: Language) -> Code:
+def _irradiance(made: Map, snippet: Callable[[Map, str], str], language: Language) -> Code:
     """Write the function of irradiance; in C, which takes arrays, without parallax."""
     text = snippet(made, language.name)
     if made.info.proxy is None or language.is_c:
@@ -205,15 +192,12 @@ def _irradiance(made: "Map", snippet: Callable[["Map", str], str], language: Lan
 
 
 def _with_lamps(
-    made: "Map", functions: Sequence[str], language: Language, takes_tangent: bool
+    made: Map, functions: Sequence[str], language: Language, takes_tangent: bool
 ) -> tuple[list[str], bool]:
     """Write the functions of a map, and those of the lamps beside it.
 
-    Returns
-    -------
-    functions : list of str
-    takes_tangent : bool
-        As of `Code`: discs are brushed where the map itself is not.
+    Returns the functions, and whether they take a tangent, as of `Code`: discs are brushed where
+    the map itself is not.
     """
     from shrm_cli.maps.lamps.map import LampMap
     from shrm_cli.maps.lamps.shader import with_lamps
@@ -223,13 +207,10 @@ def _with_lamps(
     return found, not made.lamps.brdf.isotropic
 
 
-def _brushed(made: "Map", taps: int, language: Language) -> list[str]:
+def _brushed(made: Map, taps: int, language: Language) -> list[str]:
     """Write the functions of brushed surfaces.
 
-    Raises
-    ------
-    MapError
-        If the map is no split sum of GGX.
+    Raises MapError if the map is no split sum of GGX.
     """
     from shrm_cli.maps.splitsum.brushed_shader import brushed_functions
 
@@ -238,18 +219,15 @@ def _brushed(made: "Map", taps: int, language: Language) -> list[str]:
     return brushed_functions(taps, language)
 
 
-def source_of(made: "Map", textures: str) -> Source:
+def source_of(made: Map, textures: str) -> Source:
     """Return what the shader of a map consists of; the cubes may depend on where they are read.
 
-    Raises
-    ------
-    MapError
-        If there is no such code for the map.
+    Raises MapError if there is no such code for the map.
     """
     return registry.module(made.representation, "shader").source(made.stored, textures)
 
 
-def _comment(made: "Map", source: Source, version: str, textures: Sequence[str]) -> list[str]:
+def _comment(made: Map, source: Source, version: str, textures: Sequence[str]) -> list[str]:
     """Write the comment that says what the code is, and what it reads."""
     lines = [
         source.title,

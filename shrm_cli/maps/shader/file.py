@@ -1,22 +1,20 @@
 """The textures that the code of a map reads in the layout ``layers``, and files of them."""
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, peek, write_parts
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.shader.code import source_of, whole_code
 from shrm_cli.maps.shader.language import harmless
 from shrm_cli.maps.shader.pages import arrange, drawn
 from shrm_cli.maps.stored import image_channels
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Precision
-
-if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
 
 _MARK = "shrm:textures"
 """The attribute by which these files are known."""
@@ -34,7 +32,7 @@ class PackedTexture:
     """RGB, the top row first, shape (layers, height, width, 3)."""
 
 
-def pack(made: "Map") -> tuple[PackedTexture, ...]:
+def pack(made: Map) -> tuple[PackedTexture, ...]:
     """Return the textures of a map for the code that `look_up_code` writes with ``layers``.
 
     Cubes of local frames are turned to world axes, in which alone they can be filtered.
@@ -59,18 +57,14 @@ def pack(made: "Map") -> tuple[PackedTexture, ...]:
 
 
 def write_layers(
-    path: str | os.PathLike[str], made: "Map", precision: Precision = "auto"
+    path: str | os.PathLike[str], made: Map, precision: Precision = "auto"
 ) -> tuple[str, dict[str, tuple[int, ...]]]:
     """Write the textures of a map, each layer as a part, whole or not at all.
 
     The part of layer 3 of ``shrm_table`` is called ``shrm_table.003``. The file is no map, and
     is written as 32-bit floats unless `precision` is half, which costs tables some digits.
 
-    Returns
-    -------
-    pixel_type : {"half", "float"}
-    shapes : dict of str to tuple of 3 int
-        Layers, height and width of each texture by its name.
+    Returns `pixel_type`; and `shapes`, layers, height and width of each texture by its name.
 
     Raises MapError if the map has no textures. Raises OutputError if the file cannot be written.
     """

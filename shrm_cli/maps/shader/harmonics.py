@@ -9,13 +9,9 @@ def harmonic_loop(order: int, direction: str, body: Callable[[str, str], list[st
     The recurrence is that of the normalized Legendre functions, ``z p_l = c_(l+1) p_(l+1) + c_l
     p_(l-1)`` with ``c_l = sqrt((l^2 - m^2) / (4 l^2 - 1))``, which is stable for every order.
 
-    Parameters
-    ----------
-    direction : str
-        The name of a unit vector.
-    body : callable
-        Given the text of an index ``l(l+1)+m`` and that of the harmonic's value, returns statements
-        that use them. They may use the variable ``l``, the degree, too.
+    `direction` is the name of a unit vector. `body`, given the text of an index ``l(l+1)+m`` and
+    that of the harmonic's value, returns statements that use them. They may use the variable ``l``,
+    the degree, too.
     """
     d = direction
     cosine = [f"                {line}" for line in body("l * (l + 1) + m", "(p * a)")]

@@ -131,9 +131,7 @@ class Language:
     def colors(self, name: str, rows: Array) -> list[str]:
         """Write a constant array of colours.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (n, 3)
+        `rows` are of shape (n, 3).
 
         Raises MapError if a number is beyond the 32-bit floats of shaders.
         """

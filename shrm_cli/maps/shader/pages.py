@@ -76,10 +76,7 @@ def arrange(stacks: Sequence[tuple[int, int]]) -> Pages:
     be more than `MAX_LAYERS`, such that they have the fewest texels in all. Single smaller cubes,
     such as the levels of a split sum, share layers.
 
-    Parameters
-    ----------
-    stacks : sequence of (int, int)
-        The number of cubes of each stack, and their size.
+    `stacks` are the number of cubes of each stack, and their size.
 
     Raises MapError if there are too many cubes for their size.
     """
@@ -123,13 +120,8 @@ def _arranged(stacks: Sequence[tuple[int, int]], width: int, height: int) -> Pag
 def with_rims(stack: Array, sampling: Sampling) -> Array:
     """Put a rim of one texel around the faces of cubes, shape (6, N+2, N+2, K, 3).
 
-    Parameters
-    ----------
-    stack : ndarray, shape (6N, N, K, 3)
-        Cubes in OpenEXR's orientation.
-    sampling : {"center", "border"}
-        Where the edge texels lie. Border-sampled faces hold their edges, so that filtering never
-        gives the rim a weight.
+    `stack`, of shape (6N, N, K, 3), holds cubes in OpenEXR's orientation. Border-sampled faces hold
+    their edges, so that filtering never gives the rim a weight.
     """
     size = stack.shape[1]
     faces = stack.reshape(6, size, size, *stack.shape[2:])
@@ -163,11 +155,7 @@ def with_rims(stack: Array, sampling: Sampling) -> Array:
 def drawn(pages: Pages, stacks: Sequence[Array], sampling: Sampling) -> Array:
     """Draw cubes where they lie.
 
-    Parameters
-    ----------
-    pages : Pages
-        Made by `arrange` for these stacks.
-    stacks : sequence of ndarray, shape (6N, N, K, 3)
+    `pages` are made by `arrange` for these stacks. `stacks` are each of shape (6N, N, K, 3).
 
     Returns an array of float32 of shape (layers, height, width, 3): texels where no cube lies are
     0; those beyond the range of float32 are infinite.

@@ -197,18 +197,10 @@ def exponent_series(
 ) -> ExponentSeries:
     """Compute the numbers that the coefficients are multiplied by at normals and views.
 
-    Parameters
-    ----------
-    factors : FactorOrders
-        A `SphericalHarmonicExponential`, or its orders and law alone.
-    normals, views : ndarray, shape (..., 3)
-        Unit vectors in world axes; views point to the viewer.
-    roughness : float
-        Perceptual roughness.
-    moments : ndarray, shape (2, 3, ...)
-        The moments of GGX's lobe at these N.V, as `lobe_moments` returns them.
-    f0 : float
-        Reflectance at normal incidence.
+    `factors` is a `SphericalHarmonicExponential`, or its orders and law alone. `normals` and
+    `views`, each of shape (..., 3), are unit vectors in world axes; views point to the viewer.
+    `moments`, of shape (2, 3, ...), are the moments of GGX's lobe at these N.V, as `lobe_moments`
+    returns them. `f0` is the reflectance at normal incidence.
     """
     if factors.law == "paper":
         direction = reflect(views, normals)

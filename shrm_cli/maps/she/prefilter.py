@@ -242,9 +242,7 @@ def fit_logarithm(problem: Problem) -> Array:
 
     Returns an array of shape (k,): the coefficients x.
 
-    References
-    ----------
-    Silvennoinen et al. 2025, eq. 13 and 14.
+    References: Silvennoinen et al. 2025, eq. 13 and 14.
     """
     mean = float(problem.weights @ problem.target / problem.weights.sum())
     if mean <= 0:

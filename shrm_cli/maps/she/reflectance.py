@@ -53,18 +53,10 @@ def sample_reflectance(
 ) -> ReflectanceSamples:
     """Sample what GGX reflects, up to the order of the lighting.
 
-    Parameters
-    ----------
-    roughness : sequence of A float
-        Perceptual roughnesses.
-    rings : int
-        The number of rings of mirror directions, which lie at Gauss's nodes over z, with ``3 rings
-        / 2`` directions on each.
-    view_rings : int
-        The number of rings of views about R, which lie at Gauss's nodes over the cosine between R
-        and V.
-    azimuths : int
-        The number of views on each ring.
+    `roughness` are perceptual roughnesses. `rings` is the number of rings of mirror directions,
+    which lie at Gauss's nodes over z, with ``3 rings / 2`` directions on each. `view_rings` is the
+    number of rings of views about R, which lie at Gauss's nodes over the cosine between R and V.
+    `azimuths` is the number of views on each ring.
     """
     directions, theta, phi, weights = _mirror_directions(rings)
     cosines, view_weights = gauss_legendre(view_rings)
@@ -137,21 +129,12 @@ def _lobes(roughness: Sequence[float], order: int, view_theta: Array) -> Array:
 def _reflect(light: Array, lobes: Array, turns: Array) -> tuple[Array, Array]:
     """Sum the products of coefficients of light and lobes.
 
-    Parameters
-    ----------
-    light : ndarray, shape ((order+1)^2, 3, R)
-        Coefficients of the light in the frame of each mirror direction.
-    lobes : ndarray, shape (M+1, A, 2, order+1, T+1)
-        Coefficients of the lobes, as `_lobes` returns them.
-    turns : ndarray, shape (R, T, K)
-        Azimuths of the views.
+    `light` holds coefficients of the light in the frame of each mirror direction. `lobes`, of shape
+    (M+1, A, 2, order+1, T+1), are coefficients of the lobes, as `_lobes` returns them. `turns`, of
+    shape (R, T, K), are azimuths of the views.
 
-    Returns
-    -------
-    reflected : ndarray, shape (A, 2, R, T, K, 3)
-        The light that base and tail reflect.
-    mirrored : ndarray, shape (A, R, 3)
-        The mean of the light by the lobe of N = V = R.
+    Returns `reflected` of shape (A, 2, R, T, K, 3), the light that base and tail reflect; and
+    `mirrored` of shape (A, R, 3), the mean of the light by the lobe of N = V = R.
     """
     order = lobes.shape[3] - 1
     degree = np.arange(order + 1)
@@ -173,14 +156,9 @@ def lobe_harmonics(
 ) -> Array:
     """Expand rho_hat over the direction to the light, for views at some angles from C.
 
-    Parameters
-    ----------
-    view_theta : ndarray, shape (n,)
-        The angles between C and the view, radians; the view lies in the plane of azimuth 0.
-    order, max_m : int
-        The largest l and m.
-    samples : tuple of 2 int
-        The number of Fejer's nodes in theta_i, and of nodes over half a turn of the azimuth.
+    `view_theta`, of shape (n,), holds the angles between C and the view, radians; the view lies in
+    the plane of azimuth 0. `order` and `max_m` are the largest l and m. `samples` is the number of
+    Fejer's nodes in theta_i, and of nodes over half a turn of the azimuth.
 
     Returns an array of shape (max_m+1, order+1, n, 3): coefficients of the real harmonics with m >=
     0, indexed [m, l - m, view, channel]. Those with m < 0 vanish, because the lobe is even in the

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import CentralMap
 from shrm_cli.maps.info import MapInfo, check_names
+from shrm_cli.maps.kinds import CentralMap
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.maps.size import check_size
 from shrm_cli.records import record
@@ -111,13 +111,8 @@ class CompressedShrm(CentralMap):
     ) -> "CompressedShrm":
         """Keep the largest principal components of an SHRM.
 
-        Parameters
-        ----------
-        count : int, optional
-            The number of components to keep.
-        tolerance : float
-            The relative RMS error that may be added. Without `count` the fewest components that
-            stay within it are kept.
+        `count` is the number of components to keep. `tolerance` is the relative RMS error that may
+        be added. Without `count` the fewest components that stay within it are kept.
 
         Raises MapError if `count` is less than 1 or more than the number of components.
         """
@@ -167,11 +162,8 @@ class CompressedShrm(CentralMap):
 def compressed(shrm: Shrm, compress: int | float | None) -> Shrm | CompressedShrm:
     """Compress an SHRM, if that is asked for.
 
-    Parameters
-    ----------
-    compress : int or float, optional
-        The number of principal components to keep (an int), or the relative RMS error that may be
-        added (a float below 1). None returns the SHRM as it is.
+    `compress` is the number of principal components to keep (an int), or the relative RMS error
+    that may be added (a float below 1). None returns the SHRM as it is.
 
     Raises MapError if the SHRM does not have so many components, or the error is not between 0 and
     1.

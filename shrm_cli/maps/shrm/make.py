@@ -1,39 +1,311 @@
-"""How one SHRM is made: its center, orders and size, the expansion, and the map of it.
+"""How one SHRM is made: its center, the best one within its bytes, the expansion, and the map.
 
-The method is that of section 5.6.2 of Ramamoorthi's thesis.
+The method is that of section 5.6.2 of Ramamoorthi's thesis. Where the orders that a tolerance asks
+for make a file that is too large, there are two ways to a smaller one: a lower order P, and smaller
+cubes. Both are errors of the reflected light, which are known before the map is made, so that the
+best pair of the two can be chosen. What is lost is said.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.expansion import Expansion, carry, map_wrong_share
+from shrm_cli.maps.expansion import Expansion, carried_band, carry, map_wrong_share, view_band
 from shrm_cli.maps.info import provenance
+from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Notes, Prefiltered, wrong_light
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import (
-    SHRM_FORM,
-    Choice,
-    Form,
-    affordable,
-    halved,
-    refuse_large,
-    shortfall,
-)
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.size import check_size, choose_size
-from shrm_cli.orders import choose_center, choose_orders
+from shrm_cli.maps.size import (
+    TRIED_SIZES,
+    check_size,
+    choose_size,
+    largest_p,
+    nothing_fits,
+    shrm_look_up_error,
+    sizes_of,
+    stored_bytes,
+    supported_order,
+    total_error,
+)
+from shrm_cli.orders import Orders, choose_center, choose_orders, least_orders
+from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import tell_time_left
+from shrm_cli.records import record
+from shrm_cli.reflected import predicted_error
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, MAX_ORDER_P, MIN_CUBE_SIZE, Sampling
 
 if TYPE_CHECKING:
-    from shrm_cli.probe.lighting import Projection
+    from shrm_cli.plan.search import Row
+
+_LEAST_TOLERANCE = 1e-4
+"""The least part of a BRDF's energy that its coefficients are computed to."""
+
+
+@record
+class Choice:
+    """The orders and the size of an SHRM, and what they cost."""
+
+    orders: Orders
+    size: int
+    """Texels along a face's edge."""
+
+    @property
+    def bytes(self) -> int:
+        """The bytes of its cubes in half precision, before they are packed."""
+        return _bytes_of_p(self.size, self.orders.order_p)
+
+
+@record
+class Form:
+    """What a map holds that is made from an SHRM of order P."""
+
+    images: Callable[[int], int]
+    """Returns the number of RGB cubes of a map of order P."""
+    check: Callable[[int, int], object] | None = None
+    """Called with the size and the number of cubes before the work starts; it may refuse them by
+    raising an error."""
+
+    def largest_p(self, max_size: int) -> int:
+        """Return the largest P whose cubes fit at the least size; any P where none fits."""
+        orders = range(MAX_ORDER_P, -1, -1)
+        fitting = (p for p in orders if stored_bytes(MIN_CUBE_SIZE, self.images(p)) <= max_size)
+        return next(fitting, MAX_ORDER_P)
+
+
+SHRM_FORM = Form(lambda order_p: (order_p + 1) ** 2)
+"""The form of an SHRM: a cube for each harmonic of the view."""
+
+
+def most_order_p(
+    max_size: int, size: int | None = None, most: int = MAX_ORDER_P
+) -> Callable[[int], int]:
+    """Return a function that tells the largest P whose map fits, for an order F.
+
+    Cubes of half the size that F asks for are counted with, because a map may be worth that.
+
+    `most` is the largest P in any case.
+    """
+
+    def most_at(order_f: int) -> int:
+        texels = max(choose_size(order_f) // 2, TRIED_SIZES[0]) if size is None else size
+        return min(largest_p(order_f, texels, max_size), most)
+
+    return most_at
+
+
+def affordable(
+    light: Projection, request: Request, most: int = MAX_ORDER_P
+) -> tuple[Choice, BrdfCoefficients]:
+    """Choose the orders and the size of a map: those that a tolerance asks for, if they fit.
+
+    `most` is the largest P in any case.
+
+    Returns `choice`; and `coefficients`, the coefficients of the BRDF, to at least the orders of
+    the choice.
+
+    Raises ArgumentError if no map fits. Raises OrderError, BrdfError or ProbeError if the tolerance
+    is none, or the BRDF or the probe cannot be used.
+    """
+    allowed, size = request.allowed, request.size
+    most_p = most_order_p(allowed, size, most)
+    orders, coefficients = choose_orders(request.brdf, request.eps, most_p=most_p)
+    choice = Choice(orders, choose_size(orders.order_f) if size is None else size)
+    fits = orders.order_p <= min(largest_p(orders.order_f, choice.size, allowed), most)
+    if orders.captured >= 1 - request.eps and fits:
+        return choice, coefficients
+    lighting = light.to_order(coefficients.order_f)
+    return fitting(coefficients, lighting, request, most), coefficients
+
+
+def fitting(
+    coefficients: BrdfCoefficients, lighting: Lighting, request: Request, most: int = MAX_ORDER_P
+) -> Choice:
+    """Choose the orders and the size of the best map that fits.
+
+    `lighting` is the light, to at least the order of the coefficients. `most` is the largest P in
+    any case.
+
+    Raises ArgumentError if not even P = 0 fits.
+    """
+    eps, allowed, size = request.eps, request.allowed, request.size
+    largest = choose_size(least_orders(coefficients, eps).order_f)
+    sizes = [texels for texels in TRIED_SIZES if texels <= largest]
+    found: list[tuple[float, int, Choice]] = []
+    for texels in sizes if size is None else [size]:
+        carried = min(supported_order(texels), coefficients.order_f)
+        p = min(largest_p(carried, texels, allowed), coefficients.order_p, most)
+        if p < 0:
+            continue
+        error = np.hypot(*map_errors(lighting, coefficients, p, texels, request.sampling))
+        orders = least_orders(coefficients, eps, order_p=p)
+        orders = replace(orders, order_f=min(orders.order_f, carried))
+        made = Choice(orders, texels)
+        found.append((float(error), made.bytes, made))
+    if not found:
+        raise nothing_fits(size)
+    return min(found, key=lambda each: each[:2])[2]
+
+
+def map_errors(
+    lighting: Lighting,
+    coefficients: BrdfCoefficients,
+    order_p: int,
+    size: int,
+    sampling: Sampling = "center",
+) -> tuple[float, float]:
+    """Predict the errors of an SHRM of an order P and a size, which carries what it can.
+
+    Returns `error` and `filter_error`, that of its orders, and that of looking it up; relative RMS.
+    """
+    band = carried_band(lighting, coefficients, 0, order_p, size)
+    views = view_band(lighting, coefficients, order_p)
+    factors = np.outer(band.factors, views.factors)
+    return (
+        predicted_error(lighting, coefficients, band.last, order_p, factors=factors),
+        shrm_look_up_error(lighting, coefficients, factors, order_p, size, sampling),
+    )
+
+
+def sufficient_tolerance(error: float) -> float:
+    """Return the part of a BRDF's energy that may be unknown for an error of the light.
+
+    Real light fades towards high degrees.
+    """
+    return float(np.clip(error**2 / 2, _LEAST_TOLERANCE, 0.5))
+
+
+@record
+class Tried:
+    """Orders and a size of an SHRM, and the total error of its map."""
+
+    choice: Choice
+    total_error: float
+
+    @property
+    def bytes(self) -> int:
+        """Those of the choice."""
+        return self.choice.bytes
+
+
+def shrm_rows(
+    lighting: Lighting,
+    coefficients: BrdfCoefficients,
+    eps: float,
+    max_size: int,
+    size: int | None = None,
+    sampling: Sampling = "center",
+    most_p: int = MAX_ORDER_P,
+) -> Iterator[Row[Tried]]:
+    """Yield the SHRMs that known coefficients allow, for each size of cubes those of every P.
+
+    `lighting` is the light, to at least the order of the coefficients. `eps` is the fraction of the
+    BRDF's energy that F, which is only stated, may miss. `most_p` is the largest P in any case.
+    """
+    from shrm_cli.plan.search import Row  # plain runs search nothing
+
+    def tried(texels: int, carried: int, p: int) -> Tried:
+        orders = least_orders(coefficients, eps, order_p=p)
+        f = min(orders.order_f, carried)
+        captured = float(coefficients.captured()[carried, p])
+        choice = Choice(Orders(f, p, 1 - captured, captured), texels)
+        errors = map_errors(lighting, coefficients, p, texels, sampling)
+        return Tried(choice, total_error(*errors))
+
+    for texels in sizes_of(size):
+        carried = min(supported_order(texels), coefficients.order_f)
+        most = min(largest_p(carried, texels, max_size), coefficients.order_p, most_p)
+        yield Row(most + 1, partial(_bytes_of_p, texels), cache(partial(tried, texels, carried)))
+
+
+def _bytes_of_p(size: int, order_p: int) -> int:
+    """Return the bytes of an SHRM of an order P."""
+    return stored_bytes(size, (order_p + 1) ** 2)
+
+
+def halved(
+    choice: Choice, coefficients: BrdfCoefficients, images: int, max_size: int
+) -> Choice | None:
+    """Halve the size of a map of other images than those of an SHRM, until they fit.
+
+    `choice` holds the orders and the size of the SHRM behind the map. `images` is the number of RGB
+    cubes of the map.
+
+    Returns None where not even the least size, `vocabulary.MIN_CUBE_SIZE`, fits.
+    """
+    size = choice.size
+    while stored_bytes(size, images) > max_size:
+        size //= 2
+        if size < MIN_CUBE_SIZE:
+            return None
+    if size == choice.size:
+        return choice
+    f, p = min(choice.orders.order_f, supported_order(size)), choice.orders.order_p
+    captured = float(coefficients.captured()[f, p])
+    return Choice(replace(choice.orders, order_f=f, captured=captured), size)
+
+
+def refuse_large(size: int, images: int, max_size: int | None) -> None:
+    """Refuse a map whose form is given by hand, if it exceeds the bytes that were asked for.
+
+    `images` is the number of RGB cubes. `max_size` is the most bytes that were asked for. None
+    refuses nothing.
+    """
+    stored = stored_bytes(size, images)
+    if max_size is not None and stored > max_size:
+        raise ArgumentError(
+            "max_size",
+            f"{bytes_text(max_size)} does not hold {images:,} cubes of 6 x {size} x {size} texels, "
+            f"which take {bytes_text(stored)}; raise it, or ask for fewer or smaller ones",
+        )
+
+
+def shortfall(
+    brdf: Brdf,
+    coefficients: BrdfCoefficients,
+    kept: Orders,
+    max_size: int,
+    error: float,
+    form: Form = SHRM_FORM,
+) -> str | None:
+    """Say in one line that a picture is wrong because its map misses the tolerance.
+
+    The line is None where the tolerance is met, and where what is missed is not seen.
+
+    `coefficients` are the coefficients from which the orders were chosen. `kept` holds the orders
+    of the map. `error` is the predicted relative RMS error of the reflected light. `form` is what
+    the map holds.
+    """
+    if kept.captured >= 1 - kept.eps:
+        return None
+    from shrm_cli.plan import policy  # most maps have nothing to be told of
+
+    if error <= policy.ERROR:
+        return None
+    wanted = least_orders(coefficients, kept.eps)
+    is_known = wanted.captured >= 1 - kept.eps
+    if brdf.zonal and not is_known:
+        why = f"most beside lamps: {brdf!r} is sharper than cubes of any size can show"
+        return wrong_light(error, why, "take the lamps out with `shrm sun`")
+    where = "where it changes with the view" if wanted.order_p > kept.order_p else "beside lamps"
+    why = f"most {where}: {bytes_text(max_size)} before packing hold too little of it"
+    needed = stored_bytes(choose_size(wanted.order_f), form.images(wanted.order_p))
+    if is_known and needed <= max_size:  # the texels that were asked for take them
+        return wrong_light(error, why, "lower `size`")
+    if is_known and needed <= DEFAULT_MAX_SIZE:
+        return wrong_light(error, why, f"raise `max_size` to {bytes_text(needed)}")
+    return wrong_light(error, why, "take `to` auto without `eps`")
+
 
 # Seconds of one processor for each series, that is a coefficient map of one colour, measured from
 # F = 36 to 320 and P = 2 to 28. The time of the series and of their texels grows with the cube of
@@ -46,11 +318,8 @@ _STORED_VALUE = 1.5e-7
 def centered(request: Request) -> tuple[Request, Notes]:
     """Recenter the BRDF of a request about the center that is asked for.
 
-    Returns
-    -------
-    request : Request
-    notes : Notes
-        How the center was chosen; empty unless it is ``auto``, the one of the fewest coefficients.
+    Returns `request`; and `notes`, how the center was chosen; empty unless it is ``auto``, the one
+    of the fewest coefficients.
 
     Raises BrdfError or OrderError if the BRDF cannot be expanded about that center.
     """
@@ -91,14 +360,8 @@ def prefilter_shrm(
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
 
-    Parameters
-    ----------
-    light : Projection
-        The light of the probe.
-    chosen : tuple of Choice and BrdfCoefficients, optional
-        What `affordable` returns, where it is known.
-    dtype : type
-        As `Shrm.from_coefficients` takes it.
+    `light` is the light of the probe. `chosen` is what `affordable` returns, where it is known.
+    `dtype` is as `Shrm.from_coefficients` takes it.
 
     Returns the map, and what it misses of the tolerance as a warning, if the orders are chosen.
     Raises ArgumentError if no map fits into the bytes, or those of the given orders do not. Raises
@@ -127,12 +390,8 @@ def expand(
 ) -> tuple[Expansion, tuple[str, ...]]:
     """Choose the orders and the size of a map within its bytes, and expand light and BRDF.
 
-    Parameters
-    ----------
-    light, request, chosen
-        The same as for `prefilter_shrm`.
-    form : Form
-        What the map holds that the SHRM is made for. Both have to fit into the bytes.
+    `light`, `request` and `chosen` are the same as for `prefilter_shrm`. `form` is what the map
+    holds that the SHRM is made for. Both have to fit into the bytes.
 
     Returns `expansion`; and `warnings`, what the map misses of the tolerance, and BRDFs that were
     not sampled finely enough.
@@ -169,14 +428,8 @@ def from_expansion(
 ) -> Shrm:
     """Make the SHRM of an expansion.
 
-    Parameters
-    ----------
-    probe : Probe
-        The probe of the expansion's light.
-    request : Request
-        It says the frame and the sampling.
-    dtype : type
-        As `Shrm.from_coefficients` takes it.
+    `probe` is the probe of the expansion's light. `request` says the frame and the sampling.
+    `dtype` is as `Shrm.from_coefficients` takes it.
     """
     orders, brdf = expansion.orders, expansion.brdf
     tell_time_left(making_seconds(expansion.carried, orders.order_p, expansion.size))
@@ -195,19 +448,10 @@ def from_expansion(
 def making_seconds(order_f: int, order_p: int, size: int) -> float:
     """Estimate the seconds until an SHRM is made and written.
 
-    Parameters
-    ----------
-    order_f : int
-        The order F to which the light is carried.
-    order_p : int
-        The order P.
-    size : int
-        Texels along a face's edge.
+    `order_f` is the order F to which the light is carried.
 
-    Returns
-    -------
-    float
-        Within a factor of 2 where the rates were measured, if no other work is going on there.
+    It is right within a factor of 2 where the rates were measured, if no other work is going on
+    there.
     """
     series = 3 * (order_p + 1) ** 2
     coupling = _COUPLING * min(order_p, _MOST_TERMS)

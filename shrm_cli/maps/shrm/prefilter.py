@@ -6,21 +6,24 @@ The method is that of section 5.6.2 of Ramamoorthi's thesis.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines, truth_of, unkept_error
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import affordable, sufficient_tolerance
-from shrm_cli.maps.shrm.make import centered, order_warnings, prefilter_shrm
+from shrm_cli.maps.shrm.make import (
+    affordable,
+    centered,
+    order_warnings,
+    prefilter_shrm,
+    sufficient_tolerance,
+)
 from shrm_cli.maps.size import nothing_fits, total_error
 from shrm_cli.messages import refuse_arguments
+from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import Frame
-
-if TYPE_CHECKING:
-    from shrm_cli.probe.lighting import Projection
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
@@ -132,14 +135,9 @@ def converted(
 ) -> Map:
     """Return the SHRM that another map holds or that fits it best, compressed if that is asked.
 
-    Parameters
-    ----------
-    order_p : int, optional
-        The order P of the SHRM; that of the source by default.
-    frame : {"global", "local"}, optional
-        The frame of the SHRM; local by default if the source is a local SHRM, else global.
-    compress : int or float, optional
-        How far the SHRM is compressed, as `shrm_cli.maps.shrm.compressed.compressed` takes it.
+    `order_p` is the order P of the SHRM; that of the source by default. `frame` is the frame of the
+    SHRM; local by default if the source is a local SHRM, else global. `compress` is how far the
+    SHRM is compressed, as `shrm_cli.maps.shrm.compressed.compressed` takes it.
 
     Raises MapError or ArgumentError if the source has no such SHRM, or an argument does not apply.
     """

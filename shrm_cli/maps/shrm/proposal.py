@@ -14,8 +14,13 @@ from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.maps.expansion import carry, predicted_wrong_share
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import Tried, most_order_p, shrm_rows, sufficient_tolerance
-from shrm_cli.maps.shrm.make import prefilter_shrm
+from shrm_cli.maps.shrm.make import (
+    Tried,
+    most_order_p,
+    prefilter_shrm,
+    shrm_rows,
+    sufficient_tolerance,
+)
 from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, stored_bytes
 from shrm_cli.orders import choose_orders
 from shrm_cli.plan.search import Candidate, Row, fewest_bytes

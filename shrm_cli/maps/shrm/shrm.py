@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Memo
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import CentralMap
 from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo, check_names
+from shrm_cli.maps.kinds import CentralMap
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels, texel_directions
@@ -112,22 +112,12 @@ class Shrm(CentralMap):
     ) -> Shrm:
         """Make the map from the coefficients of light and BRDF.
 
-        Parameters
-        ----------
-        lighting : array_like, shape (>= (F+1)^2, 3)
-            The coefficients of the light over the real harmonics of world axes.
-        brdf : ndarray, shape (F+1, P+1, P+1, 3)
-            The coefficients rho_hat_lpq of the BRDF to exactly the orders of the map, for q >= 0.
-        center : {"reflection", "normal", "tangent"}
-            The BRDF's central direction.
-        info : MapInfo
-            How the map is made.
-        size : int, optional
-            Texels along a face's edge; `choose_size` by default.
-        frame, sampling
-            The same as the attributes.
-        dtype : float32 or float64
-            The precision in which the texels are computed.
+        `lighting`, of shape (>= (F+1)^2, 3), holds the coefficients of the light over the real
+        harmonics of world axes. `brdf`, of shape (F+1, P+1, P+1, 3), is the coefficients
+        rho_hat_lpq of the BRDF to exactly the orders of the map, for q >= 0. `center` is the BRDF's
+        central direction. `info` is how the map is made. `size` is the number of texels along a
+        face's edge; `choose_size` by default. `frame` and `sampling` are the same as the
+        attributes. `dtype` is the precision in which the texels are computed.
 
         Raises MapError if the map would be too large to be kept in memory.
         """
@@ -220,10 +210,7 @@ class Shrm(CentralMap):
     def reflection_map(self, view: ArrayLike) -> Array:
         """Return the reflection map for one distant viewer (eq. 5.35), shape (6N, N, 3).
 
-        Parameters
-        ----------
-        view : array_like, shape (3,)
-            The unit direction to the viewer, world axes.
+        `view`, of shape (3,), is the unit direction to the viewer, world axes.
         """
         weights = real_harmonics(self.order_p, np.asarray(view, dtype=float))
         coefficients = self._global.coefficients
@@ -269,12 +256,9 @@ def _rough_terms(
 ) -> tuple[NDArray[np.intp], Array]:
     """Return what a map of some form is weighted with for pairs of mirror directions and views.
 
-    Returns
-    -------
-    texels : ndarray of int, shape (n,)
-        The nearest texel of each pair's central direction, as an index into a flat cube.
-    weights : ndarray, shape ((P+1)^2, n)
-        The harmonics of the view in the frame of the map.
+    Returns `texels` of shape (n,), the nearest texel of each pair's central direction, as an index
+    into a flat cube; and `weights` of shape ((P+1)^2, n), the harmonics of the view in the frame of
+    the map.
     """
     centers = central_directions(center, bisector(reflections, views), views)
     rows, columns = nearest_texels(centers, size, sampling)

@@ -15,16 +15,16 @@ from shrm_cli.maps.info import provenance
 from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.budget import (
+from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
+from shrm_cli.maps.shrm.make import (
     Choice,
     affordable,
     fitting,
+    from_expansion,
     map_errors,
     most_order_p,
     shortfall,
 )
-from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
-from shrm_cli.maps.shrm.make import from_expansion
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import check_size, choose_size, total_error
@@ -98,14 +98,8 @@ def plan_terms(
     the tolerance of the whole would ask too much of one of them. Therefore the terms are compared
     with the whole by the error of the reflected light, as it is predicted for this probe.
 
-    Parameters
-    ----------
-    light : Projection
-        The light of the probe.
-    request : Request
-        A size that is given is that of every term.
-    chosen : tuple of Choice and BrdfCoefficients, optional
-        What `affordable` returns for the whole, where it is known.
+    `light` is the light of the probe. A size in `request` is that of every term. `chosen` is what
+    `affordable` returns for the whole, where it is known.
 
     Returns None if there is nothing to split, or the terms cannot reach the error of the whole
     within the bytes.
@@ -216,10 +210,7 @@ def _strengths(terms: Sequence[Term], light: Lighting) -> list[float]:
 def prefilter_terms(plan: Plan, dtype: type = np.float32) -> Prefiltered:
     """Prefilter the terms of a plan for its probe.
 
-    Parameters
-    ----------
-    dtype : type
-        As `prefilter_shrm` takes it.
+    `dtype` is as `prefilter_shrm` takes it.
 
     Raises MapError if a term would be too large, or cannot be compressed as asked.
     """

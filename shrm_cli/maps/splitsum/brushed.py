@@ -92,14 +92,8 @@ class BrushedSplitSum(Shaded):
 def equal_roughness(part: str, alphas: tuple[float, float], views: ArrayLike) -> Array:
     """Return the perceptual roughness of the even surface that reflects as much, shape (...).
 
-    Parameters
-    ----------
-    part : {"total", "bias"}
-        Which integral is to be the same.
-    alphas : tuple of 2 float
-        Along x and y.
-    views : array_like, shape (..., 3)
-        Unit vectors in the frame of the surface.
+    `part`, one of ``total``, ``bias``, says which integral is to be the same. `alphas` are along x
+    and y. `views`, of shape (..., 3), are unit vectors in the frame of the surface.
     """
     x, y, z = np.moveaxis(np.asarray(views, dtype=float), -1, 0)
     (c, d), (ax2, ay2) = TURNS[part], (alpha**2 for alpha in alphas)

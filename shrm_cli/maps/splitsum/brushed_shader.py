@@ -89,12 +89,8 @@ def brushed_functions(count: int, language: Language) -> list[str]:
 def taps_code(count: int, language: str) -> str:
     """Write ``shrm_taps(n, t, v, ax, ay)`` for an engine with a function ``shrm_light`` of its own.
 
-    Parameters
-    ----------
-    count : int
-        One of `vocabulary.TAP_COUNTS`.
-    language : {"glsl", "hlsl", "wgsl", "c"}
-        In C the code begins with the vectors that it needs.
+    `count` is one of `vocabulary.TAP_COUNTS`. In the `language` C the code begins with the vectors
+    that it needs.
     """
     speech = Language(language)
     return "\n".join(speech.translated(_taps(count, speech))) + "\n"

@@ -1,5 +1,10 @@
 """A sharp lobe in two parts: a core that is summed over pixels, and a tail that is expanded.
 
+A level is the light with each degree l multiplied by a number of the lobe. The least order that
+keeps the error decides how many texels the level has, because texels cost storage. Degrees cost
+none, so more of them are carried than that. They fade out slowly: an expansion that ends abruptly
+rings about lamps, and the rings are large beside the light of dark places.
+
 The core fades out smoothly with the angle from the lobe's axis, so that the tail is smooth and a
 few hundred degrees hold it. Behind a core that ended abruptly the tail would begin with a step,
 whose expansion rings about lamps, far into dark places.
@@ -25,13 +30,96 @@ from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.environment.lobe import NormalLobe
-from shrm_cli.maps.splitsum.expansion import DARK_ERROR, multipliers, unknown_light
+from shrm_cli.maps.size import Band
+from shrm_cli.orders import first_enough
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles
 from shrm_cli.sphere.harmonics import legendre_degrees
 from shrm_cli.sphere.quadrature import gauss_legendre
-from shrm_cli.vocabulary import MAX_ORDER_F
+from shrm_cli.sphere.synthesis import CubeSeries
+from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
+
+DARK_ERROR = 3e-4
+"""Degrees are carried until the RMS of what is left beyond them is this part of the mean radiance.
+An error that is relative to the RMS of the level says little about dark places, because lamps make
+that RMS many times the mean."""
+_FADE = 0.05
+"""The least number of degrees over which an expansion fades out, as a part of its order."""
+
+
+@record(eq=False)
+class Expansion:
+    """What the degrees of the light are multiplied with for a level, and what is known of it."""
+
+    multipliers: Array
+    """One number a degree; for l = 0 it is 1, shape (carried + 1,)."""
+    order: int
+    """The least order that keeps the error, or the largest that the light has."""
+    error: float
+    """The predicted relative RMS error of the level."""
+
+
+def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float) -> Expansion:
+    """Choose the degrees of a level: the order that keeps an error, and those carried beyond it.
+
+    `coefficients` are coefficients of a zonal lobe, to at least the light's order. `tolerance` is
+    the relative RMS error that the order may leave.
+    """
+    passed = multipliers(coefficients)
+    light, missing = energies(lighting, passed)
+    whole = light[0] + missing[0]
+    order = first_enough(missing <= tolerance**2 * whole)
+    dark = first_enough(missing <= DARK_ERROR**2 * light[0])
+    carried = min(max(dark, faded_order(order)), lighting.order)
+    fade = Band(order, carried).factors
+    lost = float(light[: carried + 1] @ (1 - fade) ** 2 + missing[carried])
+    error = float(np.sqrt(lost / whole)) if whole > 0 else 0.0
+    return Expansion(passed[: carried + 1] / passed[0] * fade, order, error)
+
+
+def faded_order(order: int) -> int:
+    """Return the order to which the light is to be known, so that an expansion can fade out."""
+    return min(int(np.ceil(order * (1 + _FADE))), MAX_ORDER_F)
+
+
+def unknown_light(lighting: Lighting, passed: Array) -> float:
+    """Estimate the energy of the filtered light that is beyond the light's expansion.
+
+    Two estimates are made, and the smaller one counts. In the first, the light goes on as white
+    light does, with ``(2l+1)`` times the mean power of its last 16 degrees. In the second, all
+    energy of the light that is left sits in the degree that the lobe passes most of.
+
+    `passed`, of shape (degrees,), holds the squared multipliers of the lobe.
+    """
+    known = lighting.order + 1
+    power = lighting.power().sum(axis=1)
+    rest = max(float(lighting.energy.sum() - power.sum()), 0.0)
+    width = 2 * np.arange(len(passed)) + 1
+    last = slice(max(known - 16, 0), known)
+    density = power[last].sum() / width[last].sum()
+    white = density * float(width[known:] @ passed[known:])
+    return min(white, rest * float(passed[known:].max(initial=0.0)))
+
+
+def multipliers(coefficients: BrdfCoefficients) -> Array:
+    """Return what a zonal lobe multiplies the light's degrees with; for l = 0, its integral."""
+    values = coefficients.values[:, 0, 0, 0]
+    return values / np.sqrt(2 * np.arange(len(values)) + 1)
+
+
+def synthesized(light: CubeSeries, passed: Array, size: int, sampling: Sampling) -> Array:
+    """Synthesize light with its degrees multiplied, to the lower of both orders: (6N, N, 3)."""
+    planes = light.planes(size, sampling, factors=passed[: light.order + 1])
+    return np.ascontiguousarray(planes.transpose(1, 2, 0))
+
+
+def energies(lighting: Lighting, passed: Array) -> tuple[Array, Array]:
+    """Return the energy of a level in each degree that is known of the light, and beyond each."""
+    light = lighting.power().sum(axis=1) * passed[: lighting.order + 1] ** 2
+    beyond = unknown_light(lighting, passed**2)
+    return light, np.cumsum(light[::-1])[::-1] - light + beyond
+
 
 _NODES = 256
 """Gauss's nodes over the angle of a core."""
@@ -48,10 +136,7 @@ class LobeCore(NormalLobe):
     the regularized incomplete beta function. The tail begins as x^8, which outweighs the lobe's
     own fall (GGX falls with theta^-4), and it joins the lobe with three derivatives at the angle.
 
-    Parameters
-    ----------
-    angle : float
-        Where the core ends, radians.
+    `angle` is where the core ends, radians.
     """
 
     def __init__(self, lobe: NormalLobe, angle: float) -> None:
@@ -89,21 +174,12 @@ def split_lobe(
 ) -> tuple[LobeCore, Array, float]:
     """Find the narrowest core whose tail loses little where the light's expansion ends.
 
-    Parameters
-    ----------
-    coefficients : BrdfCoefficients
-        Coefficients of the lobe, to order 512.
-    tolerance : float
-        The relative RMS error that the tail may leave. It is kept small beside the mean radiance
-        too, as in an expansion of the whole lobe.
+    `coefficients` are coefficients of the lobe, to order 512. `tolerance` is the relative RMS error
+    that the tail may leave. It is kept small beside the mean radiance too, as in an expansion of
+    the whole lobe.
 
-    Returns
-    -------
-    core : LobeCore
-    tail : ndarray, shape (513,)
-        What the rest of the lobe multiplies the light's degrees with.
-    error : float
-        The predicted relative RMS error of the level.
+    Returns `core`; `tail` of shape (513,), what the rest of the lobe multiplies the light's degrees
+    with; and `error`, the predicted relative RMS error of the level.
     """
     whole = multipliers(coefficients)
     power = lighting.power().sum(axis=1)
@@ -136,13 +212,9 @@ _SAME = 2.0**-29
 def sum_core(core: LobeCore, light: Array, directions: Array) -> Array:
     """Sum a core about each direction over all pixels of a lat-long.
 
-    Parameters
-    ----------
-    light : ndarray, shape (2 k, 4 k, 3)
-        Radiance times solid angle of the pixels of a lat-long, sampled at their centers, in world
-        axes.
-    directions : ndarray, shape (..., 3)
-        Unit, world axes. Those of a cube take the least time.
+    `light`, of shape (2 k, 4 k, 3), is radiance times solid angle of the pixels of a lat-long,
+    sampled at their centers, in world axes. `directions`, of shape (..., 3), are unit, world axes.
+    Those of a cube take the least time.
 
     Returns an array of float64 of shape (..., 3): the sums are in single precision.
     """

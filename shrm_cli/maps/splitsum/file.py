@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes, shortest

@@ -72,12 +72,9 @@ def mip_chain(split: Map, path: str) -> SplitSum:
 def cube_mips(split: SplitSum) -> list[Array]:
     """Return all levels of a mip-mapped image of OpenEXR's stacked cube.
 
-    Returns
-    -------
-    list of ndarray
-        The split sum's own levels, unchanged, shape (6 N >> k, N >> k, 3); then ever smaller
-        averages of the last one, down to one pixel. Two of them, of 1 x 3 pixels and of one, are
-        no cubes any more: the container wants them.
+    Returns the split sum's own levels, unchanged, shape (6 N >> k, N >> k, 3); then ever smaller
+    averages of the last one, down to one pixel. Two of them, of 1 x 3 pixels and of one, are no
+    cubes any more: the container wants them.
     """
     levels = list(split.levels)
     while levels[-1].shape[1] > 1:
@@ -94,20 +91,13 @@ def cube_mips(split: SplitSum) -> list[Array]:
 def latlong_mips(split: SplitSum, height: int, sampling: Sampling = "center") -> list[Array]:
     """Return all levels of a mip-mapped lat-long.
 
-    Parameters
-    ----------
-    split : SplitSum
-        Of levels that halve.
-    height : int
-        Rows of the first level, a power of two, at least as many as the split sum has levels.
-    sampling : {"center", "border"}
-        Where the pixels at the edges lie.
+    `split` is that of levels that halve. `height` is the number of rows of the first level, a power
+    of two, at least as many as the split sum has levels. `sampling` is where the pixels at the
+    edges lie.
 
-    Returns
-    -------
-    list of ndarray, shape (height >> k, 2 height >> k, 3), and one pixel in the end
-        The split sum's level k, interpolated at the pixels' directions; beyond its levels the last
-        one, averaged over each pixel.
+    Returns images of shape (height >> k, 2 height >> k, 3), and one pixel in the end: the split
+    sum's level k, interpolated at the pixels' directions; beyond its levels the last one, averaged
+    over each pixel.
 
     Raises MapError if there are too few rows, or their number is no power of two.
     """

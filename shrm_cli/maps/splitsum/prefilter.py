@@ -10,8 +10,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
-from shrm_cli.brdf.environment.lobe import MaterialLobe, NormalLobe, check_varies
+from shrm_cli.brdf.environment.lobe import GgxLobe, MaterialLobe, NormalLobe, check_varies
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import ArgumentError, BrdfError
@@ -20,8 +19,7 @@ from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import choose_size
-from shrm_cli.maps.splitsum.core import split_lobe, sum_core
-from shrm_cli.maps.splitsum.expansion import expand, faded_order, synthesized
+from shrm_cli.maps.splitsum.core import expand, faded_order, split_lobe, sum_core, synthesized
 from shrm_cli.maps.splitsum.mips import default_mips, mip_sizes, power_of_two
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum
@@ -143,26 +141,14 @@ def make_levels(
 ) -> tuple[list[Array], list[MapInfo]]:
     """Make the cubes of the levels of a split sum.
 
-    Parameters
-    ----------
-    roughness : sequence of float
-        The perceptual roughness of each level: 0, or `MIN_ROUGHNESS` to 1.
-    largest : int
-        The most texels along an edge of the first level; no level is larger than the one before.
-    sampling : {"center", "border"}
-        Where the samples of the cubes lie.
-    error : float
-        Relative RMS error that each level may have, in (0, 1).
-    sizes : sequence of int, optional
-        Texels along an edge of each level, for readers that want them so, in place of what
-        `largest` and the orders of the levels ask for.
-    brdf : Brdf, optional
-        The material whose lobes the levels are of, as `split_material` returns it.
+    `roughness` is the perceptual roughness of each level: 0, or `MIN_ROUGHNESS` to 1. `largest` is
+    the most texels along an edge of the first level; no level is larger than the one before.
+    `sampling` is where the samples of the cubes lie. `error` is the relative RMS error that each
+    level may have, in (0, 1). `sizes` are the texels along an edge of each level, for readers that
+    want them so, in place of what `largest` and the orders of the levels ask for. `brdf` is the
+    material whose lobes the levels are of, as `split_material` returns it.
 
-    Returns
-    -------
-    cubes : list of ndarray, shape (6 N_k, N_k, 3)
-    infos : list of MapInfo
+    Returns the cubes, of shape (6 N_k, N_k, 3), and their records.
     """
     probe = fine_probe(probe)
     rows = _rows(probe)
@@ -238,16 +224,9 @@ class LevelLobe:
 def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
     """Tell whether an expansion costs less time than direct integration, by measured rates.
 
-    Parameters
-    ----------
-    order : int
-        The order of the expansion.
-    alpha : float
-        The lobe's ggx_alpha, the square of the perceptual roughness.
-    rows : int
-        The height of the probe as a lat-long.
-    largest : int
-        The most texels along an edge that the level may have.
+    `order` is the order of the expansion. `alpha` is the lobe's ggx_alpha, the square of the
+    perceptual roughness. `rows` is the height of the probe as a lat-long. `largest` is the most
+    texels along an edge that the level may have.
     """
     texels = 6 * min(choose_size(order), largest) ** 2
     expansion = _SECONDS_A_CUBED_ORDER * order**3 + _SECONDS_A_TEXEL_AND_ORDER * texels * order
@@ -260,12 +239,9 @@ def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
 def split_material(brdf: Brdf | None) -> Brdf | None:
     """Return the material whose lobes a split sum is of; None for GGX, which has its own.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF is anisotropic or has no roughness, or if a value is given that belongs to no
-        split sum: a roughness, because there is a level for each, or the reflectance of GGX, with
-        which a map of GGX is shown.
+    Raises BrdfError if the BRDF is anisotropic or has no roughness, or if a value is given that
+    belongs to no split sum: a roughness, because there is a level for each, or the reflectance of
+    GGX, with which a map of GGX is shown.
     """
     if brdf is None:
         return None
@@ -292,10 +268,7 @@ def level_lobe(
 ) -> LevelLobe | None:
     """Choose the order of a level's lobe in white light, and the domain where the level is made.
 
-    Returns
-    -------
-    LevelLobe or None
-        None where the level is the light itself: at roughness 0, where the lobe is a mirror's.
+    Returns None where the level is the light itself: at roughness 0, where the lobe is a mirror's.
     """
     lobe = _lobe(roughness, material)
     if roughness == 0 and lobe.width <= _MIRROR:

@@ -37,19 +37,13 @@ def level_roughnesses(count: int, mapping: LevelMapping) -> tuple[float, ...]:
       This is Unreal's own mapping for a chain of K + 2 mips, without the last two mips, which are
       beyond roughness 1.
 
-    Parameters
-    ----------
-    count : int
-        The number K of levels. A single level has roughness 1.
-    mapping : {"linear", "filament", "unreal"}
+    `count` is the number K of levels. A single level has roughness 1.
 
     Raises MapError if the number of levels is less than 1 or too large, or a level would be sharper
     than can be integrated.
 
-    References
-    ----------
-    Filament: lodToPerceptualRoughness of cmgen, prefilteredRadiance of light_indirect.fs. Unreal
-    Engine: ComputeReflectionCaptureMipFromRoughness.
+    References: Filament: lodToPerceptualRoughness of cmgen, prefilteredRadiance of
+    light_indirect.fs. Unreal Engine: ComputeReflectionCaptureMipFromRoughness.
     """
     if not 1 <= count <= MAX_LEVELS:
         raise MapError(f"a split sum has 1 to {MAX_LEVELS} levels, not {count}")
@@ -90,20 +84,10 @@ def blend(roughness: float, levels: Sequence[float], mapping: LevelMapping) -> t
     The weights are linear in the mapping's own position. A roughness below that of the first level
     takes the first level alone, and one beyond that of the last level takes the last alone.
 
-    Parameters
-    ----------
-    roughness : float
-        Perceptual roughness.
-    levels : sequence of float
-        The perceptual roughnesses of the levels, rising.
-    mapping : {"linear", "filament", "unreal"}
+    `levels` are the perceptual roughnesses of the levels, rising.
 
-    Returns
-    -------
-    level : int
-        The index of the lower level.
-    weight : float
-        The weight of the next level, in 0 .. 1; the lower level has the rest.
+    Returns `level`, the index of the lower level; and `weight`, the weight of the next level, in 0
+    .. 1; the lower level has the rest.
     """
     if roughness <= levels[0]:
         return 0, 0.0

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.brdf.environment.material_albedo import MaterialAlbedo
 from shrm_cli.brdf.library import parse_recorded
 from shrm_cli.errors import BrdfError, MapError
@@ -35,9 +35,7 @@ class SplitSum(LightMap):
 
     They may be those of any other isotropic BRDF that has a roughness, such as cloth.
 
-    References
-    ----------
-    Karis 2013, Real shading in Unreal Engine 4; Silvennoinen et al. 2025, section 3.2.
+    References: Karis 2013, Real shading in Unreal Engine 4; Silvennoinen et al. 2025, section 3.2.
     """
 
     levels: tuple[Array, ...]
@@ -195,12 +193,8 @@ class SplitSum(LightMap):
     def prefiltered(self, roughness: float, directions: ArrayLike) -> Array:
         """Return light mixed of two levels, filtered between their texels, shape (..., 3).
 
-        Parameters
-        ----------
-        roughness : float
-            Perceptual roughness.
-        directions : array_like, shape (..., 3)
-            Mirror directions R in world axes, or normals where they are the center.
+        `directions`, of shape (..., 3), are mirror directions R in world axes, or normals where
+        they are the center.
         """
         low, weight = blend(roughness, self.roughness, self.mapping)
         value = self.sampled(low, directions)

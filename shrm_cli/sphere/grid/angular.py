@@ -119,9 +119,7 @@ class AngularSampler:
 
     What the image holds outside its rim does not count.
 
-    Parameters
-    ----------
-    image : array_like, shape (N, N, channels)
+    `image` is of shape (N, N, channels).
     """
 
     def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
@@ -177,12 +175,8 @@ def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") 
     Pixels at the same distance from the center share their Legendre functions, and pixels that
     are mirror images in x or y share their waves in longitude, up to the sign.
 
-    Parameters
-    ----------
-    weighted : ndarray, shape (size, size, channels)
-        Pixels, each already multiplied by its solid angle.
-    order : int
-        Largest degree.
+    `weighted`, of shape (size, size, channels), holds pixels, each already multiplied by its solid
+    angle.
 
     Returns an array of shape ((order+1)^2, channels): real coefficients in world axes, index
     l(l+1)+m.

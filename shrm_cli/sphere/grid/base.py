@@ -32,13 +32,9 @@ class Analysis(Protocol):
     def add(self, start: int, pixels: Array, weights: Array) -> None:
         """Take in a block of rows.
 
-        Parameters
-        ----------
-        start : int
-            Index of the first row.
-        pixels : ndarray, shape (rows, width, channels)
-        weights : ndarray, broadcastable to shape (rows, width)
-            What `Grid.weights` gives for these rows.
+        `start` is the index of the first row. `pixels` are of shape (rows, width, channels).
+        `weights`, which broadcast to shape (rows, width), are what `Grid.weights` gives for these
+        rows.
         """
 
     def coefficients(self) -> Array:
@@ -112,10 +108,7 @@ class Grid(ABC):
 
         They are solid angles, or the weights of a more exact rule. Those of all pixels sum to 4 pi.
 
-        Parameters
-        ----------
-        start, stop : int
-            The first row, and the one behind the last; every row by default.
+        `start` and `stop` are the first row, and the one behind the last; every row by default.
 
         Returns an array of shape (stop - start, columns) or (stop - start, 1): there is a single
         column where all the pixels of a row weigh the same.
@@ -125,19 +118,11 @@ class Grid(ABC):
     def points(self, rows: Indices, down: Array, across: Array) -> tuple[Array, Array]:
         """Directions at positions in some rows of the image.
 
-        Parameters
-        ----------
-        rows : ndarray of int
-            The row that each position is in, which tells the face of a cube.
-        down, across : ndarray
-            Positions on the image or the face; all three can be broadcast.
+        `rows` are the row that each position is in, which tells the face of a cube. `down` and
+        `across` are positions on the image or the face; all three can be broadcast.
 
-        Returns
-        -------
-        directions : ndarray, shape (..., 3)
-            Those of a cube are longer than 1.
-        density : ndarray, shape (...)
-            Solid angle for a unit of area of positions; 0 where the image holds nothing.
+        Returns `directions` of shape (..., 3), those of a cube are longer than 1; and `density` of
+        shape (...), solid angle for a unit of area of positions; 0 where the image holds nothing.
         """
 
     @abstractmethod
@@ -161,10 +146,8 @@ class Grid(ABC):
     def parts(self, count: int) -> tuple[Array, Array]:
         """Positions of the middles of the `count` parts of each cell along an axis.
 
-        Returns
-        -------
-        down, across : ndarray, shape (rows, count) and (columns, count)
-            The samples themselves where `count` is 1.
+        Returns `down` and `across`, each of shape (rows, count) and (columns, count), the samples
+        themselves where `count` is 1.
         """
         rows, columns = self.shape
         down = _middles(rows // self.faces, self.sampling, count)
@@ -221,32 +204,19 @@ class Grid(ABC):
     def turned(self, image: Array, matrix: Array) -> Array | None:
         """An image in other axes, if its pixels fall upon each other there.
 
-        Parameters
-        ----------
-        image : ndarray, shape (rows, columns, channels)
-        matrix : ndarray, shape (3, 3)
-            Orthogonal, from the axes of the image to those of the result.
+        `image` is of shape (rows, columns, channels). `matrix`, of shape (3, 3), is orthogonal,
+        from the axes of the image to those of the result.
 
-        Returns
-        -------
-        ndarray, of the same shape, or None
-            The same pixels, none of them changed; None if they do not line up.
+        Returns the same pixels, none of them changed, or None if they do not line up.
         """
         return image if np.allclose(matrix, np.eye(3), rtol=0, atol=1e-9) else None
 
     def reduced(self, image: Array, target: "Grid", matrix: Array) -> Array | None:
         """Exact means over the cells of a coarser grid, where these are known.
 
-        Parameters
-        ----------
-        image, matrix : ndarray
-            As `turned` takes them.
-        target : Grid
-            The coarser grid.
+        `image` and `matrix` are as `turned` takes them. `target` is the coarser grid.
 
-        Returns
-        -------
-        ndarray, shape (target rows, target columns, channels), or None
+        Returns an array of shape (target rows, target columns, channels), or None.
         """
         return None
 
@@ -268,11 +238,8 @@ def channels_at_once(pixels: Array) -> int:
 class WholeImageAnalysis:
     """An `Analysis` of an image that arrives in one block.
 
-    Parameters
-    ----------
-    integrate : callable
-        From all the pixels of some channels, shape (rows, columns, channels), each multiplied by
-        its weight, to coefficients, shape ((order+1)^2, channels).
+    `integrate` goes from all the pixels of some channels, shape (rows, columns, channels), each
+    multiplied by its weight, to coefficients, shape ((order+1)^2, channels).
     """
 
     def __init__(self, integrate: Callable[[Array], Array]) -> None:

@@ -120,9 +120,7 @@ class LatLongSampler:
 
     It wraps around in longitude, and goes on beyond a pole half a turn away.
 
-    Parameters
-    ----------
-    image : array_like, shape (H, W, channels)
+    `image` is of shape (H, W, channels).
     """
 
     def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
@@ -152,11 +150,8 @@ def sample_latlong_cubic(image: ArrayLike, directions: ArrayLike) -> Array:
     The filter is more exact than that of `LatLongSampler` for smooth images, but overshoots beside
     bright pixels.
 
-    Parameters
-    ----------
-    image : array_like, shape (H, W, channels)
-    directions : array_like, shape (..., 3)
-        They may have any length but 0.
+    `image` is of shape (H, W, channels). `directions`, of shape (..., 3), may have any length but
+    0.
     """
     image = np.asarray(image)
     height, width = image.shape[:2]
@@ -182,18 +177,10 @@ class LatLongAnalysis:
     and those with the waves in theta another. Only (order+1)^2 moments stay in memory. The rules
     are exact for images band-limited below half the height.
 
-    Parameters
-    ----------
-    width, height : int
-        Size of the whole image; the width is even.
-    order : int
-        Largest degree.
-    dtype : float32 or float64
-        Precision of the longitude integral; everything after it is float64.
+    `width` and `height` are the size of the whole image; the width is even. `order` is the largest
+    degree. `dtype` is the precision of the longitude integral; everything after it is float64.
 
-    References
-    ----------
-    Ramamoorthi 2002, eq. 5.20 and 5.21.
+    References: Ramamoorthi 2002, eq. 5.20 and 5.21.
     """
 
     def __init__(
@@ -212,14 +199,9 @@ class LatLongAnalysis:
     def add(self, start: int, pixels: Array, weights: Array | None = None) -> None:
         """Take in a block of rows of the image.
 
-        Parameters
-        ----------
-        start : int
-            Index of the first row.
-        pixels : ndarray, shape (rows, width, channels)
-        weights : ndarray, optional
-            Not used. Other analyses need the solid angles of the pixels; this one has separate
-            weights for rows and columns, which it knows.
+        `start` is the index of the first row. `pixels` are of shape (rows, width, channels).
+        `weights` is not used. Other analyses need the solid angles of the pixels; this one has
+        separate weights for rows and columns, which it knows.
         """
         count, width, channels = pixels.shape
         planes = np.moveaxis(pixels, -1, 0)

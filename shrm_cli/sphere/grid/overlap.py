@@ -21,14 +21,8 @@ _ROUNDING = 1e-9
 def turn_about_axis(matrix: Array, width: int, sampling: Sampling) -> tuple[float, bool] | None:
     """How a turn about the lat-long's axis, and a mirroring with it, move the columns.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (3, 3)
-        Orthogonal, from the axes of the source to those of the target.
-    width : int
-        Columns of the source.
-    sampling : {"center", "border"}
-        Of the source.
+    `matrix`, of shape (3, 3), is orthogonal, from the axes of the source to those of the target.
+    `width` is the number of columns of the source. `sampling` is that of the source.
 
     Returns `offset`, the column, not rounded, of the source where the target begins; and
     `backwards`, whether the columns of the target go the other way.
@@ -57,19 +51,10 @@ def overlapped(
 ) -> Array:
     """Means of the source's cells over each cell of the target, by solid angle.
 
-    Parameters
-    ----------
-    image : ndarray, shape (rows, columns, channels)
-        The source.
-    shape : tuple of int
-        Rows and columns of the target.
-    offset, backwards
-        As `turn_about_axis` gives them.
+    `image`, of shape (rows, columns, channels), is the source. `shape` is the rows and columns of
+    the target. `offset` and `backwards` are as `turn_about_axis` gives them.
 
-    Returns
-    -------
-    ndarray, shape (*shape, channels)
-        Of the data type of the image.
+    Returns an array of shape (*shape, channels), of the data type of the image.
     """
     height, width = shape
     rows = _edges(image.shape[0], sampling)
@@ -107,12 +92,8 @@ def _overlaps(
 ) -> Iterator[Overlap]:
     """Yield the cells of the source that each cell of the target overlaps, and their shares of it.
 
-    Parameters
-    ----------
-    source, target : ndarray
-        Edges of the cells, ascending.
-    measure : callable
-        The size of cells, from their lower and upper edges.
+    `source` and `target` are edges of the cells, ascending. `measure` is the size of cells, from
+    their lower and upper edges.
     """
     first = np.searchsorted(source, target[:-1], "right") - 1
     last = np.searchsorted(source, target[1:], "left")

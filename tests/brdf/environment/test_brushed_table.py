@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.environment.brushed_table import AZIMUTHS, brushed_table, brushed_totals
-from shrm_cli.brdf.environment.environment_brdf import lobe_moments
+from shrm_cli.brdf.environment.environment_brdf import (
+    AZIMUTHS,
+    brushed_table,
+    brushed_totals,
+    lobe_moments,
+)
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import BrdfError
 from tests import brushed_ggx

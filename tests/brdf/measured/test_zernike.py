@@ -7,14 +7,14 @@ import pytest
 from scipy.special import eval_jacobi
 
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
-from shrm_cli.brdf.measured.reading.zernike_series import (
+from shrm_cli.brdf.measured.zernike import (
     Term,
+    Zernike,
     ZernikeSeries,
     basis,
     fit_zernike,
     terms_of,
 )
-from shrm_cli.brdf.measured.zernike import Zernike
 from shrm_cli.brdf.models.oren_nayar import OrenNayar
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles, normalize

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize, nnls
 
-from shrm_cli.maps.irradiance.quadratic import non_negative_least_squares, shortest_within
+from shrm_cli.maps.irradiance.window import non_negative_least_squares, shortest_within
 
 
 @pytest.mark.parametrize("case", range(30))

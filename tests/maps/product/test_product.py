@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.product import ProductFunctions, ProductQuadrature, scout_views
-from shrm_cli.brdf.product_rule import LightRule
+from shrm_cli.brdf.product import LightRule, ProductFunctions, ProductQuadrature, scout_views
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.maps.product.prefilter import product_texture

@@ -171,7 +171,7 @@ def test_a_form_given_by_hand_is_refused_by_the_bytes_that_were_asked_for(probe,
 
 
 def test_a_form_given_by_hand_is_obeyed_without(probe, monkeypatch):
-    monkeypatch.setattr("shrm_cli.maps.shrm.budget.DEFAULT_MAX_SIZE", 20_000)
+    monkeypatch.setattr("shrm_cli.maps.shrm.make.DEFAULT_MAX_SIZE", 20_000)
     assert make(probe, order_f=11, order_p=2).map.size == 32
     assert make(probe, size=64).map.size == 64
     assert make(probe, "cabral", size=64).map.size == 64

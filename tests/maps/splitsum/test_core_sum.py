@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import betainc
 
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.maps.splitsum.core import LobeCore, sum_core
 from shrm_cli.progress import using
 from shrm_cli.sphere.cube import cube_directions

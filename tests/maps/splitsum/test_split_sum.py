@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.splitsum.expansion import energies, multipliers
+from shrm_cli.maps.splitsum.core import energies, multipliers
 from shrm_cli.maps.splitsum.prefilter import frequency_pays
 from shrm_cli.maps.splitsum.roughness import (
     DEFAULT_LEVELS,

@@ -17,12 +17,9 @@ Index = NDArray[np.intp]
 class Slices:
     """Where parameters lie between the slices of a table; those beyond the ends lie at the ends.
 
-    Parameters
-    ----------
-    axes : pairs of (ndarray of shape (s,), ndarray of shape (n,))
-        For each parameter the values of the slices, increasing and two at least, and the values
-        that are looked up. Slices of the last parameter follow each other. Without parameters the
-        table is a single slice.
+    `axes` are for each parameter two arrays: the values of the slices, increasing and two at least,
+    and the values that are looked up. Slices of the last parameter follow each other. Without
+    parameters the table is a single slice.
     """
 
     def __init__(self, *axes: tuple[Array, Array]) -> None:
@@ -41,13 +38,8 @@ class Slices:
     def blend(self, records: Array, index: Index, per_slice: int) -> Array:
         """Interpolate records between the slices that each point lies between, shape (n, ...).
 
-        Parameters
-        ----------
-        records : ndarray, shape (slices * per_slice, ...)
-        index : ndarray of int, shape (n,)
-            Of a record within its slice.
-        per_slice : int
-            The number of records of a slice.
+        `records` are of shape (slices * per_slice, ...). `index`, of shape (n,), is that of a
+        record within its slice. `per_slice` is the number of records of a slice.
         """
         steps = [(stride * per_slice, part) for stride, part in self._steps]
         return _blend(records, self._low * per_slice + index, steps)
@@ -65,9 +57,7 @@ def _blend(records: Array, at: Index, steps: list[tuple[int, Array]]) -> Array:
 class Grid:
     """Values with several channels on a grid in each slice, bilinear between the nodes.
 
-    Parameters
-    ----------
-    values : ndarray, shape (s, rows, columns, channels)
+    `values` are of shape (s, rows, columns, channels).
     """
 
     def __init__(self, values: Array) -> None:
@@ -95,15 +85,11 @@ class Warp:
     The cumulative of the density along a row maps x, and the cumulative of the rows' integrals maps
     y. Both are exact for the density as it is interpolated.
 
-    Parameters
-    ----------
-    density : ndarray, shape (s, rows, columns)
-        Not negative, and with a positive integral in every slice, of any scale.
+    `density`, of shape (s, rows, columns), is not negative, and has a positive integral in every
+    slice, of any scale.
 
-    References
-    ----------
-    Dupuy and Jakob 2018, "An adaptive parameterization for efficient material acquisition and
-    rendering". This is the inverse of the sampling of visible normals there.
+    References: Dupuy and Jakob 2018, "An adaptive parameterization for efficient material
+    acquisition and rendering". This is the inverse of the sampling of visible normals there.
     """
 
     def __init__(self, density: Array) -> None:

@@ -22,22 +22,16 @@ def to_linear_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
     1 gives (1, 1, 1). Spectra outside of sRGB's gamut give negative channels, which are kept, so
     that the conversion is linear.
 
-    Parameters
-    ----------
-    wavelengths_nm : array_like, shape (n,)
-        The wavelengths in nanometers, in any order.
-    values : array_like, shape (..., n)
-        The reflectance or BRDF (1/sr) at these wavelengths; float32 stays float32.
+    `wavelengths_nm`, of shape (n,), holds the wavelengths in nanometers, in any order. `values`, of
+    shape (..., n), are the reflectance or BRDF (1/sr) at these wavelengths; float32 stays float32.
 
     Returns an array of shape (..., 3).
 
     Raises BrdfError if wavelengths are not positive and different.
 
-    References
-    ----------
-    CIE 015:2018, section 7.1 (the sums); ISO/CIE 11664-1 and 11664-2 (the observer in steps of
-    1 nm from 360 to 830 nm, and D65 in steps of 5 nm, linear between them and constant beyond
-    780 nm); IEC 61966-2-1, section 5.2 (the matrix).
+    References: CIE 015:2018, section 7.1 (the sums); ISO/CIE 11664-1 and 11664-2 (the observer in
+    steps of 1 nm from 360 to 830 nm, and D65 in steps of 5 nm, linear between them and constant
+    beyond 780 nm); IEC 61966-2-1, section 5.2 (the matrix).
     """
     wavelengths = np.asarray(wavelengths_nm, dtype=float)
     values = np.asarray(values)
