@@ -112,12 +112,22 @@ class Shrm(CentralMap):
     ) -> Shrm:
         """Make the map from the coefficients of light and BRDF.
 
-        `lighting`, of shape (>= (F+1)^2, 3), holds the coefficients of the light over the real
-        harmonics of world axes. `brdf`, of shape (F+1, P+1, P+1, 3), is the coefficients
-        rho_hat_lpq of the BRDF to exactly the orders of the map, for q >= 0. `center` is the BRDF's
-        central direction. `info` is how the map is made. `size` is the number of texels along a
-        face's edge; `choose_size` by default. `frame` and `sampling` are the same as the
-        attributes. `dtype` is the precision in which the texels are computed.
+        Parameters
+        ----------
+        lighting : array_like, shape (>= (F+1)^2, 3)
+            The coefficients of the light over the real harmonics of world axes.
+        brdf : ndarray, shape (F+1, P+1, P+1, 3)
+            The coefficients rho_hat_lpq of the BRDF to exactly the orders of the map, for q >= 0.
+        center : {"reflection", "normal", "tangent"}
+            The BRDF's central direction.
+        info : MapInfo
+            How the map is made.
+        size : int, optional
+            Texels along a face's edge; `choose_size` by default.
+        frame, sampling
+            The same as the attributes.
+        dtype : float32 or float64
+            The precision in which the texels are computed.
 
         Raises MapError if the map would be too large to be kept in memory.
         """

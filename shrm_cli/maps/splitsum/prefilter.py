@@ -141,14 +141,26 @@ def make_levels(
 ) -> tuple[list[Array], list[MapInfo]]:
     """Make the cubes of the levels of a split sum.
 
-    `roughness` is the perceptual roughness of each level: 0, or `MIN_ROUGHNESS` to 1. `largest` is
-    the most texels along an edge of the first level; no level is larger than the one before.
-    `sampling` is where the samples of the cubes lie. `error` is the relative RMS error that each
-    level may have, in (0, 1). `sizes` are the texels along an edge of each level, for readers that
-    want them so, in place of what `largest` and the orders of the levels ask for. `brdf` is the
-    material whose lobes the levels are of, as `split_material` returns it.
+    Parameters
+    ----------
+    roughness : sequence of float
+        The perceptual roughness of each level: 0, or `MIN_ROUGHNESS` to 1.
+    largest : int
+        The most texels along an edge of the first level; no level is larger than the one before.
+    sampling : {"center", "border"}
+        Where the samples of the cubes lie.
+    error : float
+        Relative RMS error that each level may have, in (0, 1).
+    sizes : sequence of int, optional
+        Texels along an edge of each level, for readers that want them so, in place of what
+        `largest` and the orders of the levels ask for.
+    brdf : Brdf, optional
+        The material whose lobes the levels are of, as `split_material` returns it.
 
-    Returns the cubes, of shape (6 N_k, N_k, 3), and their records.
+    Returns
+    -------
+    cubes : list of ndarray, shape (6 N_k, N_k, 3)
+    infos : list of MapInfo
     """
     probe = fine_probe(probe)
     rows = _rows(probe)
