@@ -206,6 +206,25 @@ def test_batches_notice_that_the_code_of_a_form_has_changed(site, shell, tmp_pat
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("changed", "made"), [("brdf.py", 2), ("notes.txt", 0)])
+def test_batches_notice_that_the_code_of_a_brdf_has_changed(site, shell, tmp_path, changed, made):
+    copy = tmp_path / "copy"
+    shutil.copytree(site, copy)
+    where = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(copy)])}
+    brdfs = "lommel-seeliger:albedo=0.4", "0.5*lommel-seeliger+0.5*lambertian", "lambertian"
+    of = [word for brdf in brdfs for word in ("--brdf", brdf)]
+    line = "batch", "dawn.exr", *of, "--to", "shrm", "--json"
+    assert json.loads(shell(*line, "--jobs", "1", **where))["made"] == 3
+    with open(copy / "shrm_moon" / changed, "a") as file:
+        file.write("# another state\n")
+    again = json.loads(shell(*line, "--jobs", "1", **where))
+    assert (again["made"], again["skipped"]) == (made, 3 - made)
+    records = map(json.loads, (tmp_path / "batch.jsonl").read_text().splitlines())
+    whys = [each["why"] for each in records if each["status"] == "made"][3:]
+    assert whys == ["it was made with other options (another state of the BRDF's code)"] * made
+
+
+@pytest.mark.slow
 def test_the_form_of_the_example_is_chosen_among(shell):
     """A diffuse surface of albedo 1/2 reflects half of what the cube holds; its error is known."""
     brdf = "lambertian:albedo=0.5"
