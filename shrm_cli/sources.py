@@ -47,24 +47,29 @@ def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
 def fingerprint_with(module: str) -> str:
     """Return a digest of what decides maps, with the package or module of somebody else's in it.
 
+    Parameters and result are those of `package_digest` and `fingerprint`.
+    """
+    return hashlib.sha256(fingerprint().encode() + package_digest(module)).hexdigest()[:16]
+
+
+@functools.cache
+def package_digest(module: str) -> bytes:
+    """Return a digest of somebody else's package or module; empty where it is in no file.
+
     `module` is the full name of a module that is loaded. All modules and tables of the package that
     it lies in count; what these import of other packages does not.
-
-    Returns it as `fingerprint` does.
     """
     parts = module.split(".")
     names = (".".join(parts[:end]) for end in range(1, len(parts) + 1))
     # Packages that share a name, such as that of a studio, have no file of their own.
-    files = (getattr(sys.modules[name], "__file__", None) for name in names)
+    files = (getattr(sys.modules.get(name), "__file__", None) for name in names)
     place: str = next(filter(None, files), "")
     folder, file = os.path.split(place)
-    digest = hashlib.sha256(fingerprint().encode())
     if file.startswith("__init__."):
-        digest.update(_folder_digest(os.path.basename(folder), os.path.dirname(folder)))
-    else:
-        with suppress(OSError), open(place, "rb") as stream:  # it may lie in an archive
-            digest.update(stream.read())
-    return digest.hexdigest()[:16]
+        return _folder_digest(os.path.basename(folder), os.path.dirname(folder))
+    with suppress(OSError), open(place, "rb") as stream:  # it may lie in an archive
+        return stream.read()
+    return b""
 
 
 @functools.cache

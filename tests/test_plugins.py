@@ -206,6 +206,49 @@ def test_batches_notice_that_the_code_of_a_form_has_changed(site, shell, tmp_pat
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("changed", "made"), [("brdf.py", 2), ("notes.txt", 0)])
+def test_batches_notice_that_the_code_of_a_brdf_has_changed(site, shell, tmp_path, changed, made):
+    copy = tmp_path / "copy"
+    shutil.copytree(site, copy)
+    where = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(copy)])}
+    brdfs = "lommel-seeliger:albedo=0.4", "0.5*lommel-seeliger+0.5*lambertian", "lambertian"
+    of = [word for brdf in brdfs for word in ("--brdf", brdf)]
+    line = "batch", "dawn.exr", *of, "--to", "shrm", "--json"
+    assert json.loads(shell(*line, "--jobs", "1", **where))["made"] == 3
+    with open(copy / "shrm_moon" / changed, "a") as file:
+        file.write("# another state\n")
+    again = json.loads(shell(*line, "--jobs", "1", **where))
+    assert (again["made"], again["skipped"]) == (made, 3 - made)
+    records = map(json.loads, (tmp_path / "batch.jsonl").read_text().splitlines())
+    whys = [each["why"] for each in records if each["status"] == "made"][3:]
+    assert whys == ["it was made with other options (another state of the BRDF's code)"] * made
+
+
+@pytest.mark.slow
+def test_an_option_of_a_form_that_conversions_take(site, shell, tmp_path):
+    """Only what the form says that they take; it is in the help with the form's name alone."""
+    copy = tmp_path / "copy"
+    shutil.copytree(site, copy)
+    form, code = (copy / "shrm_moon" / name for name in ("form.py", "ambient_cube.py"))
+    form.write_text(form.read_text().replace('default="axes",', 'default="axes", converts=True,'))
+    colored = "AmbientCube(source.radiance(AXES, AXES) * len(options['fit']), source.info)"
+    become = f"    return {colored}"
+    code.write_text(f"{code.read_text()}\n\ndef converted(source, to, **options):\n{become}\n")
+    where = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(copy)])}
+    line = "convert", "dawn.shrm.exr", "--to", "ambient-cube"
+    shell("prefilter", "dawn.exr", "--brdf", "lambertian", "--to", "shrm", "-o", "dawn.shrm.exr")
+    colors = []
+    for fit in ("axes", "least"):
+        told = shell(*line, "--fit", fit, "--json", "-o", f"{fit}.exr", **where)
+        assert json.loads(told)["file"] == f"{fit}.exr"
+        colors.append(json.loads(shell("info", f"{fit}.exr", "--json", **where))["colors"])
+    np.testing.assert_allclose(colors[1], np.multiply(colors[0], 5 / 4), rtol=1e-3)
+    assert "--fit" in shell(*line, "--help", **where)
+    assert "--fit" not in shell(*line, "--help")
+    assert "--fit" not in shell("convert", "--help", **where)
+
+
+@pytest.mark.slow
 def test_the_form_of_the_example_is_chosen_among(shell):
     """A diffuse surface of albedo 1/2 reflects half of what the cube holds; its error is known."""
     brdf = "lambertian:albedo=0.5"

@@ -89,9 +89,9 @@ class ProbeStatistics:
             return ""
         low, high = (f"{each:.2g}" for each in (min(sizes), max(sizes)))
         if len(sizes) == 1:
-            return f"one lamp of {low} degrees holds {share:.0%} of the light: `shrm sun`"
+            return f"one lamp of {low} degrees holds {share:.0%} of the light: `--sun split`"
         span = low if low == high else f"{low} to {high}"
-        return f"{len(sizes)} lamps of {span} degrees hold {share:.0%} of the light: `shrm sun`"
+        return f"{len(sizes)} lamps of {span} degrees hold {share:.0%} of the light: `--sun split`"
 
     def summary(self) -> dict[str, Any]:
         """The numbers by name, for JSON. Directions are azimuth and elevation in degrees."""

@@ -144,7 +144,9 @@ def differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     here = json.loads(json.dumps(here))
     if there.get("reading") != here["reading"]:
         return "how the probe is read"
-    names = sorted({*there, *here} - {"reading", "brdf"})
+    if there.get("code") != here.get("code"):
+        return "another state of the BRDF's code"
+    names = sorted({*there, *here} - {"reading", "brdf", "code"})
     texts = [
         f"`{name}` {_text(there.get(name))} there, {_text(here.get(name))} here"
         for name in names

@@ -29,6 +29,7 @@ from shrm_cli import settings
 from shrm_cli.arrays import Memo
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.brdf.library import foreign_modules
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing
 from shrm_cli.records import record
@@ -226,7 +227,7 @@ def _record(brdf: Brdf, **more: Any) -> str | None:
     It is None for a BRDF that this does not identify. A measured one has the digest of its file
     among its values.
     """
-    if not _is_of_this_package(brdf):
+    if foreign_modules(brdf):
         return None
     parts = {
         "name": brdf.name,
@@ -239,18 +240,6 @@ def _record(brdf: Brdf, **more: Any) -> str | None:
         return json.dumps(parts, sort_keys=True)
     except (TypeError, ValueError):
         return None
-
-
-def _is_of_this_package(brdf: Brdf) -> bool:
-    """Whether the code of a BRDF, and of the BRDFs that it is made of, is in this package."""
-    pending = list(vars(brdf).values())
-    while pending:
-        part = pending.pop()
-        if isinstance(part, tuple | list):
-            pending += part
-        elif isinstance(part, Brdf) and not _is_of_this_package(part):
-            return False
-    return type(brdf).__module__.startswith("shrm_cli.brdf.")
 
 
 def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) -> None:

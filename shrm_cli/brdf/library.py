@@ -81,6 +81,19 @@ def is_built_in(model: type[Brdf]) -> bool:
     return model.__module__.startswith(PACKAGE)
 
 
+def foreign_modules(brdf: Brdf) -> set[str]:
+    """Return the names of modules, none of this package, of a BRDF and of those it is made of."""
+    own = {type(brdf).__module__}
+    found, pending = {each for each in own if not each.startswith(PACKAGE)}, [*vars(brdf).values()]
+    while pending:
+        part = pending.pop()
+        if isinstance(part, tuple | list):
+            pending += part
+        elif isinstance(part, Brdf):
+            found |= foreign_modules(part)
+    return found
+
+
 def built_in_names() -> list[str]:
     """Names of the models of `shrm`, in the order of the alphabet; none is loaded."""
     return sorted(module_names(MODELS) + module_names(LAYERED))

@@ -9,6 +9,7 @@ import click
 from shrm_cli.cli.options import (
     COLORS,
     TURNS,
+    command_with_headings,
     conclude,
     make_read_options,
     precision_option,
@@ -83,7 +84,7 @@ _plain_options = several(
 """The options of plain images of `shrm convert`."""
 
 
-@click.command()
+@click.command(cls=command_with_headings({}, "Options", _converts))
 @click.argument("source", metavar="IN", type=click.Path())
 @click.option(
     "--to", "target", type=Named(_TARGETS, installed_names), required=True,

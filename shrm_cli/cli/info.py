@@ -30,7 +30,7 @@ def info(file: str, stats: bool, **reading: Any) -> None:
     Of a probe it reads the pixels. Stops lie between the luminances that 1 % and 99.9 % of the
     sphere are below; irradiance is that of normals along the axes, +Y that of the ground; the
     temperature is the correlated one of the mean light. Advice names small lamps that hold so much
-    of the light that glossy surfaces show them wrong; `shrm sun` takes them out.
+    of the light that glossy surfaces show them wrong; `--sun split` keeps them beside maps.
     """
     from shrm_cli.analysis.describe import describe
     from shrm_cli.analysis.facts import fact_text

@@ -64,32 +64,38 @@ def several(*options: Callable[[Any], Any]) -> Callable[[Command], Command]:
     return decorate
 
 
-def command_with_headings(headings: dict[str, list[str]]) -> type[click.Command]:
+def command_with_headings(
+    headings: dict[str, list[str]],
+    last: str = "Running",
+    wanted: Callable[[Option], bool] = lambda option: True,
+) -> type[click.Command]:
     """Return a class of commands whose help lists options under headings.
 
-    They keep the words that they were called with, for command lines that are shown or written.
+    They take options of the installed forms that ``--to`` names, too. They keep the words that they
+    were called with, for command lines that are shown or written.
 
     `headings` are the names of options' values, by the heading that they stand under. All others
-    come last, under ``Running``.
+    come last, under `last`. `wanted` tells whether an option of an installed form is one of the
+    command's.
     """
     place = {name: heading for heading, names in headings.items() for name in names}
 
     class WithHeadings(click.Command):
         def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
             ctx.meta["shrm.words"] = list(args)
-            ctx.meta["shrm.own"] = _own_options(self, args, ctx.resilient_parsing)
+            ctx.meta["shrm.own"] = _own_options(self, args, ctx.resilient_parsing, wanted)
             return super().parse_args(ctx, args)
 
         def get_params(self, ctx: click.Context) -> list[click.Parameter]:
             return [*super().get_params(ctx), *ctx.meta.get("shrm.own", [])]
 
         def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-            rows: dict[str, list[tuple[str, str]]] = {each: [] for each in (*headings, "Running")}
+            rows: dict[str, list[tuple[str, str]]] = {each: [] for each in (*headings, last)}
             for param in self.get_params(ctx):
                 record = param.get_help_record(ctx)
                 if isinstance(param, click.Option) and record is not None:
                     is_own = param in ctx.meta.get("shrm.own", [])
-                    heading = _OWN if is_own else place.get(param.name or "", "Running")
+                    heading = _OWN if is_own else place.get(param.name or "", last)
                     rows.setdefault(heading, []).append(record)
             for heading, records in rows.items():
                 if records:
@@ -99,11 +105,17 @@ def command_with_headings(headings: dict[str, list[str]]) -> type[click.Command]
     return WithHeadings
 
 
-def _own_options(command: click.Command, words: Sequence[str], is_lenient: bool) -> list[Any]:
+def _own_options(
+    command: click.Command,
+    words: Sequence[str],
+    is_lenient: bool,
+    wanted: Callable[[Option], bool],
+) -> list[Any]:
     """Return the options of the installed forms that words of a command line name by ``--to``.
 
     `command` has the options that it shares with other forms already. `is_lenient` tells whether a
-    form that cannot be used has none, because a shell completes.
+    form that cannot be used has none, because a shell completes. `wanted` is as
+    `command_with_headings` takes it.
 
     Raises PluginError if the form cannot be used.
     """
@@ -115,7 +127,7 @@ def _own_options(command: click.Command, words: Sequence[str], is_lenient: bool)
     shared = {each.name for each in command.params}
     new = [name for name in named if name not in kinds[0].choices and is_known(name)]
     try:
-        options = [option for name in new for option in description(name).options]
+        options = [option for name in new for option in description(name).options if wanted(option)]
     except PluginError:
         if is_lenient:
             return []

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any, Self, cast
 
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.library import foreign_modules
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
@@ -17,6 +18,7 @@ from shrm_cli.maps.options import SHARED, Representation, listing, owners
 from shrm_cli.maps.size import stored_bytes
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
+from shrm_cli.sources import package_digest
 from shrm_cli.vocabulary import (
     AUTO,
     DEFAULT_EPS,
@@ -114,7 +116,8 @@ class Request:
 
         The BRDF has a record of its own, but where a map is made of each of its roughnesses.
 
-        Returns values as JSON has them, and under ``reading`` how the probe was read.
+        Returns values as JSON has them, under ``reading`` how the probe was read, and under
+        ``code`` a digest of the BRDF's, where it is not all of `shrm`.
         """
         automatic: dict[str, Any] = {}
         if self.to == AUTO:
@@ -125,6 +128,10 @@ class Request:
         found = recorded_defaults(self.to, self.given) | automatic | _listed(self.given)
         if self.brdf is not None and not registry.description(self.to).needs_brdf:
             found["brdf"] = record_of(self.brdf)
+        if self.brdf is not None and (others := sorted(foreign_modules(self.brdf))):
+            from hashlib import sha256
+
+            found["code"] = sha256(b"".join(map(package_digest, others))).hexdigest()[:16]
         return {**found, "reading": probe.reading()}
 
 

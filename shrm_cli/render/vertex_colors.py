@@ -19,11 +19,14 @@ from shrm_cli.maps.product.product import ProductMap
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.render.lamps import BrdfAt, LampsOnMesh, Points, blended
 from shrm_cli.render.variation import Variation
-from shrm_cli.sphere.directions import normalize
+from shrm_cli.sphere.directions import horizontal_tangents, normalize
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.transfer.bake import mesh_digest
 from shrm_cli.transfer.shading import diffuse_colors, fitted, glossy_colors
 from shrm_cli.transfer.transfer import Transfer
+
+_SAME = 1e-5
+"""How far tangents may be from those around +Y, which files hold as 32-bit floats."""
 
 
 class VertexColors:
@@ -57,9 +60,15 @@ class VertexColors:
         self._mesh, self._transfer, self._product, self._lamps = mesh, transfer, product, lamps
         self._variation = variation
         self._shares: list[float] = []
+        # Tangents around +Y are known at each point. Means of those of vertices are not them where
+        # normals are near +Y, about which they go all the way round.
+        self._is_around = False
         if product is not None:
             transfer.check_glossy()
             self._shares = product.shares({})
+            assert transfer.frames is not None
+            around = horizontal_tangents(transfer.frames[:, 2])
+            self._is_around = bool(np.abs(transfer.frames[:, 0] - around).max() < _SAME)
         self._set(np.asarray(lighting, dtype=float))
 
     def _set(self, lighting: Array) -> None:
@@ -135,7 +144,7 @@ class VertexColors:
             found = np.maximum(found, 0)
         if self._lamps is None:
             return found
-        if self._product is not None and transfer.frames is not None:
+        if self._product is not None and transfer.frames is not None and not self._is_around:
             along = transfer.at(self._mesh, transfer.frames[:, 0], *points)
             tangents = perpendicular(along, normals)
         lit = self._lamps.radiance(points, normals, views, tangents, samples, shares)

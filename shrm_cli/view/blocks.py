@@ -54,7 +54,7 @@ class Blocks:
         return len(self.parts) - 1
 
     def texture(
-        self, values: ArrayLike, what: str, is_half: bool = True, shared: bool = False
+        self, values: ArrayLike, what: str, is_half: bool = True, series: int = 0
     ) -> dict[str, Any]:
         """Keep an RGB texture, and return how the page finds it.
 
@@ -66,8 +66,9 @@ class Blocks:
             What messages call the texture.
         is_half : bool
             Whether 16 bits a number will do.
-        shared : bool
-            Whether what is seen at a texel is a sum over its layers.
+        series : int
+            In how many runs of layers, one behind the other, what is seen at a texel is a sum over
+            the layers of a run; 0 where each layer is seen by itself.
 
         Returns
         -------
@@ -98,7 +99,7 @@ class Blocks:
         }
         if not (is_half and self.is_rounded):
             return {**described, "block": self.add(found.astype(np.float16) if is_half else found)}
-        made = rounded(found.reshape(-1, *found.shape[-3:]), shared)
+        made = rounded(found.reshape(-1, *found.shape[-3:]), series)
         self.rounding_error = max(self.rounding_error, made.error)
         steps, exponents = self.add(made.steps), self.add(made.exponents)
         return {**described, "block": steps, "exponents": exponents, "error": made.error}
@@ -121,32 +122,32 @@ class Rounded:
     """Whole numbers of steps; 0, -1, 1, -2, .. are counted as 0, 1, 2, 3, ., shape (3, layers, H,
     W)."""
     exponents: NDArray[np.int8]
-    """The step of a texel is ``2^exponent``, shape (1 or layers, H, W)."""
+    """The step of a texel is ``2^exponent``, shape (series or layers, H, W)."""
     error: float
     """RMS of what rounding changed, each texel relative to its length."""
 
 
-def rounded(values: NDArray[np.float32], shared: bool) -> Rounded:
+def rounded(values: NDArray[np.float32], series: int) -> Rounded:
     """Round a texture, shape (layers, H, W, 3).
 
     Parameters
     ----------
     values : ndarray
         Finite, and no larger than 16-bit floats are.
-    shared : bool
-        Whether the layers of a texel have one length.
+    series : int
+        The number of runs of layers that have one length at a texel; 0 where each has its own.
     """
-    square = np.einsum("lhwc,lhwc->lhw", values, values, dtype=float)
-    length = np.sqrt(square.sum(axis=0, keepdims=True) if shared else square)
+    runs = values.reshape(series or len(values), -1, *values.shape[1:])
+    length = np.sqrt(np.einsum("slhwc,slhwc->shw", runs, runs, dtype=float))
     exponents = np.full(length.shape, _LOWEST)
     lit = length > 2.0**_LOWEST
     exponents[lit] = np.ceil(np.log2(length[lit]))
-    exponents -= _BITS[shared]
-    step = np.exp2(exponents)[..., None]
-    whole = np.rint(values / step)
-    apart = np.einsum("lhwc->hw" if shared else "lhwc->lhw", (whole * step - values) ** 2)
-    relative = apart.reshape(length.shape)[lit] / length[lit] ** 2
+    exponents -= _BITS[series > 0]
+    step = np.exp2(exponents)[:, None, ..., None]
+    whole = np.rint(runs / step)
+    apart = np.einsum("slhwc->shw", (whole * step - runs) ** 2)
+    relative = apart[lit] / length[lit] ** 2
     error = float(np.sqrt(relative.mean())) if lit.any() else 0.0
-    signed = whole.astype(np.int16)
+    signed = whole.astype(np.int16).reshape(values.shape)
     steps = ((signed << 1) ^ (signed >> 15)).astype(np.uint16)
     return Rounded(np.moveaxis(steps, -1, 0), exponents.astype(np.int8), error)

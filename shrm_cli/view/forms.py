@@ -23,8 +23,6 @@ def described_map(
 ) -> dict[str, Any]:
     """Describe a map for the page, as `viewer.js` knows it, and keep its textures.
 
-    Parameters of its BRDF that vary are in the middle of their ranges.
-
     Parameters
     ----------
     name : str
@@ -40,10 +38,6 @@ def described_map(
     """
     if isinstance(made, MaterialMap):
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")
-    if made.varies:
-        middle = made.shaded().with_values({})
-        assert isinstance(middle, Map)
-        made = middle
     brushed = taps if "anisotropy" in made.surface_arguments else None
     try:
         code = written_code(made, "glsl", "layers", brushed)
@@ -52,29 +46,31 @@ def described_map(
         raise MapError(
             f"{file}: pages cannot show it ({error}); `shrm convert` makes another form of it"
         ) from error
-    packed = [
-        {
-            "name": each.name,
-            **blocks.texture(
-                each.values, f"{file}: {each.name}", each.name in _LIGHT, made.texels_are_series
-            ),
-        }
-        for each in textures
-    ]
-    facts, light = _facts(made), made.harmonic_light
+    facts, light, ways = _facts(made), made.harmonic_light, made.ways.items()
+    count = len(light.product.textures) if light and light.product else 1
+    packed = []
+    for each in textures:
+        series = 0
+        if made.texels_are_series:
+            series = count if len(each.values) % count == 0 else 1
+        what = f"{file}: {each.name}"
+        found = blocks.texture(each.values, what, each.name in _LIGHT, series)
+        packed.append({"name": each.name, **found})
     facts += [("rounded by", f"{each['error']:.2%}") for each in packed if "error" in each]
     return {
         "name": name,
         "file": file,
         "code": code.text,
         "call": _call(made, code),
-        "boxed_call": _call(made, code, ", p") if code.is_boxed else None,
+        "boxed_call": _call(made, code, ", p") if code.is_boxed and not made.varies else None,
         "surface": isinstance(made, LightMap),
         "brushed": brushed,
         "tangents": code.takes_tangent or brushed is not None,
         "roughness": list(made.roughness_range),
         "textures": packed,
         "lighting": light.coefficients.ravel().tolist() if light and light.product else None,
+        "probe": made.info.probe,
+        "ways": [{"name": name, "low": low, "high": high} for name, (low, high) in ways],
         "facts": facts,
     }
 
@@ -90,6 +86,9 @@ def _call(made: Map, code: Code, point: str = "") -> str:
     call = f"shrm_radiance{at}(n, v{point}{''.join(own)})"
     if code.takes_tangent:
         call = f"shrm_brushed_radiance{at}(n, view_tangent(n), v{point})"
+    if made.varies:
+        shares = "".join(f", view_shares.{axis}" for axis, _ in zip("xy", made.ways, strict=False))
+        call = f"shrm_varied_radiance(n, view_tangent(n), v{shares})"
     if "anisotropy" in made.surface_arguments:
         brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
         call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"
@@ -107,8 +106,13 @@ def _facts(made: Map) -> list[tuple[str, str]]:
     info, summary = made.info, made.summary()
     facts = [("form", registry.description(made.representation).title)]
     if "f0" not in made.surface_arguments and not made.is_white:
-        places_to_break = re.sub(r"([,+:])", "\\1\u200b", spec_of(info.brdf))
+        brdf = info.brdf
+        if isinstance(own := brdf.get("parameters"), dict):
+            same = {name: value for name, value in own.items() if name not in made.ways}
+            brdf = {**brdf, "parameters": same}
+        places_to_break = re.sub(r"([,+:])", "\\1\u200b", spec_of(brdf))
         facts.append(("BRDF", places_to_break))
+    facts += [(name, f"{low:.3g} \u2026 {high:.3g}") for name, (low, high) in made.ways.items()]
     facts.append(("probe", info.probe or "unknown"))
     if made.cube_count:
         facts.append(("cubes", f"{made.cube_count} of 6 \u00d7 {made.size}\u00b2"))

@@ -133,6 +133,7 @@ def make_scene(
         described_map(each, name, Path(file).name, blocks, start.taps)
         for each, name, file in zip(maps, names, files, strict=True)
     ]
+    ways = _ways(described)
     is_brushed = any(each["tangents"] for each in described)
     shapes = described_shapes(mesh, blocks, is_brushed)
     # Whoever names a mesh wants to see it, unless there is a truth, which is of a sphere.
@@ -150,7 +151,9 @@ def make_scene(
             "f0": list(start.f0),
             "anisotropy": start.anisotropy,
             "brush": _checked_brush(start.brush, mesh, is_brushed),
+            "values": [way.pop("start") for way in ways],
         },
+        "ways": ways,
         "metals": _metals(maps[0].info.chromaticities),
         "sky": None,
         "truths": [],
@@ -207,6 +210,7 @@ def _add_truth(
                 "f0": list(start.f0),
                 "anisotropy": start.anisotropy,
                 "brush": None if brush == "uv" else brush,
+                "values": scene.description["start"]["values"],
                 "picture": scene.blocks.texture(picture, "the truth", is_half=False),
             }
         )
@@ -322,6 +326,21 @@ def _names(files: Sequence[str]) -> list[str]:
             unique = f"{stem} ({count})"
         names.append(unique)
     return names
+
+
+def _ways(described: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the parameters that vary in maps, which refer to them by number instead of by name.
+
+    One of several maps goes over the ranges of all of them. It starts in the middle of the first.
+    """
+    ways: dict[str, dict[str, Any]] = {}
+    for own in (way for each in described for way in each["ways"]):
+        name, low, high = own.pop("name"), own["low"], own["high"]
+        first = {"name": name, "low": low, "high": high, "start": (low + high) / 2}
+        whole = ways.setdefault(name, first)
+        whole |= {"low": min(whole["low"], low), "high": max(whole["high"], high)}
+        own["number"] = list(ways).index(name)
+    return list(ways.values())
 
 
 def _metals(primaries: tuple[float, ...] | None) -> list[dict[str, Any]]:

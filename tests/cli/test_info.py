@@ -144,7 +144,7 @@ def test_small_lamps_that_hold_much_of_the_light_are_worth_advice(folder, level,
         assert sum(lamp["share"] for lamp in values["lamps"]) == pytest.approx(share, rel=0.02)
     assert bool(advice) == (share > 0.02 and radius < 1)
     if advice:
-        words = r"2 lamps of [\d. to]+ degrees hold (\d+)% of the light: `shrm sun`"
+        words = r"2 lamps of [\d. to]+ degrees hold (\d+)% of the light: `--sun split`"
         found = re.fullmatch(words, advice)
         assert int(found[1]) == pytest.approx(100 * share, abs=1.5)
     assert lines(done("info", "lamps.exr"))[1]["advice"] == (advice or "none")

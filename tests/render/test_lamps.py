@@ -7,6 +7,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.product.make import product
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.probe.open import open_probe
@@ -118,6 +119,30 @@ def test_what_the_mesh_sends_of_a_lamp_is_kept():
     expected = 0.9 * direct + mesh.interpolated(sent, faces, weights)
     np.testing.assert_allclose(found, expected, atol=1e-6 * expected.max())
     assert mesh.interpolated(sent, faces, weights).mean() > 0.01 * expected.mean()
+
+
+def test_tangents_around_y_are_those_of_points():
+    """In the triangles about +Y means of the vertices' tangents point anywhere."""
+    mesh, brdf = meshes.sphere(1), parse_spec("ward:ax=0.6,ay=0.2")
+    baked = bake(Plan(mesh, 0, samples=16, glossy=True))
+    disc = Disc(np.array([0.28, 0.96, 0.0]), 0.01, np.array([100.0, 80.0, 60.0]))
+    dark = product(brdf, 0, 8).lit(np.zeros((1, 3)))
+    near = np.argsort(-mesh.vertices[mesh.faces].mean(axis=1)[:, 1])[:8]
+    weights = np.tile([0.5, 0.3, 0.2], (8, 1))
+    normals = mesh.interpolated(mesh.normals, near, weights)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    views = np.tile([0.0, 1.0, 0.0], (8, 1))
+    found = vertex_colors(mesh, baked, dark, [disc]).radiance(
+        np.array([0.0, 9.0, 0.0]), (near, weights), normals, views
+    )
+    expected = []
+    for normal, view in zip(normals, views, strict=True):
+        tangent = np.cross([0, 1, 0], normal)
+        tangent /= np.linalg.norm(tangent)
+        frame = np.array([tangent, np.cross(normal, tangent), normal])
+        value = brdf.evaluate(frame @ disc.direction, frame @ view) * (normal @ disc.direction)
+        expected.append(value * disc.radiance * disc.solid_angle)
+    np.testing.assert_allclose(found, expected, rtol=0.01, atol=1e-3 * np.max(expected))
 
 
 SIZE = 96

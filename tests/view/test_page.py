@@ -13,7 +13,6 @@ from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.geometry.normals import face_normals
 from shrm_cli.maps.explicit import shader
-from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.probe.probe import Probe
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.forms import described_map
@@ -74,18 +73,36 @@ def test_what_the_page_calls_is_what_the_form_says(monkeypatch):
         assert found[key] == honest[key]
 
 
-@pytest.mark.parametrize("name", ["product varying", "product of two parameters"])
-def test_what_varies_is_one_texture_in_the_middle(name):
-    """As `shrm render` shows it where nothing tells a value: pages mix no textures."""
-    made, (normals, views) = cases.FORMS[name](), cases.points(40)
-    found = described_map(made, "a", "a.exr", Blocks())
-    sizes = {each["name"]: each["depth"] for each in found["textures"]}
-    assert sizes == {"shrm_table": 1, "shrm_product": 9}
-    middle = made.with_values({})
-    assert found["code"] == look_up_code(middle, "glsl", "layers")
-    np.testing.assert_allclose(
-        middle.radiance(normals, views), made.radiance(normals, views), atol=1e-9
-    )
+def test_parameters_that_vary_start_in_the_middle_of_the_first_map():
+    """Maps refer to them by number; one of several maps goes over all of their ranges."""
+    maps = [
+        cases.varying(1, {"rough": (0.2, 0.4), "</script>": (1.0, 2.0, 5.0)}, 3),
+        cases.irradiance(1),
+        cases.varying(1, {"other": (-1.0, 1.0)}, 2),
+        cases.varying(3, {"rough": (0.1, 0.3)}, 2),
+    ]
+    scene = make_scene(maps, ["a", "b", "c", "d"]).description
+    assert scene["ways"] == [
+        {"name": "rough", "low": 0.1, "high": 0.4},
+        {"name": "</script>", "low": 1.0, "high": 5.0},
+        {"name": "other", "low": -1.0, "high": 1.0},
+    ]
+    np.testing.assert_allclose(scene["start"]["values"], [0.3, 3, 0])
+    held = [[(way["number"], way["low"], way["high"]) for way in m["ways"]] for m in scene["maps"]]
+    assert held == [[(0, 0.2, 0.4), (1, 1, 5)], [], [(2, -1, 1)], [(0, 0.1, 0.3)]]
+    calls = [m["call"].partition("(")[0] for m in scene["maps"]]
+    assert calls == ["shrm_varied_radiance", "shrm_irradiance", *["shrm_varied_radiance"] * 2]
+
+
+def test_textures_of_what_varies_are_rounded_one_by_one():
+    """A texel keeps its share of the length of one texture's harmonics, not of all of them."""
+    rng = np.random.default_rng(8)
+    values = rng.normal(size=(3, 4, 5, 6, 3)) * np.array([1, 1e-3, 10]).reshape(3, 1, 1, 1, 1)
+    values = values.astype(np.float32).reshape(12, 5, 6, 3)
+    blocks = Blocks(is_rounded=True)
+    apart = unrounded(blocks, blocks.texture(values, "light", series=3)) - values
+    for part, own in zip(apart.reshape(3, -1), values.reshape(3, -1), strict=True):
+        assert 0 < np.linalg.norm(part) < 0.011 * np.linalg.norm(own)
 
 
 def test_every_asset_is_in_the_page():
@@ -135,6 +152,7 @@ def unrounded(blocks, described):
     steps = numbers(blocks, described["block"], "<u2").reshape(3, *shape).astype(int)
     exponents = numbers(blocks, described["exponents"], "i1").reshape(-1, *shape[1:]).astype(float)
     signed = np.where(steps % 2, -(steps + 1) // 2, steps // 2)
+    exponents = np.repeat(exponents, layers // len(exponents), axis=0)
     return np.moveaxis(signed * 2.0**exponents, 0, -1)
 
 
@@ -146,7 +164,7 @@ def test_rounded_textures(shared):
     values = (rng.normal(size=(6, 7, 5, 3)) * brightness).clip(-6e4, 6e4).astype(np.float32)
     values[:, 2, 3] = 0
     blocks = Blocks(is_rounded=True)
-    described = blocks.texture(values, "light", shared=shared)
+    described = blocks.texture(values, "light", series=int(shared))
     apart = unrounded(blocks, described) - values
     axes = (0, 3) if shared else 3
     length = np.sqrt((values.astype(float) ** 2).sum(axis=axes))

@@ -14,8 +14,10 @@ from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.geometry.tangents import projected_tangents
 from shrm_cli.maps.info import record_of
 from shrm_cli.maps.kinds import LightMap
+from shrm_cli.maps.product.make import product
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe
@@ -112,7 +114,10 @@ def test_pictures_of_every_form(watched, tmp_path, monkeypatch):
     surface = {"roughness": 0.62, "f0": [0.9, 0.5, 0.04]}
     for number, (name, made) in enumerate(forms.items()):
         side = {"kind": "map", "number": number}
-        found = read(page, a=side, view=VIEW, background="plain", **surface)
+        values = list(scene.description["start"]["values"])
+        for way in scene.description["maps"][number]["ways"]:
+            values[way["number"]] = (way["low"] + way["high"]) / 2
+        found = read(page, a=side, view=VIEW, background="plain", values=values, **surface)
         thing = Shaded(made, 0.62, (0.9, 0.5, 0.04)) if isinstance(made, LightMap) else made
         expected = render_sphere(thing, Viewer(33, -21), SIZE)
         # Rounding to half moves each coefficient by HALF of itself at most; a dozen of random sign
@@ -211,6 +216,51 @@ def test_tangents_can_be_chosen(watched, tmp_path, probe, form, monkeypatch):
     apart = [np.linalg.norm(each - drawn[0]) / np.linalg.norm(drawn[0]) for each in drawn]
     print(f"{form}: u is {apart[1]:.2%} from around +Y, x {apart[2]:.2%}")
     assert apart[1] < 0.01 < 0.015 < apart[2]
+    assert watched.errors == []
+
+
+@pytest.mark.parametrize("axes", [("ay",), ("ax", "ay")])
+def test_parameters_that_vary_have_sliders(watched, tmp_path, probe, axes):
+    """Keys move them; a file's pictures are those of `shrm render --vary`, but for its rounding."""
+    vary = [(name, 0.3, 0.5 + 0.2 * (name == "ay")) for name in axes]
+    light = project(probe, 4).coefficients
+    made = product("ward:ax=0.4", 4, 32, vary, 3).lit(light)
+    scene = make_scene(
+        [made],
+        ["w.exr"],
+        probe,
+        None,
+        Start(((33.0, -21.0),)),
+        Truth(None, 32, 32),
+        None,
+        None,
+        True,
+    )
+    page = opened(watched, make_page(scene), tmp_path)
+    rows = page.locator('[data-group="ways"] label').all()
+    assert [each.locator("span").text_content() for each in rows] == list(axes)
+    sliders = [each.locator("input") for each in rows]
+    assert page.locator(".missing").is_hidden()  # the truth is of the middle
+    for share in (0, 0.2, 1):
+        values = {name: low + share * (high - low) for name, low, high in vary}
+        if len(axes) > 1:
+            values["ax"] = 0.5 - 0.2 * share
+        for slider, name in zip(sliders, axes, strict=True):
+            slider.fill(f"{values[name]:.3f}")
+        found = read(page, 48, background="plain")[..., :3]
+        expected = render_sphere(made.with_values(values), Viewer(33, -21), 48)
+        middle = render_sphere(made.with_values({}), Viewer(33, -21), 48)
+        size = np.sqrt(np.mean(expected**2))
+        assert np.sqrt(np.mean((found - expected) ** 2)) < 0.006 * size
+        assert np.sqrt(np.mean((found - middle) ** 2)) > 0.04 * size
+    assert page.locator(".missing").is_visible()
+    assert rows[-1].locator("output").text_content() == "0.7"
+    sliders[-1].focus()
+    page.keyboard.press("ArrowLeft")
+    assert state(page, "values")[-1] == pytest.approx(0.698)
+    page.keyboard.press("t")
+    assert state(page, "values") == pytest.approx([(low + high) / 2 for _, low, high in vary])
+    page.wait_for_selector(".missing", state="hidden")
     assert watched.errors == []
 
 

@@ -211,7 +211,7 @@ class PrincipalMap(ReflectionMap):
     representation = "principal"
     texels_are_series = True
     format_version = 4
-    against_negatives = "dim the lamps with `clamp`"
+    against_negatives = "keep the lamps beside it with `sun` split, or dim them with `clamp`"
     frame = "global"
 
     def __post_init__(self) -> None:

@@ -77,6 +77,8 @@ Controls.prototype.fill = function () {
   if (brushes.every(function (each) { return each[0] !== first; }))
     brushes.push([first, scene.start.brush.map(function (x) { return shortNumber(x); }).join(" ")]);
   brushes.forEach(function (each) { option(fields.brush, each[0], each[1]); });
+  scene.ways.forEach(this.addWay, this);
+  this.root.querySelector('[data-group="ways"]').hidden = !scene.ways.length;
   this.root.querySelector('[data-row="brush"]').hidden = !viewer.hasTangents();
   this.root.querySelector('[data-group="surface"]').hidden = !viewer.needsSurface();
   this.root.querySelector('[data-row="anisotropy"]').hidden = !viewer.canBeBrushed();
@@ -89,11 +91,26 @@ Controls.prototype.fill = function () {
   }
 };
 
+// A slider for a parameter that varies.
+Controls.prototype.addWay = function (way, number) {
+  var row = element("label", undefined, this.root.querySelector('[data-group="ways"]'));
+  row.className = "row";
+  element("span", way.name, row).title = way.name;
+  var field = element("input", undefined, row);
+  Object.assign(field, {
+    type: "range", name: "way " + number, min: way.low, max: way.high,
+    step: (way.high - way.low) / 200,
+  });
+  element("output", undefined, row);
+};
+
 // ---- from the panel to the state ----------------------------------------------------------------
 
 Controls.prototype.changed = function (field) {
   var viewer = this.viewer, state = viewer.state, value = Number(field.value);
   var view = Object.assign({}, state.view);
+  var way = /^way (\d+)$/.exec(field.name);
+  if (way) return viewer.set({ values: Object.assign([], state.values, { [way[1]]: value }) });
   switch (field.name) {
     case "a": return viewer.set({ a: sideOf(field.value) });
     case "b": return viewer.set({ b: sideOf(field.value) });
@@ -179,6 +196,9 @@ Controls.prototype.update = function () {
   put("background", state.background);
   put("roughness", state.roughness, state.roughness.toFixed(2));
   put("anisotropy", state.anisotropy, state.anisotropy.toFixed(2));
+  state.values.forEach(function (value, k) {
+    put("way " + k, value, String(Number(value.toPrecision(3))));
+  });
   put("brush", JSON.stringify(state.brush));
   "rgb".split("").forEach(function (c, k) { put("f0" + c, Number(state.f0[k].toFixed(4))); });
   var metal = this.viewer.scene.metals.findIndex(function (each) {
@@ -266,7 +286,8 @@ Controls.prototype.drawn = function () {
   if (missing) {
     var count = viewer.scene.truths.length;
     place.querySelector("span").textContent = "The truth is known of light that is not turned, on the sphere from " +
-      (count === 1 ? "one side" : count + " sides") + (viewer.needsSurface() ? ", for one surface." : ".");
+      (count === 1 ? "one side" : count + " sides") +
+      (viewer.needsSurface() || viewer.scene.ways.length ? ", for one surface." : ".");
   }
   this.read();
   clearTimeout(this.timer);

@@ -25,16 +25,18 @@ function inflated(buffer, width) {
   });
 }
 
-// The numbers of a rounded texture: steps of 2^exponent, those of each channel together.
+// The numbers of a rounded texture: steps of 2^exponent, those of each channel together. As many
+// layers as there are to an image of exponents share it.
 function unrounded(described, steps, exponents) {
   var texels = described.width * described.height, count = texels * (described.depth || 1);
+  var shared = count / exponents.length;
   var values = new Float32Array(3 * count), sizes = Float32Array.from(exponents, function (each) {
     return Math.pow(2, each);
   });
   for (var channel = 0, at = 0; channel < 3; channel++)
     for (var k = 0; k < count; k++, at++) {
-      var step = steps[at];
-      if (step) values[3 * k + channel] = (step & 1 ? -1 - (step >> 1) : step >> 1) * sizes[k % sizes.length];
+      var step = steps[at], size = Math.floor(k / texels / shared) * texels + (k % texels);
+      if (step) values[3 * k + channel] = (step & 1 ? -1 - (step >> 1) : step >> 1) * sizes[size];
     }
   return values;
 }

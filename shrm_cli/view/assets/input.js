@@ -39,6 +39,11 @@ function renderCommand(viewer) {
     if (map.brushed && state.anisotropy)
       words.push("--anisotropy", String(Number(state.anisotropy.toFixed(4))), "--taps", String(map.brushed));
   }
+  if (map.lighting && !map.probe && scene.sky) words.push("--probe", quoted(scene.sky.file));
+  map.ways.forEach(function (way) {
+    var value = clamp(state.values[way.number], way.low, way.high);
+    words.push("--vary", quoted(scene.ways[way.number].name + "=" + Number(value.toPrecision(6))));
+  });
   var shape = scene.shapes[state.shape];
   if (shape.file) {
     var fov = 2 * Math.atan(Math.tan(radians(MESH_FOV / 2)) / state.view.zoom) * 180 / Math.PI;

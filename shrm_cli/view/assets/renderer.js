@@ -78,6 +78,14 @@ function shownCode(map) {
     "  n = view_turn * n;\n  v = view_turn * v;\n  return " + call + ";\n}\n";
 }
 
+// How far the parameters of a map that vary are on their ways, which may end before those of others.
+function sharesOf(map, values) {
+  var shares = map.ways.map(function (way) {
+    return clamp((values[way.number] - way.low) / (way.high - way.low), 0, 1);
+  });
+  return [shares[0] || 0, shares[1] || 0];
+}
+
 // ---- drawing ------------------------------------------------------------------------------------
 
 // The uniforms of every picture of a state, at some size.
@@ -113,7 +121,11 @@ Renderer.prototype.draw = function (target, side, state, shift) {
   var gl = this.gl;
   var values = this.common(state, target.width, target.height);
   values.view_shift = shift || [0, 0];
-  if (side.kind === "map") values.shrm_lighting = this.scene.maps[side.number].lighting;
+  if (side.kind === "map") {
+    var map = this.scene.maps[side.number];
+    values.shrm_lighting = map.lighting;
+    values.view_shares = sharesOf(map, state.values);
+  }
   gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
   gl.viewport(0, 0, target.width, target.height);
   gl.disable(gl.BLEND);

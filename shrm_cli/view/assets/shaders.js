@@ -26,6 +26,7 @@ var COMMON = [
   "uniform float view_roughness;",
   "uniform vec3 view_f0;",
   "uniform float view_anisotropy;",
+  "uniform vec2 view_shares;", // where parameters that vary are on their ways
   "uniform bool view_boxed;", // whether maps are looked up in the boxes of their rooms
   "uniform bool view_has_sky;",
   "uniform sampler2D view_sky;",

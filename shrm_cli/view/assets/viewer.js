@@ -24,6 +24,7 @@ function startState(scene) {
     anisotropy: start.anisotropy,
     brush: start.brush, // a direction, "uv", or null for around +Y
     f0: start.f0.slice(),
+    values: start.values.slice(), // of parameters that vary, as `scene.ways` has them
     background: scene.sky ? "probe" : "plain",
     a: { kind: "map", number: 0 },
     b: scene.truths.length
@@ -117,6 +118,9 @@ Viewer.prototype.truthOf = function (state) {
     return state.shape === SPHERE_SHAPE && Math.abs(state.light) < 1e-3 &&
       isSameView(state.view, truth.view[0], truth.view[1]) &&
       String(truth.brush) === String(state.brush === "uv" ? null : state.brush) &&
+      scene.ways.every(function (way, k) {
+        return Math.abs(truth.values[k] - state.values[k]) < 1e-6 * (way.high - way.low);
+      }) &&
       (!needs || (Math.abs(truth.roughness - state.roughness) < 1e-6 &&
         Math.abs(truth.anisotropy - state.anisotropy) < 1e-6 &&
         truth.f0.every(function (x, k) { return Math.abs(x - state.f0[k]) < 1e-6; })));
@@ -135,7 +139,7 @@ Viewer.prototype.goToTruth = function () {
   var truth = truths[near.indexOf(Math.max.apply(null, near))];
   var changes = {
     view: { azimuth: truth.view[0], elevation: truth.view[1], zoom: now.zoom }, shape: SPHERE_SHAPE,
-    light: 0, brush: truth.brush,
+    light: 0, brush: truth.brush, values: truth.values.slice(),
   };
   if (this.needsSurface()) {
     changes.roughness = truth.roughness;
