@@ -58,7 +58,6 @@ def automatic_choice(probe: Probe, request: Request) -> str:
         best = (asked.simple_shrm(best) if is_kept else None) or best
     return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
-
 @record(eq=False)
 class _Asked:
     """What is asked for, the light, and the maps that could be made."""
@@ -143,7 +142,13 @@ class _Asked:
         beside = split_for(self.probe, self.request.brdf)
         if not beside.split.discs:
             return None
-        rest = prefilter(beside.split.residual_probe, replace(self.request, sun="split"))
+        asked = replace(self.request, sun="split")
+        if self.goal.wrong_share is not None:
+            # The RMS error is of all light, of which this map has a part. Where lamps light
+            # nothing, the share of wrong pixels keeps what is seen.
+            error = self.goal.error / max(beside.left, self.goal.error)
+            asked = replace(asked, error=error, seen=self.goal.wrong_share)
+        rest = prefilter(beside.split.residual_probe, asked)
         found = as_candidate(with_lamps(rest, beside, self.request.brdf), beside.error)
         is_small = found.bytes <= policy.WORTH_LAMPS * whole.bytes
         is_better = is_small and found.badness(self.goal) < whole.badness(self.goal)
