@@ -225,6 +225,21 @@ def test_batches_notice_that_the_code_of_a_brdf_has_changed(site, shell, tmp_pat
 
 
 @pytest.mark.slow
+def test_what_takes_no_form_of_a_package_says_so(shell, tmp_path):
+    shell("prefilter", "dawn.exr", "--to", "ambient-cube", "--quiet", "-o", "cube.exr")
+    heard = "import sys\nsys.stderr = sys.stdout"
+    code = f"{heard}\ntry:\n    {MAIN}\nexcept SystemExit:\n    pass"
+    line = "ambient-cube is not what engines read; export its probe, a split sum or an irradiance"
+    assert line in shell("export", "cube.exr", "--for", "three", code=code)
+    assert "json, all, ambient-cube" in shell("export", "dawn.exr", code=code)
+    line = (
+        "Without ambient-cube of installed packages; shrm choose measures those that are offered."
+    )
+    options = "--representations", "--steps", 2, "--size", 16, "--source-height", 16
+    assert line in shell("compare", "dawn.exr", *options, code=code)
+
+
+@pytest.mark.slow
 def test_an_option_of_a_form_that_conversions_take(site, shell, tmp_path):
     """Only what the form says that they take; it is in the help with the form's name alone."""
     copy = tmp_path / "copy"

@@ -15,6 +15,7 @@ from shrm_cli.cli.terminal import columns, progress_bar
 from shrm_cli.cli.usage import check_outputs, flags, wrong_usage
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.options import bytes_text, counted, listing
+from shrm_cli.maps.registry import installed_names
 from shrm_cli.vocabulary import COMPARED, DEFAULT_MAX_SIZE
 
 if TYPE_CHECKING:
@@ -84,6 +85,9 @@ def print_representations(
     warnings = [f"{path}: {line}" for line in source.report.warnings()]
     warnings += _doubts(plan, table)
     report = [_report(table, path)]
+    if others := installed_names():
+        names = f"{listing(others, 'and')} of installed packages"
+        report.append(f"Without {names}; shrm choose measures those that are offered.")
     if output is not None:
         pixels = table.sheet(exposure)
         attributes = _attributes({**result, "exposure": exposure}, source.chromaticities)

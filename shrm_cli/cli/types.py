@@ -416,6 +416,10 @@ class Named(click.Choice):  # type: ignore[type-arg]  # it is generic since 8.2 
         """Return all names, for the help."""
         return self._every().get_metavar(*context, **named)
 
+    def get_missing_message(self, *context: Any, **named: Any) -> str:
+        """Return all names, for the message about an option that is not given."""
+        return str(self._every().get_missing_message(*context, **named))
+
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
