@@ -58,6 +58,7 @@ def automatic_choice(probe: Probe, request: Request) -> str:
         best = (asked.simple_shrm(best) if is_kept else None) or best
     return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
+
 @record(eq=False)
 class _Asked:
     """What is asked for, the light, and the maps that could be made."""
