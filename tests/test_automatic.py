@@ -184,6 +184,22 @@ def test_lamps_go_beside_the_map_where_it_cannot_keep_them(bare_sun, spec):
     assert apart.further["negative_share"]() == 0
 
 
+def test_what_is_left_beside_lamps_may_miss_as_much_of_all_light():
+    """Small lamps that stay in the map would take thirty times the texels for their own light."""
+    light = np.full((128, 256, 3), 0.5, np.float32)
+    light[20:92:6, 15:230:19] = np.where(np.eye(12, 12)[..., None] > 0, 60, 0.5)
+    light[30, 40] = 1e5
+    spec = "0.1*ggx:roughness=0.1+0.9*lambertian"
+    found, own = (
+        made(Probe.from_array(light), brdf=spec, max_size="300kB", **asked)
+        for asked in ({}, {"sun": "split"})
+    )
+    assert stated_error(found.map) <= policy.ERROR < stated_error(found.map) / found.map.left
+    assert stated_error(own.map) / own.map.left <= policy.ERROR
+    assert found.further["predicted_wrong_share"]() <= policy.WRONG_SHARE
+    assert texels(found.map) < texels(own.map) / 20
+
+
 def test_lamps_stay_in_maps_that_keep_them_and_where_code_has_none(bare_sun):
     assert not isinstance(made(bare_sun, brdf="lambertian").map, LampMap)
     assert not isinstance(made(bare_sun, brdf="ggx:roughness=0.7").map, LampMap)
