@@ -162,7 +162,8 @@ class _Asked:
             return None
         made = found.make()
         notes = dict(made.notes)
-        form, _, _ = notes.pop(_FORM).partition(":")
+        # What the note tells of the goal is about the light that is left.
+        form = notes.pop(_FORM).partition(":")[0].partition(",")[0]
         why = (
             f"{form}, lamps beside it: with them in the map (`sun` keep) it would have "
             f"{whole.errors_text} in {bytes_text(whole.bytes)}"

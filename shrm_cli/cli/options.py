@@ -388,10 +388,10 @@ def conclude(
     """Print what a command has done, as JSON or as lines of text; warnings go to stderr.
 
     `result` is what is printed as JSON with --json; the warnings are added to it. `lines` are what
-    is printed as text, but with --quiet. `warnings` are warnings may name arguments of the library
-    in backticks. They are left out with --quiet. `failures` are what could not be made; if there is
-    any, the command exits with 1. `err` tells whether the lines go to stderr, because stdout holds
-    something else.
+    is printed as text, but with --quiet. `warnings` may name arguments of the library in backticks;
+    they are left out with --quiet. `failures` are what could not be made; if there is any, the
+    command exits with 1. `err` tells whether the lines go to stderr, because stdout holds something
+    else.
     """
     tell({**result, "warnings": [flags(line) for line in warnings]}, lines, err)
     warn(warnings)

@@ -197,7 +197,7 @@ def rising(propose: Propose, goal: Goal) -> Iterator[Candidate[Any]]:
 
     They end where bytes, or the degrees that are known, allow no less error.
     """
-    error, missed, is_first = goal.error, None, True
+    error, missed = goal.error, None
     while True:
         found = last = propose(error)
         is_kept = found.keeps(goal)
@@ -209,11 +209,10 @@ def rising(propose: Propose, goal: Goal) -> Iterator[Candidate[Any]]:
         if last.total_error > policy.NEARLY_BEST * error or error <= policy.LEAST_ERROR:
             return
         step = policy.FINER
-        if is_first and not is_kept:
-            # Shares of wrong pixels fall with about the square of the error. Less error than is
-            # needed may need more degrees, which can take longer than all else.
+        if error == goal.error and not is_kept:
+            # The first one tells how far it is: shares of wrong pixels fall with about the square
+            # of the error. Less error than is needed may need more degrees, which take long.
             step = min(max(step, last.badness(goal) ** -0.5), 1 / policy.CLOSE)
-        is_first = False
         error = max(min(error, last.total_error) * step, policy.LEAST_ERROR)
 
 

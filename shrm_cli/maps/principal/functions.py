@@ -16,7 +16,7 @@ References
 Kautz and McCool 1999, "Interactive Rendering with Arbitrary BRDFs using Separable Approximations".
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -297,13 +297,22 @@ class Spectrum:
         """The energy of reflected light that is lost if the transfer functions are in tables."""
         angles = np.linspace(0.0, span_of(self.center), entries)
         seen = self.weights > 0
-        nodes, total = self.transfer.theta_o[seen], np.zeros_like(self.light)
-        look_up = linear_matrix(angles, nodes)
-        for q, sign in enumerate(both_signs(self.transfer.max_q)):
-            lost = np.eye(len(nodes)) - look_up @ _to_entries(q, nodes, angles)
-            rest = np.einsum("on,lnc->loc", lost, self.transfer.values[q][:, seen], optimize=True)
-            total += sign * np.einsum("loc,loc,o->lc", rest, rest, self.weights[seen])
-        return float(np.sum(self.light * total)) / (2 * np.pi)
+        nodes, values = self.transfer.theta_o[seen], self.transfer.values[:, :, seen]
+        look_up, own = linear_matrix(angles, nodes), np.eye(len(nodes))
+        lost = (own - look_up @ _to_entries(q, nodes, angles) for q in range(len(values)))
+        rests = (matrix @ each for matrix, each in zip(lost, values, strict=True))
+        return self._missed(rests, self.weights[seen])
+
+    def _missed(self, rests: Iterable[Array], weights: Array) -> float:
+        """Integrate the squared error over visible views, of what is left out of each order q.
+
+        `rests` are of shape (F+1, n, 3), and `weights` those of their nodes.
+        """
+        total = 0.0
+        for sign, rest in zip(both_signs(self.transfer.max_q), rests, strict=True):
+            squares = np.einsum("loc,loc,o->lc", rest, rest, weights)
+            total += float(sign * np.sum(self.light * squares)) / (2 * np.pi)
+        return total
 
     def missing(self, counts: "tuple[int, ...]", factors: Array) -> float:
         """Return the energy of the reflected light that some of the functions do not represent.
@@ -314,13 +323,8 @@ class Spectrum:
         Returns the integral of the squared error over visible views, from tables as renderers read
         them, for the degrees that the transfer functions have.
         """
-        signs = both_signs(self.transfer.max_q)
-        total = 0.0
-        for q in range(self.transfer.max_q + 1):
-            rest = self.rest(q, counts, factors)
-            squares = np.einsum("loc,loc,o->lc", rest, rest, self.weights)
-            total += float(signs[q] * np.sum(self.light * squares)) / (2 * np.pi)
-        return total
+        orders = range(self.transfer.max_q + 1)
+        return self._missed((self.rest(q, counts, factors) for q in orders), self.weights)
 
     def rest(
         self,
