@@ -136,11 +136,16 @@ class _Judged:
         return self.known.bytes
 
     @property
+    def least_error(self) -> float:
+        """The share of wrong pixels over what is asked; 0 where it is not known."""
+        share = self.known.wrong_share
+        return share / self.goal.wrong_share if share and self.goal.wrong_share else 0.0
+
+    @property
     def total_error(self) -> float:
         """The larger of the error and the share of wrong pixels, each over what is asked."""
-        share = self.known.wrong_share
-        if share is not None and self.goal.wrong_share and share > self.goal.wrong_share:
-            return share / self.goal.wrong_share  # exact errors would change nothing, and take long
+        if self.least_error > 1:
+            return self.least_error  # exact errors would change nothing, and take long
         return self.known.candidate.badness(self.goal)
 
 

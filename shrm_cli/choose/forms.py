@@ -31,8 +31,7 @@ from shrm_cli.maps.principal.sharing import Joint
 from shrm_cli.maps.principal.terms import Wanted, planner_of
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
-from shrm_cli.maps.shrm.make import Tried
-from shrm_cli.maps.shrm.proposal import ShrmProposals
+from shrm_cli.maps.shrm.proposal import ShrmProposals, Tried
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate

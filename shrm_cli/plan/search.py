@@ -26,6 +26,10 @@ class Sized(Protocol):
         """The bytes of its cubes in half precision, before they are packed."""
 
     @property
+    def least_error(self) -> float:
+        """A part of its total error that is known in no time."""
+
+    @property
     def total_error(self) -> float:
         """Its relative RMS error, with those of bilinear look-ups and of half precision."""
 
@@ -59,9 +63,14 @@ class Row(Generic[C]):
     def first(self, error: float, last: int) -> C:
         """Find one that keeps an error, as the last one does, by halving."""
         index = bisect_left(
-            range(last), True, key=lambda index: self.candidate(index).total_error <= error
+            range(last), True, key=lambda index: _has_at_most(self.candidate(index), error)
         )
         return self.candidate(index)
+
+
+def _has_at_most(candidate: Sized, error: float) -> bool:
+    """Tell whether a candidate has at most an error, by the part that is known in no time first."""
+    return candidate.least_error <= error and candidate.total_error <= error
 
 
 def fewest_bytes(
@@ -76,16 +85,10 @@ def fewest_bytes(
     rows are empty.
     """
     rows = list(rows)
-    best: C | None = None
     found: C | None = None
     for row in rows:
         last = row.below(inf if found is None else found.bytes) - 1
-        if last < 0:
-            continue
-        most = row.candidate(last)
-        if best is None or most.total_error < best.total_error:
-            best = most
-        if most.total_error <= error:
+        if last >= 0 and _has_at_most(row.candidate(last), error):
             found = row.first(error, last)
     while (
         look_near
@@ -95,6 +98,7 @@ def fewest_bytes(
         found = fewer
     if found is not None:
         return found, True
+    best = min(least_errors(rows), key=lambda each: each.total_error, default=None)
     return None if best is None else (best, False)
 
 
@@ -103,13 +107,13 @@ def _first_near(rows: Iterable[Row[C]], error: float, most: int) -> C | None:
     near: list[tuple[int, Row[C], int]] = []
     for row in rows:
         last = row.below(most) - 1
-        if last < 0 or row.candidate(last).total_error > policy.NEARLY_KEPT * error:
+        if last < 0 or not _has_at_most(row.candidate(last), policy.NEARLY_KEPT * error):
             continue
         first = min(row.below(policy.NEAR * most), last)
         near += [(row.bytes_of(index), row, index) for index in range(first, last + 1)]
     near.sort(key=itemgetter(0))
     by_bytes = (row.candidate(index) for _, row, index in near)
-    return next((each for each in by_bytes if each.total_error <= error), None)
+    return next((each for each in by_bytes if _has_at_most(each, error)), None)
 
 
 def least_errors(rows: Iterable[Row[C]]) -> list[C]:

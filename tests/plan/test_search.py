@@ -25,6 +25,10 @@ class Sized:
     bytes: int
     total_error: float
 
+    @property
+    def least_error(self):
+        return self.total_error / 2
+
 
 def row(sizes, errors, asked=None):
     """A row of candidates; what is asked for is noted."""

@@ -1,7 +1,9 @@
 """How many functions and texels a map gets: from a tolerance, an error or a number of cubes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import field
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -50,8 +52,13 @@ class Form:
     """The degrees of the light that are kept."""
     error: float
     """The predicted relative RMS error of the functions and the orders."""
-    filter_error: float
-    """That of looking the map up bilinearly."""
+    find_filter_error: Callable[[], float] = field(repr=False, compare=False)
+    """Finds that of looking the map up bilinearly, which takes far longer."""
+
+    @cached_property
+    def filter_error(self) -> float:
+        """The predicted relative RMS error of looking the map up bilinearly."""
+        return self.find_filter_error()
 
     @property
     def carried(self) -> int:
@@ -69,6 +76,11 @@ class Form:
         return stored_bytes(self.size, self.cubes)
 
     @property
+    def least_error(self) -> float:
+        """The error without what bilinear look-ups add."""
+        return total_error(self.error, 0.0)
+
+    @cached_property
     def total_error(self) -> float:
         """The error with all that a renderer adds: bilinear look-ups and half precision."""
         return total_error(self.error, self.filter_error)
@@ -129,10 +141,15 @@ class Planner:
             left = missing + self.whole - self.spectrum.whole()
         else:
             left = self.whole - float(energies[: band.last + 1] @ kept_energy(band.factors))
-        lost = self._lost(counts, band, size, is_exact)
-        whole = max(self.whole, 1e-300)
-        error, filtered = (float(np.sqrt(max(each, 0.0) / whole)) for each in (left, lost))
-        return Form(counts, size, band, error, filtered)
+        find = partial(self._filter_error, counts, band, size, is_exact)
+        return Form(counts, size, band, self._relative(left), find)
+
+    def _relative(self, energy: float) -> float:
+        """Return the RMS error of an energy, relative to the reflected light."""
+        return float(np.sqrt(max(energy, 0.0) / max(self.whole, 1e-300)))
+
+    def _filter_error(self, *form: Any) -> float:
+        return self._relative(self._lost(*form))
 
     def _lost(self, counts: Counts, band: Band, size: int, is_exact: bool) -> float:
         """Return the energy that bilinear filtering takes from cubes or adds to them."""

@@ -31,8 +31,18 @@ class Joint:
     """A form of each term."""
 
     forms: tuple[Form, ...]
-    total_error: float
-    """The error of their sum, with those of bilinear look-ups and of half precision."""
+    shares: tuple[float, ...] = (1.0,)
+    """The RMS of the light of each term, relative to that of all."""
+
+    @property
+    def least_error(self) -> float:
+        """The error of their sum without what bilinear look-ups add."""
+        return joint_error(self.shares, [form.least_error for form in self.forms], 1.0)
+
+    @cached_property
+    def total_error(self) -> float:
+        """The error of their sum, with those of bilinear look-ups and of half precision."""
+        return joint_error(self.shares, [form.total_error for form in self.forms], 1.0)
 
     @property
     def bytes(self) -> int:
@@ -59,6 +69,13 @@ class Sharing:
         """The RMS of the light that all terms reflect together."""
         return float(self.strengths.sum()) * self.coherence
 
+    @cached_property
+    def _shares(self) -> tuple[float, ...]:
+        """The RMS of the light of each term, relative to that of all."""
+        if len(self.planners) == 1:
+            return (1.0,)
+        return tuple((self.strengths / max(self.whole, 1e-300)).tolist())
+
     def errors(self, forms: Sequence[Form]) -> tuple[float, float]:
         """Return the error of a sum, and that of looking it up; terms count as independent."""
         predicted = joint_error(self.strengths, [form.error for form in forms], self.whole)
@@ -70,10 +87,7 @@ class Sharing:
         if is_exact:
             pairs = zip(self.planners, forms, strict=True)
             forms = tuple(planner.form(each.counts, each.size, True) for planner, each in pairs)
-        errors = [form.total_error for form in forms]
-        if len(errors) == 1:
-            return Joint(forms, errors[0])
-        return Joint(forms, joint_error(self.strengths, errors, self.whole))
+        return Joint(forms, self._shares)
 
     def rows(self, max_size: int, sizes: Sequence[int] = TRIED_SIZES) -> Iterator[Row[Joint]]:
         """Yield all that fits into a number of bytes, and that might be best.
@@ -95,9 +109,7 @@ class Sharing:
         """Return the combinations of forms that no other one beats, by rising bytes."""
         found: list[tuple[Form, ...]] = [()]
         costs, squares = np.zeros(1, dtype=np.int64), np.zeros(1)
-        for planner, part in zip(
-            self.planners, self.strengths / max(self.whole, 1e-300), strict=True
-        ):
+        for planner, part in zip(self.planners, self._shares, strict=True):
             forms = [form for row in planner.rows(max_size, sizes) for form in row.every()]
             own_costs = np.array([form.bytes for form in forms], dtype=np.int64)
             own_squares = np.square([part * form.total_error for form in forms])
@@ -108,8 +120,7 @@ class Sharing:
             kept = kept[costs[kept] <= max_size]
             found = [(*found[k // len(best)], forms[best[k % len(best)]]) for k in kept]
             costs, squares = costs[kept], squares[kept]
-        errors = np.sqrt(squares).tolist()
-        return [Joint(forms, error) for forms, error in zip(found, errors, strict=True)]
+        return [Joint(forms, self._shares) for forms in found]
 
     def within_error(self, error: float, max_size: int, size: int | None) -> tuple[Joint, bool]:
         """Find the forms of the fewest bytes with a total error; else the best ones that fit.

@@ -8,10 +8,9 @@ best pair of the two can be chosen. What is lost is said.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, partial
-from typing import TYPE_CHECKING
+from functools import partial
 
 import numpy as np
 
@@ -32,10 +31,8 @@ from shrm_cli.maps.size import (
     largest_p,
     nothing_fits,
     shrm_look_up_error,
-    sizes_of,
     stored_bytes,
     supported_order,
-    total_error,
 )
 from shrm_cli.orders import Orders, choose_center, choose_orders, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
@@ -44,9 +41,6 @@ from shrm_cli.progress import tell_time_left
 from shrm_cli.records import record
 from shrm_cli.reflected import predicted_error
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, MAX_ORDER_P, MIN_CUBE_SIZE, Sampling
-
-if TYPE_CHECKING:
-    from shrm_cli.plan.search import Row
 
 _LEAST_TOLERANCE = 1e-4
 """The least part of a BRDF's energy that its coefficients are computed to."""
@@ -63,7 +57,7 @@ class Choice:
     @property
     def bytes(self) -> int:
         """The bytes of its cubes in half precision, before they are packed."""
-        return _bytes_of_p(self.size, self.orders.order_p)
+        return stored_bytes(self.size, (self.orders.order_p + 1) ** 2)
 
 
 @record
@@ -147,11 +141,11 @@ def fitting(
         p = min(largest_p(carried, texels, allowed), coefficients.order_p, most)
         if p < 0:
             continue
-        error = np.hypot(*map_errors(lighting, coefficients, p, texels, request.sampling))
+        error, find = map_errors(lighting, coefficients, p, texels, request.sampling)
         orders = least_orders(coefficients, eps, order_p=p)
         orders = replace(orders, order_f=min(orders.order_f, carried))
         made = Choice(orders, texels)
-        found.append((float(error), made.bytes, made))
+        found.append((float(np.hypot(error, find())), made.bytes, made))
     if not found:
         raise nothing_fits(size)
     return min(found, key=lambda each: each[:2])[2]
@@ -163,17 +157,18 @@ def map_errors(
     order_p: int,
     size: int,
     sampling: Sampling = "center",
-) -> tuple[float, float]:
+) -> tuple[float, Callable[[], float]]:
     """Predict the errors of an SHRM of an order P and a size, which carries what it can.
 
-    Returns `error` and `filter_error`, that of its orders, and that of looking it up; relative RMS.
+    Returns `error`, that of its orders, relative RMS; and `find_filter_error`, which finds that of
+    looking it up. That takes far longer.
     """
     band = carried_band(lighting, coefficients, 0, order_p, size)
     views = view_band(lighting, coefficients, order_p)
     factors = np.outer(band.factors, views.factors)
     return (
         predicted_error(lighting, coefficients, band.last, order_p, factors=factors),
-        shrm_look_up_error(lighting, coefficients, factors, order_p, size, sampling),
+        partial(shrm_look_up_error, lighting, coefficients, factors, order_p, size, sampling),
     )
 
 
@@ -183,54 +178,6 @@ def sufficient_tolerance(error: float) -> float:
     Real light fades towards high degrees.
     """
     return float(np.clip(error**2 / 2, _LEAST_TOLERANCE, 0.5))
-
-
-@record
-class Tried:
-    """Orders and a size of an SHRM, and the total error of its map."""
-
-    choice: Choice
-    total_error: float
-
-    @property
-    def bytes(self) -> int:
-        """Those of the choice."""
-        return self.choice.bytes
-
-
-def shrm_rows(
-    lighting: Lighting,
-    coefficients: BrdfCoefficients,
-    eps: float,
-    max_size: int,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    most_p: int = MAX_ORDER_P,
-) -> Iterator[Row[Tried]]:
-    """Yield the SHRMs that known coefficients allow, for each size of cubes those of every P.
-
-    `lighting` is the light, to at least the order of the coefficients. `eps` is the fraction of the
-    BRDF's energy that F, which is only stated, may miss. `most_p` is the largest P in any case.
-    """
-    from shrm_cli.plan.search import Row  # plain runs search nothing
-
-    def tried(texels: int, carried: int, p: int) -> Tried:
-        orders = least_orders(coefficients, eps, order_p=p)
-        f = min(orders.order_f, carried)
-        captured = float(coefficients.captured()[carried, p])
-        choice = Choice(Orders(f, p, 1 - captured, captured), texels)
-        errors = map_errors(lighting, coefficients, p, texels, sampling)
-        return Tried(choice, total_error(*errors))
-
-    for texels in sizes_of(size):
-        carried = min(supported_order(texels), coefficients.order_f)
-        most = min(largest_p(carried, texels, max_size), coefficients.order_p, most_p)
-        yield Row(most + 1, partial(_bytes_of_p, texels), cache(partial(tried, texels, carried)))
-
-
-def _bytes_of_p(size: int, order_p: int) -> int:
-    """Return the bytes of an SHRM of an order P."""
-    return stored_bytes(size, (order_p + 1) ** 2)
 
 
 def halved(

@@ -5,6 +5,8 @@ the errors of SHRMs without sampling the BRDF again.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import field
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -15,18 +17,52 @@ from shrm_cli.maps.expansion import carry, predicted_wrong_share
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.make import (
-    Tried,
+    Choice,
+    map_errors,
     most_order_p,
     prefilter_shrm,
-    shrm_rows,
     sufficient_tolerance,
 )
-from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, stored_bytes
-from shrm_cli.orders import choose_orders
+from shrm_cli.maps.size import (
+    TRIED_SIZES,
+    largest_p,
+    nothing_fits,
+    sizes_of,
+    stored_bytes,
+    supported_order,
+    total_error,
+)
+from shrm_cli.orders import Orders, choose_orders, least_orders
 from shrm_cli.plan.search import Candidate, Row, fewest_bytes
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_P, Sampling
+
+
+@record
+class Tried:
+    """Orders and a size of an SHRM, and the errors of its map."""
+
+    choice: Choice
+    error: float
+    """The relative RMS error of its orders."""
+    find_filter_error: Callable[[], float] = field(repr=False, compare=False)
+    """Finds that of looking it up, which takes far longer."""
+
+    @property
+    def bytes(self) -> int:
+        """Those of the choice."""
+        return self.choice.bytes
+
+    @property
+    def least_error(self) -> float:
+        """The error without what bilinear look-ups add."""
+        return total_error(self.error, 0.0)
+
+    @cached_property
+    def total_error(self) -> float:
+        """The error with all that a renderer adds: bilinear look-ups and half precision."""
+        return total_error(self.error, self.find_filter_error())
 
 
 @record(eq=False)
@@ -74,10 +110,29 @@ class ShrmProposals:
 
         Their F, which is only stated, may miss a part `eps` of the BRDF's energy.
         """
-        lighting = self.light.to_order(self.coefficients.order_f)
-        return shrm_rows(
-            lighting, self.coefficients, eps, max_size, self.size, self.sampling, most_p
-        )
+        for size in sizes_of(self.size):
+            carried = min(supported_order(size), self.coefficients.order_f)
+            most = min(largest_p(carried, size, max_size), self.coefficients.order_p, most_p)
+            yield Row(most + 1, partial(_bytes_at, size), partial(self._tried, eps, size))
+
+    @cached_property
+    def _known(self) -> dict[tuple[float, int, int], Tried]:
+        """The SHRMs that were asked for."""
+        return {}
+
+    def _tried(self, eps: float, size: int, p: int) -> Tried:
+        """Return the SHRM of an order P and a size; searches ask for some again and again."""
+        key = eps, size, p
+        if key not in self._known:
+            coefficients = self.coefficients
+            carried = min(supported_order(size), coefficients.order_f)
+            f = min(least_orders(coefficients, eps, order_p=p).order_f, carried)
+            captured = float(coefficients.captured()[carried, p])
+            choice = Choice(Orders(f, p, 1 - captured, captured), size)
+            lighting = self.light.to_order(coefficients.order_f)
+            errors = map_errors(lighting, coefficients, p, size, self.sampling)
+            self._known[key] = Tried(choice, *errors)
+        return self._known[key]
 
     def least(
         self, error: float, max_size: int, eps: float = DEFAULT_EPS
@@ -99,10 +154,9 @@ class ShrmProposals:
 
         Raises ArgumentError: by that function, if no map fits.
         """
-        known = list(self.rows(max_size, most_p))
 
         def propose(error: float) -> Candidate[Prefiltered]:
-            found = fewest_bytes(known, error)
+            found = fewest_bytes(self.rows(max_size, most_p), error)
             if found is None:
                 raise nothing_fits(self.size)
             return self.candidate(found[0], max_size)
@@ -126,3 +180,8 @@ class ShrmProposals:
 
         look_ups = (choice.orders.order_p + 1) ** 2
         return Candidate("shrm", tried.bytes, look_ups, tried.total_error, wrong_share, make)
+
+
+def _bytes_at(size: int, order_p: int) -> int:
+    """Return the bytes of an SHRM of an order P."""
+    return stored_bytes(size, (order_p + 1) ** 2)

@@ -193,12 +193,11 @@ def _truncation_error(terms: Sequence[Term], light: Lighting) -> float:
 
 def _total_error(terms: Sequence[Term], light: Lighting, whole: float) -> float:
     """Predict the error of the map of a sum, with look-ups; the sum reflects the RMS `whole`."""
-    errors = [
-        total_error(
-            *map_errors(light, each.coefficients, each.choice.orders.order_p, each.choice.size)
-        )
-        for each in terms
-    ]
+    errors = []
+    for each in terms:
+        choice = each.choice
+        error, find = map_errors(light, each.coefficients, choice.orders.order_p, choice.size)
+        errors.append(total_error(error, find()))
     return joint_error(_strengths(terms, light), errors, whole)
 
 

@@ -74,7 +74,7 @@ class Optimist(Sharing):
 
     def within_error(self, error, max_size, size):
         index = next(k for k, each in enumerate(self.KNOWN) if each <= error)
-        return Joint((Made(index, self.KNOWN[index]),), self.KNOWN[index]), True
+        return Joint((Made(index, self.KNOWN[index]),)), True
 
     def form(self, counts, size, is_exact):
         assert is_exact
