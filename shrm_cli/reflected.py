@@ -232,21 +232,32 @@ def _coupled(parts: Array) -> Array:
     return np.asarray(by_order @ zonal_coupling(order, p))
 
 
-def filtered_parts(parts: Array, factors: Array) -> Array:
-    """Return the parts of cubes whose degrees are multiplied by factors, (F+1, p+1, n, 3).
+def filter_matrices(factors: Array, order: int, p: int) -> Array:
+    """Return what a filter of cubes does to the parts of bundles of a degree p.
 
     A look-up blurs the numbers of a cube, which are those of world axes. About the mirror direction
     that takes from the functions of one azimuthal order, and adds to those of others.
 
-    `parts`, of shape (F+1, p+1, n, 3), are as `cube_energies` takes them. `factors` are of shape
-    (>= F+p+1,).
+    `factors`, of shape (>= order+p+1,), are what the filter multiplies each degree of cubes with.
+    `order` is the largest degree of the light.
+
+    Returns an array of shape (order+1, p+1, p+1), [l, q, r]: what part q takes of part r.
     """
-    order, p = parts.shape[0] - 1, parts.shape[1] - 1
+    coupling = zonal_coupling(order, p)
     own = np.abs(np.arange(order + 1)[:, None] + np.arange(-p, p + 1, 2))
-    filtered = _coupled(parts) * factors[own][:, None]
     # The coupling is orthogonal, but that each q > 0 stands for both of its signs.
-    back = filtered @ zonal_coupling(order, p).swapaxes(1, 2) / np.where(np.arange(p + 1), 2, 1)
-    return np.moveaxis(back.reshape(order + 1, *parts.shape[2:], p + 1), -1, 1)
+    both = np.where(np.arange(p + 1), 2, 1)[:, None]
+    return np.asarray((coupling * factors[own][:, None]) @ coupling.swapaxes(1, 2) / both)
+
+
+def filtered_parts(parts: Array, matrices: Array) -> Array:
+    """Return the parts of cubes that are filtered, (F+1, p+1, n, 3).
+
+    `parts`, of shape (F+1, p+1, n, 3), are as `cube_energies` takes them. `matrices` are those of
+    `filter_matrices`, to at least the order F.
+    """
+    flat = parts.reshape(*parts.shape[:2], -1)
+    return (matrices[: len(parts)] @ flat).reshape(parts.shape)
 
 
 def filtering_error(

@@ -13,6 +13,7 @@ from shrm_cli.reflected import (
     energies_beyond,
     energy_beyond,
     error_bound,
+    filter_matrices,
     filtered_parts,
     last_visible,
     predicted_error,
@@ -183,11 +184,13 @@ def test_parts_of_cubes_are_filtered_in_their_own_degrees(rng):
     parts = rng.normal(size=(order + 1, p + 1, 2, 3))
     q, degree = np.arange(p + 1), np.arange(order + 1)
     parts[degree[:, None] < q] = 0  # there are none
-    everything = filtered_parts(parts, np.full(order + p + 1, 0.5))
+    half = filter_matrices(np.full(order + p + 1, 0.5), order, p)
+    everything = filtered_parts(parts, half)
     assert everything == pytest.approx(0.5 * parts, abs=1e-12)
     factors = rng.random(order + p + 1)
     light = rng.random((order + 1, 3))
-    squares = np.sum(filtered_parts(parts, factors) ** 2, axis=2)
+    filtered = filtered_parts(parts, filter_matrices(factors, order, p))
+    squares = np.sum(filtered**2, axis=2)
     found = np.einsum("lqc,lc,q->", squares, light, np.where(q, 2, 1))
     assert found == pytest.approx(factors**2 @ cube_energies(light, parts))
 
@@ -203,7 +206,8 @@ def test_filtered_parts_are_those_of_filtered_cubes(rng):
     cubes = bundle_coefficients(light, parts)
     blurred = cubes * factors[degrees(order + p)][:, None, None, None]
     assert np.abs(blurred).max() > 0.01
-    assert bundle_coefficients(light, filtered_parts(parts, factors)) == pytest.approx(blurred)
+    filtered = filtered_parts(parts, filter_matrices(factors, order, p))
+    assert bundle_coefficients(light, filtered) == pytest.approx(blurred)
 
 
 def test_degrees_that_are_weakened_make_an_error_by_the_squares_of_what_they_lose():

@@ -29,6 +29,7 @@ from shrm_cli.records import record
 from shrm_cli.reflected import (
     cube_energies,
     energy_beyond,
+    filter_matrices,
     filtered_parts,
     fine_places,
     kept_energy,
@@ -118,6 +119,11 @@ class Planner:
         return {}
 
     @cached_property
+    def _filters(self) -> dict[tuple[int, int], Array]:
+        """What look-ups do to bundles, for each size of cubes and degree that was asked for."""
+        return {}
+
+    @cached_property
     def _is_zonal(self) -> bool:
         energies = self.spectrum.energies
         return bool(energies.sum() - energies[0, 0] <= 1e-12 * energies.sum())
@@ -153,25 +159,34 @@ class Planner:
 
     def _lost(self, counts: Counts, band: Band, size: int, is_exact: bool) -> float:
         """Return the energy that bilinear filtering takes from cubes or adds to them."""
-        last, most = band.last, len(counts) - 1
-        errors = np.sqrt(bilinear_errors(last + most, size, self.sampling, self._places))
+        last = band.last
         light = self.spectrum.light[: last + 1] * band.factors[:, None] ** 2
         lost = [np.empty((count, last + 1, 3)) for count in counts]
-        for bundles in bundle_functions(counts).values():
+        for p, bundles in bundle_functions(counts).items():
             parts = self.spectrum.bundle_parts(bundles, last)
-            by_order = filtered_parts(parts, errors).transpose(1, 2, 0, 3)
+            by_order = filtered_parts(parts, self._filter(size, p)).transpose(1, 2, 0, 3)
             for q, used in enumerate(zip(*bundles, strict=True)):
                 lost[q][list(used)] = by_order[q]
         predicted = sum(self.spectrum.shown_energy(q, each, light) for q, each in enumerate(lost))
         if not is_exact or size > _FEW_TEXELS:
             return predicted
-        return predicted * self._misjudged(counts, band, size, errors**2)
+        return predicted * self._misjudged(counts, band, size)
 
-    def _misjudged(self, counts: Counts, band: Band, size: int, errors: Array) -> float:
+    def _filter(self, size: int, p: int) -> Array:
+        """Return the `filter_matrices` of what look-ups lose, for bundles of a degree p."""
+        if (size, p) not in self._filters:
+            order = min(furthest_order(size, 0), self.spectrum.transfer.order_f)
+            errors = bilinear_errors(order + p, size, self.sampling, self._places)
+            self._filters[size, p] = filter_matrices(np.sqrt(errors), order, p)
+        return self._filters[size, p]
+
+    def _misjudged(self, counts: Counts, band: Band, size: int) -> float:
         """Return what look-ups miss of the cubes, in units of what is predicted.
 
         Lamps are in the same place in all channels, so that the brightest one tells enough.
         """
+        order = band.last + len(counts) - 1
+        errors = bilinear_errors(order, size, self.sampling, self._places)
         light = self.spectrum.light[: band.last + 1]
         channel = int(np.argmax(light.sum(axis=0)))
         one = slice(channel, channel + 1)
