@@ -159,7 +159,8 @@ _known_couplings = Memo(2**25)
 def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: int) -> Array:
     """Return ``<l m p s | l+shift m+s>`` for arrays of l and m.
 
-    The factorials of large numbers occur as ratios, which are products of few numbers.
+    The factorials of large numbers occur as ratios, which are products of few numbers. Each depends
+    on l, on l+m or on l-m alone, and is looked up in a table of it.
 
     `degree` and `m`, broadcastable, are the degree l and the order m, of any sign. `small` and `s`
     are the degree p, at most 12, for which the sums keep ten digits, and its order. `shift` is how
@@ -170,27 +171,29 @@ def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: i
 
     References: Varshalovich, Moskalev and Khersonskii 1988, 8.2.1 (3).
     """
-    low, m = np.asarray(degree, dtype=float), np.asarray(m, dtype=float)
+    low, m = np.asarray(degree, dtype=np.intp), np.asarray(m, dtype=np.intp)
     total, up, down = low + shift, low + m, low - m
     lowest = small - shift  # l + p - J, which is small as p is
     if not 0 <= lowest <= 2 * small or abs(s) > small:
         return np.zeros(up.shape)
     # 1 / (l-m-k)! and 1 / (J-p+m+k)! are falling factorials over (l-m)! and (l+m)!.
     first, last = max(0, s - shift), min(lowest, small + s)
-    of_up, of_down = _falling(up, lowest - first), _falling(down, last)
+    numbers = np.arange(2.0 * low.max(initial=0) + 1)
+    falling = _falling(numbers, max(lowest - first, last))
+    of_up, of_down = np.clip(up, 0, len(numbers) - 1), np.clip(down, 0, len(numbers) - 1)
     result = np.zeros(up.shape)
     for k in range(first, last + 1):
         known = factorial(k) * factorial(lowest - k)
         known *= factorial(small + s - k) * factorial(shift - s + k)
-        result += ((-1) ** k / known) * of_down[k] * of_up[lowest - k]
-    front = (2 * total + 1) * factorial(lowest) * factorial(small + shift)
+        result += ((-1) ** k / known) * falling[k][of_down] * falling[lowest - k][of_up]
+    front = (2 * (numbers + shift) + 1) * factorial(lowest) * factorial(small + shift)
     front *= float(factorial(small + s) * factorial(small - s))
     for number in range(2 * small + 1):  # (l+J-p)! / (l+J+p+1)!
-        front = front / np.maximum(2 * low + shift - small + 1 + number, 1)
-    result *= np.sqrt(np.maximum(front, 0.0))
+        front = front / np.maximum(2 * numbers + shift - small + 1 + number, 1)
+    result *= np.sqrt(np.maximum(front, 0.0))[low]
     # (J+M)! / (l+m)! and (J-M)! / (l-m)!
-    result *= np.sqrt(_ratio(up, shift + s))
-    result *= np.sqrt(_ratio(down, shift - s))
+    result *= np.sqrt(_ratio(numbers, shift + s))[of_up]
+    result *= np.sqrt(_ratio(numbers, shift - s))[of_down]
     is_triangle = (total >= 0) & (total >= abs(low - small))
     is_valid = is_triangle & (up >= 0) & (down >= 0) & (abs(m + s) <= total)
     return np.where(is_valid, result, 0.0)
