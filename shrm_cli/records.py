@@ -15,6 +15,9 @@ from typing import Any, TypeVar, dataclass_transform, overload
 
 Class = TypeVar("Class", bound=type)
 
+MOST_NUMBERS = 12
+"""The numbers of an array that the text of a record shows one by one."""
+
 
 @overload
 def record(cls: Class, /) -> Class: ...
@@ -118,8 +121,15 @@ def _comparisons(cls: type) -> list[tuple[str, Any]]:
 
 def _text(self: Any) -> str:
     shown = [each.name for each in dataclasses.fields(self) if each.repr]
-    inside = ", ".join(f"{name}={getattr(self, name)!r}" for name in shown)
+    inside = ", ".join(f"{name}={_shown(getattr(self, name))}" for name in shown)
     return f"{type(self).__qualname__}({inside})"
+
+
+def _shown(value: Any) -> str:
+    """Return a value as text, and an array of many numbers as its shape."""
+    if getattr(value, "size", 0) > MOST_NUMBERS and hasattr(value, "dtype"):
+        return f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
+    return repr(value)
 
 
 def _refuse_to_set(self: Any, name: str, value: object) -> None:

@@ -5,9 +5,10 @@ import dataclasses
 import inspect
 from dataclasses import FrozenInstanceError, dataclass, field, fields, replace
 
+import numpy as np
 import pytest
 
-from shrm_cli.records import record
+from shrm_cli.records import MOST_NUMBERS, record
 
 
 def both(body, **options):
@@ -101,3 +102,14 @@ def test_records_inherit_fields_checks_and_own_methods():
         Derived(-1)
     assert copy.deepcopy(found) == found  # as processes hand them to each other
     assert {found: 1}[Derived(1, (2,), "x")] == 1
+
+
+def test_an_array_of_many_numbers_is_text_by_its_shape():
+    """A map that is typed at a prompt would fill the screen with its texels."""
+    made = record(type("Found", (), {"__annotations__": {"a": np.ndarray, "b": tuple}}))
+    assert repr(made(np.eye(3), (made(np.zeros((6, 8, 8)), ()),))) == (
+        f"Found(a={np.eye(3)!r}, b=(Found(a=<6 x 8 x 8 float64>, b=()),))"
+    )
+    few, many = np.zeros(MOST_NUMBERS), np.zeros(MOST_NUMBERS + 1, np.float32)
+    assert repr(made(few, ())) == f"Found(a={few!r}, b=())"
+    assert repr(made(many, ())) == f"Found(a=<{MOST_NUMBERS + 1} float32>, b=())"
