@@ -10,12 +10,13 @@ from shrm_cli.brdf.brushed_transfer import compute_brushed_transfer
 from shrm_cli.brdf.cache import cached_transfer
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import ArgumentError
+from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, negative_warnings
 from shrm_cli.plan import policy
-from shrm_cli.probe.disc import disc_coefficients, pixel_coefficients
+from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import SharedProbe
@@ -65,8 +66,10 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     whole = reflected_rms(project(probe, order), transfer)
     if whole == 0:
         return Beside(split, 1.0, 0.0)
-    wrong = _wrong(split, min(order, split.grid.resolved_order))
-    wrong = np.pad(wrong, ((0, (order + 1) ** 2 - len(wrong)), (0, 0)))
+    wrong = np.zeros(((order + 1) ** 2, 3))
+    for lamp in split.lamps:
+        found = _wrong(lamp, min(order, split.grid.resolved_order))
+        wrong[: len(found)] += found
     error = reflected_rms(Lighting(wrong, (wrong**2).sum(axis=0)), transfer)
     residual = reflected_rms(project(split.residual_probe, order), transfer)
     return Beside(split, min(residual / whole, 1.0), error / whole)
@@ -82,18 +85,19 @@ def _split_of(probe: Probe) -> LampSplit:
     return found
 
 
-def _wrong(split: LampSplit, order: int) -> Array:
-    """Return the coefficients of the pixels of all lamps without those of their discs.
+def _wrong(lamp: Lamp, order: int) -> Array:
+    """Return the coefficients of a lamp's pixels without those of its discs.
 
     Pixels are discs of their areas, so that a lamp of a single pixel is right.
     """
-    lights = [lamp.light for lamp in split.lamps]
-    directions, areas, radiance = (
-        np.concatenate([getattr(light, name) for light in lights])
-        for name in ("directions", "areas", "radiance")
-    )
-    pixels = pixel_coefficients(directions, areas, radiance, order)
-    return pixels - disc_coefficients(split.discs, order)
+    light = lamp.light
+    pixels = [
+        Disc(direction, radius_of(area), radiance)
+        for direction, area, radiance in zip(
+            light.directions, light.areas, light.radiance, strict=True
+        )
+    ]
+    return disc_coefficients(pixels, order) - disc_coefficients(lamp.discs, order)
 
 
 def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:

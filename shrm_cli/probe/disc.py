@@ -4,18 +4,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from shrm_cli.arrays import Array, Indices
+from shrm_cli.arrays import Array
 from shrm_cli.probe.make import latlong_solid_angles
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
-from shrm_cli.sphere.grid.latlong import AXES, latlong_coordinates
-from shrm_cli.sphere.harmonics import index, legendre_degrees
+from shrm_cli.sphere.grid.latlong import latlong_coordinates
+from shrm_cli.sphere.harmonics import legendre_degrees, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
-from shrm_cli.sphere.rotation import transform_coefficients
 
 _VALUES_AT_ONCE = 2**22
-_SAME_DIGITS = 12
-"""Latitudes and radii that agree to so many digits are the same."""
 _ROWS_AT_ONCE = 32
 _LEAST_PARTS, _MOST_PARTS = 16, 32
 """Lines of which a row of pixels is made, for discs that are large or small beside it."""
@@ -53,11 +50,7 @@ class Disc:
 
 def radius_of(solid_angle: float) -> float:
     """Radius in radians of a disc of this solid angle, above 0 and up to 4 pi sr."""
-    return float(_radii(np.asarray(solid_angle)))
-
-
-def _radii(solid_angles: Array) -> Array:
-    return np.asarray(2 * np.arcsin(np.sqrt(np.minimum(solid_angles / (4 * np.pi), 1.0))))
+    return float(2 * np.arcsin(np.sqrt(min(solid_angle / (4 * np.pi), 1.0))))
 
 
 def facing_factor(radius: float) -> float:
@@ -96,71 +89,23 @@ def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
     cos r, which loses all digits for a small r; as ``sin(r)^2 P_l' / (l (l+1))`` it keeps them.
     Zonal functions are turned to an axis a by ``L_lm = sqrt(4 pi / (2l+1)) L_l0 Y_lm(a)``.
     """
-    directions = np.array([disc.direction for disc in discs]).reshape(-1, 3)
-    radiance = np.array([disc.radiance for disc in discs]).reshape(-1, 3)
-    return _coefficients(directions, np.array([disc.radius for disc in discs]), radiance, order)
-
-
-def pixel_coefficients(directions: Array, areas: Array, radiance: Array, order: int) -> Array:
-    """Coefficients of the light of pixels, each of which is a disc of its solid angle.
-
-    They are fast for pixels of a lat-long, many of which share a latitude.
-
-    `directions` and `radiance` are of shape (n, 3), and `areas` of shape (n,), sr. `order` is the
-    largest degree.
-
-    Returns an array as `disc_coefficients` does.
-    """
-    own = _coefficients(directions @ AXES.T, _radii(areas), radiance, order)
-    return transform_coefficients(own, AXES.T)
-
-
-def _coefficients(directions: Array, radii: Array, radiance: Array, order: int) -> Array:
-    """Return the coefficients of discs, those of one radius and one latitude together."""
     result = np.zeros(((order + 1) ** 2, 3))
-    colatitude = np.arctan2(np.hypot(*directions.T[:2]), directions[:, 2])
-    turns = np.exp(1j * np.arctan2(directions[:, 1], directions[:, 0]))
-    rings, ring = np.unique(
-        np.round([colatitude, radii], _SAME_DIGITS), axis=1, return_inverse=True
-    )
-    by_ring = np.argsort(ring, kind="stable")
-    ends = np.searchsorted(ring[by_ring], np.arange(rings.shape[1] + 1))
-    step = max(_VALUES_AT_ONCE // (6 * (order + 1)), 1)
-    for start in range(0, rings.shape[1], step):
-        stop = min(start + step, rings.shape[1])
-        chosen = by_ring[ends[start] : ends[stop]]
-        first = by_ring[ends[start:stop]]
-        waves = _waves(turns[chosen], radiance[chosen], ends[start:stop] - ends[start], order)
-        theta, radius = colatitude[first], radii[first]
-        legendre = legendre_degrees(order, np.cos(theta), sine=np.sin(theta))
-        zonal = legendre_degrees(order, np.cos(radius), max_m=1, sine=np.sin(radius))
-        for (degree, values), (_, own) in zip(legendre, zonal, strict=True):
+    step = max(_VALUES_AT_ONCE // (order + 1) ** 2, 1)
+    for start in range(0, len(discs), step):
+        some = discs[start : start + step]
+        radius = np.array([disc.radius for disc in some])
+        values = real_harmonics(order, np.array([disc.direction for disc in some]))
+        radiance = np.array([disc.radiance for disc in some])
+        areas = np.array([disc.solid_angle for disc in some])
+        degrees = legendre_degrees(order, np.cos(radius), max_m=1, sine=np.sin(radius))
+        for degree, legendre in degrees:
             if degree == 0:
-                factor = 2 * np.sqrt(np.pi) * np.sin(radius / 2) ** 2
+                zonal = areas / np.sqrt(4 * np.pi)
             else:
-                factor = 2 * np.pi * np.sin(radius) * own[1] / np.sqrt(degree * (degree + 1))
-            scale = np.sqrt(4 * np.pi / (2 * degree + 1)) * factor
-            found = ((values * scale)[:, None] @ waves[: degree + 1])[:, 0]
-            center = index(degree, 0)
-            result[center : center + degree + 1] += found[:, :3]
-            result[center - degree : center] += found[:0:-1, 3:]
-    return result
-
-
-def _waves(turns: Array, radiance: Array, starts: Indices, order: int) -> Array:
-    """Sum radiance times the waves of each order m over rings, (order+1, rings, 6).
-
-    `turns`, of shape (n,), are exponentials of the azimuths. `radiance` is of shape (n, 3).
-    `starts` says where each ring starts.
-
-    The last axis has the cosines of three channels, and then the sines.
-    """
-    result = np.empty((order + 1, len(starts), 6))
-    wave = radiance.astype(complex)
-    for m in range(order + 1):
-        sums = np.add.reduceat(wave, starts) * (np.sqrt(2) if m else 1.0)
-        result[m, :, :3], result[m, :, 3:] = sums.real, sums.imag
-        wave *= turns[:, None]
+                zonal = 2 * np.pi * np.sin(radius) * legendre[1] / np.sqrt(degree * (degree + 1))
+            rows = slice(degree**2, (degree + 1) ** 2)
+            weighted = np.sqrt(4 * np.pi / (2 * degree + 1)) * zonal[:, None] * radiance
+            result[rows] += values[:, rows].T @ weighted
     return result
 
 

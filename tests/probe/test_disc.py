@@ -5,14 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import eval_legendre
 
-from shrm_cli.probe.disc import (
-    Disc,
-    disc_coefficients,
-    disc_rows,
-    facing_factor,
-    pixel_coefficients,
-    radius_of,
-)
+from shrm_cli.probe.disc import Disc, disc_coefficients, disc_rows, facing_factor, radius_of
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.make import latlong_solid_angles
 from shrm_cli.probe.probe import Probe
@@ -68,7 +61,7 @@ def test_the_closed_form_is_the_projection_of_a_drawn_disc(rng, radius):
 
 
 def test_many_discs_are_their_sum(rng, monkeypatch):
-    monkeypatch.setattr("shrm_cli.probe.disc._VALUES_AT_ONCE", 1200)  # rings of them in two blocks
+    monkeypatch.setattr("shrm_cli.probe.disc._VALUES_AT_ONCE", 1200)  # seven of them
     lights = [
         disc(direction, radius, rng.uniform(0, 5, 3))
         for direction, radius in zip(
@@ -79,22 +72,6 @@ def test_many_discs_are_their_sum(rng, monkeypatch):
     each = sum(disc_coefficients([light], 12) for light in lights)
     np.testing.assert_allclose(together, each, rtol=0, atol=1e-12)
     assert np.array_equal(disc_coefficients([], 3), np.zeros((16, 3)))
-
-
-def test_pixels_are_discs_of_their_areas(rng):
-    """Pixels of a lat-long share latitudes, those of other layouts do not."""
-    rows = latlong_solid_angles(12)[:, None] + np.zeros(24)
-    for directions, areas in (
-        (oracles.latlong_pixels(24, 12).reshape(-1, 3), rows.reshape(-1)),
-        (oracles.random_directions(rng, 40), rng.uniform(0, 0.1, 40)),
-    ):
-        radiance = rng.uniform(0, 5, (len(areas), 3))
-        found = pixel_coefficients(directions, areas, radiance, 16)
-        expected = sum(
-            disc_coefficients([Disc(direction, radius_of(area), each)], 16)
-            for direction, area, each in zip(directions, areas, radiance, strict=True)
-        )
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("radius", RADII)
