@@ -19,8 +19,8 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import both_signs
 from shrm_cli.brdf.transfer import LobeSampling, TransferFunctions, of_channels
-from shrm_cli.brdf.turned import Turned, quarters_that_differ
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import from_angles
 
 FEWEST_STEPS = 6
 """The fewest steps of azimuths in a quarter turn. Measured BRDFs have no more, because no number of
@@ -30,6 +30,11 @@ _MOST_STEPS = 24
 _UNSEEN = 10
 """The part of the energy that the upper half of the waves over azimuths may have, in units of the
 accuracy: what lies beyond them is far less, because waves of smooth lobes fall exponentially."""
+
+_PAIRS = 256
+"""The pairs of directions at which a BRDF and its mirror images are compared."""
+_ALIKE = 1e-4
+"""How far mirror images may be apart, beside the RMS of all values."""
 
 
 Waves = NDArray[np.intp]
@@ -85,6 +90,27 @@ def wave_values(waves: Waves, azimuths: Array) -> NDArray[np.complexfloating]:
     return np.asarray(1j**power * np.exp(1j * frequency * azimuths))
 
 
+def quarters_that_differ(brdf: Brdf) -> int:
+    """Return over how many quarter turns the views differ that tell everything of a BRDF.
+
+    Returns 1 where a BRDF is the same in mirrors along its tangent and across it, as all brushed
+    models are; 2 where it is the same after half a turn; else 4.
+    """
+    random = np.random.default_rng(0)
+    theta = np.arccos(random.uniform(0.05, 1.0, (2, _PAIRS)))
+    light, view = from_angles(theta, random.uniform(0, 2 * np.pi, (2, _PAIRS)))
+    own = brdf.transfer(light, view)
+    limit = _ALIKE * np.sqrt(np.mean(own**2))
+
+    def is_same(*way: int) -> bool:
+        image = brdf.transfer(light * np.array(way), view * np.array(way))
+        return bool(np.sqrt(np.mean((image - own) ** 2)) <= limit)
+
+    if not is_same(-1, -1, 1):
+        return 4
+    return 1 if is_same(1, -1, 1) else 2
+
+
 def compute_brushed_transfer(
     brdf: Brdf, order_f: int, max_q: int, accuracy: float = 1e-5, most_steps: int = _MOST_STEPS
 ) -> TransferFunctions:
@@ -100,8 +126,10 @@ def compute_brushed_transfer(
     azimuths = Azimuths(FEWEST_STEPS, quarters_that_differ(brdf))
     most = FEWEST_STEPS if brdf.is_measured else most_steps
     known: dict[float, TransferFunctions] = {}
+    # All azimuths share the tables of the sampling.
+    sampling = LobeSampling(brdf, order_f, max_q, accuracy, share=azimuths.quarters)
     while True:
-        _sample(brdf, azimuths, known, (order_f, max_q, accuracy))
+        _sample(sampling, azimuths, known)
         found = _together([known[azimuth] for azimuth in azimuths.angles], azimuths)
         energy = np.sum(wave_energies(found), axis=0)
         tail = energy[np.abs(azimuths.waves[:, 0]) > azimuths.steps].sum()
@@ -112,10 +140,7 @@ def compute_brushed_transfer(
 
 
 def _sample(
-    brdf: Brdf,
-    azimuths: Azimuths,
-    known: dict[float, TransferFunctions],
-    wanted: tuple[int, int, float],
+    sampling: LobeSampling, azimuths: Azimuths, known: dict[float, TransferFunctions]
 ) -> None:
     """Sample the lobes for views of all azimuths, at the same nodes of theta_o."""
     count = 0
@@ -124,8 +149,7 @@ def _sample(
         if not fewer:
             return
         for azimuth in fewer:
-            sampling = LobeSampling(Turned(brdf, azimuth), *wanted, share=azimuths.quarters)
-            known[azimuth] = sampling.result(count)
+            known[azimuth] = sampling.result(count, azimuth)
             count = max(len(known[a].theta_o) for a in known)
 
 

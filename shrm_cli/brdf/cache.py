@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 
 from shrm_cli import settings
-from shrm_cli.arrays import Memo
+from shrm_cli.arrays import Array, Memo
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.library import foreign_modules
@@ -246,11 +246,15 @@ def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) 
     """Write an entry and remove old ones beyond the limit; if that fails, go on without it."""
     values = {field.name: getattr(content, field.name) for field in dataclasses.fields(content)}
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    # The three channels of what is grey share the memory of one, and its place in the file.
+    grey = [name for name, each in arrays.items() if each.shape[-1] == 3 and not each.strides[-1]]
+    arrays |= {name: arrays[name][..., :1] for name in grey}
     if sum(_DOUBLE * array.size for array in arrays.values()) > MOST_BYTES // 4:
         return  # before copies of it fill the memory
     header = {
         "key": key,
         "shapes": {name: array.shape for name, array in arrays.items()},
+        "grey": grey,
         "others": {name: value for name, value in values.items() if name not in arrays},
     }
     text = json.dumps(header).encode()
@@ -303,11 +307,12 @@ def _unpacked(body: memoryview, key: str, content: type[Content]) -> Content:
     }
     for name, shape in header["shapes"].items():
         count = math.prod(shape)
-        array = np.frombuffer(body, "<f8", count, start).reshape(shape).astype(float)
+        array: Array = np.frombuffer(body, "<f8", count, start).reshape(shape).astype(float)
         if not np.isfinite(array).all():
             raise ValueError("not finite")
-        fields[name] = array
         start += array.nbytes
+        is_grey = name in header["grey"]
+        fields[name] = np.broadcast_to(array, (*array.shape[:-1], 3)) if is_grey else array
     if start != len(body):
         raise ValueError("of another length")
     return content(**fields)

@@ -3,9 +3,8 @@
 import numpy as np
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.lobe_expansion import light_rule, squared_lobes
-from shrm_cli.brdf.polar_rule import azimuths
-from shrm_cli.brdf.turned import turned_views
+from shrm_cli.brdf.lobe_expansion import SHARP, squared_lobes, view_azimuths, width_for
+from shrm_cli.brdf.polar_rule import PolarRule, azimuths
 from shrm_cli.vocabulary import Center
 
 _VIEWS, _LIGHTS, _AZIMUTHS = 12, 48, 16
@@ -33,14 +32,13 @@ def gathering_center(brdf: Brdf) -> Center:
     """
     if brdf.center != "reflection" or brdf.zonal:
         return brdf.center
-    rule = light_rule(brdf)
-    if rule.focus != 1:  # the lobe is too sharp to gather about anything else
+    if width_for(brdf, 0.0) < SHARP:  # the lobe is too sharp to gather about anything else
         return brdf.center
     theta_o = np.pi * (np.arange(_VIEWS) + 0.5) / _VIEWS
-    theta, weights = rule.nodes(_LIGHTS)
+    theta, weights = PolarRule().nodes(_LIGHTS)
     gathered, nearly = 0.0, _NEARLY if brdf.isotropic else 1.0
-    for each in turned_views(brdf):
-        light, squares = squared_lobes(each, theta, azimuths(_AZIMUTHS), theta_o / 2)
+    for azimuth in view_azimuths(brdf):
+        light, squares = squared_lobes(brdf, theta, azimuths(_AZIMUTHS), theta_o / 2, azimuth)
         squares = weights[:, None, None] * squares
         whole = np.maximum(squares.sum(axis=(0, 2)), 1e-300)
         of_mirror = np.cos(theta) @ squares.sum(axis=2)

@@ -15,13 +15,14 @@ from shrm_cli.brdf.polar_rule import (
     squeezed_azimuths,
     transfer_samples,
 )
+from shrm_cli.brdf.vectors import turned
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.harmonics import legendre_table
 
-_SHARP = 0.5
+SHARP = 0.5
 """The width of a lobe, radians, above which the nodes in theta_i are spread evenly."""
 _RADII = 1e-4, 3.1, 120
 """The least and the largest angle from the mirror direction in `lobe_width`, and their number."""
@@ -51,39 +52,52 @@ def light_rule(brdf: Brdf) -> PolarRule | SplitRule:
     if brdf.center == "normal":
         return SplitRule(below=not brdf.has_horizon and brdf.includes_cosine)
     width = lobe_width(brdf)
-    return PolarRule(width if brdf.center == "reflection" and width < _SHARP else 1.0)
+    return PolarRule(width if brdf.center == "reflection" and width < SHARP else 1.0)
 
 
 def lobe_width(brdf: Brdf) -> float:
     """The angle from the mirror direction within which half of a BRDF's energy lies, radians.
 
     It is found from few samples, and tells how dense nodes must be. For a BRDF about the tangent
-    it is 1, because its lobes are cones.
+    it is 1, because its lobes are cones. Of an anisotropic BRDF it is the least.
     """
     if brdf.center == "tangent":
         return 1.0
+    return min(width_for(brdf, azimuth) for azimuth in view_azimuths(brdf))
+
+
+def view_azimuths(brdf: Brdf) -> tuple[float, ...]:
+    """Azimuths of views, radians, that stand for all: along the tangent and across it."""
+    return (0.0,) if brdf.isotropic else (0.0, np.pi / 2)
+
+
+def width_for(brdf: Brdf, azimuth: float) -> float:
+    """The `lobe_width` for views of one azimuth."""
     radius = np.geomspace(*_RADII)
     views = np.pi / 2 * np.array(_SCOUTS)
-    squares = squared_lobes(brdf, radius, azimuths(12), views)[1].sum(axis=2)
+    squares = squared_lobes(brdf, radius, azimuths(12), views, azimuth)[1].sum(axis=2)
     inside = np.cumsum((squares * (np.sin(radius) * radius)[:, None]) @ np.sin(2 * views))
     if not inside[-1] > 0:
         return 1.0
     return float(radius[np.searchsorted(inside, inside[-1] / 2)])
 
 
-def squared_lobes(brdf: Brdf, theta: Array, phi: Array, from_normal: Array) -> tuple[Array, Array]:
+def squared_lobes(
+    brdf: Brdf, theta: Array, phi: Array, from_normal: Array, azimuth: float
+) -> tuple[Array, Array]:
     """Sample the squares of lobes about the mirror direction.
 
     `theta`, of shape (i,), and `phi`, of shape (p,), are angles of the light about the mirror
     direction, radians; azimuth 0 is towards the view. `from_normal`, of shape (o,), holds angles of
-    the views from the normal, radians.
+    the views from the normal, radians. `azimuth` is that of the views from the tangent, radians.
 
-    Returns `light` of shape (i, o, p, 3), its directions in the frame of the normal; and `squares`
+    Returns `light` of shape (i, o, p, 3), its directions in the frame of the BRDF; and `squares`
     of shape (i, o, p), ``rho_hat^2``, its channels added.
     """
     # The mirror direction is tilted from the normal towards -X, the view towards +X.
     light = tilted_frame(from_angles(theta[:, None], phi)[:, None], from_normal[:, None])
-    view = from_angles(from_normal, 0.0)[None, :, None]
+    light = turned(light, azimuth)
+    view = from_angles(from_normal, azimuth)[None, :, None]
     return light, np.sum(brdf.transfer(light, view) ** 2, axis=-1)
 
 
@@ -126,11 +140,14 @@ class LobeExpander:
             self._orders = np.tile(self._orders, 2)
         self._sign = np.where(np.arange(len(self._orders)) == 0, 1.0, 2.0)
 
-    def expand(self, theta_o: Array, count: int, azimuth_count: int) -> Expansion:
+    def expand(
+        self, theta_o: Array, count: int, azimuth_count: int, azimuth: float = 0.0
+    ) -> Expansion:
         """Expand the lobes for views at angles from C.
 
         `theta_o`, of shape (n,), is in radians. `count` and `azimuth_count` are the numbers of
-        nodes in theta_i and, over half a turn, in phi: multiples of 3.
+        nodes in theta_i and, over half a turn, in phi: multiples of 3. `azimuth` is that of the
+        views from the tangent of an anisotropic BRDF, radians.
 
         Raises BrdfError if a value of the BRDF is not finite.
         """
@@ -144,7 +161,7 @@ class LobeExpander:
         waves = (phi_weights[..., None] * self._waves(phi)[:, :, None]).reshape(*phi.shape, -1)
         sums: _Sums | None = None
         for rows, samples, coverage in transfer_samples(
-            self.brdf, self.rule, count, theta_o, phi, self._is_single
+            self.brdf, self.rule, count, theta_o, phi, self._is_single, azimuth
         ):
             if samples.strides[-1] == 0:
                 samples = samples[..., :1]

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.vectors import turned
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
@@ -171,6 +172,7 @@ def transfer_samples(
     theta_o: Array,
     phi: Array,
     is_single: bool = False,
+    azimuth: float = 0.0,
 ) -> Iterator[tuple[slice, Array, Array | None]]:
     """Sample rho_hat on a grid of angles about C, a block of theta_i at a time.
 
@@ -180,10 +182,11 @@ def transfer_samples(
     size, not with the size.
 
     `rule` is the rule for the angle theta_i of the light from C. `count` is the number of nodes in
-    theta_i. `theta_o`, of shape (n,), holds angles of the views from C, radians; their azimuth is
-    0. `phi`, of shape (n, azimuths), holds azimuths of the light for each view, radians.
-    `is_single` tells whether single precision suffices, in which most BRDFs take half the time.
-    Tables of measured ones are no more exact than that.
+    theta_i. `theta_o`, of shape (n,), holds angles of the views from C, radians. `phi`, of shape
+    (n, azimuths), holds azimuths of the light from the plane of each view, radians. `is_single`
+    tells whether single precision suffices, in which most BRDFs take half the time. Tables of
+    measured ones are no more exact than that. `azimuth` is that of the views from the tangent of
+    an anisotropic BRDF, radians.
 
     Yields
     ------
@@ -200,7 +203,7 @@ def transfer_samples(
     # About the mirror direction the normal is half way between C and the view.
     tilt = theta_o / 2 if brdf.center == "reflection" else np.zeros_like(theta_o)
     dtype = np.float32 if is_single or brdf.is_measured else np.float64
-    view: Array = from_angles(theta_o - tilt, 0.0)[None, :, None].astype(dtype)
+    view: Array = from_angles(theta_o - tilt, azimuth)[None, :, None].astype(dtype)
     horizon = np.pi / 2 + np.arctan(np.tan(tilt)[:, None] * np.cos(phi))
     ends = rule.parameter(horizon) * (count / np.pi)  # in cells
     last = min(count, 3 * math.ceil(ends.max() / 3)) if brdf.has_horizon else count
@@ -208,24 +211,24 @@ def transfer_samples(
     for start in range(0, last, step):
         rows = slice(start, min(start + step, last))
         cells = np.arange(start, rows.stop)[:, None, None]
-        light = _lights(theta_i[rows], phi, tilt, dtype)
+        light = _lights(theta_i[rows], phi, tilt, azimuth, dtype)
         if not brdf.has_horizon or rows.stop <= ends.min() + _ROUNDING:
             yield rows, brdf.transfer(light, view), None
             continue
         coverage = np.clip(ends - cells, 0.0, 1.0).astype(dtype, copy=False)
         cut = np.nonzero((coverage > 0) & (coverage <= 0.5))
         edge = from_angles(horizon[cut[1:]] * _INSIDE, phi[cut[1:]])
-        light[cut] = tilted_frame(edge, tilt[cut[1]])
+        light[cut] = turned(tilted_frame(edge, tilt[cut[1]]), azimuth)
         yield rows, brdf.transfer(light, view), coverage
 
 
-def _lights(theta: Array, phi: Array, tilt: Array, dtype: type) -> Array:
-    """Directions at angles about C, in the frame of the normal, shape (rows, n, azimuths, 3).
+def _lights(theta: Array, phi: Array, tilt: Array, azimuth: float, dtype: type) -> Array:
+    """Directions at angles about C, in the frame of the BRDF, shape (rows, n, azimuths, 3).
 
     Components lie apart in memory, so that functions of them need no gaps to be skipped.
 
     `theta` is of shape (rows,). `phi` is of shape (n, azimuths). `tilt`, of shape (n,), holds the
-    angles between C and the normal. `dtype` is that of the result.
+    angles between C and the normal. `azimuth` is that of the views. `dtype` is that of the result.
     """
     theta, tilt = theta[:, None, None], tilt[:, None]
     sine: Array = np.sin(theta).astype(dtype)
@@ -237,7 +240,7 @@ def _lights(theta: Array, phi: Array, tilt: Array, dtype: type) -> Array:
     np.multiply(sine, np.sin(phi).astype(dtype), out=lights[1])
     np.multiply(sine, (np.sin(tilt) * along).astype(dtype), out=lights[2])
     lights[2] += (np.cos(tilt) * cosine).astype(dtype)
-    return np.moveaxis(lights, 0, -1)
+    return turned(np.moveaxis(lights, 0, -1), azimuth)
 
 
 def every_third(samples: Array, coverage: Array) -> tuple[Array, Array]:

@@ -109,7 +109,7 @@ class TransferFunctions(Sampled):
     def max_q(self) -> int:
         return self.values.shape[0] - 1
 
-    @property
+    @cached_property
     def degree_energy(self) -> Array:
         """The energy of each l, with azimuthal orders up to max_q but every p: shape (F+1, 3).
 
@@ -165,7 +165,8 @@ def compute_transfer(
         )
     if brdf.zonal:
         return _zonal_transfer(brdf, order_f, max_q, accuracy)
-    found = LobeSampling(brdf, order_f, max_q, accuracy).result()
+    # So many nodes in theta_o tell all p up to the largest q apart.
+    found = LobeSampling(brdf, order_f, max_q, accuracy).result(6 * (max_q + 1))
     _refuse_unresolved(brdf, found.accuracy, accuracy, found.samples)
     return found
 
@@ -189,12 +190,11 @@ class LobeSampling:
     ) -> None:
         self.brdf, self.accuracy = brdf, accuracy
         self.order_f, self.max_q = order_f, max_q
-        self.center, self._shown = brdf.center, 0
+        self.center = brdf.center
         rule = light_rule(brdf)
         self._is_single = bool(brdf.is_measured or accuracy >= _SINGLE)
         self._expander = LobeExpander(brdf, rule, order_f, max_q, self._is_single)
         self._budget = _MOST_SAMPLES[brdf.is_measured] // share
-        self._spent = 0
         # A sharp lobe that lies elsewhere than about C must not fall between the nodes.
         cells = 0 if brdf.center == "reflection" else 6 / lobe_width(brdf)
         # Where nodes are even, or noise has all frequencies, too few of them would alias.
@@ -209,12 +209,13 @@ class LobeSampling:
                 break
             cells /= 2  # the first sampling shall leave the most for others
 
-    def result(self, least: int = 0) -> TransferFunctions:
-        """Sample the lobes, with so many nodes in theta_o at least."""
+    def result(self, least: int = 0, azimuth: float = 0.0) -> TransferFunctions:
+        """Sample the lobes for views of one azimuth, with so many nodes in theta_o at least."""
+        self._azimuth, self._shown, self._spent = azimuth, 0, 0
         # The rule in theta_o converges with the square of the step at least, and the energies of
         # high degrees change the faster with theta_o. To begin anew would take twice the time.
         resolving = 6 * math.ceil(_RESOLVING * math.sqrt(self.order_f / self.accuracy) / 6)
-        count = max(_VIEWS[0], 6 * (self.max_q + 1), min(resolving, _VIEWS[1] // 2), least)
+        count = max(_VIEWS[0], min(resolving, _VIEWS[1] // 2), least)
         views = Views(*view_nodes(self.center, count), self._first)
         while True:
             self._sample(views)
@@ -278,7 +279,7 @@ class LobeSampling:
 
             def expanded(block: NDArray[np.intp]) -> Expansion:
                 lights, azimuths = (int(n) for n in views.levels[block[0]])
-                return self._expander.expand(views.theta_o[block], lights, azimuths)
+                return self._expander.expand(views.theta_o[block], lights, azimuths, self._azimuth)
 
             is_large = sum(views.levels[block].prod(axis=1).sum() for block in jobs) > _LARGE
             for block, found in zip(jobs, in_order(expanded, jobs, is_large), strict=True):
@@ -296,7 +297,7 @@ class LobeSampling:
         """The energy that the rule in theta_o is estimated to miss."""
         third = slice(1, None, 3)
         coarse_theta, coarse_weights = view_nodes(self.center, len(views.theta_o) // 3)
-        order_p = max(_VIEWS[0] // 6 - 1, self.max_q)
+        order_p = min(max(_VIEWS[0] // 6 - 1, self.max_q), len(views.theta_o) // 6 - 1)
         change = 0.0
         # Of anisotropic BRDFs the sines come behind the cosines.
         for values in np.split(views.values, len(views.values) // (self.max_q + 1)):

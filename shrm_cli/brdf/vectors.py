@@ -3,6 +3,7 @@
 Light L and view V are unit vectors in the frame of the normal N, whose z axis is N.
 """
 
+import math
 from collections.abc import Callable, Hashable
 from contextvars import ContextVar
 from typing import Any, NamedTuple, TypeVar
@@ -109,10 +110,11 @@ def half_vector(light: Array, view: Array) -> Half:
 def _half_vector(light: Array, view: Array) -> Half:
     x, y, z = (light[..., k] + view[..., k] for k in range(3))
     length = np.sqrt(x * x + y * y + z * z)
-    opposite = length < GRAZING
-    x, y, z = np.where(opposite, 0.0, x), np.where(opposite, 0.0, y), np.where(opposite, 1.0, z)
-    divisor = np.where(opposite, 1.0, length)
-    return Half(x / divisor, y / divisor, z / divisor, np.minimum(length / 2, 1.0))
+    cosine, opposite = np.minimum(length / 2, 1.0), length < GRAZING
+    if opposite.any():
+        x, y, z = (np.where(opposite, a, b) for a, b in ((0.0, x), (0.0, y), (1.0, z)))
+        length = np.where(opposite, 1.0, length)
+    return Half(x / length, y / length, z / length, cosine)
 
 
 def cosines(light: Array, view: Array) -> tuple[Array, Array]:
@@ -131,7 +133,9 @@ def tangential(light: Array, view: Array) -> Array:
 
 def turned(vectors: Array, angle: float) -> Array:
     """Vectors (..., 3) turned about the z axis, radians, in their own precision."""
-    cosine, sine = np.cos(angle), np.sin(angle)
+    if not angle:
+        return vectors
+    cosine, sine = math.cos(angle), math.sin(angle)
     result = np.empty_like(vectors)
     x, y, result[..., 2] = np.moveaxis(vectors, -1, 0)
     result[..., 0], result[..., 1] = cosine * x - sine * y, sine * x + cosine * y

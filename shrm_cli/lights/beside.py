@@ -88,16 +88,18 @@ def _split_of(probe: Probe) -> LampSplit:
 def _wrong(lamp: Lamp, order: int) -> Array:
     """Return the coefficients of a lamp's pixels without those of its discs.
 
-    Pixels are discs of their areas, so that a lamp of a single pixel is right.
+    Pixels are discs of their areas, so that a lamp of a single pixel is right. The polar axis is
+    +Y here, about which the pixels of a row are alike; powers of degrees know no axes.
     """
     light = lamp.light
     pixels = [
         Disc(direction, radius_of(area), radiance)
         for direction, area, radiance in zip(
-            light.directions, light.areas, light.radiance, strict=True
+            np.roll(light.directions, 1, axis=1), light.areas, light.radiance, strict=True
         )
     ]
-    return disc_coefficients(pixels, order) - disc_coefficients(lamp.discs, order)
+    discs = [replace(disc, direction=np.roll(disc.direction, 1)) for disc in lamp.discs]
+    return disc_coefficients(pixels, order) - disc_coefficients(discs, order)
 
 
 def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:

@@ -9,10 +9,10 @@ from shrm_cli.probe.make import latlong_solid_angles
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.grid.latlong import latlong_coordinates
-from shrm_cli.sphere.harmonics import legendre_degrees, real_harmonics
+from shrm_cli.sphere.harmonics import legendre_degrees
 from shrm_cli.sphere.quadrature import spiral_directions
 
-_VALUES_AT_ONCE = 2**22
+_VALUES_AT_ONCE = 2**20
 _ROWS_AT_ONCE = 32
 _LEAST_PARTS, _MOST_PARTS = 16, 32
 """Lines of which a row of pixels is made, for discs that are large or small beside it."""
@@ -90,22 +90,34 @@ def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
     Zonal functions are turned to an axis a by ``L_lm = sqrt(4 pi / (2l+1)) L_l0 Y_lm(a)``.
     """
     result = np.zeros(((order + 1) ** 2, 3))
-    step = max(_VALUES_AT_ONCE // (order + 1) ** 2, 1)
+    step = max(_VALUES_AT_ONCE // (order + 1), 1)
     for start in range(0, len(discs), step):
         some = discs[start : start + step]
-        radius = np.array([disc.radius for disc in some])
-        values = real_harmonics(order, np.array([disc.direction for disc in some]))
-        radiance = np.array([disc.radiance for disc in some])
-        areas = np.array([disc.solid_angle for disc in some])
+        x, y, z = np.array([disc.direction for disc in some]).T
+        # Discs of one height and radius, as the pixels of a row are, differ in the azimuth alone.
+        keys = np.array([z, [disc.radius for disc in some], [disc.solid_angle for disc in some]])
+        (height, radius, area), ring = np.unique(keys, axis=1, return_inverse=True)
+        in_order = np.argsort(ring, kind="stable")
+        starts = np.searchsorted(ring[in_order], np.arange(len(height)))
+        sine = np.hypot(x, y)
+        phase = np.where(sine > 0, (x + 1j * y) / np.where(sine > 0, sine, 1.0), 1.0)[in_order]
+        waves = np.array([disc.radiance for disc in some], dtype=complex)[in_order]
+        around = np.empty((order + 1, len(height), 3), dtype=complex)
+        for m in range(order + 1):
+            around[m] = np.add.reduceat(waves, starts) * (np.sqrt(2) if m else 1.0)
+            waves *= phase[:, None]
+        places = legendre_degrees(order, height, sine=sine[in_order][starts])
         degrees = legendre_degrees(order, np.cos(radius), max_m=1, sine=np.sin(radius))
-        for degree, legendre in degrees:
+        for (degree, place), (_, legendre) in zip(places, degrees, strict=True):
             if degree == 0:
-                zonal = areas / np.sqrt(4 * np.pi)
+                zonal = area / np.sqrt(4 * np.pi)
             else:
                 zonal = 2 * np.pi * np.sin(radius) * legendre[1] / np.sqrt(degree * (degree + 1))
-            rows = slice(degree**2, (degree + 1) ** 2)
-            weighted = np.sqrt(4 * np.pi / (2 * degree + 1)) * zonal[:, None] * radiance
-            result[rows] += values[:, rows].T @ weighted
+            weighted = np.sqrt(4 * np.pi / (2 * degree + 1)) * zonal * place
+            sums = (weighted[:, None] @ around[: degree + 1])[:, 0]
+            middle = degree * (degree + 1)
+            result[middle : middle + degree + 1] += sums.real
+            result[middle - degree : middle] += sums.imag[:0:-1]
     return result
 
 

@@ -14,11 +14,11 @@ from shrm_cli import settings
 from shrm_cli.arrays import Memo
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.cache import cached_coefficients
+from shrm_cli.brdf.cache import cached_coefficients, cached_transfer
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum
-from shrm_cli.brdf.transfer import compute_coefficients
+from shrm_cli.brdf.transfer import compute_coefficients, compute_transfer
 from shrm_cli.errors import OutputError
 from tests.brdf.caches import Counted, new_cache
 from tests.cli.helpers import assert_refused, environment, run
@@ -81,6 +81,18 @@ def test_quick_results_are_not_kept(folder, monkeypatch):
         cached_coefficients(parse_spec("phong"), *ORDERS, compute)
     assert compute.calls == 2
     assert not folder.exists()
+
+
+def test_grey_lobes_take_the_place_of_one_channel(folder, monkeypatch):
+    monkeypatch.setattr(cache, "_in_memory", Memo(0))
+    compute, sizes = Counted(compute_transfer), []
+    for spec in ("ggx:f0=1", "ggx:f0=gold"):
+        first, again = (cached_transfer(parse_spec(spec), 24, 3, 1e-3, compute) for _ in range(2))
+        assert np.array_equal(first.values, again.values)
+        assert first.values.strides[-1] == again.values.strides[-1]
+        sizes.append(max(path.stat().st_size for path in folder.iterdir()))
+    assert compute.calls == 2
+    assert sizes[1] > 2.9 * sizes[0]
 
 
 @pytest.mark.parametrize("on_disk", [True, False])

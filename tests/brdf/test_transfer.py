@@ -15,9 +15,10 @@ from shrm_cli.brdf.cache import cached_transfer
 from shrm_cli.brdf.coefficients import accuracy_remark
 from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.brdf.transfer import compute_coefficients, compute_transfer
+from shrm_cli.brdf.transfer import LobeSampling, compute_coefficients, compute_transfer
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import using
+from shrm_cli.sphere.quadrature import interpolation_matrix
 from tests import ggx
 from tests.brdf.caches import Counted, new_cache
 
@@ -90,6 +91,43 @@ def test_the_sharpest_lobe_seen_along_the_normal(sigma):
         )
         expected = 4 * np.pi**2 * integral
         assert found.values[0, degree, 0, 0] == pytest.approx(expected, abs=1e-3, rel=1e-4)
+
+
+def test_brushed_lobes_are_those_of_the_surface_turned_below_the_view():
+    """A view of an azimuth sees what one of azimuth 0 does of a surface whose tangent is turned."""
+    own, azimuth = parse_spec("ward:ax=0.2,ay=0.5"), 0.7
+
+    class Below(Brdf):
+        isotropic = False
+
+        def evaluate(self, light, view):
+            x, y = [np.cos(azimuth), np.sin(azimuth), 0], [-np.sin(azimuth), np.cos(azimuth), 0]
+            turn = np.array([x, y, [0, 0, 1]])
+            return own.evaluate(light @ turn, view @ turn)
+
+    theta_o = np.array([0.5, 1.6, 2.9])
+    found, expected, other = (
+        LobeExpander(brdf, light_rule(own), 12, 4).expand(theta_o, 96, 48, turn).values
+        for brdf, turn in ((own, azimuth), (Below(), 0.0), (own, 0.0))
+    )
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * abs(expected).max())
+    assert abs(found - other).max() > 0.1 * abs(found).max()
+
+
+@pytest.mark.parametrize("spec", ["ward:ax=0.1,ay=0.3", "ggx:roughness=0.5,anisotropy=0.8"])
+def test_views_of_brushed_lobes_are_as_fine_as_the_accuracy_asks(spec):
+    """High azimuthal orders, of which brushed lobes hold little, need no views of their own."""
+    brdf, azimuth, accuracy = parse_spec(spec), np.pi / 12, 1e-4
+    sampling = LobeSampling(brdf, 32, 24, accuracy)
+    few, many = (sampling.result(least, azimuth) for least in (0, 150))
+    assert 2 * len(few.theta_o) < len(many.theta_o) == 150
+    missed = 0.0
+    for q, (own, truth) in enumerate(zip(few.values[..., 0], many.values[..., 0], strict=True)):
+        # The sines come behind the cosines.
+        matrix = interpolation_matrix(few.theta_o, many.theta_o, odd=q % 25 % 2 == 1)
+        squares = (own @ matrix.T - truth) ** 2 @ many.weights
+        missed += (2 if q % 25 else 1) * squares.sum() / (2 * np.pi)
+    assert missed < accuracy * many.total_energy[0]
 
 
 def test_coefficients_are_its_integrals_over_the_view():

@@ -116,17 +116,19 @@ class Proposals:
             )
         self.parts, self.notes = terms_of(self.brdf, request.center, self.divide)
         self.planners: list[Planner] = []
-        self._is_coarse = len(self.parts) == 1 and is_out_of_reach(
-            light, self.parts[0], self.asked, self.sampling
-        )
+        self._scouted: Planner | None = None
+        if len(self.parts) == 1 and not self.parts[0].isotropic and request.error is not None:
+            self._scouted = scouted(light, self.parts[0], self.sampling)
+        self._is_coarse = self._scouted is not None and is_out_of_reach(self._scouted, self.asked)
         self._know(request.error)
 
     def _know(self, error: float | None) -> None:
         """Factorize the terms as far as an error of the light needs it."""
         want = replace(self.asked, error=error)
         known: Sequence[Planner | None] = self.planners or [None] * len(self.parts)
+        given, look = (want, self.divide, self.sampling), (self._scouted, self._is_coarse)
         self.planners = [
-            planner_of(self.light, part, want, self.divide, self.sampling, each, self._is_coarse)
+            planner_of(self.light, part, *given, each, *look)
             for part, each in zip(self.parts, known, strict=True)
         ]
 
@@ -246,13 +248,8 @@ _FAR = 1.5, 3.0
 be so in truth. The shares that were compared were up to 1.6 times those of enough azimuths."""
 
 
-def is_out_of_reach(light: Projection, brdf: Brdf, want: Wanted, sampling: Sampling) -> bool:
-    """Tell whether the best map of a brushed lobe misses what is asked of it by far.
-
-    `brdf` is the only term of a BRDF.
-    """
-    if brdf.isotropic or want.error is None:
-        return False
+def scouted(light: Projection, brdf: Brdf, sampling: Sampling) -> Planner:
+    """Take a coarse look at a brushed lobe, the only term of a BRDF."""
     order = first_order(brdf)
 
     def look():  # type: ignore[no-untyped-def]
@@ -261,11 +258,17 @@ def is_out_of_reach(light: Projection, brdf: Brdf, want: Wanted, sampling: Sampl
     transfer = remembered(brdf, ("scouted", order), look)
     lighting = light.to_order(order)
     spectrum = BrushedSpectrum.of(transfer, brdf.center, weighted_power(lighting, order))
-    planner = Planner(spectrum, lighting, sampling)
+    return Planner(spectrum, lighting, sampling)
+
+
+def is_out_of_reach(planner: Planner, want: Wanted) -> bool:
+    """Tell whether the best map of a lobe that was `scouted` misses what is asked of it by far."""
+    assert want.error is not None
+    spectrum = planner.spectrum
     form = planner.best_fitting(want.max_size, want.size)
     # What lies at higher degrees is no error of maps that are made of more of them.
-    above = energies_beyond(lighting, transfer)[0] * spectrum.visible / max(planner.whole, 1e-300)
-    missed = form.total_error**2 - above
+    above = energies_beyond(planner.lighting, spectrum.transfer)[0] * spectrum.visible
+    missed = form.total_error**2 - above / max(planner.whole, 1e-300)
     if missed <= COARSE:  # in such a map coarse sampling would tell
         return False
     if missed > (_FAR[0] * want.error) ** 2:

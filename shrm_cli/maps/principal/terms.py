@@ -14,7 +14,6 @@ from shrm_cli.brdf.gathered import gathering_center
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.sums import Sum, split
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
-from shrm_cli.brdf.turned import turned_views
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.prefiltered import Notes
 from shrm_cli.maps.principal.brushed import BrushedSpectrum
@@ -121,13 +120,15 @@ def planner_of(
     divide: bool,
     sampling: Sampling,
     known: Planner | None = None,
+    scouted: Planner | None = None,
     is_coarse: bool = False,
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked.
 
     `divide` tells whether to factorize the BRDF divided by its directional albedo. `known` is what
-    this function returned for a larger error. `is_coarse` tells whether no map of a brushed lobe
-    keeps what is asked for by far; see `scout`.
+    this function returned for a larger error. `scouted` is the coarse look at a brushed lobe, which
+    tells the orders to begin with. `is_coarse` tells whether no map of a brushed lobe
+    keeps what is asked for by far; see `proposal.is_out_of_reach`.
     """
     brushed_q = _COARSE_Q if is_coarse else _MOST_BRUSHED_Q
     most_q = 0 if brdf.zonal else MAX_Q if brdf.isotropic else brushed_q
@@ -142,6 +143,10 @@ def planner_of(
         is_enough = above <= limit or order >= MAX_ORDER_F
         if is_enough and (aside <= limit or max_q == most_q):
             return known
+    elif scouted is not None and not is_coarse:
+        above, aside = _unknown_light(scouted)
+        order = min(2 * order, MAX_ORDER_F) if above > limit else order
+        max_q = most_q if aside > limit else max_q
 
     def factorized() -> Planner:
         lighting = light.to_order(order)
@@ -186,8 +191,7 @@ def first_order(brdf: Brdf) -> int:
     """Return the order F to which transfer functions are computed first."""
     if brdf.zonal or brdf.center != "reflection":
         return _FIRST_ORDER
-    width = min(lobe_width(each) for each in turned_views(brdf))
-    return power_of_two_times(_FIRST_ORDER, _WAVES_A_LOBE / width, MAX_ORDER_F)
+    return power_of_two_times(_FIRST_ORDER, _WAVES_A_LOBE / lobe_width(brdf), MAX_ORDER_F)
 
 
 def _hides_visible(planner: Planner, want: Wanted) -> bool:
