@@ -48,6 +48,21 @@ def test_against_sums_over_pixels():
     json.dumps(found.summary(), allow_nan=False)
 
 
+def test_a_sun_lights_nothing_behind_it():
+    """What its expansion leaves on the dark side was a sixth of the irradiance of the sky."""
+    image = np.full((128, 256, 3), 0.1, np.float32)
+    image[30, 150] = 2.5e5
+    directions, areas = pixels_of(128)
+    for part in (np.s_[:], np.s_[:64]):  # the sky, and the half of it that is above the ground
+        light = np.zeros_like(image)
+        light[part] = image[part]
+        found = probe_statistics(Probe.from_array(light))
+        for name, value in zip(AXES, found.irradiance, strict=True):
+            cosines = np.maximum(directions @ np.array(NORMALS[name]), 0)
+            truth = (cosines * areas) @ light.reshape(-1, 3).astype(float)
+            np.testing.assert_allclose(value, truth, rtol=0.01, atol=1e-3)
+
+
 def test_light_of_one_kind():
     """A white furnace: no range, no direction, the white of its primaries, E = pi."""
     found = probe_statistics(Probe.from_array(np.ones((32, 64, 3), np.float32)))
