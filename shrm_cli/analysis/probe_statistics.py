@@ -180,7 +180,8 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         white_balance=_over_green(mean),
         direction=direction,
         directionality=directionality,
-        clipped=gathered.clipped(mean),
+        # Other images than files, such as arrays, are of floats.
+        clipped=gathered.clipped(mean, getattr(probe.images[0], "largest", None)),
         primaries="not stated; taken for Rec.709" if stated is None else title_of(stated),
         lamps=found[:lamps],
         lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / whole for lamp in found[:lamps]),
@@ -284,8 +285,12 @@ class _Gathered:
         """Stops between the least luminance above 0 and the largest."""
         return float(np.log2(self.most / self.least)) if self.most > 0 else 0.0
 
-    def clipped(self, mean: Array) -> str:
-        """Why the maximum is suspected to be clipped; else ""."""
+    def clipped(self, mean: Array, end: Array | None) -> str:
+        """Why the maximum is suspected to be clipped; else "".
+
+        `end` is the radiance of the largest integers, shape (3,). What has it was clipped however
+        large it is.
+        """
         rows, columns = self.grid.shape
         pixel = 4 * np.pi / (rows * columns)
         for channel, (high, area, average) in enumerate(
@@ -297,6 +302,9 @@ class _Gathered:
             count = area / pixel
             is_bright = high >= _PLATEAU_OVER_MEAN * average
             is_bright &= area > self.near_high[channel] - area
+            if end is not None and high == end[channel] and count >= _PLATEAU:
+                where = f"in {area / (4 * np.pi):.2%} of the sphere"
+                return f"{name} reaches {high:g}, the end of its integers, {where}"
             if is_bright and count >= _PLATEAU and area < _MOST_PLATEAU * 4 * np.pi:
                 return f"{count:.0f} pixels share the maximum {high:.6g} of {name}"
         return ""
