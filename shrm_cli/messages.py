@@ -30,6 +30,11 @@ def as_keys(message: object) -> str:
     )
 
 
+def percent(part: float) -> str:
+    """Return a part of 1 as a percentage of two digits, and of all that are before the point."""
+    return f"{100 * part:.2g}" if part < 0.995 else f"{100 * part:.0f}"
+
+
 def explained(error: BaseException, path: str | None = None) -> str:
     """An error of foreign code in one line, with the last line of the file that took part in it."""
     import traceback  # slow to load, and rarely needed

@@ -19,12 +19,14 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import to_azimuth_elevation
 from shrm_cli.sphere.grid.base import Grid
-from shrm_cli.sphere.harmonics import degrees, real_harmonics
+from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
 
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 _ORDER = 32
-"""Degrees of the light that make the irradiance."""
+"""Degrees of the light that make the irradiance, but for that of lamps."""
+_AT_ONCE = 4096
+"""Pixels of lamps that are expanded at a time."""
 _LOW, _HIGH = 0.01, 0.999
 """Shares of the sphere between whose luminances the range is."""
 _LEAST_STOP, _BINS_A_STOP, _STOPS = -60, 64, 160
@@ -162,9 +164,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     point = chromaticity(mean, probe.chromaticities)
     temperature = None if point is None else color_temperature(*point)
     direction, directionality = _direction(light @ to_xyz[1])
-    axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
-    factors = lambert_factors(order)[degrees(order), None]
-    found = split_lamps(probe, count=lamps).lamps if lamps and mean.any() else ()
+    found = split_lamps(probe).lamps if lamps and mean.any() else ()
     whole, stated = 4 * np.pi * float(to_xyz[1] @ mean), probe.chromaticities
     return ProbeStatistics(
         minimum=gathered.low,
@@ -173,18 +173,40 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         mean_luminance=float(to_xyz[1] @ mean),
         stops=gathered.stops(),
         stops_whole=gathered.stops_whole(),
-        irradiance=np.maximum(real_harmonics(order, axes) @ (factors * light), 0),
+        irradiance=_irradiance(light, found),
         chromaticity=point,
         temperature=temperature,
         duv=None if point is None or temperature is None else blackbody_distance(*point),
         white_balance=_over_green(mean),
         direction=direction,
         directionality=directionality,
-        clipped=gathered.clipped(mean),
+        # Other images than files, such as arrays, are of floats.
+        clipped=gathered.clipped(mean, getattr(probe.images[0], "largest", None)),
         primaries="not stated; taken for Rec.709" if stated is None else title_of(stated),
-        lamps=found,
-        lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / whole for lamp in found),
+        lamps=found[:lamps],
+        lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / whole for lamp in found[:lamps]),
     )
+
+
+def _irradiance(light: Array, lamps: Sequence[Lamp]) -> Array:
+    """Return the irradiance of surfaces whose normals are `AXES`, shape (6, 3).
+
+    `light` are coefficients of all light. What lies beyond their degrees is small beside that, but
+    much on the dark side of a sun, where it would make a sixth of the sky's light: of the pixels of
+    lamps it is added, as the difference of the cosine and its expansion.
+    """
+    order = order_of(len(light))
+    axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
+    expansion = real_harmonics(order, axes) * lambert_factors(order)[degrees(order)]
+    result = expansion @ light
+    for lamp in lamps:
+        directions, flux = lamp.light.directions, lamp.light.radiance * lamp.light.areas[:, None]
+        for start in range(0, len(flux), _AT_ONCE):
+            part = slice(start, start + _AT_ONCE)
+            cosines = np.maximum(axes @ directions[part].T, 0)
+            beyond = cosines - expansion @ real_harmonics(order, directions[part]).T
+            result += beyond @ flux[part]
+    return np.maximum(result, 0)
 
 
 def _over_green(mean: Array) -> Array | None:
@@ -263,8 +285,12 @@ class _Gathered:
         """Stops between the least luminance above 0 and the largest."""
         return float(np.log2(self.most / self.least)) if self.most > 0 else 0.0
 
-    def clipped(self, mean: Array) -> str:
-        """Why the maximum is suspected to be clipped; else ""."""
+    def clipped(self, mean: Array, end: Array | None) -> str:
+        """Why the maximum is suspected to be clipped; else "".
+
+        `end` is the radiance of the largest integers, shape (3,). What has it was clipped however
+        large it is.
+        """
         rows, columns = self.grid.shape
         pixel = 4 * np.pi / (rows * columns)
         for channel, (high, area, average) in enumerate(
@@ -276,6 +302,9 @@ class _Gathered:
             count = area / pixel
             is_bright = high >= _PLATEAU_OVER_MEAN * average
             is_bright &= area > self.near_high[channel] - area
+            if end is not None and high == end[channel] and count >= _PLATEAU:
+                where = f"in {area / (4 * np.pi):.2%} of the sphere"
+                return f"{name} reaches {high:g}, the end of its integers, {where}"
             if is_bright and count >= _PLATEAU and area < _MOST_PLATEAU * 4 * np.pi:
                 return f"{count:.0f} pixels share the maximum {high:.6g} of {name}"
         return ""

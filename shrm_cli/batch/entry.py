@@ -291,6 +291,9 @@ def found_probes(
     found: dict[str, str] = {}
     outputs: dict[str, None] = {}
     for pattern in patterns:
+        if os.path.isdir(pattern):
+            within = os.path.join(pattern, "*.exr")
+            raise ProbeError(f"{pattern}: a folder; name what is in it, such as '{within}'")
         if not glob.has_magic(pattern) or os.path.exists(pattern):
             found.setdefault(pattern, "")
             continue

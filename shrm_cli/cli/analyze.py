@@ -201,7 +201,7 @@ def _analyze_materials(
 
     target = None
     if can_plot() and not no_plots:
-        target = f"{output or 'materials'}.energy.png"
+        target = f"{_stem(output or 'materials')}.energy.png"
         check_outputs([target], specs=specs)
     brdfs = [parse_spec(spec) for spec in specs]
     f, p = MATERIAL_F if order_f is None else order_f, MATERIAL_P if order_p is None else order_p
@@ -233,7 +233,12 @@ def _prefix(output: str | None, probe: str | None, label: str) -> str:
     name = label if probe is None else f"{probe_stem(probe)}.{label}"
     if output is None:
         return name
-    return str(Path(output, name)) if Path(output).is_dir() else output
+    return str(Path(output, name)) if Path(output).is_dir() else _stem(output)
+
+
+def _stem(output: str) -> str:
+    """Return what the names of pictures begin with, of whoever names a picture."""
+    return output[:-4] if output.lower().endswith(".png") else output
 
 
 def _curve(curve: AccuracyCurve) -> dict[str, Any]:

@@ -402,10 +402,11 @@ def _conclude(totals: Totals, log: str | None, predictions: list[dict[str, Any]]
     told = f"; {log} tells of each" if log else ""
     warned = f"; {totals.warned:,} with warnings" if totals.warned else ""
     size = f", {totals.bytes:,} bytes" if totals.bytes else ""
+    outputs = "output" if totals.jobs == 1 else "outputs"
     anew = totals.anew.most_common(_MOST_REASONS)
     lines = [
         *map(_prediction_line, predictions),
-        f"{totals.jobs:,} outputs: {', '.join(words) or 'none'}{size}{warned}{told}",
+        f"{totals.jobs:,} {outputs}: {', '.join(words) or 'none'}{size}{warned}{told}",
         *(f"  {count:,} anew: {flags(why)}" for why, count in anew),
     ]
     result = {**totals.as_json(), "log": log, **more, "failures": totals.failures}

@@ -163,6 +163,7 @@ def compare(
     from shrm_cli.maps.file import open_map
     from shrm_cli.probe.open import open_probe
     from shrm_cli.render.comparison import comparison_layout
+    from shrm_cli.render.image import expose, exposure_advice
 
     _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", *READING_NAMES])
     shown["size"] = shown["size"] or _SIZE
@@ -194,6 +195,8 @@ def compare(
     if target is not None:
         settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
         report.append(_picture(target, compared.comparison, labels, settings))
+        exposed = expose(compared.comparison.baseline, exposure)
+        warnings += exposure_advice(target, exposed, exposure)
     conclude(result, report, warnings + _too_large(result))
 
 

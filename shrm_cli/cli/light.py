@@ -59,14 +59,15 @@ def light() -> None:
 def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **values: Any) -> None:
     """Edit LIGHT: set, scale, dim and rotate it, in this order, and then add others.
 
-    LIGHT is a file of coefficients, an irradiance map, a light file or a light probe. A light file
-    may be written as one, beside it, with its images and discs; all else is written as
-    coefficients, which hold a light to their order. The options from --sampling to --working are
+    LIGHT is a file of coefficients, an irradiance map, a light file or a light probe. What is
+    written beside it as a light file has its images and discs; all else is coefficients, which
+    hold a light to their order. The options from --sampling to --working are
     about the files of LIGHT and of --add.
 
     \b
       shrm light edit room.irradiance.exr --set 1,-1=-2 -o from-below.npy
       shrm light edit sky.exr --order 6 --dim 40,30:0.2 -o sky.json
+      shrm light edit dim.exr --scale 1000 -o bright.toml
       shrm light edit studio.toml --rotate y:40 --add lamp.toml -o turned.toml
     """
     from shrm_cli.lights.edit import edit_light
@@ -81,7 +82,10 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
         tables, working = _edited_tables(file, output, add, wanted)
         write_light_file(output, tables, working)
         count = sum(map(len, tables.values()))
-        conclude({"file": output, "lights": count}, [f"{output}: {count} lights"])
+        conclude(
+            {"file": output, "lights": count},
+            [f"{output}: {count} light{'s' if count > 1 else ''}"],
+        )
         return
     found, warnings = edit_light(file, wanted, add, order, make_read_options(values))
     write_coefficients(output, found)
@@ -113,33 +117,39 @@ def _edit(values: dict[str, Any]) -> Edit:
 def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> tuple[Tables, Any]:
     """Return the tables of a light file after the edit, with those of lights that are added.
 
-    Raises ProbeError if the light is no light file, or one lies in another folder than what is
-    written.
+    Raises ProbeError if one lies in another folder than what is written.
     """
     from shrm_cli.errors import ProbeError
+
+    folder = Path(output).absolute().parent.resolve()
+    for path in (file, *add):
+        if Path(path).absolute().parent.resolve() != folder:
+            raise ProbeError(
+                f"{path}: a light file names what lies beside it; write {Path(output).name} into "
+                "its folder"
+            )
+    tables, working = _tables(file, None)
+    tables = wanted.of_tables(file, tables)
+    for path in add:
+        more, own = _tables(path, working)
+        if own != working:
+            raise ProbeError(f"{path}: its `working` is not that of {file}; make it the same")
+        for kind, some in more.items():
+            tables.setdefault(kind, []).extend(some)
+    return tables, working
+
+
+def _tables(path: str, working: Any) -> tuple[Tables, Any]:
+    """Return the tables and `working` of a light file; of another file, those that name it."""
     from shrm_cli.probe.image_file import is_light_file
     from shrm_cli.probe.light_file import read_light_tables
     from shrm_cli.probe.open import open_probe
     from shrm_cli.probe.series import holds_series
 
-    folder = Path(output).absolute().parent.resolve()
-    for path in (file, *add):
-        if Path(path).absolute().parent.resolve() != folder:
-            raise ProbeError(f"{path}: not in the folder of {output}; light files name what is")
-        open_probe(path)  # what is wrong with it is said
-    if not is_light_file(file):
-        raise ProbeError(f"{file}: no light file, so that none is made of it; write .json or .txt")
-    tables, working = read_light_tables(file)
-    tables = wanted.of_tables(file, tables)
-    for path in add:
-        more: Tables = {"sh" if holds_series(path) else "probe": [{"file": Path(path).name}]}
-        if is_light_file(path):
-            more, own = read_light_tables(path)
-            if own != working:
-                raise ProbeError(f"{path}: its `working` is not that of {file}; make it the same")
-        for kind, some in more.items():
-            tables.setdefault(kind, []).extend(some)
-    return tables, working
+    open_probe(path)  # what is wrong with it is said
+    if is_light_file(path):
+        return read_light_tables(path)
+    return {"sh" if holds_series(path) else "probe": [{"file": Path(path).name}]}, working
 
 
 @light.command()

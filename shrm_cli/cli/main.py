@@ -168,7 +168,7 @@ def main(arguments: list[str] | None = None) -> None:
         if type(error).show is not click.UsageError.show:
             error.show()
             sys.exit(error.exit_code)
-        _fail(_with_hint(error), error.exit_code)
+        _fail(_with_hint(error, arguments), error.exit_code)
     except click.ClickException as error:
         _fail(error.format_message(), error.exit_code)
     except ArgumentError as error:
@@ -225,11 +225,16 @@ def _named(arguments: list[str]) -> str:
     return next((each for each in arguments if not each.startswith("-")), "")
 
 
-def _with_hint(error: click.UsageError) -> str:
+def _with_hint(error: click.UsageError, arguments: list[str]) -> str:
     message = error.format_message().rstrip(".")
+    if isinstance(error, click.NoSuchOption):
+        for each in arguments:
+            if each.startswith("-") and os.path.lexists(each):
+                return f"{message}; the file of that name is ./{each}"
     if message.endswith(("?", "?)")):  # the message already says what to do
         return message
-    return f"{message}; see {error.ctx.command_path if error.ctx else 'shrm'} --help"
+    command = error.ctx.command_path if error.ctx else f"shrm {_named(arguments)}".rstrip()
+    return f"{message}; see {command} --help"
 
 
 def _fail(message: str, code: int) -> None:

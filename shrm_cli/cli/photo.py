@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import conclude, precision_option, report_options, several
+from shrm_cli.cli.options import (
+    conclude,
+    make_read_options,
+    precision_option,
+    probe_options,
+    report_options,
+    several,
+)
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import CIRCLE, DIRECTION, RADIANCE, Parsed, within
 from shrm_cli.cli.usage import check_outputs, exclude
@@ -181,6 +188,7 @@ def ball(
     "--facing", type=DIRECTION, default="0,90", show_default=True,
     help="Where the card or the meter faced, degrees; 0,90 is up.",
 )  # fmt: skip
+@probe_options
 @_photo_options
 def unclip(
     source: str,
@@ -191,6 +199,7 @@ def unclip(
     facing: tuple[float, float],
     output: str,
     precision: Precision,
+    **reading: Any,
 ) -> None:
     """Make the sun of a probe, which its camera clipped, as bright as a reading says.
 
@@ -200,11 +209,13 @@ def unclip(
     \b
       shrm probe unclip probe.exr --card 3.1,2.9,2.6 -o sunny.exr
       shrm probe unclip probe.exr --ratio 6.5 -o sunny.exr
+      shrm probe unclip panorama.jpg --linearize --ratio 6.5 -o sunny.exr
     """
     import numpy as np
 
     from shrm_cli.errors import ArgumentError
     from shrm_cli.photo.unclip import unclip as unclipped
+    from shrm_cli.probe.open import open_probe
     from shrm_cli.sphere.directions import from_azimuth_elevation, to_azimuth_elevation
 
     for one, other in (("irradiance", "card"), ("irradiance", "ratio"), ("card", "ratio")):
@@ -214,8 +225,9 @@ def unclip(
     check_outputs([output], files=[source], suffixes=[".exr"])
     received = irradiance if card is None else np.pi / albedo * np.asarray(card)
     normal = from_azimuth_elevation(*facing)
+    probe = open_probe(source, make_read_options(reading))
     with progress_bar("reading") as progress, using(progress):
-        made = unclipped(source, None if received is None else np.array(received), ratio, normal)
+        made = unclipped(probe, None if received is None else np.array(received), ratio, normal)
     azimuth, elevation = to_azimuth_elevation(made.direction)
     times = ", ".join(f"{each:.4g}" for each in made.factors)
     facts = {
@@ -228,7 +240,8 @@ def unclip(
     ]
     recipe = {"probe": "unclip", "source": Path(source).name, "factors": made.factors.tolist()}
     _write(
-        output, made.pixels, precision, made.probe.chromaticities, recipe, facts, lines, [],
+        output, made.pixels, precision, made.probe.chromaticities, recipe, facts, lines,
+        [f"{source}: {line}" for line in probe.report.warnings()],
     )  # fmt: skip
 
 

@@ -75,7 +75,7 @@ def reference(
     from shrm_cli.probe.open import open_probe
     from shrm_cli.reference import Reference
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.image import expose
+    from shrm_cli.render.image import expose, exposure_advice
     from shrm_cli.render.sphere import render_sphere
 
     source = open_probe(probe, make_read_options(reading))
@@ -104,6 +104,7 @@ def reference(
     attributes = picture_attributes(recipe, [source.chromaticities])
     pixel_type = write_picture(target, pixels, precision, attributes)
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
+    warnings += exposure_advice(target, pixels, exposure)
     lines = [
         f"{target}: {size} x {size}, {pixel_type}",
         f"  BRDF           {brdf!r}",

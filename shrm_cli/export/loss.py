@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.messages import percent
 from shrm_cli.records import record
 
 _TILE = 16
@@ -66,7 +67,7 @@ def _lamps(light: Array, read: Array) -> float:
 
 def sentence(file: str, losses: Sequence[Loss]) -> str:
     """Return a sentence about what is lost in a file."""
-    levels = ", ".join(f"{100 * each.rms:.2g}/{100 * each.p95:.2g}" for each in losses)
+    levels = ", ".join(f"{percent(each.rms)}/{percent(each.p95)}" for each in losses)
     lamp = max(each.lamp for each in losses)
-    lamps = f"; lamps keep their energy within {100 * lamp:.2g} %" if lamp else ""
+    lamps = f"; lamps keep their energy within {percent(lamp)} %" if lamp else ""
     return f"{file}: packing changes its levels by {levels} % (RMS/95th percentile){lamps}"

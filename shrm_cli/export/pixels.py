@@ -10,7 +10,8 @@ The Khronos Data Format Specification 1.3, sections 10.2 to 10.4; OpenGL's exten
 EXT_packed_float and EXT_texture_shared_exponent.
 """
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,9 @@ class TexelFormat:
     shape (...), or uint16 of shape (..., 4); bytes of blocks."""
     edge: int = 1
     """Texels along an edge of a block."""
+    dimmest: float = 6e-7
+    """Where its steps are a tenth of the value; light whose mean is below it is lost. Those of half
+    precision by default."""
 
 
 @record
@@ -54,6 +58,9 @@ class Clipped:
     most: float
     least: float
     """`most` and `least`: the largest and the least value that there was."""
+    texels: int
+    mean: float
+    """`texels` and `mean`: how many there are, and their mean value."""
 
 
 def limited(image: Array, chosen: TexelFormat, what: str) -> tuple[Array, Clipped]:
@@ -61,7 +68,10 @@ def limited(image: Array, chosen: TexelFormat, what: str) -> tuple[Array, Clippe
     largest = np.array(chosen.largest)
     above = int(np.count_nonzero((image > largest).any(axis=-1)))
     below = int(np.count_nonzero((image < 0).any(axis=-1)))
-    clipped = Clipped(what, above, below, float(image.max()), float(image.min()))
+    clipped = Clipped(
+        what, above, below, float(image.max()), float(image.min()), image.size // 3,
+        float(image.mean(dtype=float)),
+    )  # fmt: skip
     return np.clip(image, 0, largest), clipped
 
 
@@ -87,10 +97,12 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
 
 CURE = "dim them with `clamp`"
 """What a warning about clipped texels says to do, where nobody knows what they are of."""
+_LAMPS = 0.1
+"""Where more of an image's texels are clipped they are no lamps: all light is too bright."""
 
 
 def clip_warning(file: str, chosen: TexelFormat, found: Iterable[Clipped]) -> str | None:
-    """Return one line about everything that was clipped in a file; None if nothing was."""
+    """Return one line about everything that a file cannot hold; None if there is nothing."""
     found = list(found)
     bright = [each for each in found if each.above]
     dark = [each for each in found if each.below]
@@ -98,15 +110,30 @@ def clip_warning(file: str, chosen: TexelFormat, found: Iterable[Clipped]) -> st
     if bright:
         most = max(each.most for each in bright)
         where = ", ".join(f"{each.above} of {each.what}" for each in bright)
+        all_of_it = any(each.above > _LAMPS * each.texels for each in bright)
         parts.append(
             f"texels brighter than {chosen.title} holds ({min(chosen.largest):g}) were clipped: "
-            f"{where}, the brightest {most:.6g}; {CURE}"
+            f"{where}, the brightest {most:.6g}; {_scaled(found) if all_of_it else CURE}"
+        )
+    if any(0 < each.mean < chosen.dimmest for each in found):
+        parts.append(
+            f"the light is too dim for {chosen.title}, whose steps are coarse below "
+            f"{chosen.dimmest:g}; {_scaled(found)}"
         )
     if dark:
         least = min(each.least for each in dark)
         where = ", ".join(f"{each.below} of {each.what}" for each in dark)
         parts.append(f"negative texels became 0: {where}, the least {least:.3g}")
     return f"{file}: {'; '.join(parts)}" if parts else None
+
+
+def _scaled(found: Sequence[Clipped]) -> str:
+    """Say how light whose mean is far from 1 comes into the range of a format."""
+    power = -round(math.log10(max(each.mean for each in found)))
+    return (
+        f"scale the light by 1e{power}, as by shrm light edit PROBE --scale 1e{power} "
+        f"-o NAME.toml, and its intensity in the engine by 1e{-power}"
+    )
 
 
 def _pack_half(values: Array) -> Words:
@@ -159,7 +186,12 @@ FORMATS = {
     for each in (
         TexelFormat("rgba16f", "RGBA16F", (65504.0,) * 3, 8, _pack_half),
         TexelFormat(
-            "r11g11b10", "R11F_G11F_B10F", (65024.0, 65024.0, 64512.0), 4, _pack_unsigned_floats
+            "r11g11b10",
+            "R11F_G11F_B10F",
+            (65024.0, 65024.0, 64512.0),
+            4,
+            _pack_unsigned_floats,
+            dimmest=2e-5,
         ),
         TexelFormat("rgb9e5", "RGB9E5", (65408.0,) * 3, 4, _pack_shared_exponent),
     )

@@ -50,7 +50,7 @@ def _pack(radiance: Array) -> NDArray[np.uint8]:
     return np.concatenate([colors, divisor], axis=-1).astype(np.uint8)
 
 
-RGBD = TexelFormat("rgbd", "RGBD", (LARGEST,) * 3, 4, _pack)
+RGBD = TexelFormat("rgbd", "RGBD", (LARGEST,) * 3, 4, _pack, dimmest=5e-3)
 """The format; it is no choice of users, because its pixels lie in pictures."""
 
 

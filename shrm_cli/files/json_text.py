@@ -108,6 +108,8 @@ def read_toml(
         return tomllib.loads(text.decode()), text
     except RecursionError:
         raise error(f"{name}: nested too deeply to be {what}; write it anew") from None
+    except UnicodeDecodeError:
+        raise error(f"{name}: no text, so that it is not {what}; name another file") from None
     except ValueError as problem:
         reason = " ".join(str(problem).split())[:_MOST_OF_A_REASON]
         raise error(f"{name}: no TOML ({reason}); correct it") from None

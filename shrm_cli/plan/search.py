@@ -14,6 +14,7 @@ from math import inf, sqrt
 from operator import itemgetter
 from typing import Any, Generic, Protocol, TypeVar
 
+from shrm_cli.messages import percent
 from shrm_cli.plan import policy
 from shrm_cli.records import record
 
@@ -181,10 +182,10 @@ class Candidate(Generic[M]):
     @property
     def errors_text(self) -> str:
         """What is predicted of the picture, in words."""
-        error = f"{100 * self.total_error:.2g}% RMS error"
+        error = f"{percent(self.total_error)}% RMS error"
         if self.wrong_share is None:
             return error
-        return f"{error} and {100 * self.wrong_share:.2g}% of pixels wrong by more than 5%"
+        return f"{error} and {percent(self.wrong_share)}% of pixels wrong by more than 5%"
 
     def keeps(self, goal: Goal) -> bool:
         """Tell whether the map keeps what is asked."""

@@ -22,6 +22,9 @@ from shrm_cli.vocabulary import (
     grid_name,
 )
 
+_NEARLY = 0.02
+"""A lat-long may be so much of its width wider or narrower than 2:1 by rounding, or by mistake."""
+
 
 class ProbeImage(Protocol):
     """An image whose pixels are read by rows, as often as they are needed."""
@@ -215,8 +218,18 @@ def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
     ]
     raise ProbeError(
         f"{name}: {width} x {height} is no known layout (2:1 lat-long, {shapes[0]} cube, "
-        f"{shapes[1]} cross); give `layout`"
+        f"{shapes[1]} cross); give `layout`{_of_latlongs(width, height)}"
     )
+
+
+def _of_latlongs(width: int, height: int) -> str:
+    """Say what makes a lat-long of an image that is nearly one, or a part of one."""
+    if abs(width - 2 * height) <= _NEARLY * width:
+        return f", or scale it to {2 * height} x {height} if it is a lat-long"
+    if width > 2 * height:
+        whole = f"{width} x {width // 2}"
+        return f", or put what is a part of a panorama into {whole} pixels, black elsewhere"
+    return ""
 
 
 def proportions(layout: Layout, images: int = 1) -> tuple[int, int]:
@@ -246,9 +259,10 @@ def check_shape(name: str, layout: Layout, width: int, height: int, images: int 
             wanted = f"{columns} x {rows} square faces"
         else:
             wanted = f"width = {columns / rows:g} x height"
+        advice = _of_latlongs(width, height) if layout == "latlong" else ""
         raise ProbeError(
             f"{name}: {width} x {height} cannot be {layout}, which is {wanted}; give the `layout` "
-            "that it has, or crop it"
+            f"that it has{advice or ', or crop it'}"
         )
     if size < grid_class(grid_name(layout)).smallest:
         raise ProbeError(

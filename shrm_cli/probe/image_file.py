@@ -179,6 +179,11 @@ class ImageFile:
         spec = self._input.spec()
         return all(str(spec.channelformat(k)) in _FLOAT_FORMATS for k in self.layer.channels)
 
+    @property
+    def largest(self) -> Array | None:
+        """The radiance of the largest integers that it can hold, shape (3,); None of floats."""
+        return None if self.is_float else self.encoding.linear(np.ones(3, np.float32))
+
     def number(self, name: str) -> float | None:
         """A number of the header, such as Exif's ``ExposureTime``; None where it has none."""
         value = self._input.spec().getattribute(name)

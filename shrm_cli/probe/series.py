@@ -108,6 +108,11 @@ def read_series(
             basis = basis or ("filament" if _FILAMENT in text else None)
             values = _of_text(text)
         return Series(as_radiance(values, basis or "real", of))
+    except UnicodeDecodeError:
+        raise ProbeError(
+            f"{name}: no text, so that it holds no coefficients; give an image the suffix of its "
+            "format"
+        ) from None
     except (ValueError, TypeError, KeyError, OverflowError) as error:
         said = str(error) if isinstance(error, ValueError) else "no coefficients"
         raise ProbeError(f"{name}: {' '.join(said.split())[:200]}") from None

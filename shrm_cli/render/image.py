@@ -5,11 +5,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.picture import Picture, file_type
+from shrm_cli.vocabulary import LUMINANCE
 
 _BRIGHT, _SHOWN_AS = 0.75, 0.4
 """The quantile of the luminance that an exposure is chosen by, and what it becomes."""
 _MOST_STOPS = 30.0
+_WHITE, _BLACK = 0.05, 0.95
+"""A picture of which no more than this share of what is lit is below 1 is all but white; one of
+which this share is below `_SEEN` is all but black."""
+_SEEN = 0.003
+"""Ten of the 255 steps of sRGB."""
 
 
 def expose(pixels: ArrayLike, exposure: float) -> Picture:
@@ -38,6 +44,26 @@ def suitable_exposure(luminance: ArrayLike, weights: ArrayLike = 1.0) -> float:
     if bright <= 0:
         return 0.0
     return float(np.clip(np.round(4 * np.log2(_SHOWN_AS / bright)) / 4, -_MOST_STOPS, _MOST_STOPS))
+
+
+def exposure_advice(path: str, pixels: ArrayLike, exposure: float) -> list[str]:
+    """Say which exposure shows a picture that is all but black or white; nothing of an EXR.
+
+    `pixels`, of shape (..., 3), are linear and exposed by `exposure` stops. What is black in truth,
+    as beside a sphere, does not count.
+    """
+    luminance = np.asarray(pixels, dtype=float) @ np.array(LUMINANCE)
+    lit = luminance[np.isfinite(luminance) & (luminance > 0)]
+    if file_type(path) != "png" or not lit.size:
+        return []
+    low, high = np.quantile(lit, [_WHITE, _BLACK])
+    if high > _SEEN and low < 1:
+        return []
+    looks = "black" if high <= _SEEN else "white"
+    better = exposure + suitable_exposure(lit)
+    return [
+        f"{path}: all but {looks} at an exposure of {exposure:g}; `exposure` {better:g} shows it"
+    ]
 
 
 def weighted_quantiles(

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.analysis.probe_statistics import AXES, probe_statistics
+from shrm_cli.files.png import encode_srgb, write_png
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
 from tests import oracles
 from tests.lights import rooms
@@ -46,6 +48,21 @@ def test_against_sums_over_pixels():
     np.testing.assert_allclose(found.direction, vector / np.linalg.norm(vector), rtol=0, atol=1e-3)
     assert len(found.lamps) == 1
     json.dumps(found.summary(), allow_nan=False)
+
+
+def test_a_sun_lights_nothing_behind_it():
+    """What its expansion leaves on the dark side was a sixth of the irradiance of the sky."""
+    image = np.full((128, 256, 3), 0.1, np.float32)
+    image[30, 150] = 2.5e5
+    directions, areas = pixels_of(128)
+    for part in (np.s_[:], np.s_[:64]):  # the sky, and the half of it that is above the ground
+        light = np.zeros_like(image)
+        light[part] = image[part]
+        found = probe_statistics(Probe.from_array(light))
+        for name, value in zip(AXES, found.irradiance, strict=True):
+            cosines = np.maximum(directions @ np.array(NORMALS[name]), 0)
+            truth = (cosines * areas) @ light.reshape(-1, 3).astype(float)
+            np.testing.assert_allclose(value, truth, rtol=0.01, atol=1e-3)
 
 
 def test_light_of_one_kind():
@@ -104,3 +121,14 @@ def test_plateaus_are_suspected_and_peaks_are_not():
     assert "share the maximum 5 of R" in probe_statistics(Probe.from_array(cut), 0).clipped
     peak[40, 7, 1] = 65504
     assert "G reaches 65504" in probe_statistics(Probe.from_array(peak), 0).clipped
+
+
+def test_integers_that_reach_their_end_are_clipped(tmp_path):
+    """However much of the picture has it: a window may be a quarter of a panorama."""
+    picture = np.full((32, 64, 3), 0.2, np.float32)
+    picture[8:24, :20] = 0.9
+    for scale in (1.0, 2.0):  # many pixels share the largest value, but only these are clipped
+        write_png(tmp_path / "a.png", encode_srgb(scale * picture))
+        found = probe_statistics(open_probe(tmp_path / "a.png", linearize=True), 0).clipped
+        assert found.startswith("R reaches 1, the end of its integers, in 22.") == (scale == 2)
+        assert bool(found) == (scale == 2)

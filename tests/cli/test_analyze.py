@@ -200,7 +200,8 @@ def test_prefix_and_folder(folder):
     (folder / "charts").mkdir()
     assert analyzed("--brdf", "phong", "-o", "charts")["files"] == ["charts/phong.energy.png"]
     assert analyzed("--brdf", "phong", "-o", "charts/a")["files"] == ["charts/a.energy.png"]
-    assert names(folder / "charts") == ["a.energy.png", "phong.energy.png"]
+    assert analyzed("--brdf", "phong", "-o", "charts/b.png")["files"] == ["charts/b.energy.png"]
+    assert names(folder / "charts") == ["a.energy.png", "b.energy.png", "phong.energy.png"]
 
 
 def test_numbers_alone_write_nothing(folder):

@@ -91,6 +91,12 @@ FILES = {
     "1:1": (image(16, 16), "give --layout angular"),
     "3:2": (image(16, 24), "24 x 16 is no known layout", "give --layout"),
     "odd cube": (image(97, 16), "16 x 97 is no known layout", "give --layout"),
+    "part of a panorama": (
+        image(16, 64),
+        "is no known layout",
+        "put what is a part of a panorama into 64 x 32 pixels",
+    ),
+    "a pixel off": (image(31, 63), "is no known layout", "scale it to 62 x 31"),
     "zero size": (with_windows(0, 0), "copy or export it again"),
     "huge": (with_windows(*HUGE), "bad.exr"),
     "nan": (
@@ -117,6 +123,23 @@ def test_unusable_probes(folder, case):
     assert_refused(result, 1, "Error: bad.exr: ", *parts)
     assert "; " in result.err  # what is wrong; what to do
     assert snapshot(folder) == before
+
+
+@pytest.mark.parametrize(("name", "said"), [("a.txt", "coefficients"), ("a.toml", "a light file")])
+def test_images_named_as_text(folder, name, said):
+    """What codecs say of bytes means nothing to whoever named a file wrongly."""
+    write_exr("a.exr", noise())
+    Path("a.exr").rename(name)
+    result = run("prefilter", name, "--brdf", "lambertian")
+    assert_refused(result, 1, f"{name}: no text, so that it", said)
+    assert "codec" not in result.err
+
+
+def test_a_file_that_begins_as_an_option(folder):
+    write_exr("-d.exr", noise())
+    result = run("prefilter", "-d.exr", "--brdf", "lambertian")
+    assert_refused(result, 2, "No such option '-d'; the file of that name is ./-d.exr")
+    assert run("prefilter", "./-d.exr", "--brdf", "lambertian").code == 0
 
 
 @pytest.mark.parametrize("layout", ["openexr", "strip", "hcross", "vcross", "angular", "latlong"])
@@ -242,6 +265,7 @@ ARGUMENTS = [
     (["--brdf", "phong", "--clamp", "0"], 2, ["'--clamp'", "positive"]),
     (["--brdf", "phong", "--clamp", "inf"], 2, ["'--clamp'", "positive"]),
     (["--brdf", "phong", "--siez", "32"], 2, ["No such option '--siez'", "'--size'"]),
+    (["--brdf"], 2, ["requires an argument", "shrm prefilter --help"]),
     (["--brdf", "phong", "-x"], 2, ["No such option '-x'", "shrm prefilter --help"]),
     ([], 2, ["--brdf is missing", "shrm prefilter --help"]),
 ]

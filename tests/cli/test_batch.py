@@ -260,13 +260,13 @@ def test_why_outputs_are_made_anew_is_told(folder, here):
 
 def test_split_sums_are_known_by_the_brdf_that_they_were_made_for(folder, here):
     asked = ["batch", "probes/p0.exr", "--to", "splitsum", "--levels", "2", "-o", "out/{probe}.exr"]
-    said = "1 outputs: 1 made", "  1 anew: it is for another BRDF"
+    said = "1 output: 1 made", "  1 anew: it is for another BRDF"
     for words in (["--brdf", "charlie"], ["--brdf", "charlie:color=0.5"], []):
         made = run(*asked, *words)
         assert made.code == 0
         assert made.out.startswith(said[0])
         assert made.out.splitlines()[1:] == list(said[1:] if words != ["--brdf", "charlie"] else [])
-        assert run(*asked, *words).out.startswith("1 outputs: 1 there already")
+        assert run(*asked, *words).out.startswith("1 output: 1 there already")
 
 
 @pytest.mark.parametrize("form", ["--commands", "--openjd"])
@@ -355,6 +355,7 @@ def test_values_of_options_are_no_options_of_farms(folder):
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
+        (["probes", "--to", "irradiance"], 1, ["probes: a folder", "'probes/*.exr'"]),
         (["none/*.exr", "--to", "irradiance"], 1, ["none/*.exr", "matches no file"]),
         (["probes/*.exr"], 2, ["--brdf", "is missing"]),
         (["probes/*.exr", "--to", "irradiance", "--levels", "3"], 2, ["--levels", "splitsum"]),

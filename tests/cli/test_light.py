@@ -77,6 +77,14 @@ def test_an_image_becomes_coefficients(folder):
     np.testing.assert_allclose(light("b.txt", 6), expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["room.exr", "a.npy"])
+def test_images_and_coefficients_are_scaled_in_a_light_file(folder, name):
+    """What brings a probe into the range of a format is one command, and loses no pixel."""
+    done("light", "edit", name, "--scale", "1e4", "-o", "c.toml")
+    np.testing.assert_allclose(light("c.toml"), 1e4 * light(name), rtol=1e-9, atol=1e-7)
+    assert name in (folder / "c.toml").read_text()
+
+
 def test_a_light_file_stays_one(folder):
     done("light", "edit", "a.toml", "--rotate", "y:90", "--add", "b.toml", "--add", "a.npy",
          "--add", "room.exr", "-o", "c.toml")  # fmt: skip
@@ -90,7 +98,6 @@ def test_a_light_file_stays_one(folder):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["a.npy", "-o", "b.toml"], "a.npy: no light file"),
         (["a.npy", "-o", "b.png"], "b.png"),
         (["a.npy", "--set", "1,2=3", "-o", "b.txt"], "1,2: a degree L has orders M from -L to L"),
         (["a.npy", "--set", "3,0=1", "-o", "b.txt"], "no coefficient 3,0; raise --order"),
@@ -99,7 +106,7 @@ def test_a_light_file_stays_one(folder):
         (["a.npy", "--scale", "-1", "-o", "b.txt"], "below 0"),
         (["a.toml", "--dim", "3,4:0.1", "-o", "b.toml"], "is not dimmed in a light file"),
         (["a.toml", "--order", "3", "-o", "b.toml"], "--order applies to coefficients"),
-        (["a.toml", "-o", "sub/b.toml"], "not in the folder of sub/b.toml"),
+        (["a.toml", "-o", "sub/b.toml"], "a.toml: a light file names what lies beside it"),
         (["none.npy", "-o", "b.txt"], "none.npy: no such file"),
     ],
 )

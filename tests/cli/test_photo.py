@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from shrm_cli.files.png import encode_srgb, write_png
 from shrm_cli.probe.open import open_probe
 from shrm_cli.sphere.grid.latlong import latlong_directions
 from tests.cli.helpers import run, write_exr
@@ -64,6 +65,21 @@ def test_a_probe_of_photographs(folder):
     np.testing.assert_allclose(irradiance(sunny, other), wanted, rtol=0.05)
     # Without the reading, surfaces that face the sun were far too dark.
     assert (irradiance(found, other) < 0.7 * wanted).all()
+
+
+def test_a_panorama_of_eight_bits_gets_its_sun(folder):
+    """It was told to give --linearize, which there was not."""
+    up, directions = np.array([0.0, 1.0, 0.0]), latlong_directions(64, 32)
+    sky = np.full((32, 64, 3), 0.2, np.float32)
+    sky[directions @ SUN > np.cos(0.12)] = 1.0
+    picture = encode_srgb(sky)
+    write_png("sky.png", picture)
+    assert "give --linearize" in run("probe", "unclip", "sky.png", "--ratio", 8, "-o", "a.exr").err
+    made = run("probe", "unclip", "sky.png", "--linearize", "--ratio", 8, "-o", "a.exr")
+    assert (made.code, made.err) == (0, "")
+    found = irradiance(open_probe("a.exr").image(), up)
+    shadow = irradiance(np.where(sky == 1, 0, sky), up)
+    np.testing.assert_allclose(found, 8 * shadow, rtol=0.02)
 
 
 def test_photographs_that_differ_are_told(folder):

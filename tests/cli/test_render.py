@@ -251,7 +251,9 @@ def test_wrong_usage(folder, arguments, message):
 
 
 def test_dark_and_bright_limits_of_exposure(folder):
-    done("spot.exr", "--size", 16, "--exposure", -32, "-o", "dark.png")
+    result = run("spot.exr", "--size", 16, "--exposure", -32, "-o", "dark.png")
+    assert (result.exit_code, result.stderr.count("\n")) == (0, 1)
+    assert "dark.png: all but black at an exposure of -32; --exposure -2 shows it" in result.stderr
     assert not read("dark.png").any()
     done("spot.exr", "--size", 16, "--exposure", 32, "-o", "bright.exr")
     assert np.isfinite(read("bright.exr")).all()

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import MapError
+from shrm_cli.export.engines.playcanvas import RGBP
+from shrm_cli.export.loss import loss, sentence
 from shrm_cli.export.pixels import FORMATS, clip_warning, encoded
+from shrm_cli.export.rgbd import RGBD
 from tests.export.readers import decoded, packed_floats, shared_exponent, small_float
 
 
@@ -96,3 +99,33 @@ def test_what_is_not_finite_is_refused(value):
     image[1, 1] = value
     with pytest.raises(MapError, match=r"level 2: 1 texels are not finite; .*dim it"):
         encoded(image, FORMATS["rgb9e5"], "level 2")
+
+
+@pytest.mark.parametrize("chosen", [*FORMATS.values(), RGBD, RGBP], ids=lambda each: each.name)
+def test_light_that_is_too_dim_or_bright_is_to_be_scaled(chosen):
+    """What was advised of light a thousand times too bright was to clamp it, and of dim light
+    nothing: of a probe of 1e-5 Babylon.js showed black."""
+    image = np.random.default_rng(1).uniform(0.5, 1.5, (64, 64, 3))
+
+    def told(scale):
+        return clip_warning("a", chosen, [encoded(image * scale, chosen, "level 0")[1]]) or ""
+
+    assert told(1) == told(10 * chosen.dimmest) == ""
+    assert "too dim" in told(0.5 * chosen.dimmest)
+    assert "--scale 1e-7 " in told(1e7)
+    assert "--scale 1e8 " in told(1e-8)
+    assert "in the engine by 1e-8" in told(1e-8)
+
+
+def test_a_level_of_which_nothing_is_left_has_no_power_of_ten():
+    light = np.ones((6, 16, 16, 3))
+    told = sentence("a.ktx2", [loss("level 0", light, 0 * light), loss("level 1", light, light)])
+    assert "by 100/100, 0/0 %" in told
+
+
+def test_the_dimmest_light_has_steps_of_a_tenth():
+    for chosen in (*FORMATS.values(), RGBD, RGBP):
+        values = np.linspace(1, 1.12, 400)[:, None] * np.ones(3) * chosen.dimmest
+        words = chosen.pack(values).reshape(400, -1)
+        steps = (np.diff(words, axis=0) != 0).any(axis=1).sum()
+        assert 1 <= steps <= 6, chosen.name

@@ -227,7 +227,7 @@ def test_lights_of_different_primaries(folder, stated, asked):
 WRONG = {
     "nothing": ("# nothing\n", "0 lights; give 1 to 1000"),
     "no TOML": ("[[disc", "no TOML"),
-    "no text": (b"\xff\xfe\x00", "no TOML"),
+    "no text": (b"\xff\xfe\x00", "no text"),
     "deep": ("a = " + "[" * 50_000, "nested too deeply|no TOML"),
     "huge": ("#" * 2**21, "larger than 1,048,576 bytes"),
     "many discs": ("[[disc]]\n" * 1001, "1,001 lights; give 1 to 1000"),

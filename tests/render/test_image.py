@@ -11,7 +11,7 @@ import pytest
 from shrm_cli.errors import OutputError
 from shrm_cli.files.picture import file_type, write_picture
 from shrm_cli.files.png import encode_srgb, png_bytes
-from shrm_cli.render.image import expose, suitable_exposure
+from shrm_cli.render.image import expose, exposure_advice, suitable_exposure
 
 
 def read(path):
@@ -163,3 +163,16 @@ def test_full_disk_leaves_the_old_file(tmp_path, suffix, limit, width):
     assert result.stderr == ""
     assert path.read_text() == "old"
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_picture_that_shows_nothing_says_which_exposure_would():
+    ball = np.linspace(0.2, 0.8, 60, dtype=np.float32).reshape(4, 5, 3)
+    ball[0] = 0  # beside the sphere
+    assert exposure_advice("a.png", ball, 0) == []
+    for stops in (-12, 9):
+        (line,) = exposure_advice("a.png", expose(ball, stops), 1.5)
+        assert ("black" if stops < 0 else "white") in line
+        better = float(line.split("`exposure` ")[1].split()[0])
+        assert exposure_advice("a.png", expose(ball, stops + better - 1.5), better) == []
+        assert exposure_advice("a.exr", expose(ball, stops), 1.5) == []
+    assert exposure_advice("a.png", np.zeros((4, 4, 3)), 0) == []
