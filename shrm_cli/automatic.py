@@ -128,10 +128,7 @@ class _Asked:
         Discs need no bytes, and are as sharp as the lobe. But a program that knows nothing of them
         shows no lamps at all, so that they have to be worth it.
 
-        Parameters
-        ----------
-        whole : Candidate
-            The best map of all light, which misses what is asked for.
+        `whole` is the best map of all light, which misses what is asked for.
         """
         if self.request.sun is not None:
             return None

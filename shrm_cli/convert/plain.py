@@ -74,10 +74,7 @@ def seen_from(
 ) -> Seen:
     """Draw what a map reflects to a viewer at an azimuth and an elevation, degrees.
 
-    Parameters
-    ----------
-    surface : tuple of (float or None, str or None)
-        Roughness and reflectance of maps of light alone.
+    `surface` has the roughness and reflectance of maps of light alone.
 
     Raises ArgumentError if the map is none of those. Raises MapError if it holds no light.
     """

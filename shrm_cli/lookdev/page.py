@@ -36,15 +36,9 @@ def lookdev_page(
 ) -> str:
     """Return a page of a sheet: HTML, to be written as UTF-8.
 
-    Parameters
-    ----------
-    heads, sides : sequence of str
-        Names of the probes and of the materials.
-    tiles : sequence of sequence of (ndarray or str)
-        For each column the picture of each material, shape (size, size, 3), linear Rec.709 and
-        exposed, or why there is none.
-    size : int
-        Width of a cell, pixels.
+    `heads` and `sides` are the names of the probes and of the materials. `tiles` are for each
+    column the picture of each material, shape (size, size, 3), linear Rec.709 and exposed, or why
+    there is none. `size` is the width of a cell, pixels.
     """
     style = f":root {{ --cell: {size}px; }}\n" + asset("lookdev", "page.css")
     script = asset("lookdev", "page.js")

@@ -58,17 +58,10 @@ class Blocks:
     ) -> dict[str, Any]:
         """Keep an RGB texture, and return how the page finds it.
 
-        Parameters
-        ----------
-        values : array_like, shape (H, W, 3) or (layers, H, W, 3)
-            Row 0 is uploaded first.
-        what : str
-            What messages call the texture.
-        is_half : bool
-            Whether 16 bits a number will do.
-        series : int
-            In how many runs of layers, one behind the other, what is seen at a texel is a sum over
-            the layers of a run; 0 where each layer is seen by itself.
+        `values` are of shape (H, W, 3) or (layers, H, W, 3); row 0 is uploaded first. `what` is
+        what messages call the texture. `is_half` tells whether 16 bits a number will do. `series`
+        is 0 where each layer is seen by itself. Otherwise what is seen at a texel is a sum over the
+        layers of a run, and `series` is the number of runs, one behind the other.
 
         Returns
         -------
@@ -130,12 +123,8 @@ class Rounded:
 def rounded(values: NDArray[np.float32], series: int) -> Rounded:
     """Round a texture, shape (layers, H, W, 3).
 
-    Parameters
-    ----------
-    values : ndarray
-        Finite, and no larger than 16-bit floats are.
-    series : int
-        The number of runs of layers that have one length at a texel; 0 where each has its own.
+    `values` are finite, and no larger than 16-bit floats are. `series` is the number of runs of
+    layers that have one length at a texel; 0 where each has its own.
     """
     runs = values.reshape(series or len(values), -1, *values.shape[1:])
     length = np.sqrt(np.einsum("slhwc,slhwc->shw", runs, runs, dtype=float))

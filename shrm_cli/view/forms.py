@@ -23,16 +23,9 @@ def described_map(
 ) -> dict[str, Any]:
     """Describe a map for the page, as `viewer.js` knows it, and keep its textures.
 
-    Parameters
-    ----------
-    name : str
-        What the page calls the map.
-    file : str
-        The name of its file, without a folder.
-    blocks : Blocks
-        Its textures are added to these.
-    taps : {3, 5, 8}, optional
-        How many look-ups the light of brushed surfaces takes.
+    `name` is what the page calls the map. `file` is the name of its file, without a folder. Its
+    textures are added to `blocks`. `taps`, one of 3, 5, 8, are how many look-ups the light of
+    brushed surfaces takes.
 
     Raises MapError if shaders have no words for the map.
     """

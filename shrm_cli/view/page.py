@@ -37,10 +37,7 @@ def _script() -> str:
 def section(scene: Scene, urls: Sequence[str] | None = None) -> Section:
     """Return a scene as parts of a page.
 
-    Parameters
-    ----------
-    urls : sequence of str, optional
-        Where the page finds each block; by default the blocks stand in the page itself.
+    `urls` say where the page finds each block; by default the blocks stand in the page itself.
     """
     widths = scene.blocks.widths
     described = {
@@ -69,10 +66,7 @@ def sources() -> tuple[str, str]:
 def page(scene: Scene, urls: Sequence[str] | None = None) -> str:
     """Return a scene as a whole page: HTML, to be written as UTF-8.
 
-    Parameters
-    ----------
-    urls : sequence of str, optional
-        As `section` takes them.
+    `urls` are as `section` takes them.
     """
     parts = section(scene, urls)
     return html_page(

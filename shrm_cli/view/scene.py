@@ -106,19 +106,11 @@ def make_scene(
 ) -> Scene:
     """Put together what a page shows.
 
-    Parameters
-    ----------
-    files : sequence of str
-        The names of the maps' files.
-    probe : Probe, optional
-        It is shown behind the shape, and the truth is computed of it.
-    mesh : Mesh, optional
-        A shape to show the maps on, in world axes.
-    max_size : int, optional
-        The most bytes of the blocks, in base64. The probe behind the shape gets fewer rows to keep
-        it. By default there is no limit.
-    is_rounded : bool
-        Whether textures of light are rounded, by a percent or so, to make a page small.
+    `files` are the names of the maps' files. `probe` is shown behind the shape, and the truth is
+    computed of it. `mesh` is a shape to show the maps on, in world axes. `max_size` is the most
+    bytes of the blocks, in base64. The probe behind the shape gets fewer rows to keep it. By
+    default there is no limit. `is_rounded` tells whether textures of light are rounded, by a
+    percent or so, to make a page small.
 
     Raises MapError if a map cannot be shown, or the page would be too large. Raises ProbeError,
     BrdfError or MeshError if the probe, the BRDF of the truth or the mesh cannot be used.
@@ -235,14 +227,9 @@ def _truth_pictures(
     the middle as a share s of half the picture's width is seen at ``sin(s pi / 2)`` radii from the
     centre of the sphere. They are close together at the silhouette, where reflections are, too.
 
-    Parameters
-    ----------
-    views : sequence of (float, float)
-        Azimuth and elevation of each viewer, degrees.
-    size : int
-        Pixels along the square around the sphere.
-    brush : list of 3 float, optional
-        A direction that tangents follow. A sphere has no texture coordinates to follow.
+    `views` are the azimuth and elevation of each viewer, degrees. `size` is the number of pixels
+    along the square around the sphere. `brush` is a direction that tangents follow. A sphere has no
+    texture coordinates to follow.
 
     Returns
     -------

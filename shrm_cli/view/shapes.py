@@ -26,14 +26,9 @@ def described_shapes(
 ) -> list[dict[str, Any]]:
     """Describe the shapes for the page, the sphere first, and keep their triangles.
 
-    Parameters
-    ----------
-    mesh : Mesh, optional
-        The user's, in world axes.
-    blocks : Blocks
-        Vertices, normals and indices are added to these.
-    is_brushed : bool
-        Whether a map cares for tangents: those along texture coordinates are added then, too.
+    `mesh` is the user's, in world axes. Vertices, normals and indices are added to `blocks`.
+    `is_brushed` tells whether a map cares for tangents: those along texture coordinates are added
+    then, too.
 
     Raises MeshError if the mesh has no extent.
     """
@@ -83,10 +78,7 @@ def distance_of(points: Array) -> float:
 
     It sees them from all azimuths, and from elevations up to 60 degrees.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3)
-        About their middle, which the camera looks at.
+    `points`, of shape (n, 3), lie about their middle, which the camera looks at.
     """
     chosen = points[:: max(len(points) // _FRAMED, 1)]
     ends = np.concatenate([points[points.argmin(axis=0)], points[points.argmax(axis=0)]])
@@ -166,14 +158,9 @@ def surface_nets(field: Field, box: Array, cells: int) -> tuple[Array, NDArray[n
     Each cell of a grid that the surface goes through gets a vertex, which Newton's method brings
     onto the surface. Each edge of the grid that it crosses joins those of the four cells around.
 
-    Parameters
-    ----------
-    field : callable
-        From points, shape (n, 3), to values, (n,), negative within.
-    box : array_like, shape (2, 3)
-        The corners of the grid. The surface does not reach its sides.
-    cells : int
-        Cells along the longest edge of the box.
+    `field` takes points, shape (n, 3), to values, (n,), negative within. `box`, of shape (2, 3),
+    holds the corners of the grid. The surface does not reach its sides. `cells` is the number of
+    cells along the longest edge of the box.
 
     Returns `vertices` of shape (n, 3); and `faces` of shape (m, 3), counter-clockwise, seen from
     where the function is positive.

@@ -105,14 +105,8 @@ class Functions:
     def named(self, header: str, key: object, body: Callable[[], Sequence[str]]) -> str:
         """Return the name of a function, which is written unless it is there.
 
-        Parameters
-        ----------
-        header : str
-            With braces where the number is that tells functions of a kind apart.
-        key : object
-            What it is of.
-        body : callable
-            Returns its lines, and may write the functions that it calls.
+        `header` has braces where the number is that tells functions of a kind apart. `key` is what
+        it is of. `body` returns its lines, and may write the functions that it calls.
         """
         if key not in self._names:
             lines = body()

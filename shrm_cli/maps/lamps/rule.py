@@ -100,16 +100,10 @@ def integrals(
 ) -> Array:
     """Integrate the transfer function of a BRDF over a disc, shape (..., 3).
 
-    Parameters
-    ----------
-    brdf : Brdf
-        It is not about the tangent.
-    normals, views, axes : ndarray, shape (..., 3), broadcastable
-        Normals, views, and axes of the disc. Unit vectors, world axes.
-    radius : float
-        Of the disc, radians.
-    tangents : ndarray, shape (..., 3)
-        Those of the surface, for which isotropic BRDFs do not care.
+    `brdf` has another central direction than the tangent. `normals`, `views` and `axes`, each of
+    shape (..., 3), broadcastable, are unit vectors in world axes; the axes are those of the disc.
+    `radius` is that of the disc, radians. `tangents`, of shape (..., 3), are those of the surface,
+    which do not matter to isotropic BRDFs.
     """
     shape = np.broadcast_shapes(normals.shape, views.shape, axes.shape)
     points = [

@@ -153,12 +153,8 @@ def with_lamps(
     Its ``shrm_radiance`` becomes ``shrm_map``, to which a new one adds the lamps. That of brushed
     surfaces, ``shrm_brushed_radiance``, takes the tangent besides.
 
-    Parameters
-    ----------
-    functions : sequence of str
-        Those of the map.
-    takes_tangent : bool
-        Whether ``shrm_brushed_radiance`` is among them.
+    `functions` are those of the map. `takes_tangent` tells whether ``shrm_brushed_radiance`` is
+    among them.
 
     Returns lines of GLSL as `Language.translated` takes it. Raises MapError if there are no words
     for the BRDF.

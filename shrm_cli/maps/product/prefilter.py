@@ -48,14 +48,9 @@ def product_texture(
 ) -> Prefiltered:
     """Make the product texture of a BRDF, without any light.
 
-    Parameters
-    ----------
-    brdf : Brdf
-        Any BRDF: isotropic or not, a model or measured, also a sum.
-    order : int
-        The largest degree of the harmonics.
-    texels : int
-        Texels along an edge of the parabolic map of the views.
+    `brdf` is any BRDF: isotropic or not, a model or measured, also a sum. `order` is the largest
+    degree of the harmonics. `texels` is their number along an edge of the parabolic map of the
+    views.
 
     Returns
     -------
@@ -64,12 +59,7 @@ def product_texture(
         fact ``residual`` is the relative RMS change of the coefficients when the nodes of their
         quadrature are doubled.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF is not finite.
-    MapError
-        If the texture would be too large.
+    Raises BrdfError if the BRDF is not finite; and MapError if the texture would be too large.
     """
     return Prefiltered(*_texture(brdf, order, texels, order)[:2])
 
@@ -82,25 +72,14 @@ def varying_steps(
 ) -> tuple[Steps, list[tuple[float, ...]]]:
     """Choose the values of parameters for which there are textures; see `steps.chosen_steps`.
 
-    Parameters
-    ----------
-    brdf, order
-        As `varying_texture` takes them.
-    ranges : mapping of str to 2 float
-        The ranges of one parameter or two, which are numbers or colours.
-    steps : int, optional
-        How many values of each; by default as many as it takes.
+    `brdf` and `order` are as `varying_texture` takes them. `ranges` are the ranges of one parameter
+    or two, which are numbers or colours. `steps` is the number of values of each; by default as
+    many as it takes.
 
-    Returns
-    -------
-    steps : Steps
-    points : list of tuple of float
-        The values of the parameters for each texture.
+    Returns `steps`; and `points`, the values of the parameters for each texture.
 
-    Raises
-    ------
-    BrdfError
-        As of `varying_texture`, or if no number of textures that is allowed is enough.
+    Raises BrdfError as `varying_texture` does, or if no number of textures that is allowed is
+    enough.
     """
     views = _views()[:: _VIEWS // _VIEWS_OF_STEPS]
     accuracy = ACCURACY if len(ranges) == 1 else _ACCURACY_OF_TWO
@@ -130,20 +109,11 @@ def varying_texture(
 ) -> Prefiltered:
     """Make product textures of a BRDF of which parameters vary, without light.
 
-    Parameters
-    ----------
-    brdf, order, texels
-        As `product_texture` takes them.
-    steps, points
-        As `varying_steps` returns them.
+    `brdf`, `order` and `texels` are as `product_texture` takes them. `steps` and `points` are as
+    `varying_steps` returns them.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF has no such parameter, a value is outside its range, or as `product_texture`
-        raises it.
-    MapError
-        If the textures would be too large.
+    Raises BrdfError if the BRDF has no such parameter, a value is outside its range, or as
+    `product_texture` raises it; and MapError if the textures would be too large.
     """
     _check_size(order, texels, len(points))
     each = [_with_values(brdf, steps.values, point) for point in points]
@@ -278,13 +248,8 @@ def _reflected(lighting: Lighting, power: Array, energy: Array) -> tuple[Array, 
     (2l+1)``. The energy of the product functions beyond the known degrees meets light as dense as
     that of the last of them.
 
-    Parameters
-    ----------
-    lighting : Lighting
-    power : ndarray, shape (degrees, channels)
-        The mean of ``|c_l|^2`` over the views.
-    energy : ndarray, shape (channels,)
-        The same of all degrees together.
+    `power`, of shape (degrees, channels), is the mean of ``|c_l|^2`` over the views. `energy`, of
+    shape (channels,), is the same of all degrees together.
     """
     width = (2 * np.arange(len(power)) + 1)[:, None]
     density = lighting.power()[: len(power)] / width

@@ -94,17 +94,12 @@ class ProductMap(_Parabolic, MaterialMap):
     def values(self, local_views: ArrayLike, shares: ArrayLike = 0.5) -> Array:
         """Look up the coefficients of the product functions of views.
 
-        Parameters
-        ----------
-        local_views : array_like, shape (..., 3)
-            Directions to the viewer, unit, in the frame of the surface: x along the tangent, z =
-            N. Those below the horizon count as on it.
-        shares : array_like, shape (..., parameters), broadcastable
-            Where parameters that vary are on their ways, 0 .. 1.
+        `local_views`, of shape (..., 3), are directions to the viewer, unit, in the frame of the
+        surface: x along the tangent, z = N. Those below the horizon count as on it. `shares`, of
+        shape (..., parameters), broadcastable, are where parameters that vary are on their ways, 0
+        .. 1.
 
-        Returns
-        -------
-        ndarray, shape (..., (order+1)^2, channels)
+        Returns an array of shape (..., (order+1)^2, channels).
         """
 
     def reflected(self, lighting: Array, points: Points, shares: ArrayLike = 0.5) -> Array:
@@ -303,14 +298,10 @@ class ProductTexture(ProductMap):
 def shade(values: Array, light: Array) -> Array:
     """Multiply product functions with light in the same frames (eq. 1 of the paper).
 
-    Parameters
-    ----------
-    values : ndarray, shape (n, (order+1)^2, channels)
-    light : ndarray, shape (n, (order+1)^2, 3) or ((order+1)^2, 3)
+    `values` are of shape (n, (order+1)^2, channels). `light` is of shape (n, (order+1)^2, 3) or
+    ((order+1)^2, 3).
 
-    Returns
-    -------
-    ndarray, shape (n, 3)
+    Returns an array of shape (n, 3).
     """
     values = np.broadcast_to(values, (*values.shape[:2], 3))
     return np.asarray(

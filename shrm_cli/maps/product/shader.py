@@ -129,13 +129,9 @@ class _Tiles:
     def drawn(self, images: Array) -> Array:
         """Put images into their places.
 
-        Parameters
-        ----------
-        images : ndarray, shape (n, N, N, c)
+        `images` are of shape (n, N, N, c).
 
-        Returns
-        -------
-        ndarray, shape (layers, height, width, c)
+        Returns an array of shape (layers, height, width, c).
         """
         size = self.size
         whole = np.zeros((self.layers * self.cells, *images.shape[1:]), dtype=images.dtype)
@@ -166,10 +162,7 @@ def source(made: ProductMap | LitProduct, textures: str) -> Source:
 
     Light that programs are to set is 0 where the map holds none.
 
-    Raises
-    ------
-    MapError
-        If the images of the textures do not fit into an array.
+    Raises MapError if the images of the textures do not fit into an array.
     """
     order, count = made.order, (made.order + 1) ** 2
     lit = made if isinstance(made, LitProduct) else made.lit(np.zeros((count, 3)))

@@ -93,10 +93,8 @@ class Steps:
     def wanted(self, shares: ArrayLike) -> Array:
         """Return the values of the parameters at shares of their ways, shape (..., parameters).
 
-        Parameters
-        ----------
-        shares : array_like, shape (..., parameters)
-            0 .. 1; less and more count as these. A number counts for all parameters.
+        `shares`, of shape (..., parameters), are from 0 to 1; less and more count as these. A
+        number counts for all parameters.
         """
         low, high = (np.array([own[end] for own in self._axes]) for end in (0, -1))
         return np.asarray(low + np.clip(np.asarray(shares, dtype=float), 0, 1) * (high - low))
@@ -135,23 +133,14 @@ def chosen_steps(
 ) -> tuple[Steps, list[tuple[float, ...]]]:
     """Choose the values of parameters, and those of which textures are made.
 
-    Parameters
-    ----------
-    coefficients : callable
-        Takes a value of each parameter, and returns coefficients of the product functions at some
-        views, an array of any shape, which is the same for all values of two parameters.
-    ranges : mapping of str to 2 float
-        The ends of each range, which are among the values.
-    steps : int, optional
-        How many values of each parameter, as `chosen_values` takes it.
+    `coefficients` takes a value of each parameter, and returns coefficients of the product
+    functions at some views, an array of any shape, which is the same for all values of two
+    parameters. `ranges` are the ends of each range, which are among the values. `steps` is the
+    number of values of each parameter, as `chosen_values` takes it.
 
-    Returns
-    -------
-    steps : Steps
-        Its error is more than `ENOUGH` where no number of values that is allowed is enough; of two
-        parameters it may be that of one of them.
-    points : list of tuple of float
-        The values of the parameters that each texture is made for.
+    Returns `steps`, whose error is more than `ENOUGH` where no number of values that is allowed is
+    enough, and of two parameters may be that of one of them; and `points`, the values of the
+    parameters that each texture is made for.
     """
     if len(ranges) == 1:
         ((name, ends),) = ranges.items()
@@ -230,27 +219,13 @@ def chosen_values(
 ) -> tuple[list[float], float]:
     """Choose the values of a parameter that textures are made for.
 
-    Parameters
-    ----------
-    coefficients : callable
-        Takes a value, and returns coefficients of the product functions at some views, an array of
-        any shape.
-    low, high : float
-        The ends of the range, which are among the values.
-    steps : int, optional
-        How many values, at least 2; by default as many as miss no more than `enough`, and no more
-        than `most`.
-    enough : float
-        A relative RMS error.
-    most : int, optional
-        By default `MOST_STEPS`.
+    `coefficients` takes a value, and returns coefficients of the product functions at some views,
+    an array of any shape. `low` and `high` are the ends of the range, which are among the values.
+    `steps` is the number of values, at least 2; by default as many as miss no more than `enough`,
+    and no more than `most`. `enough` is a relative RMS error. `most` is by default `MOST_STEPS`.
 
-    Returns
-    -------
-    values : list of float
-        Rising.
-    error : float
-        The largest relative RMS error in the middle between two of them.
+    Returns `values`, rising; and `error`, the largest relative RMS error in the middle between two
+    of them.
     """
     known: dict[float, Array] = {}
 

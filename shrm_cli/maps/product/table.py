@@ -31,26 +31,13 @@ _RING = 512
 def product_table(brdf: Brdf, functions: ProductFunctions, order: int, size: int) -> Array:
     """Compute the product texture of a BRDF.
 
-    Parameters
-    ----------
-    brdf : Brdf
-    functions : ProductFunctions
-        Its product functions.
-    order : int
-        The largest degree l of the harmonics.
-    size : int
-        Texels along an edge.
+    `functions` are its product functions. `order` is the largest degree l of the harmonics. `size`
+    is the number of texels along an edge.
 
-    Returns
-    -------
-    ndarray of float32, shape (size, size, (order+1)^2, channels)
-        ``c_i(v)`` for the views of `sphere.parabolic.parabolic_directions`; one channel for a
-        grey BRDF, else three.
+    Returns an array of float32 of shape (size, size, (order+1)^2, channels), ``c_i(v)`` for the
+    views of `sphere.parabolic.parabolic_directions`; one channel for a grey BRDF, else three.
 
-    Raises
-    ------
-    BrdfError
-        If the BRDF is not finite.
+    Raises BrdfError if the BRDF is not finite.
     """
     views = parabolic_directions(size)
     if brdf.isotropic and brdf.center != "tangent":
@@ -81,9 +68,7 @@ def _between(ring: Array, azimuths: Array) -> Array:
 def _by_symmetry(brdf: Brdf, functions: ProductFunctions, views: Array, order: int) -> Array:
     """Compute the coefficients of views (n, 3) from those on one side of each symmetry.
 
-    Returns
-    -------
-    ndarray of float32, shape (n, (order+1)^2, channels)
+    Returns an array of float32 of shape (n, (order+1)^2, channels).
     """
     negative = np.signbit(views[:, :2])
     keeps = [_is_kept(brdf, flips) for flips in ((-1, 1), (1, -1))]

@@ -64,26 +64,18 @@ class LightWindow(Window):
 def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> LightWindow:
     """Make the window of the light for a product texture.
 
-    Parameters
-    ----------
-    spec : str
-        As `make_window` takes it. ``auto`` asks for the factors that change the reflected light
-        least, as RMS over orientations and views, and leave its luminance negative nowhere; of
-        these it takes as little as leaves no more than a thousandth of all samples negative.
-    product : ProductMap
-        Of those whose parameters vary, three values of each count.
-    series : array_like, shape ((order+1)^2, 3)
-        The coefficients of the light in world axes.
+    `spec` is as `make_window` takes it. ``auto`` asks for the factors that change the reflected
+    light least, as RMS over orientations and views, and leave its luminance negative nowhere; of
+    these it takes as little as leaves no more than a thousandth of all samples negative. Where the
+    parameters of `product` vary, three values of each count. `series`, of shape ((order+1)^2, 3),
+    are the coefficients of the light in world axes.
 
     Returns
     -------
     LightWindow
         Its `change` is that of the reflected light.
 
-    Raises
-    ------
-    MapError
-        If the name is unknown, or the width is not a positive number.
+    Raises MapError if the name is unknown, or the width is not a positive number.
     """
     series = np.asarray(series, dtype=float)
     name, _ = parse_window(spec)
@@ -120,10 +112,7 @@ def _own_axes(light: Array) -> Array:
     The first is that of degree 1, v, and the second lies in the plane of v and Q v, where Q is the
     tensor of degree 2. Light without such directions stays as it is.
 
-    Parameters
-    ----------
-    light : ndarray, shape (n,)
-        Coefficients in world axes, index l(l+1)+m.
+    `light`, of shape (n,), holds coefficients in world axes, index l(l+1)+m.
     """
     if len(light) < len(degrees(2)):
         return np.eye(3)

@@ -14,12 +14,7 @@ from shrm_cli.brdf.vectors import Half, above_horizon, cosines, half_vector, sha
 def fresnel(cosine: Array, ior: float) -> Array:
     """Fresnel's reflectance of unpolarized light that comes through air, exact.
 
-    Parameters
-    ----------
-    cosine : ndarray
-        Of the angle in air, 0 .. 1.
-    ior : float
-        The medium's index of refraction.
+    `cosine` is that of the angle in air, 0 .. 1. `ior` is the medium's index of refraction.
     """
     below = refracted_cosine(cosine, ior)
     across = (cosine - ior * below) / (cosine + ior * below)
@@ -48,10 +43,7 @@ def _refracted(directions: Array, ior: float) -> Array:
 def swerve(inner: Array, ior: float) -> Array:
     """How far a tilted facet of the border turns light in the medium, in parts of its tilt.
 
-    Parameters
-    ----------
-    inner : ndarray
-        The cosine of the light in the medium.
+    `inner` is the cosine of the light in the medium.
     """
     outer = np.sqrt(np.maximum(1 - ior**2 * (1 - inner**2), 0.0))
     return np.asarray(inner - outer / ior)

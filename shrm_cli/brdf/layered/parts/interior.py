@@ -58,13 +58,8 @@ class GlossyPart:
 class Interior:
     """How much brighter or darker the parts of a base are under a coat.
 
-    Parameters
-    ----------
-    coat : CoatLobe
-        What the coat's border reflects outside.
-    color : tuple of 3 floats
-        What passes through the coat along its normal, there and back.
-    diffuse : sequence of (float, Brdf)
+    `coat` is what the coat's border reflects outside. `color` is what passes through the coat along
+    its normal, there and back.
     """
 
     def __init__(
@@ -176,10 +171,8 @@ class Interior:
     def _visits(self, each: Array) -> Array:
         """The sum of something over all visits of light to the glossy parts.
 
-        Parameters
-        ----------
-        each : ndarray, shape (n, 3)
-            What it is at a visit, for light that is followed back from a view at the cosines.
+        `each`, of shape (n, 3), is that of a visit, for light that is followed back from a view at
+        the cosines.
         """
         moved = (self._matrices.sum(axis=0) * self._returned).transpose(2, 0, 1)
         share = moved.sum(axis=2, keepdims=True)  # above 1 where the base itself gains light

@@ -15,13 +15,8 @@ BASE = Parameter("base", "(lambertian:albedo=0.5)", meaning="what lies under it,
 class Layered(Sum):
     """A base under a layer, of which each lobe is a term, to be prefiltered as it wants it.
 
-    Parameters
-    ----------
-    base : Brdf or str
-        What lies under the layer; as text it stands in parentheses, and names models alone: no
-        file is opened for it.
-    **values
-        The other parameters.
+    `base` is what lies under the layer; as text it stands in parentheses, and names models alone:
+    no file is opened for it. `**values` are the other parameters.
     """
 
     def __init__(self, base: Brdf | str = str(BASE.default), **values: Value) -> None:

@@ -49,12 +49,8 @@ class Table:
 def transport(brdf: Brdf, views: Array, lights: Array) -> Array:
     """Where light comes from that a BRDF reflects to views, as a matrix.
 
-    Parameters
-    ----------
-    views : ndarray, shape (n,)
-        Cosines of the views to the normal.
-    lights : ndarray, shape (m,)
-        Cosines of the light, rising from 0 to 1.
+    `views`, of shape (n,), are cosines of the views to the normal. `lights`, of shape (m,), are
+    cosines of the light, rising from 0 to 1.
 
     Returns an array of shape (n, m, 3): multiplied by the values of a function of the light's
     cosine at `lights`, it is the integral of that function, linear between them, times the BRDF and
@@ -106,11 +102,8 @@ def albedos(brdf: Brdf, cosines: Array) -> Array:
 def strength(matrix: Array, passing: Array, wanted: Array) -> Array:
     """Factors h of light and view, the same for both, with ``h (M (passing h)) = wanted``.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (n, n, 3)
-        As `transport` returns it.
-    passing, wanted : ndarray, shape (n, 3)
+    `matrix`, of shape (n, n, 3), is as `transport` returns it. `passing` and `wanted` are each of
+    shape (n, 3).
     """
     factors = np.ones_like(wanted)
     for _ in range(_STEPS):

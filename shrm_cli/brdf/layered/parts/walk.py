@@ -49,10 +49,8 @@ class Walk:
 def compared(brdf: Brdf, paths: int, seed: int = 1) -> Walk:
     """Compare a coated BRDF with the walk.
 
-    Parameters
-    ----------
-    paths : int
-        For each of 512 lights, which are spread by the cosine, at each of `VIEWS`.
+    `paths` is their number for each of 512 lights, which are spread by the cosine, at each of
+    `VIEWS`.
 
     Raises BrdfError if it is none that there is a walk for.
     """
@@ -92,23 +90,13 @@ def coated(
 ) -> tuple[Array, Array]:
     """Walk between a coat and a base.
 
-    Parameters
-    ----------
-    light, view : ndarray, shape (n, 3)
-        Above the surface.
-    alpha, ior : float
-        Of the coat's border.
-    color : float or sequence of 3 floats
-        What passes the coat along its normal, there and back.
-    samples : int
-        Paths for each pair.
-    base_alpha : float
-        The width of the lobe that the base's reflections are chosen by.
+    `light` and `view`, each of shape (n, 3), are above the surface. `alpha` and `ior` are those of
+    the coat's border. `color` is what passes the coat along its normal, there and back. `samples`
+    is the number of paths for each pair. `base_alpha` is the width of the lobe that the base's
+    reflections are chosen by.
 
-    Returns
-    -------
-    value, error : ndarray, shape (n, 3)
-        The BRDF without what the coat reflects itself, and its standard error.
+    Returns `value` and `error`, each of shape (n, 3), the BRDF without what the coat reflects
+    itself, and its standard error.
     """
     rng, count = np.random.default_rng(seed), len(light)
     light, view = np.repeat(light, samples, axis=0), np.repeat(view, samples, axis=0)
@@ -147,20 +135,11 @@ def border(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Send light against a rough border, and let it walk among its facets until it leaves.
 
-    Parameters
-    ----------
-    directions : ndarray, shape (n, 3)
-        Whence light comes, away from the border: z is above 0.
-    ratio : float
-        The index of refraction on the light's side of the border as a part of that beyond.
-    rng : numpy.random.Generator
+    `directions`, of shape (n, 3), are whence light comes, away from the border: z is above 0.
+    `ratio` is the index of refraction on the light's side of the border as a part of that beyond.
 
-    Returns
-    -------
-    found : ndarray, shape (n, 3)
-        Whither light that comes back goes, and the opposite of where light that passes goes; z is
-        above 0.
-    passes : ndarray of bool, shape (n,)
+    Returns `found` of shape (n, 3), whither light that comes back goes, and the opposite of where
+    light that passes goes; z is above 0; and `passes` of shape (n,).
     """
     # Each side has a frame in which its own medium is above: that beyond is the other, inverted.
     # Heights are even in 0 .. 1; light that rises from one goes on to a higher one, or away.
