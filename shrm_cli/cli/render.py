@@ -181,14 +181,15 @@ def render(
         "frames": steps, **moved, "width": film.shape[1], "height": film.shape[0],
     }  # fmt: skip
     if is_animated(pattern):
-        written, lines = _write_animation(film, pattern, view[0], fps or DEFAULT_FPS, max_memory)
+        written, lines, doubts = _write_animation(
+            film, pattern, view[0], fps or DEFAULT_FPS, max_memory
+        )
     else:
         written, lines, doubts = _write_pictures(film, targets, precision, settings)
-        told += doubts
     told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
-    conclude({"files": written, **settings}, lines, drawing.warnings + told)
+    conclude({"files": written, **settings}, lines, drawing.warnings + told + doubts)
 
 
 def _refuse_places(mesh: str | None, values: dict[str, Any]) -> None:
@@ -270,8 +271,8 @@ def _on_mesh(
 
 def _write_animation(
     film: Film, target: str, azimuth: float, fps: float, max_memory: int | None
-) -> tuple[list[dict[str, Any]], list[str]]:
-    """Write a moving picture; return what JSON has of it, and a line about it."""
+) -> tuple[list[dict[str, Any]], list[str], list[str]]:
+    """Write a moving picture; return what JSON has of it, a line about it, and no warnings."""
     from shrm_cli.analysis.memory import check_sheet
     from shrm_cli.files.animation import held_bytes, write_animation
     from shrm_cli.files.picture import in_srgb
@@ -285,7 +286,7 @@ def _write_animation(
         )
         write_animation(target, images, fps)
     written = [{"file": target, "azimuth": azimuth, "pixels": "8-bit sRGB"}]
-    return written, [f"{target}: {width} x {height}, {count} frames, {fps:g} a second"]
+    return written, [f"{target}: {width} x {height}, {count} frames, {fps:g} a second"], []
 
 
 def _write_pictures(

@@ -85,10 +85,7 @@ def print_representations(
     result = {"probe": path, **_facts(plan, table), "picture": output}
     warnings = [f"{path}: {line}" for line in source.report.warnings()]
     warnings += _doubts(plan, table)
-    report = [_report(table, path)]
-    if others := installed_names():
-        names = f"{listing(others, 'and')} of installed packages"
-        report.append(f"Without {names}; shrm choose measures those that are offered.")
+    report = [_report(table, path), *_left_out()]
     if output is not None:
         pixels = table.sheet(exposure)
         attributes = _attributes({**result, "exposure": exposure}, source.chromaticities)
@@ -96,6 +93,14 @@ def print_representations(
         report.append(f"{output}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
         warnings += exposure_advice(output, expose(table.truth, exposure), exposure)
     conclude(result, report, warnings)
+
+
+def _left_out() -> list[str]:
+    """Return a line about the forms that are not compared, if there are any."""
+    if not (others := installed_names()):
+        return []
+    names = f"{listing(others, 'and')} of installed packages"
+    return [f"Without {names}; shrm choose measures those that are offered."]
 
 
 def _doubts(plan: Plan, table: RepresentationTable) -> list[str]:
