@@ -181,9 +181,7 @@ def render(
         "frames": steps, **moved, "width": film.shape[1], "height": film.shape[0],
     }  # fmt: skip
     if is_animated(pattern):
-        written, lines, doubts = _write_animation(
-            film, pattern, view[0], fps or DEFAULT_FPS, max_memory
-        )
+        written, lines, doubts = _write_animation(film, pattern, view[0], fps, max_memory)
     else:
         written, lines, doubts = _write_pictures(film, targets, precision, settings)
     told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
@@ -270,14 +268,14 @@ def _on_mesh(
 
 
 def _write_animation(
-    film: Film, target: str, azimuth: float, fps: float, max_memory: int | None
+    film: Film, target: str, azimuth: float, fps: float | None, max_memory: int | None
 ) -> tuple[list[dict[str, Any]], list[str], list[str]]:
     """Write a moving picture; return what JSON has of it, a line about it, and no warnings."""
     from shrm_cli.analysis.memory import check_sheet
     from shrm_cli.files.animation import held_bytes, write_animation
     from shrm_cli.files.picture import in_srgb
 
-    (height, width), count = film.shape, len(film.moments)
+    (height, width), count, fps = film.shape, len(film.moments), fps or DEFAULT_FPS
     held = held_bytes(target, width * height, count)
     check_sheet(width * height, film.drawing.subject.shape[1], held, max_memory)
     with progress_bar("rendering") as progress:
