@@ -39,8 +39,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         With a note that says which form was taken and why. Where no form keeps what is asked for,
         the best one, and a warning that says by how much and what would.
     """
-    asked = _Asked.of(probe, request)
-    return asked.made_of_single_cubes() or asked.of_functions()
+    return _Asked.of(probe, request).made()
 
 
 def automatic_choice(probe: Probe, request: Request) -> str:
@@ -67,16 +66,18 @@ class _Asked:
     light: Projection
     """That of the probe, whose pixels are cut where they are large."""
     request: Request
+    left: float = 1.0
+    """The RMS of what the probe's light makes, over that of all light, where lamps lie beside."""
 
     @classmethod
-    def of(cls, probe: Probe, request: Request) -> "_Asked":
+    def of(cls, probe: Probe, request: Request, left: float = 1.0) -> "_Asked":
         """Return what is asked for of a probe."""
         fine = probe
         if probe.grid.resolution < COARSE_ROWS:
             from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 
             fine = fine_probe(probe)
-        return cls(probe, Projection(shared(fine)), request)
+        return cls(probe, Projection(shared(fine)), request, left)
 
     @cached_property
     def goal(self) -> Goal:
@@ -87,6 +88,10 @@ class _Asked:
     def truth(self) -> Truth:
         """What is reflected."""
         return truth_of(self.light.probe, self.request.brdf)
+
+    def made(self) -> Prefiltered:
+        """Make the map."""
+        return self.made_of_single_cubes() or self.of_functions()
 
     def of_single_cubes(self) -> Candidate[Prefiltered] | None:
         """Return the SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
@@ -117,7 +122,8 @@ class _Asked:
         """Make a map of principal functions, or an SHRM where it does as well."""
         most = self.request.allowed
         ways = self._made_simple, self.made_of_lamps_apart
-        made = kept_or_best(self.proposals.candidate, self.goal, most, *ways, self.truth)
+        propose = self.proposals.candidate
+        made = kept_or_best(propose, self.goal, most, *ways, self.truth, self.left)
         if _FORM in dict(made.notes):
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
@@ -146,7 +152,8 @@ class _Asked:
             # nothing, the share of wrong pixels keeps what is seen.
             error = self.goal.error / max(beside.left, self.goal.error)
             asked = replace(asked, error=error, seen=self.goal.wrong_share)
-        rest = prefilter(beside.split.residual_probe, asked)
+        with beside.shown(self.request.brdf):
+            rest = _Asked.of(beside.split.residual_probe, asked, beside.left).made()
         found = as_candidate(with_lamps(rest, beside, self.request.brdf), beside.error)
         is_small = found.bytes <= policy.WORTH_LAMPS * whole.bytes
         is_better = is_small and found.badness(self.goal) < whole.badness(self.goal)

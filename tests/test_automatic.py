@@ -1,5 +1,7 @@
 """The form that is chosen: right in the picture, against brute force, in few bytes."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -198,6 +200,21 @@ def test_what_is_left_beside_lamps_may_miss_as_much_of_all_light():
     assert stated_error(own.map) / own.map.left <= policy.ERROR
     assert found.further["predicted_wrong_share"]() <= policy.WRONG_SHARE
     assert texels(found.map) < texels(own.map) / 20
+
+
+def test_what_is_missed_beside_lamps_is_told_of_all_light():
+    """What is left may miss much of its own light, which nobody should read as that of all."""
+    light = np.full((128, 256, 3), 0.05, np.float32)
+    light[20:92:3, 15:230:7] = 40
+    light[30, 40] = 1e5
+    found = made(Probe.from_array(light), brdf="0.1*ggx:roughness=0.1+0.9*lambertian",
+                 max_size="100kB")  # fmt: skip
+    assert isinstance(found.map, LampMap)
+    (line,) = [each for each in found.warnings if "no map keeps" in each]
+    stated = re.search(r"RMS error of ([\d.]+)% of all light .* one made has ([\d.]+)% RMS", line)
+    allowed, made_of = (float(each) / 100 for each in stated.groups())
+    assert allowed == pytest.approx(policy.ERROR, rel=0.01)
+    assert made_of == pytest.approx(stated_error(found.map), rel=0.06)
 
 
 def test_lamps_stay_in_maps_that_keep_them_and_where_code_has_none(bare_sun):

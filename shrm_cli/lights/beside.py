@@ -1,5 +1,6 @@
 """Maps of what is left of a probe without its lamps, and these beside it: `sun` split."""
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,9 @@ from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import LampSplit, split_lamps
+from shrm_cli.maps.expansion import beside_lamps
 from shrm_cli.maps.info import probe_name
+from shrm_cli.maps.lamps.discs import LitDiscs
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, negative_warnings
 from shrm_cli.plan import policy
@@ -45,6 +48,15 @@ class Beside:
     """The RMS of what is reflected of the residual, over that of all light."""
     error: float
     """What discs in place of the lamps' pixels change, in the same measure."""
+    wrong: Array
+    """The coefficients of the light of these pixels without that of the discs, shape (n, 3)."""
+
+    def shown(self, brdf: Brdf) -> AbstractContextManager[None]:
+        """Return within what the wrong pixels of maps are those of maps beside these lamps."""
+        if not brdf.isotropic:  # the lobes for views have tangents of their own
+            return nullcontext()
+        flux = sum((lamp.light.flux for lamp in self.split.lamps), np.zeros(3))
+        return beside_lamps(flux, self.wrong, LitDiscs(brdf, self.split.discs).radiance)
 
 
 def split_for(probe: Probe, brdf: Brdf) -> Beside:
@@ -57,7 +69,7 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
         raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")
     split = _split_of(probe)
     if not split.discs:
-        return Beside(split, 1.0, 0.0)
+        return Beside(split, 1.0, 0.0, np.zeros((1, 3)))
     order, max_q = _ORDERS
     max_q = 0 if brdf.zonal else max_q
     compute = compute_transfer if brdf.isotropic else compute_brushed_transfer
@@ -65,14 +77,16 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     order = transfer.order_f
     whole = reflected_rms(project(probe, order), transfer)
     if whole == 0:
-        return Beside(split, 1.0, 0.0)
+        return Beside(split, 1.0, 0.0, np.zeros((1, 3)))
     wrong = np.zeros(((order + 1) ** 2, 3))
     for lamp in split.lamps:
         found = _wrong(lamp, min(order, split.grid.resolved_order))
         wrong[: len(found)] += found
-    error = reflected_rms(Lighting(wrong, (wrong**2).sum(axis=0)), transfer)
+    # What is beyond these degrees shows in sharp lobes: discs and pixels differ most at their rims.
+    energy = np.maximum(sum(map(_wrong_energy, split.lamps)), (wrong**2).sum(axis=0))
+    error = reflected_rms(Lighting(wrong, energy), transfer)
     residual = reflected_rms(project(split.residual_probe, order), transfer)
-    return Beside(split, min(residual / whole, 1.0), error / whole)
+    return Beside(split, min(residual / whole, 1.0), error / whole, wrong)
 
 
 def _split_of(probe: Probe) -> LampSplit:
@@ -100,6 +114,20 @@ def _wrong(lamp: Lamp, order: int) -> Array:
     ]
     discs = [replace(disc, direction=np.roll(disc.direction, 1)) for disc in lamp.discs]
     return disc_coefficients(pixels, order) - disc_coefficients(discs, order)
+
+
+def _wrong_energy(lamp: Lamp) -> Array:
+    """Return the energy of a lamp's pixels without its discs at all degrees, shape (3,).
+
+    Each pixel is as its middle is; what discs have outside of all pixels counts, too.
+    """
+    light, rest = lamp.light, lamp.light.radiance.copy()
+    outside = np.zeros(3)
+    for disc in lamp.discs:
+        inside = light.directions @ disc.direction >= np.cos(disc.radius)
+        rest[inside] -= disc.radiance
+        outside += disc.radiance**2 * max(disc.solid_angle - float(light.areas[inside].sum()), 0.0)
+    return np.asarray(light.areas @ rest**2 + outside)
 
 
 def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:

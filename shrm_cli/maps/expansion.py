@@ -12,10 +12,13 @@ light of a map's error is that of the lobes' errors, so that one sum over both t
 `shrm_cli.maps.lobes_lit`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache, cached_property, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
@@ -37,9 +40,12 @@ from shrm_cli.reflected import (
     reflected_rms,
     visible_beyond,
     visible_beyond_p,
+    weighted_power,
 )
-from shrm_cli.sphere.harmonics import legendre_table
-from shrm_cli.vocabulary import LUMINANCE, MAX_ORDER_F, SEEN_FLOOR, WRONG, Sampling
+from shrm_cli.sphere.harmonics import degrees, legendre_table, order_of
+from shrm_cli.vocabulary import LUMINANCE, MAX_ORDER_F, SEEN_FLOOR, WRONG, Center, Sampling
+
+Indices = tuple[NDArray[np.intp], ...]
 
 _KNOWN = 0.75
 """The part of the computed orders beyond which nothing may be visible. What is visible at the end
@@ -187,7 +193,7 @@ _MOST_SAMPLES = 2**19
 _ACCURACY = 5e-4, 0.3
 """The part of the lobes' energy that their sampling may miss: at most this, and in units of the
 squared error of the map. What it does miss is far less than what it is estimated to."""
-_APART = 3
+_APART = 4
 """Of so many central directions one is looked up in a map, as light fields take seconds for all."""
 
 
@@ -212,7 +218,88 @@ def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
     if not any(each.error.any() for each in lobes):
         return 0.0
     groups = together(lobes)
-    return _share(lighting, groups, *lit(lighting.coefficients * LUMINANCE, groups))
+    whole, error = lit(lighting.coefficients * LUMINANCE, groups)
+    lamps = _lamps_beside.get()
+    if lamps is None or groups[0].center == "tangent":
+        return _share(lighting, groups, whole, error)
+    shape = points(groups[0].center)[1].shape[:-1]
+    whole, error = np.broadcast_to(whole, shape), np.broadcast_to(error, shape)
+    at, shares = _some_points(shape)
+    lit_by_lamps = lamps.lit_at(groups[0].center, at)
+    floor = SEEN_FLOOR * _mean(lighting.coefficients[:1] + lamps.first, groups)
+    limit = WRONG * np.maximum(whole[at] + lit_by_lamps, floor)
+    known = [each.to_order(order_of(len(lamps.wrong))) for each in groups]
+    wrong, _ = lit(lamps.wrong_to(known[0].order) * LUMINANCE, known)
+    wrong = np.broadcast_to(wrong, shape)[at]
+    return float((np.abs(error[at] + wrong) > limit).ravel() @ shares.ravel())
+
+
+@record(eq=False)
+class _LampsBeside:
+    """Lamps beside a map, whose light hides errors of the map, and has errors of its own."""
+
+    first: Array
+    """Their light's coefficients of degree 0, shape (1, 3)."""
+    wrong: Array
+    """The coefficients of what is wrong with it: true light less that of the lamps."""
+    radiance: Callable[[Array, Array], Array]
+    """From normals and views to what is reflected of them, shape (..., 3)."""
+
+    @cached_property
+    def _known(self) -> dict[Center, Array]:
+        return {}
+
+    def wrong_to(self, order: int) -> Array:
+        """Return what is wrong to an order, as far as it is known.
+
+        It fades out over an octave, as it would ring around all lamps otherwise.
+        """
+        result = np.zeros(((order + 1) ** 2, 3))
+        known = self.wrong[: len(result)]
+        degree = degrees(order_of(len(known)))
+        part = np.maximum(2 * degree / (degree[-1] + 1) - 1, 0.0)
+        result[: len(known)] = known * np.cos(np.pi / 2 * part)[:, None] ** 2
+        return result
+
+    def lit_at(self, center: Center, at: Indices) -> Array:
+        """Return what lobes reflect of them at some of the points, in the units of lobes."""
+        if center not in self._known:
+            normals, views = np.broadcast_arrays(*points(center))
+            normals, views = normals[at], views[at]
+            self._known[center] = 2 * np.pi * self.radiance(normals, views) @ LUMINANCE
+        return self._known[center]
+
+
+_lamps_beside: ContextVar[_LampsBeside | None] = ContextVar("_lamps_beside", default=None)
+
+
+@contextmanager
+def beside_lamps(
+    flux: Array, wrong: Array, radiance: Callable[[Array, Array], Array]
+) -> Iterator[None]:
+    """Count wrong pixels of maps as they are seen together with lamps that lie beside them.
+
+    `flux`, of shape (3,), is the integral of the lamps' radiance. `wrong`, of shape (n, 3), are the
+    coefficients of the light that they stand for, without theirs. `radiance` returns what is
+    reflected of them, of shape (..., 3), for normals and views.
+    """
+    token = _lamps_beside.set(_LampsBeside(flux[None] / np.sqrt(4 * np.pi), wrong, radiance))
+    try:
+        yield
+    finally:
+        _lamps_beside.reset(token)
+
+
+def _some_points(shape: tuple[int, ...]) -> tuple[Indices, Array]:
+    """Return the indices of some of the sample points, and the share that each stands for.
+
+    Lamps take long to integrate. Each direction has every third of the views, at one azimuth.
+    """
+    directions, views, azimuths = shape
+    direction = np.arange(directions)[:, None]
+    view = np.arange(views // 3) * 3 + direction % 3
+    shares = sample_views("reflection", views)[1][view]
+    return (direction, view, (direction + view) % azimuths), shares / float(shares.sum())
 
 
 def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | None:
@@ -249,12 +336,18 @@ def _light_of(expansions: Sequence[Expansion]) -> Lighting:
 
 def _share(lighting: Lighting, groups: Sequence[Lobes], whole: Array, error: Array) -> float:
     """Return the share of points at which the error is too large."""
-    light = lighting.coefficients[:1] * LUMINANCE
+    limit = WRONG * np.maximum(whole, SEEN_FLOOR * _mean(lighting.coefficients[:1], groups))
     shares = sample_views(groups[0].center, error.shape[1])[1]
-    # Only degree 0 has a mean over all central directions.
-    means = sum(each.whole[0, 0].real * light[0] for each in groups).sum(axis=-1)
-    limit = WRONG * np.maximum(whole, SEEN_FLOOR * float(np.sum(means * shares)))
     return float((np.abs(error) > limit).mean(axis=(0, 2)) @ shares)
+
+
+def _mean(first: Array, groups: Sequence[Lobes]) -> float:
+    """Return the mean luminance of all pixels, for the light's coefficients of degree 0, (1, 3)."""
+    # Only degree 0 has a mean over all central directions.
+    light = first * LUMINANCE
+    means = sum(each.whole[0, 0].real * light[0] for each in groups).sum(axis=-1)
+    views = max(each.whole.shape[2] for each in groups)
+    return float(np.sum(means * sample_views(groups[0].center, views)[1]))
 
 
 def _lobes_of(expansion: Expansion) -> Lobes:
@@ -275,7 +368,8 @@ def _lobes_of(expansion: Expansion) -> Lobes:
     for q in range(min(order_p, len(whole) - 1) + 1):
         kept = expansion.kept[: order + 1, q:, q, : whole.shape[-1]]
         error[q, : len(kept)] -= np.einsum("lpc,po->loc", kept, functions[q, : order_p + 1 - q])
-    return Lobes(whole, error, brdf.center).ended(beyond)
+    light = weighted_power(expansion.lighting, order)
+    return Lobes(whole, error, brdf.center).ended(beyond, light)
 
 
 def _sampled(brdf: Brdf, order: int, max_q: int, angles: Array, accuracy: float) -> Array:

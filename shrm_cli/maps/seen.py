@@ -37,6 +37,7 @@ def kept_or_best(
     instead: Callable[[Candidate[Prefiltered]], Prefiltered | None] = lambda kept: None,
     otherwise: Callable[[Candidate[Prefiltered]], Prefiltered | None] = lambda best: None,
     truth: Truth | None = None,
+    left: float = 1.0,
 ) -> Prefiltered:
     """Make the map of the fewest bytes that keeps a goal, and shows nothing negative.
 
@@ -44,6 +45,8 @@ def kept_or_best(
     warning. `instead` is called with the first candidate that keeps the goal; may return the map of
     another form. `otherwise` is called with the best candidate where none keeps the goal, or all
     are negative somewhere; may return a map that is better. `truth` is that of `negative_share`.
+    `left` is the RMS of the light that the map is of, over that of all light, of which the warning
+    tells; 1 where there is no other.
 
     Where none keeps the goal, the one that misses the least is returned, with a warning that says
     by how much, and what would keep it. Where all are negative somewhere, it is the least dark one.
@@ -75,7 +78,7 @@ def kept_or_best(
     if (other := otherwise(best)) is not None:
         return other
     made = judged(best.make(), best)
-    return replace(made, warnings=(*made.warnings, _missed(best, goal, max_size)))
+    return replace(made, warnings=(*made.warnings, _missed(best, goal, max_size, left)))
 
 
 def as_candidate(made: Prefiltered, lamp_error: float = 0.0) -> Candidate[Prefiltered]:
@@ -96,18 +99,26 @@ def judged(made: Prefiltered, candidate: Candidate[Prefiltered]) -> Prefiltered:
     return replace(made, further={**made.further, **share})
 
 
-def goal_text(goal: Goal) -> str:
-    """Return a goal in words."""
-    error = f"an RMS error of {100 * goal.error:.3g}%"
+def goal_text(goal: Goal, of: str = "") -> str:
+    """Return a goal in words; `of` says what the error is a part of."""
+    error = f"an RMS error of {100 * goal.error:.3g}%{of}"
     return error if goal.wrong_share is None else f"{error} and {goal.wrong_share:.0%} wrong pixels"
 
 
-def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int) -> str:
+def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int, left: float) -> str:
     """Say what the best map misses of the goal, and what would keep it."""
     more = ", or raise `max_size`" if best.can_grow and 2 * best.bytes > max_size else ""
+    lamps = f"lamps in glossy surfaces need the most: {REMEDY}{more}"
+    why, of = best.limit or lamps, ""
+    if left < 1:  # what is allowed of so little light would read as an error of all
+        of, share = " of all light", best.wrong_share
+        goal = replace(goal, error=left * goal.error)
+        best = replace(
+            best, total_error=left * best.total_error, find_wrong_share=lambda: share
+        )  # fmt: skip
     return (
-        f"no map keeps {goal_text(goal)} in {bytes_text(max_size)}; the one made has "
-        f"{best.errors_text}, as predicted. Lamps in glossy surfaces need the most: {REMEDY}{more}"
+        f"no map keeps {goal_text(goal, of)} in {bytes_text(max_size)}; the one made has "
+        f"{best.errors_text}, as predicted. {why[0].upper()}{why[1:]}"
     )
 
 

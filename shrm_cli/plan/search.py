@@ -166,6 +166,8 @@ class Candidate(Generic[M]):
     """Makes the map."""
     can_grow: bool = True
     """Whether maps of more bytes could hold more."""
+    limit: str = ""
+    """Why more bytes gain little, where that is known."""
 
     @cached_property
     def wrong_share(self) -> float | None:

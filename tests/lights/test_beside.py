@@ -34,3 +34,18 @@ def test_maps_of_one_probe_look_for_its_lamps_once(pixels, monkeypatch):
             np.testing.assert_array_equal(plane, expected)
         looked.pop()
     assert len(residuals) == 1
+
+
+def test_what_discs_change_is_known_to_all_degrees(monkeypatch):
+    """A sixth of it lies beyond those that are known, where lobes are as sharp as lamps."""
+    rows, columns = np.mgrid[:256, :512]
+    pixels = np.full((256, 512, 3), 0.1, np.float32)
+    pixels[(abs(rows - 90) <= 1) & (abs(columns - 200) <= 3)] = 3000
+    pixels[(abs(rows - 94) <= 1) & (abs(columns - 203) <= 1)] = 9000
+    probe, brdf = shrm.Probe.from_array(pixels), shrm.parse_spec("ggx:roughness=0.15")
+    errors = []
+    for order in (96, 255):
+        monkeypatch.setattr(beside, "_ORDERS", (order, 4))
+        errors.append(beside.split_for(probe, brdf).error)
+    assert errors[1] > 0.05
+    assert errors[0] == pytest.approx(errors[1], rel=0.08)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.special import sph_harm_y
 
-from shrm_cli.maps.expansion import wrong_share
-from shrm_cli.maps.lobes_lit import Lobes, lit, sample_views
+from shrm_cli.maps.expansion import beside_lamps, wrong_share
+from shrm_cli.maps.lamps.map import LampMap
+from shrm_cli.maps.lobes_lit import Lobes, lit, points, sample_views
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.probe.probe import Probe
@@ -103,6 +104,74 @@ def test_lobes_of_two_centers_reflect_at_the_same_points(center):
     both, error = lit(light, [first, second])
     np.testing.assert_allclose(both, 2 * whole, atol=1e-12)
     np.testing.assert_allclose(error, whole, atol=1e-12)
+
+
+def test_points_are_where_the_light_is_reflected():
+    """(L.V)^2 reflects towards V what the light has of degree 0 and 2 there, times constants."""
+    light = np.random.default_rng(4).normal(size=(9, 3))
+    angles = sample_views("reflection")[0]
+    found, _ = lit(light, [squared_cosine("reflection", angles)])
+    views = points("reflection")[1]
+    harmonics = oracles.real_harmonics(2, views.reshape(-1, 3))
+    by_degree = [harmonics[:, part] @ light[part].sum(axis=1) for part in (slice(1), slice(4, 9))]
+    # The integral of (L.V)^2 = 1/3 + 2/3 P_2 times a harmonic, by the theorem of Funk and Hecke.
+    exact = 4 * np.pi * (by_degree[0] / 3 + 2 / 3 * by_degree[1] / 5)
+    np.testing.assert_allclose(found.ravel(), exact, atol=1e-12)
+
+
+def test_unknown_azimuthal_orders_are_an_error():
+    """As much of the light as they have is wrong, mostly from views where lobes have the last."""
+    rng = np.random.default_rng(5)
+    theta_o, shares = sample_views("reflection")
+    degree, q = np.arange(33)[:, None], np.arange(7)[:, None, None]
+    whole = (np.exp(-degree / 8) * (0.1 + theta_o / 5) ** q)[..., None] * (degree >= q)[..., None]
+    power = rng.uniform(0.5, 1.5, (33, 3))
+    signs = np.array([1, 2, 2, 2, 2, 2, 2])
+
+    def energy(lobes):
+        return np.einsum("q,l,qlvc->v", signs, power.sum(axis=1), lobes**2)
+
+    beyond, known = np.zeros(33), energy(whole) @ shares
+    for before in (0 * whole, 0.1 * whole):
+        ended = Lobes(whole, before).ended(beyond, power, 0.01)
+        np.testing.assert_array_equal(ended.whole, whole)
+        more = energy(ended.error) - energy(before)
+        assert more @ shares == pytest.approx(0.01 * known, rel=1e-9)
+        assert np.all(np.diff(more) > 0)
+        np.testing.assert_array_equal(Lobes(whole, before).ended(beyond, power).error, before)
+
+
+def test_maps_beside_lamps_are_judged_together_with_them(light):
+    made = prefilter_with_facts(
+        Probe.from_array(light), "auto", {"brdf": "microfacet:sigma=0.3", "max_size": "15kB"}
+    )
+    assert isinstance(made.map, LampMap)
+    expected = share(light, MICROFACET, made.map)
+    assert 0.03 < expected < 0.1
+    assert made.summary()["predicted_wrong_share"] == pytest.approx(expected, abs=0.015)
+
+
+def test_lamps_beside_a_map_hide_its_errors_and_have_their_own():
+    lighting = Lighting(np.array([[1.0] * 3, [0.0] * 3, [0.5] * 3, [0.0] * 3]), np.full(3, 1.25))
+    whole = np.ones((1, 2, 1, 1))
+    lobes = Lobes(whole, 0.5 * whole * [[[0]], [[1]]])
+
+    def beside(wrong, light):
+        with beside_lamps(np.zeros(3), wrong, light):
+            return wrong_share(lighting, [lobes])
+
+    def none(normals, views):
+        return np.zeros(normals.shape)
+
+    def above(normals, views):
+        """Much light on the half of the pixels that is seen from above."""
+        return 1e3 * (views[..., 2:] > 0) * np.ones(3)
+
+    nothing, alone = np.zeros((4, 3)), wrong_share(lighting, [lobes])
+    assert beside(nothing, none) == pytest.approx(alone, abs=0.01)
+    assert beside(nothing, above) == pytest.approx(alone / 2, abs=0.02)
+    # What the map has too little of degree 1, its lamps have too much.
+    assert beside(-0.5 * lighting.coefficients * [[0], [1], [1], [1]], none) == 0
 
 
 def squared_cosine(center, angles):

@@ -28,7 +28,7 @@ from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
 from shrm_cli.reflected import (
     cube_energies,
-    energy_beyond,
+    energies_beyond,
     filter_matrices,
     filtered_parts,
     fine_places,
@@ -99,8 +99,16 @@ class Planner:
     @cached_property
     def whole(self) -> float:
         """The energy of the reflected light over visible views."""
-        beyond = energy_beyond(self.lighting, self.spectrum.transfer)
-        return self.spectrum.whole() + self.spectrum.visible * beyond
+        return self.spectrum.whole() + self.spectrum.visible * sum(self._beyond)
+
+    @cached_property
+    def _beyond(self) -> tuple[float, float]:
+        return energies_beyond(self.lighting, self.spectrum.transfer)
+
+    @property
+    def aside(self) -> float:
+        """The energy in higher azimuthal orders than the known ones, relative to that in these."""
+        return self.spectrum.visible * self._beyond[1] / max(self.spectrum.whole(), 1e-300)
 
     @cached_property
     def choices(self) -> list[Counts]:

@@ -6,7 +6,7 @@ from typing import Any
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines, truth_of, unkept_error, wrong_light
-from shrm_cli.maps.principal.proposal import Proposal, Proposals
+from shrm_cli.maps.principal.proposal import TABLED, Proposal, Proposals
 from shrm_cli.maps.request import Request
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import ROUNDING, Goal
@@ -57,7 +57,7 @@ def _sufficient(proposals: Proposals, error: float) -> str:
     sharing, size = proposals.sharing, proposals.asked.size
     free, is_met = sharing.kept(error, _ANY_SIZE, size)
     if not is_met and sharing.within_error(error, _ANY_SIZE, size)[1]:
-        return "more bytes gain little: what it has of the view is in tables, which are no finer"
+        return TABLED
     if not is_met:
         return "dim the lamps with `clamp`"
     step = 10 ** max(len(str(free.bytes)) - 2, 0)  # rounded up to what `bytes_text` shows

@@ -53,6 +53,8 @@ from shrm_cli.vocabulary import Sampling
 
 _SMALL = 16
 """The texels along a face's edge of the maps that tell how coherent the terms of a sum are."""
+TABLED = "more bytes gain little: what it has of the view is in tables, which are no finer"
+"""What is said where tables make most of an error."""
 
 
 @record(eq=False)
@@ -97,8 +99,19 @@ class Proposal:
         """Return the map as the search knows it."""
         return Candidate(
             "principal", self.bytes, self.look_ups, self.total_error, self.wrong_share, self.make,
-            any(1 < len(term.planner.choices) > term.form.cubes for term in self.terms),
+            any(1 < len(term.planner.choices) > term.form.cubes for term in self.terms), self.limit,
         )  # fmt: skip
+
+    @property
+    def limit(self) -> str:
+        """Why more bytes gain little: most of the error is that of tables; empty otherwise."""
+        tabled = error = 0.0
+        for term in self.terms:
+            form, weight = term.form, term.planner.whole
+            plain = term.planner.form(form.counts, form.size)
+            tabled += weight * (form.error**2 - plain.error**2)
+            error += weight * form.total_error**2
+        return TABLED if tabled > error / 2 else ""
 
 
 class Proposals:
@@ -326,4 +339,4 @@ def _lobes(planner: Planner, form: Form) -> Lobes:
         between(transfer.values[:, : order + 1, nodes]),
         between(np.stack([each[: order + 1] for each in rest])),
         spectrum.center,
-    ).ended(beyond)
+    ).ended(beyond, spectrum.light, planner.aside)
