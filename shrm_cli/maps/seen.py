@@ -104,7 +104,9 @@ def goal_text(goal: Goal) -> str:
 
 def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int) -> str:
     """Say what the best map misses of the goal, and what would keep it."""
-    more = ", or raise `max_size`" if best.can_grow and 2 * best.bytes > max_size else ""
+    # No less than the least error is tried, however many bytes there are.
+    larger = best.can_grow and best.total_error > policy.LEAST_ERROR
+    more = ", or raise `max_size`" if larger and 2 * best.bytes > max_size else ""
     return (
         f"no map keeps {goal_text(goal)} in {bytes_text(max_size)}; the one made has "
         f"{best.errors_text}, as predicted. Lamps in glossy surfaces need the most: {REMEDY}{more}"
