@@ -183,8 +183,7 @@ def render(
     if is_animated(pattern):
         written, lines = _write_animation(film, pattern, view[0], fps or DEFAULT_FPS, max_memory)
     else:
-        written, lines, doubts = _write_pictures(film, targets, precision, settings)
-        told += doubts
+        written, lines = _write_pictures(film, targets, precision, settings, told)
     told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
@@ -289,25 +288,30 @@ def _write_animation(
 
 
 def _write_pictures(
-    film: Film, targets: Sequence[str], precision: Precision, settings: dict[str, Any]
-) -> tuple[list[dict[str, Any]], list[str], list[str]]:
-    """Write a picture of each moment; return what JSON has of them, lines about them, warnings."""
+    film: Film,
+    targets: Sequence[str],
+    precision: Precision,
+    settings: dict[str, Any],
+    told: list[str],
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Write a picture of each moment; return what JSON has of them, and lines about them.
+
+    `told` gets what is to be said of the exposure.
+    """
     from shrm_cli.files.picture import write_picture
     from shrm_cli.render.image import exposure_advice
 
     (height, width), drawing = film.shape, film.drawing
     written: list[dict[str, Any]] = []
-    doubts: list[str] = []
     with progress_bar("rendering") as progress:
         drawn = zip(targets, film.moments, film.pictures(progress), strict=True)
         for path, moment, picture in drawn:
             attributes = _attributes(drawing.seen, settings, drawing.said, moment)
             pixels = write_picture(path, picture, precision, attributes)
             if not written:  # one line for all frames
-                doubts = exposure_advice(path, picture, film.exposure)
+                told += exposure_advice(path, picture, film.exposure)
             written.append({"file": path, "azimuth": moment.viewer.azimuth, "pixels": pixels})
-    lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
-    return written, lines, doubts
+    return written, [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
 
 
 def _files(maps: Sequence[str], mesh: str | None, values: dict[str, Any]) -> list[str]:
