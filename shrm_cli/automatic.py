@@ -155,9 +155,10 @@ class _Asked:
         with beside.shown(self.request.brdf):
             rest = _Asked.of(beside.split.residual_probe, asked, beside.left).made()
         found = as_candidate(with_lamps(rest, beside, self.request.brdf), beside.error)
-        is_small = found.bytes <= policy.WORTH_LAMPS * whole.bytes
-        is_better = is_small and found.badness(self.goal) < whole.badness(self.goal)
-        return found if is_better or found.keeps(self.goal) else None
+        times = found.badness(self.goal) / whole.badness(self.goal)
+        is_better = found.bytes <= policy.WORTH_LAMPS * whole.bytes and times < 1
+        is_far_smaller = found.bytes <= policy.FAR_SMALLER * whole.bytes and times <= policy.MISSED
+        return found if is_better or is_far_smaller or found.keeps(self.goal) else None
 
     def made_of_lamps_apart(self, whole: Candidate[Prefiltered]) -> Prefiltered | None:
         """Make that map, if there is one, and say what one with the lamps in it would be."""

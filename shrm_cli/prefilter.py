@@ -172,7 +172,7 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
         info = replace(found.map.info, options=request.record(probe))
         found = replace(found, map=found.map.with_info(info))
         if needs_brdf:  # maps of light alone have words of their own for what is negative
-            found = _finished(found, probe, lamps, request.brdf)
+            found = _finished(found, probe, lamps, request)
             found = examined(found, truth_of(probe, request.brdf))
     if isinstance(work, Rising):
         work.end()
@@ -205,17 +205,24 @@ def _fine(probe: Probe, request: Request) -> Probe:
     return fine_probe(probe)
 
 
-def _finished(made: Prefiltered, probe: Probe, lamps: "Beside | None", brdf: Brdf) -> Prefiltered:
+def _finished(
+    made: Prefiltered, probe: Probe, lamps: "Beside | None", request: Request
+) -> Prefiltered:
     """Put the lamps beside the map, or say where that would help."""
     if lamps is None and not any(REMEDY in line for line in made.warnings):
         return made
     from shrm_cli.lights.beside import MUCH, lamps_share, with_lamps
+    from shrm_cli.maps.lamps.models import has_code
 
+    brdf = request.brdf
     if lamps is not None:
         return with_lamps(made, lamps, brdf)
     if brdf.center == "tangent" or lamps_share(probe) <= MUCH:
         return made
-    better = f"take them out with `sun` split, as discs, or {REMEDY}"
+    if request.to == AUTO and request.sun is None and has_code(brdf):  # that was tried
+        better = f"discs in their place (`sun` split) miss as much; {REMEDY}"
+    else:
+        better = f"take them out with `sun` split, as discs, or {REMEDY}"
     return replace(made, warnings=tuple(line.replace(REMEDY, better) for line in made.warnings))
 
 

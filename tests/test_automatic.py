@@ -9,10 +9,13 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import prefiltered
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal import proposal as principal_proposal
+from shrm_cli.maps.seen import kept_or_best
 from shrm_cli.maps.shrm import proposal
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
+from shrm_cli.plan.search import Candidate, Goal
 from shrm_cli.prefilter import prefilter, prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
@@ -225,8 +228,11 @@ def test_lamps_stay_in_maps_that_keep_them_and_where_code_has_none(bare_sun):
     assert any("`sun` split" in line for line in found.warnings)
 
 
-def test_lamps_beside_a_map_that_keeps_too_little_have_to_spare_bytes(rng, monkeypatch):
+@pytest.mark.parametrize("name", ["WORTH_LAMPS", "FAR_SMALLER"])
+def test_lamps_beside_a_map_that_keeps_too_little_have_to_spare_bytes(rng, monkeypatch, name):
     """Between leaves, which no map of some kilobytes shows."""
+    for each in ("WORTH_LAMPS", "FAR_SMALLER"):
+        monkeypatch.setattr(policy, each, 0.0)
     leaves = rng.uniform(0.2, 0.8, (128, 256, 3)).astype(np.float32)
     leaves[30, 40] = 2e4
     light, asked = Probe.from_array(leaves), {"brdf": "ggx:roughness=0.3", "max_size": "20kB"}
@@ -234,10 +240,18 @@ def test_lamps_beside_a_map_that_keeps_too_little_have_to_spare_bytes(rng, monke
     apart, kept = (made(light, **asked, sun=sun) for sun in ("split", "keep"))
     share = stored_size(apart.map) / stored_size(kept.map)
     for worth, is_apart in ((1.01 * share, True), (0.99 * share, False)):
-        monkeypatch.setattr(policy, "WORTH_LAMPS", worth)
+        monkeypatch.setattr(policy, name, worth)
         found = made(light, **asked)
         assert isinstance(found.map, LampMap) == is_apart
         assert any("no map keeps" in line for line in found.warnings)
+
+
+@pytest.mark.parametrize(("error", "is_said"), [(0.05, True), (0.9 * policy.LEAST_ERROR, False)])
+def test_more_bytes_are_advised_where_more_would_be_tried(error, is_said):
+    """A hundred megabytes made the very map of 32."""
+    best = Candidate("principal", 100, 128, error, lambda: 0.5, lambda: Prefiltered(None))
+    (line,) = kept_or_best(lambda error: best, Goal(), 150).warnings
+    assert ("raise `max_size`" in line) == is_said
 
 
 def test_dark_maps_are_made_without_lamps_too(bare_sun, monkeypatch):

@@ -58,7 +58,6 @@ def print_representations(
     from shrm_cli.maps.file import is_map
     from shrm_cli.probe.open import open_probe
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.image import expose, exposure_advice
     from shrm_cli.render.lit import ggx_surface, reflectance
 
     if is_map(path):
@@ -91,7 +90,6 @@ def print_representations(
         attributes = _attributes({**result, "exposure": exposure}, source.chromaticities)
         pixel_type = write_picture(output, pixels, attributes=attributes)
         report.append(f"{output}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
-        warnings += exposure_advice(output, expose(table.truth, exposure), exposure)
     conclude(result, report, warnings)
 
 

@@ -56,6 +56,10 @@ WORTH_LAMPS = 0.5
 most this part of the bytes. Plastic at night misses 5.15 % (RMS) so, in 18 kB, and 8.4 % in 18.7 MB
 with the lamps in the map. Soft boxes in a coat of roughness .1 miss about as much as discs, in half
 of the bytes, and stay what they are: programs that know no lamps beside a map show none at all."""
+FAR_SMALLER = 0.1
+"""Where no map keeps what is asked, lamps are put beside one that misses up to `MISSED` times as
+much in at most this part of the bytes, too. Of half a city over black ground, gold of roughness .4
+has 7.4 % wrong pixels in 20.8 MB, and 8.1 % in 0.7 MB beside its sun."""
 MISSED = 1.1
 """How many times the least share of wrong pixels a smaller map may have, where no map keeps what is
 asked: the last megabytes of a lamp in a sharp lobe change little that is seen."""

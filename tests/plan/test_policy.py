@@ -23,6 +23,7 @@ PROMISES = {
     "TRIED_DARK": (r"(three) maps at\s+most", 1),
     "MISSED": (r"within (\d+) % of the least", 100),
     "WORTH_LAMPS": (r"in at most (half) of the bytes", 1),
+    "FAR_SMALLER": (r"hardly more in a (tenth) of them", 1),
     "LEAST_BYTES": (r"or (\d+) kB where the tolerance", 1e-3),
 }
 HELD = {
@@ -38,7 +39,7 @@ HELD = {
     "NO_ERROR": "maps/shrm/test_terms.py",
 }
 """What no user sees, and the tests that notice when it changes."""
-WORDS = {"thousandth": 1e-3, "half": 0.5, "three": 3, "four": 4}
+WORDS = {"thousandth": 1e-3, "tenth": 0.1, "half": 0.5, "three": 3, "four": 4}
 
 
 @pytest.mark.parametrize("name", PROMISES)
