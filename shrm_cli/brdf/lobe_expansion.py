@@ -15,11 +15,10 @@ from shrm_cli.brdf.polar_rule import (
     squeezed_azimuths,
     transfer_samples,
 )
-from shrm_cli.brdf.vectors import turned
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import from_angles, tilted_frame
+from shrm_cli.sphere.directions import from_angles, tilted_frame, turned
 from shrm_cli.sphere.harmonics import legendre_table
 
 SHARP = 0.5
