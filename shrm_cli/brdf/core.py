@@ -4,9 +4,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.vectors import turned
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import from_angles, tilted_frame
+from shrm_cli.sphere.directions import from_angles, tilted_frame, turned
 
 _VIEWS = np.concatenate([np.linspace(0, 2.6, 9), [2.8, 2.95, 3.05, 3.1, 3.13]])
 """Angles from the central direction to the view, radians; at the last one, a surface that reflects

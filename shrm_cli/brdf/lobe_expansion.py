@@ -15,11 +15,10 @@ from shrm_cli.brdf.polar_rule import (
     squeezed_azimuths,
     transfer_samples,
 )
-from shrm_cli.brdf.vectors import turned
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import from_angles, tilted_frame
+from shrm_cli.sphere.directions import from_angles, tilted_frame, turned
 from shrm_cli.sphere.harmonics import legendre_table
 
 SHARP = 0.5
@@ -76,10 +75,20 @@ def width_for(brdf: Brdf, azimuth: float) -> float:
     radius = np.geomspace(*_RADII)
     views = np.pi / 2 * np.array(_SCOUTS)
     squares = squared_lobes(brdf, radius, azimuths(12), views, azimuth)[1].sum(axis=2)
-    inside = np.cumsum((squares * (np.sin(radius) * radius)[:, None]) @ np.sin(2 * views))
-    if not inside[-1] > 0:
-        return 1.0
-    return float(radius[np.searchsorted(inside, inside[-1] / 2)])
+    return _half_within(radius, squares @ np.sin(2 * views))
+
+
+def axis_widths(brdf: Brdf) -> tuple[float, float]:
+    """The `lobe_width` along the tangent and across it, for the view along the normal."""
+    radius, axes = np.geomspace(*_RADII), np.array([0.0, np.pi / 2])
+    along, across = squared_lobes(brdf, radius, axes, np.zeros(1), 0.0)[1][:, 0].T
+    return _half_within(radius, along), _half_within(radius, across)
+
+
+def _half_within(radius: Array, squares: Array) -> float:
+    """The one of even ratios of radii within which half of the energy of squares (n,) lies."""
+    inside = np.cumsum(squares * np.sin(radius) * radius)
+    return float(radius[np.searchsorted(inside, inside[-1] / 2)]) if inside[-1] > 0 else 1.0
 
 
 def squared_lobes(

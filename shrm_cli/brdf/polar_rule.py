@@ -18,9 +18,8 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.vectors import turned
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import from_angles, tilted_frame
+from shrm_cli.sphere.directions import from_angles, tilted_frame, turned
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 from shrm_cli.vocabulary import Center
 

@@ -12,7 +12,9 @@ grazes. So the rule for them is one in the polar angle eta and the azimuth psi o
 azimuth, the light is above the horizon where ``eta < pi/4 + atan(tan(theta) cos(psi)) / 2``. The
 radii of each azimuth end there, so that no sample is beyond the horizon and the integrand is smooth
 on all of its domain, for which rules of Gauss and Legendre converge exponentially. That bound rises
-steeply where psi is a right angle and the view grazes; azimuths crowd there.
+steeply where psi is a right angle and the view grazes; azimuths crowd there. The lobes of brushed
+surfaces are ellipses over H, which have next to all azimuths beside their long axis; azimuths crowd
+there, too, and radii as far out as the ellipse reaches.
 
 BRDFs about the normal have a rule in the light's own polar coordinates, and so have those that have
 no horizon, about their central direction.
@@ -35,7 +37,7 @@ from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
-from shrm_cli.brdf.lobe_expansion import lobe_width
+from shrm_cli.brdf.lobe_expansion import axis_widths, lobe_width
 from shrm_cli.brdf.polar_rule import PolarRule, SplitRule
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError
@@ -56,23 +58,28 @@ class LightRule:
 
     center: str
     """What the nodes crowd about. One of "reflection", "normal" and "tangent"."""
-    width: float
-    """The angle from it within which about half of a BRDF's energy lies, radians."""
+    width: tuple[float, float]
+    """The angles from it within which about half of a BRDF's energy lies, along the tangent and
+    across it, radians."""
     has_horizon: bool
     """Whether the nodes are above the horizon only."""
 
     @classmethod
     def of(cls, brdf: Brdf) -> "LightRule":
         """Return the rule that suits a BRDF."""
-        width = lobe_width(brdf) if brdf.center == "reflection" else 1.0
-        return cls(brdf.center, min(width, 1.0), cuts_horizon(brdf))
+        along = across = 1.0
+        if brdf.center == "reflection" and brdf.isotropic:
+            along = across = lobe_width(brdf)
+        elif brdf.center == "reflection":
+            along, across = axis_widths(brdf)
+        return cls(brdf.center, (min(along, 1.0), min(across, 1.0)), cuts_horizon(brdf))
 
     def nodes(self, views: Array, along: int, around: int) -> tuple[Array, Array]:
         """Return directions to the light, and their weights, for each view.
 
         `views`, of shape (n, 3), are directions to the viewer in the frame of the normal, z = N,
         with the tangent along x. `along` and `around` are the numbers of nodes along a radius, and
-        around it, of which the latter is a multiple of 4.
+        around it, of which the latter is a multiple of 8.
 
         Returns `directions` of shape (n, along * around, 3), unit, in the same frame; and `weights`
         of shape (n, along * around), they sum to the solid angle, 2 pi or 4 pi.
@@ -83,12 +90,22 @@ class LightRule:
 
     def _of_half_vectors(self, views: Array, along: int, around: int) -> tuple[Array, Array]:
         theta, azimuth = (angle[:, None] for angle in to_angles(views))
-        psi, psi_weights = _azimuths(theta, around)
+        along_tangent, across = self.width
+        # The bound of the radii is steep beside the right angles.
+        steep = np.pi / 2 * np.maximum(np.cos(theta), _LEAST_COSINE)
+        turns: list[Array] = [np.full_like(theta, side) for side in (-np.pi / 2, np.pi / 2)]
+        widths: list[Array] = [steep, steep]
+        if along_tangent != across:
+            axis = (0.0 if along_tangent > across else np.pi / 2) - azimuth
+            ratio = np.full_like(theta, min(self.width) / max(self.width))
+            turns, widths = [*turns, axis, axis + np.pi], [*widths, ratio, ratio]
+        psi, psi_weights = _azimuths(np.hstack(turns), np.hstack(widths), around)
         slope = np.sin(theta) * np.cos(psi)
         end = np.pi / 4 + np.arctan2(slope, np.maximum(np.cos(theta), 0.0)) / 2
-        eta, weights = _radii(end, self.width / 2, along)
-        turned = (psi + azimuth)[..., None]
-        half = from_angles(eta, turned)
+        turned = psi + azimuth
+        reach = 1 / np.hypot(np.cos(turned) / along_tangent, np.sin(turned) / across)
+        eta, weights = _radii(end, reach / 2, along)
+        half = from_angles(eta, turned[..., None])
         weights = weights * psi_weights[..., None] * np.sin(eta)
         cosine = np.einsum("nijk,nk->nij", half, views)
         directions = 2 * cosine[..., None] * half - views[:, None, None]
@@ -97,7 +114,7 @@ class LightRule:
 
     def _of_lights(self, views: Array, along: int, around: int) -> tuple[Array, Array]:
         is_half = self.has_horizon and self.center == "normal"
-        rule = SplitRule() if is_half else PolarRule(self.width)
+        rule = SplitRule() if is_half else PolarRule(min(self.width))
         theta, weights = rule.nodes(along)
         psi = 2 * np.pi * (np.arange(around) + 0.5) / around
         local = from_angles(theta[:, None], psi).reshape(-1, 3)
@@ -112,25 +129,32 @@ class LightRule:
         return np.broadcast_to(axis, views.shape)
 
 
-def _azimuths(theta: Array, count: int) -> tuple[Array, Array]:
-    """Azimuths that crowd about both right angles, for each view: (n, count), and their weights.
+def _azimuths(turns: Array, widths: Array, count: int) -> tuple[Array, Array]:
+    """Azimuths that crowd about k of them, within widths, for each of n views, and their weights.
 
-    Four quarters of the circle begin at the right angles, with nodes that crowd there within the
-    cosine of the view's angle theta, shape (n, 1).
+    Each half of a part of the circle between two of these begins at one, with as many nodes.
+
+    `turns` and `widths` are of shape (n, k), radians. Returns two arrays of shape (n, count).
     """
-    crowding = np.arcsinh(1 / np.maximum(np.cos(theta), _LEAST_COSINE))
-    nodes, weights = gauss_legendre(count // 4)
-    u = crowding * (nodes + 1) / 2
-    scale = np.pi / 2 / np.sinh(crowding)
-    away = np.sinh(u) * scale
-    weights = weights / 2 * crowding * np.cosh(u) * scale
-    quarters = [side * (np.pi / 2 + way * away) for side in (1, -1) for way in (1, -1)]
-    return np.concatenate(quarters, axis=1), np.tile(weights, (1, 4))
+    turns = np.mod(turns, 2 * np.pi)
+    # What is steep beside one of them is so beside its neighbours, too.
+    apart = np.abs(np.mod(turns[:, :, None] - turns[:, None] + np.pi, 2 * np.pi) - np.pi)
+    widths = np.min(widths[:, None] + apart, axis=2)
+    order = np.argsort(turns, axis=1, kind="stable")
+    turns, widths = (np.take_along_axis(each, order, axis=1) for each in (turns, widths))
+    following = np.append(turns[:, 1:], turns[:, :1] + 2 * np.pi, axis=1)
+    ends, share = (following - turns) / 2, count // (2 * turns.shape[1])
+    found = []
+    for first, width, way in ((turns, widths, 1), (following, np.roll(widths, -1, axis=1), -1)):
+        away, weights = _radii(ends, width, share)
+        found.append((first[..., None] + way * away, weights))
+    psi, weights = (np.concatenate(each, axis=1) for each in zip(*found, strict=True))
+    return psi.reshape(len(turns), -1), weights.reshape(len(turns), -1)
 
 
-def _radii(end: Array, width: float, count: int) -> tuple[Array, Array]:
+def _radii(end: Array, width: Array, count: int) -> tuple[Array, Array]:
     """Nodes within 0 .. end that crowd within a width: (..., count), and their weights."""
-    end = end[..., None]
+    end, width = end[..., None], width[..., None]
     crowding = np.arcsinh(end / width)
     nodes, weights = gauss_legendre(count)
     u = crowding * (nodes + 1) / 2
@@ -162,7 +186,7 @@ _MEASURED = _Effort(2**13, 0.0, 0)
 _BRUSHED = _Effort(2**12, 1e-2, 2**11)
 """In measured data that are anisotropic no view is another one turned, so that there are eight
 times as many of them. Filtering between texels misses about a hundredth of such data."""
-_SAMPLES_AT_ONCE = 2**15
+_SAMPLES_AT_ONCE = 2**13
 _BANDS = 0.0, 0.5, 0.75, 0.9, 0.97, 1.0
 """Radii in the parabolic map between which views have a rule in common. Lobes are narrower and less
 regular the more the view grazes, so most nodes are needed in the narrowest bands."""

@@ -3,7 +3,6 @@
 Light L and view V are unit vectors in the frame of the normal N, whose z axis is N.
 """
 
-import math
 from collections.abc import Callable, Hashable
 from contextvars import ContextVar
 from typing import Any, NamedTuple, TypeVar
@@ -129,17 +128,6 @@ def cosines(light: Array, view: Array) -> tuple[Array, Array]:
 def tangential(light: Array, view: Array) -> Array:
     """Compute ``L_x V_x + L_y V_y = sin(theta_i) sin(theta_o) cos(phi)``, shape (...)."""
     return light[..., 0] * view[..., 0] + light[..., 1] * view[..., 1]
-
-
-def turned(vectors: Array, angle: float) -> Array:
-    """Vectors (..., 3) turned about the z axis, radians, in their own precision."""
-    if not angle:
-        return vectors
-    cosine, sine = math.cos(angle), math.sin(angle)
-    result = np.empty_like(vectors)
-    x, y, result[..., 2] = np.moveaxis(vectors, -1, 0)
-    result[..., 0], result[..., 1] = cosine * x - sine * y, sine * x + cosine * y
-    return result
 
 
 def above_horizon(value: Array, light: Array, view: Array) -> Array:

@@ -135,6 +135,17 @@ def tilted_frame(directions: Array, tilt: Array) -> Array:
     return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
 
+def turned(vectors: Array, angle: float) -> Array:
+    """Vectors (..., 3) turned about the z axis, radians, in their own precision."""
+    if not angle:
+        return vectors
+    cosine, sine = float(np.cos(angle)), float(np.sin(angle))
+    result = np.empty_like(vectors)
+    x, y, result[..., 2] = np.moveaxis(vectors, -1, 0)
+    result[..., 0], result[..., 1] = cosine * x - sine * y, sine * x + cosine * y
+    return result
+
+
 def views_around(centers: ArrayLike, theta: float, count: int) -> Iterator[Array]:
     """Yield directions at an angle from each center, at evenly spaced azimuths of its local frame.
 
