@@ -10,6 +10,7 @@ from shrm_cli.maps.principal.plan import Planner
 from shrm_cli.maps.principal.sharing import Joint, Sharing
 from shrm_cli.maps.principal.terms import Wanted, planned
 from shrm_cli.maps.size import TRIED_SIZES
+from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from tests.maps.principal.test_principal import SPECS, lit_room, spectrum_of
@@ -90,3 +91,19 @@ def test_an_error_is_kept_with_tables_by_asking_for_less_again_and_again():
     joint, is_met = Optimist.kept(Optimist.__new__(Optimist), 1.0, 10**6, None)
     assert is_met
     assert joint.forms[0].counts == np.argmax(np.less_equal(Optimist.EXACT, 1.0))
+
+
+def test_what_is_lost_in_tables_is_not_laid_on_lamps():
+    """A sheen falls so steeply beside the horizon that tables miss it, and lamps have no part."""
+    light = np.full((64, 128, 3), 0.02, np.float32)
+    light[15:25, 30:50] = 20
+    asked = {"error": 0.01, "max_size": "2MB"}
+    lines = [
+        " ".join(prefilter_with_facts(Probe.from_array(light), "principal",
+                                      {"brdf": brdf, "seen": 0.01, **asked}).warnings)
+        for brdf in ("charlie:roughness=0.05", "ggx:roughness=0.1")
+    ]  # fmt: skip
+    assert "tables, which are no finer" in lines[0]
+    assert "Lamps in glossy surfaces" not in lines[0]
+    assert "tables" not in lines[1]
+    assert "Lamps in glossy surfaces" in lines[1]
