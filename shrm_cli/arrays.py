@@ -40,12 +40,14 @@ class Memo:
     compute it, and get the same object. The arrays of a content become read-only, so that nobody
     changes what others are given.
 
-    `most_bytes` is the most bytes that the arrays of all contents take. A content of more than a
-    half of that is not kept, so that a single one does not drive out all others.
+    `most_bytes` is the most bytes that the arrays of all contents take. A content of more than
+    `largest`, by default a half of that, is not kept, so that a single one does not drive out all
+    others.
     """
 
-    def __init__(self, most_bytes: int) -> None:
+    def __init__(self, most_bytes: int, largest: int | None = None) -> None:
         self._most = most_bytes
+        self._largest = most_bytes // 2 if largest is None else largest
         self._lock = threading.Lock()
         self._kept: OrderedDict[Hashable, tuple[Any, int]] = OrderedDict()
         self._bytes = 0
@@ -67,7 +69,7 @@ class Memo:
         with self._lock:
             if key in self._kept:  # another thread was faster
                 return self._kept[key][0]
-            if size <= self._most // 2:
+            if size <= self._largest:
                 self._kept[key] = content, size
                 self._bytes += size
             while self._bytes > self._most:

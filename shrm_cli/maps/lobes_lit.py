@@ -36,7 +36,7 @@ _known_rings = Memo(2**25)
 """The functions on the rings, up to some orders of the light; those of order 96 take 8 MB."""
 _kept_light: ContextVar[Memo | None] = ContextVar("_kept_light", default=None)
 _LIGHT_BYTES = 2**28
-"""The most bytes of `keeping_light`. The light to order 512 takes 14 to 80 MB."""
+"""The most bytes of `keeping_light`. The light to order 512 takes 28 to 153 MB."""
 _RINGS, _AROUND = 12, 40
 """The rings of central directions, and the directions on each of them. Of 8 rings of 30 a tenth of
 the wrong pixels was missing under a city and at night (`charlie`, 4.3 % of 4.8 %)."""
@@ -291,7 +291,7 @@ def _local_light(light: Array, lobes: Lobes) -> Array:
 @contextmanager
 def keeping_light() -> Iterator[None]:
     """Keep the light about central directions, for whoever compares many maps of a probe."""
-    token = _kept_light.set(Memo(_LIGHT_BYTES))
+    token = _kept_light.set(Memo(_LIGHT_BYTES, _LIGHT_BYTES))
     try:
         yield
     finally:
