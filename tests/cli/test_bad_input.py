@@ -281,7 +281,8 @@ def test_wrong_arguments(folder, arguments, code, parts):
 @pytest.mark.slow
 def test_a_tolerance_that_cannot_be_met_gives_the_best_map(folder, rng):
     """exp(-F^2 / s) of the energy is beyond F = 512, s = 1e5: 0.073 (eq. 5.28)."""
-    write_exr(folder / "noise.exr", rng.random((128, 256, 3)).astype(np.float32))
+    noise = 0.4 + 0.6 * rng.random((128, 256, 3))
+    write_exr(folder / "noise.exr", noise.astype(np.float32))
     result = process(
         "prefilter", "noise.exr", "--brdf", "phong:exponent=1e5", "--eps", "0.001", "-o", "m.exr"
     )

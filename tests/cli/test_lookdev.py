@@ -57,7 +57,7 @@ def test_cells_are_what_render_shows(folder, exposure):
             )  # fmt: skip
             done(
                 "render", "m.exr", *arguments, "--background", f"{probe}.exr",
-                "--exposure", facts["exposure"], "-o", "r.png",
+                "--exposure", facts["exposure"], "-o", "r.png", "--quiet",
             )  # fmt: skip
             difference = np.abs(cell(sheet, grid, row, column).astype(int) - read("r.png"))
             assert difference.max() <= 1
