@@ -16,7 +16,7 @@ from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.expansion import beside_lamps
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.discs import LitDiscs
-from shrm_cli.maps.lamps.map import LampMap
+from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, negative_warnings
 from shrm_cli.plan import policy
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
@@ -155,7 +155,7 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
     dark = further.pop("negative_share", None)  # it is found again, with the lamps
     of_dark = () if dark is None else negative_warnings(made.map, dark())
     told = [
-        f"of the light without its lamps: {line.replace(REMEDY, 'dim what is left by `clamp`')}"
+        f"of the light without its lamps: {line.replace(REMEDY, DIM_THE_REST)}"
         for line in made.warnings
         if line not in of_dark
     ]

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from shrm_cli.maps.shrm.shrm import Shrm
 
 
+DIM_THE_REST = "dim what is left by `clamp`"
+"""What helps against what is wrong with a map beside which its lamps are already."""
 _ERRORS = "predicted_error", "added_error", "filter_error", "storage_error"
 """What a map states of its errors."""
 
@@ -68,7 +70,7 @@ class LampMap(ReflectionMap):
     sampling = _within("sampling")
     natural_precision = _within("natural_precision")
     is_rearrangeable = _within("is_rearrangeable")
-    against_negatives = _within("against_negatives")
+    against_negatives = DIM_THE_REST
     is_exact_in_half = _within("is_exact_in_half")
     turns_with_texels = _within("turns_with_texels")
     texels_are_series = _within("texels_are_series")

@@ -12,6 +12,7 @@ from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.lamps.map import LampMap
+from shrm_cli.maps.prefiltered import negative_warnings
 from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.probe.disc import Disc
 from shrm_cli.vocabulary import PRIMARIES
@@ -58,6 +59,11 @@ def test_errors_are_relative_to_all_light(tmp_path):
     with OpenEXR.File(str(path)) as file:
         assert file.header()["shrm:predicted_error"] == pytest.approx(0.04)
     assert open_map(path).info.predicted_error == pytest.approx(0.01)
+
+
+def test_no_advice_takes_lamps_out_that_are_beside_it():
+    (line,) = negative_warnings(made(), 0.01)
+    assert line.endswith("dim what is left by `clamp`")
 
 
 def test_earlier_versions_refuse_the_file(tmp_path):
