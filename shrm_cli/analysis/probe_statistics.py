@@ -11,7 +11,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.color import title_of, xyz_matrix
 from shrm_cli.lights.beside import MUCH, SMALL
 from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
-from shrm_cli.lights.split import split_lamps
+from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.lighting import PolarRows
 from shrm_cli.probe.pixels import refuse_overflow
@@ -25,8 +25,6 @@ from shrm_cli.sphere.rotation import transform_coefficients
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 _ORDER = 32
 """Degrees of the light that make the irradiance, but for that of lamps."""
-_AT_ONCE = 4096
-"""Pixels of lamps that are expanded at a time."""
 _LOW, _HIGH = 0.01, 0.999
 """Shares of the sphere between whose luminances the range is."""
 _LEAST_STOP, _BINS_A_STOP, _STOPS = -60, 64, 160
@@ -199,13 +197,10 @@ def _irradiance(light: Array, lamps: Sequence[Lamp]) -> Array:
     axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     expansion = real_harmonics(order, axes) * lambert_factors(order)[degrees(order)]
     result = expansion @ light
-    for lamp in lamps:
-        directions, flux = lamp.light.directions, lamp.light.radiance * lamp.light.areas[:, None]
-        for start in range(0, len(flux), _AT_ONCE):
-            part = slice(start, start + _AT_ONCE)
-            cosines = np.maximum(axes @ directions[part].T, 0)
-            beyond = cosines - expansion @ real_harmonics(order, directions[part]).T
-            result += beyond @ flux[part]
+    for each in (lamp.light for lamp in lamps):
+        flux = each.radiance * each.areas[:, None]
+        result += np.maximum(axes @ each.directions.T, 0) @ flux
+        result -= expansion @ light_coefficients(each, order)
     return np.maximum(result, 0)
 
 

@@ -25,6 +25,8 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import SharedProbe
 from shrm_cli.records import record
 from shrm_cli.reflected import reflected_rms
+from shrm_cli.sphere.grid.latlong import AXES
+from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import LUMINANCE
 
 _ORDERS = 192, 8
@@ -49,7 +51,8 @@ class Beside:
     error: float
     """What discs in place of the lamps' pixels change, in the same measure."""
     wrong: Array
-    """The coefficients of the light of these pixels without that of the discs, shape (n, 3)."""
+    """The coefficients of the light of these pixels without that of the discs, world axes, shape
+    (n, 3)."""
 
     def shown(self, brdf: Brdf) -> AbstractContextManager[None]:
         """Return within what the wrong pixels of maps are those of maps beside these lamps."""
@@ -79,9 +82,8 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     if whole == 0:
         return Beside(split, 1.0, 0.0, np.zeros((1, 3)))
     wrong = np.zeros(((order + 1) ** 2, 3))
-    for lamp in split.lamps:
-        found = _wrong(lamp, min(order, split.grid.resolved_order))
-        wrong[: len(found)] += found
+    found = _wrong(split, min(order, split.grid.resolved_order))
+    wrong[: len(found)] = found
     # What is beyond these degrees shows in sharp lobes: discs and pixels differ most at their rims.
     energy = np.maximum(sum(map(_wrong_energy, split.lamps)), (wrong**2).sum(axis=0))
     error = reflected_rms(Lighting(wrong, energy), transfer)
@@ -99,21 +101,21 @@ def _split_of(probe: Probe) -> LampSplit:
     return found
 
 
-def _wrong(lamp: Lamp, order: int) -> Array:
-    """Return the coefficients of a lamp's pixels without those of its discs.
+def _wrong(split: LampSplit, order: int) -> Array:
+    """Return the coefficients of the pixels of all lamps without those of their discs, world axes.
 
-    Pixels are discs of their areas, so that a lamp of a single pixel is right. The polar axis is
-    +Y here, about which the pixels of a row are alike; powers of degrees know no axes.
+    Pixels are discs of their areas, so that a lamp of a single pixel is right. They are expanded in
+    the axes of a lat-long, about whose pole those of a row are alike.
     """
-    light = lamp.light
     pixels = [
         Disc(direction, radius_of(area), radiance)
+        for light in (lamp.light for lamp in split.lamps)
         for direction, area, radiance in zip(
-            np.roll(light.directions, 1, axis=1), light.areas, light.radiance, strict=True
+            light.directions @ AXES.T, light.areas, light.radiance, strict=True
         )
     ]
-    discs = [replace(disc, direction=np.roll(disc.direction, 1)) for disc in lamp.discs]
-    return disc_coefficients(pixels, order) - disc_coefficients(discs, order)
+    own = disc_coefficients(pixels, order)
+    return transform_coefficients(own, AXES.T) - disc_coefficients(split.discs, order)
 
 
 def _wrong_energy(lamp: Lamp) -> Array:

@@ -18,9 +18,8 @@ from contextvars import ContextVar
 from functools import cache, cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.coefficients import BrdfCoefficients
@@ -44,8 +43,6 @@ from shrm_cli.reflected import (
 )
 from shrm_cli.sphere.harmonics import degrees, legendre_table, order_of
 from shrm_cli.vocabulary import LUMINANCE, MAX_ORDER_F, SEEN_FLOOR, WRONG, Center, Sampling
-
-Indices = tuple[NDArray[np.intp], ...]
 
 _KNOWN = 0.75
 """The part of the computed orders beyond which nothing may be visible. What is visible at the end
@@ -261,7 +258,7 @@ class _LampsBeside:
         result[: len(known)] = known * np.cos(np.pi / 2 * part)[:, None] ** 2
         return result
 
-    def lit_at(self, center: Center, at: Indices) -> Array:
+    def lit_at(self, center: Center, at: tuple[Indices, ...]) -> Array:
         """Return what lobes reflect of them at some of the points, in the units of lobes."""
         if center not in self._known:
             normals, views = np.broadcast_arrays(*points(center))
@@ -290,7 +287,7 @@ def beside_lamps(
         _lamps_beside.reset(token)
 
 
-def _some_points(shape: tuple[int, ...]) -> tuple[Indices, Array]:
+def _some_points(shape: tuple[int, ...]) -> tuple[tuple[Indices, ...], Array]:
     """Return the indices of some of the sample points, and the share that each stands for.
 
     Lamps take long to integrate. Each direction has every third of the views, at one azimuth.

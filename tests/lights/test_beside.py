@@ -6,6 +6,7 @@ import pytest
 import shrm_cli as shrm
 from shrm_cli.lights import beside
 from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.shared import shared
 
 
@@ -49,3 +50,17 @@ def test_what_discs_change_is_known_to_all_degrees(monkeypatch):
         errors.append(beside.split_for(probe, brdf).error)
     assert errors[1] > 0.05
     assert errors[0] == pytest.approx(errors[1], rel=0.08)
+
+
+def test_what_is_wrong_with_discs_is_known_in_world_axes(pixels):
+    """It is expanded in others, about which the pixels of a row are alike."""
+    probe = shrm.Probe.from_array(pixels, layout="latlong")
+    found = beside.split_for(probe, shrm.parse_spec("ggx:roughness=0.5"))
+    (lamp,) = found.split.lamps
+    each = zip(lamp.light.directions, lamp.light.areas, lamp.light.radiance, strict=True)
+    discs = [Disc(direction, radius_of(area), radiance) for direction, area, radiance in each]
+    order = found.split.grid.resolved_order
+    expected = disc_coefficients(discs, order) - disc_coefficients(found.split.discs, order)
+    assert np.linalg.norm(expected) > 1
+    np.testing.assert_allclose(found.wrong[: len(expected)], expected, rtol=0, atol=1e-10)
+    assert not found.wrong[len(expected) :].any()
