@@ -18,6 +18,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from hashlib import blake2b
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +34,12 @@ ComplexArray = NDArray[np.complexfloating]
 
 _KEPT_ORDER = 96
 _known_rings = Memo(2**25)
-"""The functions on the rings, up to some orders of the light; those of order 96 take 8 MB."""
+"""The functions on the rings, up to some orders of the light; those of order 96 take 5 to 9 MB."""
+_AT_ONCE = 16
+"""The degrees that are computed together, because small products take long to start."""
 _kept_light: ContextVar[Memo | None] = ContextVar("_kept_light", default=None)
-_LIGHT_BYTES = 2**28
-"""The most bytes of `keeping_light`. The light to order 512 takes 28 to 153 MB."""
+_LIGHT_BYTES = 2**27
+"""The most bytes of `keeping_light`. The light to order 512 takes 14 to 77 MB."""
 _RINGS, _AROUND = 12, 40
 """The rings of central directions, and the directions on each of them. Of 8 rings of 30 a tenth of
 the wrong pixels was missing under a city and at night (`charlie`, 4.3 % of 4.8 %)."""
@@ -254,13 +257,13 @@ def _reflected(local: Array, lobes: Array) -> Array:
     """Reflect the light about central directions by lobes, (directions, views, azimuths)."""
     max_q, views = len(lobes) - 1, lobes.shape[2]
     if not lobes.any():
-        return np.zeros((local.shape[2], views, _AZIMUTHS))
-    flat = lobes.swapaxes(2, 3).reshape(max_q + 1, -1, views)
+        return np.zeros((local.shape[-1], views, _AZIMUTHS))
+    flat = lobes.transpose(0, 2, 1, 3).reshape(max_q + 1, views, -1)
     if np.iscomplexobj(flat):
-        product = (local[0] + 1j * local[1]) @ flat
+        product = flat.astype(np.complex64) @ (local[0] + 1j * local[1])
         by_q = np.stack([product.real, product.imag])
     else:
-        by_q = local @ flat
+        by_q = flat.astype(local.dtype) @ local
     by_q = by_q.reshape(2 * (max_q + 1), -1)
     # The sum over both signs of q is twice the real part of that over q > 0. Lobes lack Condon and
     # Shortley's signs, which the light has.
@@ -268,7 +271,7 @@ def _reflected(local: Array, lobes: Array) -> Array:
     signs = np.where(q == 0, 1, 2) * (-1.0) ** q
     waves = signs[:, None] * np.exp(1j * np.outer(q, azimuths))
     values = by_q.T @ np.concatenate([waves.real, -waves.imag])
-    return np.asarray(values.reshape(-1, views, _AZIMUTHS))
+    return np.asarray(values.reshape(views, -1, _AZIMUTHS).swapaxes(0, 1))
 
 
 def _local_light(light: Array, lobes: Lobes) -> Array:
@@ -277,8 +280,8 @@ def _local_light(light: Array, lobes: Lobes) -> Array:
     `light`, of shape ((order+1)^2, channels), holds the coefficients over the real harmonics of
     world axes. `lobes` tell the largest l and q.
 
-    Returns an array of shape (2, max_q+1, directions, (order+1) channels): the real and the
-    imaginary part of ``A_lq(R)``, zero where q > l.
+    Returns an array of shape (2, max_q+1, (order+1) channels, directions), of single precision:
+    the real and the imaginary part of ``A_lq(C)``, zero where q > l.
     """
     order, max_q = lobes.order, lobes.max_q
     kept = _kept_light.get()
@@ -299,48 +302,67 @@ def keeping_light() -> Iterator[None]:
 
 
 def _make_local_light(light: Array, order: int, max_q: int) -> Array:
-    """Compute what `_local_light` returns."""
-    channels = light.shape[1]
-    by_degree = complex_from_real(light, order)
-    # Around a ring, orders m that differ by the number of its directions are the same wave.
-    waves = np.exp(2j * np.pi / _AROUND * np.outer(np.arange(_AROUND), np.arange(_AROUND)))
-    twists = np.exp(1j * np.outer(np.arange(max_q + 1), _TWISTS))
-    twists = twists.reshape(max_q + 1, _RINGS, _AROUND, 1)
-    result = np.zeros((2, max_q + 1, _RINGS, _AROUND, order + 1, channels))
-    for degree, by_ring in enumerate(_rings(order, max_q)):
-        spin, rows = min(degree, max_q), slice(order - degree, order + degree + 1)
-        lit = (by_ring[:, None] * by_degree[degree, rows, :, None]).reshape(2 * degree + 1, -1)
-        folded = np.zeros((_AROUND, lit.shape[1]), complex)
-        for start in range(-degree - (-degree % _AROUND), degree + 1, _AROUND):
-            part = lit[max(start + degree, 0) : start + degree + _AROUND]
-            first = max(-degree - start, 0)
-            folded[first : first + len(part)] += part
-        found = (waves @ folded).reshape(_AROUND, channels, spin + 1, _RINGS)
-        found = found.transpose(2, 3, 0, 1) * twists[: spin + 1]
-        result[0, : spin + 1, :, :, degree] = found.real
-        result[1, : spin + 1, :, :, degree] = found.imag
-    return result.reshape(2, max_q + 1, _RINGS * _AROUND, -1)
+    """Compute what `_local_light` returns.
 
-
-def _rings(order: int, max_q: int) -> Iterable[ComplexArray]:
-    """Return what `_make_rings` yields, kept from one call to the next unless it is large."""
-    if order > _KEPT_ORDER:
-        return _make_rings(order, max_q)
-    return _known_rings.get((order, max_q), lambda: list(_make_rings(order, max_q)))
-
-
-def _make_rings(order: int, max_q: int) -> Iterator[ComplexArray]:
-    """Yield ``d^l_mq(theta) exp(i m phi)`` on the first direction of each ring, l = 0 .. order.
-
-    Yields an array of shape (2l+1, (q+1) rings), for q = 0 .. min(l, max_q).
+    As ``d^l_mq(pi - theta) = (-1)^(l+q) d^l_-mq(theta)`` and the light is real, its ``A_lq`` on a
+    southern ring follow from the northern ring of the same latitude: they are the conjugates half a
+    turn away.
     """
-    m = np.arange(-order, order + 1)[:, None]
+    channels = light.shape[1]
+    middle = -(-order // _AROUND) * _AROUND
+    m = np.arange(-middle, middle + _AROUND)
+    by_degree = np.zeros((order + 1, len(m), channels), np.complex64)
+    by_degree[:, middle - order : middle + order + 1] = complex_from_real(light, order)
+    # The rings from the north to the equator, each beside the one on the other side.
+    starts = np.stack([_TURNS[: _RINGS // 2], _TURNS[: _RINGS // 2 - 1 : -1] + np.pi], axis=1)
+    phases = np.exp(1j * m[:, None, None] * starts).astype(np.complex64)
+    waves = np.exp(2j * np.pi / _AROUND * np.outer(np.arange(_AROUND), np.arange(_AROUND)))
+    waves = waves.astype(np.complex64)
+    q = np.arange(max_q + 1)[:, None]
+    twists = np.exp(1j * q * _TWISTS).astype(np.complex64).reshape(-1, 1, 1, _RINGS, _AROUND)
+    result = np.empty((2, max_q + 1, order + 1, channels, _RINGS, _AROUND), np.float32)
+    first = 0
+    for functions in _ring_functions(order, max_q):
+        count, *_, blocks = functions.shape
+        some = slice(first, first + count)
+        rows = slice(middle - blocks // 2 * _AROUND, middle + (blocks // 2 + 1) * _AROUND)
+        lit = by_degree[some, rows].reshape(count, blocks, _AROUND, 1, 1, channels)
+        lit = lit * phases[rows].reshape(blocks, _AROUND, _RINGS // 2, 2, 1)
+        lit = lit.transpose(0, 2, 3, 1, 4, 5).reshape(*functions.shape[:3], blocks, -1)
+        # Around a ring, orders m that differ by the number of its directions are the same wave.
+        folded = (functions @ lit.view(np.float32)).view(np.complex64)
+        folded = folded.reshape(*folded.shape[:-1], 2, channels).transpose(3, 0, 5, 4, 2, 1)
+        found = (folded.reshape(-1, _AROUND) @ waves).reshape(*folded.shape)
+        signs = (1 - 2 * ((q + np.arange(first, first + count)) % 2)).reshape(-1, count, 1, 1, 1)
+        north, south = found[..., 0, :, :], found[..., 1, ::-1, :].conj()
+        both = np.concatenate([north, south * signs.astype(np.float32)], axis=-2) * twists
+        result[0, :, some], result[1, :, some] = both.real, both.imag
+        first += count
+    return result.reshape(2, max_q + 1, (order + 1) * channels, -1)
+
+
+def _ring_functions(order: int, max_q: int) -> Iterable[Array]:
+    """Return what `_make_ring_functions` yields, kept for the next call unless it is large."""
+    if order > _KEPT_ORDER:
+        return _make_ring_functions(order, max_q)
+    make = _make_ring_functions
+    return _known_rings.get((order, max_q), lambda: list(make(order, max_q)))
+
+
+def _make_ring_functions(order: int, max_q: int) -> Iterator[Array]:
+    """Yield ``d^l_mq(theta)`` on the northern rings, for some degrees at a time.
+
+    Yields arrays of single precision, of shape (degrees, `_AROUND`, rings / 2, q+1, blocks), with
+    ``m = k + _AROUND (b - blocks // 2)`` at k and b, zero where ``|m|`` or q are beyond the degree.
+    """
     theta = np.arccos(1 - (2 * np.arange(_RINGS // 2) + 1) / _RINGS)
-    turned = np.exp(1j * m * _TURNS)
-    for degree, d in small_d_degrees(order, theta, max_spin=max_q):
-        spin, rows = d.shape[1] // 2, slice(order - degree, order + degree + 1)
-        north = d[:, spin:]
-        # d^l_mq(pi - theta) = (-1)^(l+q) d^l_-mq(theta)
-        south = north[::-1, :, ::-1] * (-1.0) ** (degree + np.arange(spin + 1))[:, None]
-        both = np.concatenate([north, south], axis=2)
-        yield (both * turned[rows, None]).reshape(2 * degree + 1, -1)
+    degrees = small_d_degrees(order, theta, max_spin=max_q)
+    while some := list(islice(degrees, _AT_ONCE)):
+        half = -(-some[-1][0] // _AROUND)
+        middle, blocks = half * _AROUND, 2 * half + 1
+        result = np.zeros((len(some), blocks * _AROUND, len(theta), max_q + 1), np.float32)
+        for (degree, d), own in zip(some, result, strict=True):
+            spin, rows = d.shape[1] // 2, slice(middle - degree, middle + degree + 1)
+            own[rows, :, : spin + 1] = d[:, spin:].swapaxes(1, 2)
+        result = result.reshape(len(some), blocks, _AROUND, len(theta), max_q + 1)
+        yield np.ascontiguousarray(result.transpose(0, 2, 3, 4, 1))
