@@ -3,7 +3,7 @@
 What is asked is what is seen: few pixels may be wrong, the light's RMS error is small, and nothing
 visible is negative. An SHRM is made wherever it keeps that in few bytes, because its shader is the
 simplest; a map of principal functions otherwise, which keeps it in the fewest bytes of all. What no
-map keeps are lamps in sharp lobes, which then go beside the map, as discs.
+map keeps, or only one of megabytes, are lamps in sharp lobes, which then go beside it, as discs.
 """
 
 from dataclasses import replace
@@ -52,9 +52,9 @@ def automatic_choice(probe: Probe, request: Request) -> str:
     if best is None:
         tried, is_kept = first_kept(asked.proposals.candidate, asked.goal)
         best = tried[-1] if is_kept else least_wrong(tried, asked.goal)
-        if not is_kept and (apart := asked.of_lamps_apart(best)) is not None:
-            best = apart
-        best = (asked.simple_shrm(best) if is_kept else None) or best
+        is_small = is_kept and best.bytes <= policy.LARGE
+        apart = None if is_small else asked.of_lamps_apart(best, is_kept)
+        best = apart or (asked.simple_shrm(best) if is_kept else None) or best
     return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
 
@@ -121,20 +121,23 @@ class _Asked:
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
         most = self.request.allowed
-        ways = self._made_simple, self.made_of_lamps_apart
+        ways = self._made_instead, self.made_of_lamps_apart
         propose = self.proposals.candidate
         made = kept_or_best(propose, self.goal, most, *ways, self.truth, self.left)
         if _FORM in dict(made.notes):
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
 
-    def of_lamps_apart(self, whole: Candidate[Prefiltered]) -> Candidate[Prefiltered] | None:
+    def of_lamps_apart(
+        self, whole: Candidate[Prefiltered], is_kept: bool = False
+    ) -> Candidate[Prefiltered] | None:
         """Make the map of the light without its lamps, with these beside it, where that is better.
 
         Discs need no bytes, and are as sharp as the lobe. But a program that knows nothing of them
         shows no lamps at all, so that they have to be worth it.
 
-        `whole` is the best map of all light, which misses what is asked for.
+        `whole` is the best map of all light. `is_kept` tells whether it keeps what is asked for, as
+        this one has to then, in far fewer bytes.
         """
         if self.request.sun is not None:
             return None
@@ -144,7 +147,7 @@ class _Asked:
         if not has_code(self.request.brdf):  # shaders and pages could not show the map
             return None
         beside = split_for(self.probe, self.request.brdf)
-        if not beside.split.discs:
+        if not beside.split.discs or (is_kept and beside.error > self.goal.error):
             return None
         asked = replace(self.request, sun="split")
         if self.goal.wrong_share is not None:
@@ -155,14 +158,19 @@ class _Asked:
         with beside.shown(self.request.brdf):
             rest = _Asked.of(beside.split.residual_probe, asked, beside.left).made()
         found = as_candidate(with_lamps(rest, beside, self.request.brdf), beside.error)
+        is_far_smaller = found.bytes <= policy.FAR_SMALLER * whole.bytes
+        if found.keeps(self.goal):
+            return found if is_far_smaller or not is_kept else None
         times = found.badness(self.goal) / whole.badness(self.goal)
         is_better = found.bytes <= policy.WORTH_LAMPS * whole.bytes and times < 1
-        is_far_smaller = found.bytes <= policy.FAR_SMALLER * whole.bytes and times <= policy.MISSED
-        return found if is_better or is_far_smaller or found.keeps(self.goal) else None
+        is_worth = is_better or (is_far_smaller and times <= policy.MISSED)
+        return found if is_worth and not is_kept else None
 
-    def made_of_lamps_apart(self, whole: Candidate[Prefiltered]) -> Prefiltered | None:
+    def made_of_lamps_apart(
+        self, whole: Candidate[Prefiltered], is_kept: bool = False
+    ) -> Prefiltered | None:
         """Make that map, if there is one, and say what one with the lamps in it would be."""
-        found = self.of_lamps_apart(whole)
+        found = self.of_lamps_apart(whole, is_kept)
         if found is None:
             return None
         made = found.make()
@@ -207,6 +215,13 @@ class _Asked:
             return None
         tried, is_kept = first_kept(self.shrms.proposing(most, policy.SIMPLE_ORDER_P), self.goal)
         return tried[-1] if is_kept else None
+
+    def _made_instead(self, kept: Candidate[Prefiltered]) -> Prefiltered | None:
+        """Make what is better than a map that keeps what is asked for, if there is anything."""
+        apart = self.made_of_lamps_apart(kept, is_kept=True) if kept.bytes > policy.LARGE else None
+        if apart is not None and apart.further["negative_share"]() <= NEGATIVE_SHARE:
+            return apart
+        return self._made_simple(kept)
 
     def _made_simple(self, kept: Candidate[Prefiltered]) -> Prefiltered | None:
         """Make the SHRM that does as well as a map of principal functions, if there is one."""

@@ -239,6 +239,29 @@ def test_lamps_beside_a_map_that_keeps_too_little_have_to_spare_bytes(rng, monke
         assert any("no map keeps" in line for line in found.warnings)
 
 
+def test_lamps_leave_large_maps_that_keep_them_for_far_smaller_ones(bare_sun, monkeypatch):
+    monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
+    asked = {"brdf": "ggx:roughness=0.5", "error": 0.05}
+    kept = made(bare_sun, **asked, sun="keep")
+    assert not any("no map keeps" in line for line in kept.warnings)
+    monkeypatch.setattr(policy, "LARGE", 0)
+    monkeypatch.setattr(policy, "FAR_SMALLER", 1.0)
+    apart = made(bare_sun, **asked)
+    assert isinstance(apart.map, LampMap)
+    size = stored_size(kept.map)
+    share = stored_size(apart.map) / size
+    for large, far, is_apart in (
+        (0.99 * size, 1.01 * share, True),
+        (1.01 * size, 1.01 * share, False),
+        (0.99 * size, 0.99 * share, False),
+    ):
+        monkeypatch.setattr(policy, "LARGE", large)
+        monkeypatch.setattr(policy, "FAR_SMALLER", far)
+        found = made(bare_sun, **asked)
+        assert isinstance(found.map, LampMap) == is_apart
+        assert ("(`sun` keep) it would have" in dict(found.notes)["form"]) == is_apart
+
+
 @pytest.mark.parametrize(("error", "is_said"), [(0.05, True), (0.9 * policy.LEAST_ERROR, False)])
 def test_more_bytes_are_advised_where_more_would_be_tried(error, is_said):
     """A hundred megabytes made the very map of 32."""

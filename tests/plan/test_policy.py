@@ -24,6 +24,7 @@ PROMISES = {
     "MISSED": (r"within (\d+) % of the least", 100),
     "WORTH_LAMPS": (r"in at most (half) of the bytes", 1),
     "FAR_SMALLER": (r"hardly more in a (tenth) of them", 1),
+    "LARGE": (r"map of more than ([\d.]+) MB keeps", 1e-6),
     "LEAST_BYTES": (r"or (\d+) kB where the tolerance", 1e-3),
 }
 HELD = {
