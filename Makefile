@@ -109,6 +109,8 @@ demo: $(VENV)/.installed
 
 # The tests start hundreds of processes. Each would compile all of shrm again if no bytecode were kept.
 test prove web torch blender: export PYTHONDONTWRITEBYTECODE :=
+# Tests run on all processors already. Threads of products beside them would wait for each other.
+test prove web: export OPENBLAS_NUM_THREADS := 1
 
 # Types are checked on one processor for half a minute, beside the tests.
 test: $(VENV)/.dev
