@@ -228,18 +228,13 @@ class Reference:
     ) -> Array:
         """Sum over the source at every point, shape (points, 3).
 
-        Parameters
-        ----------
-        rows : ndarray, shape (points, k, 3)
-            Vectors whose cosines with the directions to the light `evaluate` needs.
-        lobes : ndarrays, shapes (points, 3) and (points,)
-            Central directions, and the angles from them to the views, radians.
-        caps : list of (ndarray of shape (points, 3), float)
-            Each point is lit from within all its caps, given by axes and an angle, radians.
-        evaluate : callable
-            From cosines, shape (pairs, k, group, m), and the indices of their points, (pairs,
-            group), to the transfer function, (pairs, group, m, 3); a pair is one of a group of
-            points and a tile of m pixels.
+        `rows`, of shape (points, k, 3), are vectors whose cosines with the directions to the light
+        `evaluate` needs. `lobes`, of shapes (points, 3) and (points,), are the central directions,
+        and the angles from them to the views, radians. Each point is lit from within all its
+        `caps`, given by axes, shape (points, 3), and an angle, radians. `evaluate` leads from
+        cosines, shape (pairs, k, group, m), and the indices of their points, (pairs, group), to the
+        transfer function, (pairs, group, m, 3); a pair is one of a group of points and a tile of m
+        pixels.
         """
         result = np.zeros((len(rows), 3))
         if len(rows) == 0:

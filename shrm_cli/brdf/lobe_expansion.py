@@ -289,14 +289,9 @@ It is 3 for the second order of convergence, as `FINER` is 8."""
 class Views:
     """The lobes of the views at all nodes of theta_o, as far as they are known.
 
-    Attributes
-    ----------
-    levels : ndarray of int, shape (n, 2)
-        The numbers of nodes in theta_i and phi.
-    values, energy : ndarray, shapes (max_q+1, F+1, n, channels), (n, channels)
-        As `Expansion` has them.
-    errors : ndarray, shape (n, 2)
-        The energy that the rules in theta_i and phi are estimated to miss.
+    `levels`, of shape (n, 2), are the numbers of nodes in theta_i and phi. `values` and `energy`,
+    of shapes (max_q+1, F+1, n, channels) and (n, channels), are as `Expansion` has them. `errors`,
+    of shape (n, 2), is the energy that the rules in theta_i and phi are estimated to miss.
     """
 
     def __init__(self, theta_o: Array, weights: Array, levels: object) -> None:

@@ -259,14 +259,9 @@ def seal(path: str | os.PathLike[str]) -> None:
 def condition(path: str | os.PathLike[str]) -> Condition:
     """Return in what condition a file is, by its digest.
 
-    Returns
-    -------
-    {"intact", "other", "damaged", "unknown"}
-        ``intact`` is a file as it was written. ``damaged`` is one whose end is missing or
-        overwritten. ``other`` is one whose bytes differ otherwise: somebody has edited it, or it
-        is damaged within. ``unknown`` is a file without a digest.
-
-    Raises OSError if the file cannot be read.
+    ``intact`` is a file as it was written. ``damaged`` is one whose end is missing or overwritten.
+    ``other`` is one whose bytes differ otherwise: somebody has edited it, or it is damaged within.
+    ``unknown`` is a file without a digest. Raises OSError if the file cannot be read.
     """
     if os.path.getsize(path) <= len(MAGIC):
         return "unknown"

@@ -158,14 +158,8 @@ def _check_layers(root: Path) -> bytes:
 class _Lights:
     """The lights of a stage, and what is said about them.
 
-    Attributes
-    ----------
-    name : str
-        What messages call the stage.
-    path, root : Path
-        The file that was named, and the layer that the stage begins with.
-    opening : callable
-        Opens the textures.
+    `name` is what messages call the stage. `path` is the file that was named, `root` the layer that
+    the stage begins with. `opening` opens the textures.
     """
 
     def __init__(self, name: str, path: Path, root: Path, opening: Callable[..., Probe]) -> None:

@@ -50,11 +50,7 @@ class Patches:
 
     `size` is the longest edge that a patch should have; there are `_MOST` of them at most.
 
-    Attributes
-    ----------
-    owner : ndarray of int64, shape (k,)
-        The triangle of each patch.
-    centers : ndarray, shape (k, 3)
+    `owner`, of shape (k,), is the triangle of each patch. `centers` is of shape (k, 3).
     """
 
     def __init__(self, room: Room, size: float) -> None:

@@ -182,25 +182,13 @@ def transfer_plan(
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
 
-    Parameters
-    ----------
-    mesh : Mesh or path-like
-    order : int
-        The largest degree of the light's harmonics.
-    bounces : int
-        How often light is reflected within the mesh.
-    albedo : array_like or {"vertex"}
-        What the mesh reflects, as `Plan` takes it, or the colors of its vertices.
-    samples : int
-        Rays of each vertex and bounce.
-    matrices : bool
-        Whether matrices are baked too, for glossy surfaces.
-    brush : {"uv"} or tuple of 3 float, optional
-        Tangents of the matrices, as `brushed_tangents` takes them.
-    brdf : Brdf or str, optional
-        What the mesh reflects in bounces in place of `albedo`; matrices are baked with it.
-    texture : int, optional
-        Texels along the edge of a texture for which is baked, in place of the vertices.
+    `order` is the largest degree of the light's harmonics. `bounces` says how often light is
+    reflected within the mesh. `albedo` is what the mesh reflects, as `Plan` takes it, or the colors
+    of its vertices. `samples` is the number of rays of each vertex and bounce. `matrices` tells
+    whether matrices are baked too, for glossy surfaces. `brush` says the tangents of the matrices,
+    as `brushed_tangents` takes them. `brdf` is what the mesh reflects in bounces in place of
+    `albedo`; matrices are baked with it. `texture` is the number of texels along the edge of a
+    texture for which is baked, in place of the vertices.
 
     Raises ArgumentError if an argument has a value that it cannot have, or the mesh lacks what it
     names. Raises MeshError or BrdfError if a file cannot be read.

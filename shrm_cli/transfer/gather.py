@@ -187,21 +187,12 @@ class Gathering:
     def transfer(self, part: slice, sent: Sent | None = None, glossy: bool = False) -> Both:
         """Transfer vectors of some vertices, and their matrices if these are asked for.
 
-        Parameters
-        ----------
-        part : slice
-            Which vertices, k in number.
-        sent : Sent, optional
-            What each vertex of the mesh sends. By default the mesh blocks light and sends none.
-        glossy : bool
-            Whether to return matrices.
+        `part` tells which vertices, k in number. `sent` is what each vertex of the mesh sends. By
+        default the mesh blocks light and sends none. `glossy` tells whether to return matrices.
 
-        Returns
-        -------
-        vectors : ndarray, shape (k, n, channels)
-            ``n = (order+1)^2``, index l(l+1)+m, world axes. One channel if nothing is sent.
-        matrices : ndarray of float32, shape (k, n, n, channels), or None
-            From coefficients in world axes (columns) to those in the vertex's frame (rows).
+        Returns vectors of shape (k, n, channels), ``n = (order+1)^2``, index l(l+1)+m, world axes,
+        of one channel if nothing is sent; and matrices of shape (k, n, n, channels), or None, from
+        coefficients in world axes (columns) to those in the vertex's frame (rows).
         """
         blocked, seen = self._look(part, sent)
         rotations = self.rotations(part)

@@ -78,14 +78,9 @@ _ORDINARY = TableSettings()
 class Table(MeasuredBrdf):
     """A BRDF that is interpolated linearly in each of the three angles.
 
-    Attributes
-    ----------
-    table : ndarray of float32, shape (theta_h, theta_d, phi_d, 1 or 3)
-        Values of f_r (1/sr), or of rho_hat where the settings say so; they are not negative.
-    axes : tuple of three ndarray
-        The angles of the values, radians, ascending. Beyond the ends of an axis the values at
-        its ends go on.
-    settings : TableSettings
+    `table`, of shape (theta_h, theta_d, phi_d, 1 or 3), are values of f_r (1/sr), or of rho_hat
+    where the settings say so; they are not negative. `axes` are the angles of the values, radians,
+    ascending. Beyond the ends of an axis the values at its ends go on.
     """
 
     name = "table"

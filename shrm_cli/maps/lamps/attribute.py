@@ -34,12 +34,7 @@ def lamps_text(discs: Sequence[Disc], left: float, error: float) -> str:
 def read_lamps(part: StoredPart) -> tuple[tuple[Disc, ...], float, float]:
     """Read the lamps of the first part of a map.
 
-    Returns
-    -------
-    discs, left, error
-        As a `LampMap` has them.
-
-    Raises MapError if they are no sound discs, or too many.
+    They are as a `LampMap` has them. Raises MapError if they are no sound discs, or too many.
     """
     text = part.attribute(_NAME)
     try:
