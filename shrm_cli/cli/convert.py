@@ -1,7 +1,5 @@
 """`shrm convert` makes other representations of maps, and other layouts of maps and probes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

@@ -1,7 +1,5 @@
 """`shrm info` prints what a file is."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

@@ -1,7 +1,5 @@
 """`shrm reference` draws the correct picture of a sphere, by brute force."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -10,28 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import shrm_cli as shrm
-from shrm_cli.cli import options, shading, usage
-from shrm_cli.cli.moving import (
-    LIGHT_MOVES,
-    fps_option,
-    frame_targets,
-    frames_option,
-    light_options,
-    max_memory_option,
-    moments,
-    open_other_light,
-    open_others,
-    scene_keys,
-    split_vary,
-)
-from shrm_cli.cli.stage import (
-    OF_SURFACES,
-    mesh_options,
-    mesh_values,
-    open_baked,
-    open_stage,
-    refuse_mesh_options,
-)
+from shrm_cli.cli import moving, options, shading, stage, usage
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import VECTOR, picture_size, within
 from shrm_cli.files.recipe import picture_attributes
@@ -60,7 +39,7 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     "--size", type=picture_size(16, 8192), default="512", show_default=True,
     help="Width and height of a picture, pixels; those of spheres are square.",
 )  # fmt: skip
-@mesh_options
+@stage.mesh_options
 @click.option(
     "--place", type=VECTOR,
     help="Where the sphere stands in the box that the maps' probe knows of.  [default: where the "
@@ -82,10 +61,10 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     help="Light of product textures that hold none.",
 )  # fmt: skip
 @shading.window_option
-@frames_option
-@fps_option
-@max_memory_option
-@light_options
+@moving.frames_option
+@moving.fps_option
+@moving.max_memory_option
+@moving.light_options
 @click.option(
     "--columns", type=click.IntRange(1), metavar="N",
     help="Columns of the contact sheet of several maps.  [default: as square as possible]",
@@ -134,14 +113,14 @@ def render(
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
-    values["vary"], ways = split_vary(values["vary"])
-    refuse_mesh_options(mesh, transfer, values["vary"])
+    values["vary"], ways = moving.split_vary(values["vary"])
+    stage.refuse_mesh_options(mesh, transfer, values["vary"])
     _refuse_others(mesh, values, bool(background or probe))
-    keys = scene_keys(mesh)
+    keys = moving.scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
     pattern = output or _default_name(maps or (probe,) if transfer else maps, mesh, frames)
-    steps, targets = frame_targets(pattern, frames)
-    shown_moments = moments(view, steps, values, keys, ways)
+    steps, targets = moving.frame_targets(pattern, frames)
+    shown_moments = moving.moments(view, steps, values, keys, ways)
     if not is_animated(pattern):
         usage.refuse_inapplicable({"max_memory": usage.Applies(False, "to moving pictures")})
         file_type(pattern)
@@ -157,7 +136,7 @@ def render(
     film = Film(
         drawing, shown_moments, list(map(usage.map_stem, lit.names)), exposure, skies, columns
     )
-    moved = {name: values[name] for name in LIGHT_MOVES if values[name] not in (None, ())}
+    moved = {name: values[name] for name in moving.LIGHT_MOVES if values[name] not in (None, ())}
     settings = {
         "maps": list(lit.names), "view": list(view), "vary": ways or None, **drawing.said,
         "exposure": exposure, "background": background, "probe": probe, "window": window,
@@ -175,7 +154,7 @@ def render(
 
 def _refuse_others(mesh: str | None, values: dict[str, Any], has_probe: bool) -> None:
     """Refuse the place of what is no sphere or is under light that moves, and reading no probe."""
-    rests = mesh is None and not any(values[name] for name in LIGHT_MOVES)
+    rests = mesh is None and not any(values[name] for name in moving.LIGHT_MOVES)
     placed = usage.Applies(rests and values["place"] is not None, "with --place")
     of_spheres = usage.Applies(rests, "to spheres under light that rests")
     reading = options.reading_rules(has_probe, "with --background or --probe")
@@ -199,9 +178,9 @@ def _lit(
     if transfer is None:
         shading.refuse_window(opened)
         opened, warnings = lit_maps(opened, maps, light, window)
-        return Lit(opened, maps, open_others(blend_to, opened), blend_to), None, warnings
-    baked = open_baked(transfer, opened, maps, light, window)
-    others = open_others(blend_to, baked.maps)
+        return Lit(opened, maps, moving.open_others(blend_to, opened), blend_to), None, warnings
+    baked = stage.open_baked(transfer, opened, maps, light, window)
+    others = moving.open_others(blend_to, baked.maps)
     return Lit(baked.maps, baked.names, others, blend_to), baked, baked.warnings
 
 
@@ -232,19 +211,19 @@ def _on_mesh(
     from shrm_cli.render.moving import check_values
 
     plain = values["plain"] or baked is not None  # its albedo is baked
-    stage, warnings = open_stage(mesh, lit.maps, lit.names, {**values, "plain": plain})
-    check_values(moments, [*lit.maps, *stage.maps()])
-    other = open_other_light(stage, values)
+    set_up, warnings = stage.open_stage(mesh, lit.maps, lit.names, {**values, "plain": plain})
+    check_values(moments, [*lit.maps, *set_up.maps()])
+    other = moving.open_other_light(set_up, values)
     drawn: tuple[list[Any], list[Any]] | None = None
     if baked is not None:
-        drawn = baked.drawn(stage), baked.with_maps(lit.others).drawn(stage)
-    elif other is not stage:
-        drawn = [*map(stage.reflectors, lit.maps)], [*map(other.reflectors, lit.others)]
-    drawing = on_stage(lit, stage, size, moments, values, drawn)
-    given = {name: values[name] for name in (*OF_SURFACES, "transfer")}
+        drawn = baked.drawn(set_up), baked.with_maps(lit.others).drawn(set_up)
+    elif other is not set_up:
+        drawn = [*map(set_up.reflectors, lit.maps)], [*map(other.reflectors, lit.others)]
+    drawing = on_stage(lit, set_up, size, moments, values, drawn)
+    given = {name: values[name] for name in (*stage.OF_SURFACES, "transfer")}
     said = {
         **drawing.said,
-        **mesh_values(drawing.subject, mesh),
+        **stage.mesh_values(drawing.subject, mesh),
         **{key: value for key, value in given.items() if value is not None},
     }
     return replace(drawing, said=said, warnings=warnings)
