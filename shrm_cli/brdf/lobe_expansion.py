@@ -251,17 +251,15 @@ class LobeExpander:
 
         at_once(fill, range(0, count, _NODES_AT_ONCE), functions.size > _LARGE)
         self._tables[count] = functions, coarse
-        while len(self._tables) > 1 and self._table_bytes() > _TABLE_BYTES:
-            self._tables.popitem(last=False)
+        kept = sum(part.nbytes for pair in self._tables.values() for part in pair)
+        while len(self._tables) > 1 and kept > _TABLE_BYTES:
+            kept -= sum(part.nbytes for part in self._tables.popitem(last=False)[1])
 
     def _table(self, count: int) -> tuple[Array, Array]:
         """Legendre functions [q, l - q, node] times weights, of all nodes and of every third."""
         if count not in self._tables:
             self.prepare(count)
         return self._tables[count]
-
-    def _table_bytes(self) -> int:
-        return sum(part.nbytes for pair in self._tables.values() for part in pair)
 
 
 def _error(squares: Array, energy: Array) -> Array:

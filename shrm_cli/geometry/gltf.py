@@ -120,11 +120,6 @@ class SurfaceReader:
         return self._pictures[index]
 
 
-def with_colors(material: SurfaceMaterial | None) -> SurfaceMaterial:
-    """Return a material, or glTF's own without one, that vertex colours multiply."""
-    return replace(material or SurfaceMaterial(), colored="linear")
-
-
 def _emission(given: gltf.Json, extensions: gltf.Json) -> tuple[float, float, float]:
     """Return the radiance that a material sends, its factor times its strength."""
     strength = float(gltf.table(extensions.get(_STRONG, {})).get("emissiveStrength", 1))
@@ -221,7 +216,8 @@ def _rewritten(
     _check_sum(name, [each["byteLength"] for each in views])  # trimesh copies each of them
     reader = SurfaceReader(name, tree, lambda: buffers)
     materials = [reader.material(gltf.table(each)) for each in gltf.list_of(tree, "materials")]
-    colored = [with_colors(each) for each in (*materials, None)]
+    # Those that vertex colours multiply; the last is glTF's own, of what has none.
+    colored = [replace(each or SurfaceMaterial(), colored="linear") for each in (*materials, None)]
     plain = _Plain(name, gltf.list_of(tree, "accessors"), views)
     meshes, owners = [], []
     for mesh in gltf.list_of(tree, "meshes"):

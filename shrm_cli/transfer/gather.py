@@ -37,12 +37,10 @@ All vertices use the same directions of their own frames. With these the sums ov
 are products of matrices, and neighbours on a smooth surface share their errors, which are not seen
 as noise then.
 
-References
-----------
-Sloan, Kautz and Snyder 2002, Precomputed Radiance Transfer for Real-Time Rendering in Dynamic,
-Low-Frequency Lighting Environments, sections 4 and 5.
-Kautz, Sloan and Snyder 2002, Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
-Spherical Harmonics, section 5: the BRDF must be fixed for interreflection.
+References: Sloan, Kautz and Snyder 2002, Precomputed Radiance Transfer for Real-Time Rendering in
+Dynamic, Low-Frequency Lighting Environments, sections 4 and 5. Kautz, Sloan and Snyder 2002, Fast,
+Arbitrary BRDF Shading for Low-Frequency Lighting Using Spherical Harmonics, section 5: the BRDF
+must be fixed for interreflection.
 """
 
 from typing import Protocol
@@ -175,10 +173,6 @@ class Gathering:
         self._factors = lambert_factors(order)[degrees(order)]
         self._sides = _outer_sides(sites.mesh)
 
-    def unshadowed(self, part: slice) -> Array:
-        """Transfer vectors ``A_l Y_lm(N)`` of a mesh that blocks nothing, shape (k, n)."""
-        return self._factors * real_harmonics(self.order, self._sites.normals[part])
-
     def rotations(self, part: slice) -> Array:
         """Matrices of the rotation of coefficients from world axes into the frames, (k, n, n)."""
         every = np.eye((self.order + 1) ** 2)
@@ -198,7 +192,9 @@ class Gathering:
         rotations = self.rotations(part)
         # The rotation is orthogonal: its transpose leads from the frame back to the world.
         shadow = np.einsum("kij,ki->kj", rotations, blocked @ self._lambert)
-        vectors = (self.unshadowed(part) - shadow)[..., None]
+        # Those of a mesh that blocks nothing are A_l Y_lm(N).
+        open_to_all = self._factors * real_harmonics(self.order, self._sites.normals[part])
+        vectors = (open_to_all - shadow)[..., None]
         matrices = self._free(blocked, rotations)[..., None] if glossy else None
         if sent is not None:
             shape = len(vectors), -1, *sent.shape
