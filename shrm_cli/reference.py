@@ -72,18 +72,9 @@ class Reference:
     small sources, too, and with lobes that are narrow far from their central directions, where the
     adaptive sum does not pay.
 
-    Attributes
-    ----------
-    source : Source or Pyramid
-        A pyramid where sums are adaptive.
-    pixels : int
-        Those of the source, before they are cut where they are coarse.
-    angle : float
-        Where the lobe is truncated, radians from the central direction; pi where it is not.
-
-    References
-    ----------
-    Ramamoorthi 2002, eq. 5.30, for the truncation.
+    `source` is a pyramid where sums are adaptive. `pixels` are those of the source, before they are
+    cut where they are coarse. `angle` is where the lobe is truncated, radians from the central
+    direction; pi where it is not (Ramamoorthi 2002, eq. 5.30).
     """
 
     def __init__(

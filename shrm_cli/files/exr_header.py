@@ -9,9 +9,7 @@ An attribute of the first header holds the SHA-256 digest of all other bytes of 
 that was cut off, or overwritten in part, by a full disk or a broken copy, does not fit its digest
 any more. Whether it does is told without decoding pixels, in the time that it takes to read it.
 
-References
-----------
-"OpenEXR File Layout", Academy Software Foundation.
+References: "OpenEXR File Layout", Academy Software Foundation.
 """
 
 import hashlib

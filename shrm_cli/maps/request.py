@@ -35,10 +35,9 @@ class Request:
     """The arguments of `shrm_cli.prefilter.prefilter`, with their defaults.
 
     `to` is the representation; ``auto`` only where nothing is asked that an SHRM alone obeys.
-    `brdf` is None for forms that have a BRDF of their own. `eps` is the fraction of the BRDF's
-    energy that may be missed. `sun` is as `shrm_cli.prefilter.prefilter` takes them. `own` are the
-    options of the representation itself. One that was not given and has no default is missing.
-    `given` are the arguments that were given, but for the BRDF.
+    `brdf` is None for forms that have a BRDF of their own. `own` are the options of the
+    representation itself; one that was not given and has no default is missing. `given` are the
+    arguments that were given, but for the BRDF.
     """
 
     to: str

@@ -4,11 +4,9 @@ OpenUSD reads them (the package `usd-core`, used by this module alone). Files ma
 anywhere: every layer and every texture has to lie in the folder of the file that is named or below
 it, and what a stage grows to by its references is counted before it is composed.
 
-References
-----------
-OpenUSD, pxr/usd/usdLux/schema.usda: a lat-long of a dome lies as OpenEXR defines it, which is ours.
-Where the pole of a `DomeLight_1` is +Z, the centre of the lat-long looks along -Y. Distant lights
-shine along their own -Z.
+References: OpenUSD, pxr/usd/usdLux/schema.usda: a lat-long of a dome lies as OpenEXR defines it,
+which is ours. Where the pole of a `DomeLight_1` is +Z, the centre of the lat-long looks along -Y.
+Distant lights shine along their own -Z.
 """
 
 import hashlib

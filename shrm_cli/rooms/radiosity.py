@@ -6,10 +6,8 @@ direction meets is found once, as the number of a patch, and then light goes alo
 needed: ``L = albedo / pi E`` of that patch. Such a mean over few directions is noisy, but it is a
 mean over patches, and a probe gathers from hundreds of them.
 
-References
-----------
-Goral, Torrance, Greenberg and Battaile 1984, Modeling the Interaction of Light Between Diffuse
-Surfaces. Keller 1997, Instant Radiosity, has the same integral by paths.
+References: Goral, Torrance, Greenberg and Battaile 1984, Modeling the Interaction of Light Between
+Diffuse Surfaces. Keller 1997, Instant Radiosity, has the same integral by paths.
 """
 
 from typing import Any

@@ -20,10 +20,8 @@ OpenEXR
     ``theta_d`` and ``phi_d``, of 32 or 64-bit floats. The array ``settings`` is one string, the
     JSON object without its axes. It may be missing; the values are those of f_r then.
 
-References
-----------
-Rusinkiewicz 1998, A New Change of Variables for Efficient BRDF Representation.
-Matusik et al. 2003, A Data-Driven Reflectance Model (the square-root spacing of theta_h).
+References: Rusinkiewicz 1998, A New Change of Variables for Efficient BRDF Representation. Matusik
+et al. 2003, A Data-Driven Reflectance Model (the square-root spacing of theta_h).
 """
 
 import hashlib

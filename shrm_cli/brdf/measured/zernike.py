@@ -9,12 +9,10 @@ mapped to the unit disk by ``r = sqrt(2) sin(theta / 2)``, which keeps areas, an
 which are orthonormal over both hemispheres in solid angle. In the disk's coordinates they are
 polynomials, so nothing is singular at the normal.
 
-References
-----------
-Koenderink and van Doorn 1998, "Phenomenological description of bidirectional surface
-reflection", J. Opt. Soc. Am. A 15(11); Germer 2018, "Full four-dimensional and reciprocal
-Mueller matrix bidirectional reflectance distribution function of sintered
-polytetrafluoroethylene", Applied Optics (the normalisation, and the files of coefficients).
+References: Koenderink and van Doorn 1998, "Phenomenological description of bidirectional surface
+reflection", J. Opt. Soc. Am. A 15(11); Germer 2018, "Full four-dimensional and reciprocal Mueller
+matrix bidirectional reflectance distribution function of sintered polytetrafluoroethylene", Applied
+Optics (the normalisation, and the files of coefficients).
 """
 
 import os

@@ -8,10 +8,8 @@ by up to 6 % within an octave. So blocks are sought whose error is least in the 
 
 Of ends and steps that are nearly as good, those are taken that a file of fewer bytes holds.
 
-References
-----------
-Binomial, basis_universal, basisu_transcoder.cpp (`astc_hdr_transcode_to_bc6h`). The Khronos Data
-Format Specification 1.3, section 23.20 (how interpolated numbers become half floats).
+References: Binomial, basis_universal, basisu_transcoder.cpp (`astc_hdr_transcode_to_bc6h`). The
+Khronos Data Format Specification 1.3, section 23.20 (how interpolated numbers become half floats).
 """
 
 import numpy as np

@@ -17,9 +17,8 @@ coefficient, the projection of its degree 2. The forms are
     ``z = L00 r (0.08 + 0.6 r)``, with r the part of the channel's degree 1 along the shared axis,
     divided by L00.
 
-References
-----------
-Roughton, Sloan, Silvennoinen, Iwanicki and Shirley 2024, ZH3: Quadratic Zonal Harmonics.
+References: Roughton, Sloan, Silvennoinen, Iwanicki and Shirley 2024, ZH3: Quadratic Zonal
+Harmonics.
 """
 
 from dataclasses import field, replace

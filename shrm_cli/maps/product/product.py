@@ -5,10 +5,8 @@ times the cosine. The light is a short vector of coefficients. A point turns the
 frame, looks the view up, and multiplies both: the light and the view may change in every frame, and
 the surface may have any tangents.
 
-References
-----------
-Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
-Spherical Harmonics", sections 3 and 4.
+References: Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Lighting
+Using Spherical Harmonics", sections 3 and 4.
 """
 
 from abc import abstractmethod

@@ -3,10 +3,8 @@
 Textures for a few values of the parameters are joined with weights that are interpolated linearly
 between these values. Those of one parameter are as the slices of a 3D texture.
 
-References
-----------
-Kautz, Sloan and Snyder 2002, section 3: "we just need a higher-dimensional c_i(v, q) table indexed
-by whichever parameters q are to be spatially varied".
+References: Kautz, Sloan and Snyder 2002, section 3: "we just need a higher-dimensional c_i(v, q)
+table indexed by whichever parameters q are to be spatially varied".
 """
 
 from collections.abc import Mapping, Sequence

@@ -25,10 +25,8 @@ two:
 
 Equations here are those of Silvennoinen et al. 2025.
 
-References
-----------
-Silvennoinen, Sloan, Iwanicki and Nowrouzezahrai 2025, Spherical harmonic exponentials for
-efficient glossy reflections, eq. 5, 9-12 and 15.
+References: Silvennoinen, Sloan, Iwanicki and Nowrouzezahrai 2025, Spherical harmonic exponentials
+for efficient glossy reflections, eq. 5, 9-12 and 15.
 """
 
 from dataclasses import replace
