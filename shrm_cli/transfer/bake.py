@@ -17,13 +17,14 @@ from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
+from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import brushed_tangents, perpendicular
 from shrm_cli.maps.info import spec_of
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
-from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Rays, Sent
+from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Sent
 from shrm_cli.transfer.sites import Sites, sites_of
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
@@ -272,9 +273,7 @@ def bake(
     """
     use = use or (lambda transfer: transfer)
     if rays is None:
-        from shrm_cli.geometry.rays import Rays as MeshRays
-
-        rays = MeshRays(plan.mesh)
+        rays = Rays(plan.mesh)
     shapes, step = plan.shapes(), plan.step
     place = (
         nullcontext(Work(shapes, step))

@@ -43,13 +43,12 @@ Arbitrary BRDF Shading for Low-Frequency Lighting Using Spherical Harmonics, sec
 must be fixed for interreflection.
 """
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.rays import Rays
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
@@ -60,32 +59,6 @@ from shrm_cli.transfer.sites import Sites
 
 Both = tuple[Array, Array | None]
 """Transfer vectors and matrices of some vertices."""
-
-
-class Rays(Protocol):
-    """What is asked of `geometry.rays.Rays`."""
-
-    def occluded(self, origins: Array, directions: Array) -> NDArray[np.bool_]:
-        """Whether each ray, both arrays of shape (k, 3), meets the mesh; shape (k,)."""
-
-    def first_hits(
-        self, origins: Array, directions: Array
-    ) -> tuple[NDArray[np.integer], Array, Array]:
-        """First triangle of each ray, -1 for none, its barycentric (k, 3), and the distance."""
-
-
-class Sent(Protocol):
-    """Coefficients of the radiance that the vertices of a mesh send."""
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Coefficients, and colour channels."""
-
-    def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
-        """What some vertices, shape (k,), send in world directions, shape (k, 3).
-
-        Returns an array of float32 of shape (k, coefficients * channels).
-        """
 
 
 @record(eq=False)
@@ -102,7 +75,10 @@ class DiffuseLight:
         return self.radiance.shape[1:]
 
     def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
-        """See `Sent.towards`; the direction does not matter."""
+        """What some vertices, shape (k,), send in world directions, shape (k, 3).
+
+        Returns an array of float32 of shape (k, coefficients * channels).
+        """
         return self.radiance.reshape(len(self.radiance), -1)[vertices]
 
 
@@ -125,7 +101,7 @@ class GlossyLight:
         return self.matrices.shape[2], self.channels
 
     def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
-        """See `Sent.towards`; vertices that face away send nothing."""
+        """As of `DiffuseLight.towards`; vertices that face away send nothing."""
         size = self.matrices.shape[1]
         result = np.zeros((len(vertices), *self.shape), np.float32)
         for start in range(0, len(vertices), _VERTICES_AT_ONCE):
@@ -144,6 +120,10 @@ class GlossyLight:
                 optimize=True,
             )
         return result.reshape(len(vertices), -1)
+
+
+Sent = DiffuseLight | GlossyLight
+"""Coefficients of the radiance that the vertices of a mesh send."""
 
 
 class Gathering:
