@@ -33,11 +33,8 @@ _FORM = "form"
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Choose a form and make its map.
 
-    Returns
-    -------
-    Prefiltered
-        With a note that says which form was taken and why. Where no form keeps what is asked for,
-        the best one, and a warning that says by how much and what would.
+    Notes say which form was taken and why. Where no form keeps what is asked for, it is the best
+    one, and a warning that says by how much and what would.
     """
     return _Asked.of(probe, request).made()
 

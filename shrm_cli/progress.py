@@ -168,11 +168,7 @@ def in_order(
     tells whether all jobs together take longer than some milliseconds; else no threads are started,
     which takes that long.
 
-    Yields
-    ------
-    Whatever `work` returns.
-
-    Raises Whatever `work` raises; jobs that have not begun are then left out..
+    Raises whatever `work` raises; jobs that have not begun are then left out.
     """
     threads = min(settings.current().threads or os.cpu_count() or 1, len(jobs))
     if threads <= 1 or not is_large:

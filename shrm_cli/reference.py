@@ -72,18 +72,9 @@ class Reference:
     small sources, too, and with lobes that are narrow far from their central directions, where the
     adaptive sum does not pay.
 
-    Attributes
-    ----------
-    source : Source or Pyramid
-        A pyramid where sums are adaptive.
-    pixels : int
-        Those of the source, before they are cut where they are coarse.
-    angle : float
-        Where the lobe is truncated, radians from the central direction; pi where it is not.
-
-    References
-    ----------
-    Ramamoorthi 2002, eq. 5.30, for the truncation.
+    `source` is a pyramid where sums are adaptive. `pixels` are those of the source, before they are
+    cut where they are coarse. `angle` is where the lobe is truncated, radians from the central
+    direction; pi where it is not (Ramamoorthi 2002, eq. 5.30).
     """
 
     def __init__(
@@ -228,18 +219,13 @@ class Reference:
     ) -> Array:
         """Sum over the source at every point, shape (points, 3).
 
-        Parameters
-        ----------
-        rows : ndarray, shape (points, k, 3)
-            Vectors whose cosines with the directions to the light `evaluate` needs.
-        lobes : ndarrays, shapes (points, 3) and (points,)
-            Central directions, and the angles from them to the views, radians.
-        caps : list of (ndarray of shape (points, 3), float)
-            Each point is lit from within all its caps, given by axes and an angle, radians.
-        evaluate : callable
-            From cosines, shape (pairs, k, group, m), and the indices of their points, (pairs,
-            group), to the transfer function, (pairs, group, m, 3); a pair is one of a group of
-            points and a tile of m pixels.
+        `rows`, of shape (points, k, 3), are vectors whose cosines with the directions to the light
+        `evaluate` needs. `lobes`, of shapes (points, 3) and (points,), are the central directions,
+        and the angles from them to the views, radians. Each point is lit from within all its
+        `caps`, given by axes, shape (points, 3), and an angle, radians. `evaluate` leads from
+        cosines, shape (pairs, k, group, m), and the indices of their points, (pairs, group), to the
+        transfer function, (pairs, group, m, 3); a pair is one of a group of points and a tile of m
+        pixels.
         """
         result = np.zeros((len(rows), 3))
         if len(rows) == 0:

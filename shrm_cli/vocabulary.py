@@ -301,12 +301,10 @@ CUBES = {
 """The arrangements of a cube by their names, in the order in which users see them."""
 
 
-def _image_layouts() -> tuple[Layout, ...]:
-    cubes = [name for name, cube in CUBES.items() if not cube.in_six_files]
-    return tuple(name for grid in GRIDS for name in (cubes if grid == "cube" else [grid]))
-
-
-IMAGE_LAYOUTS: tuple[Layout, ...] = _image_layouts()
+_CUBES_IN_ONE = [name for name, cube in CUBES.items() if not cube.in_six_files]
+IMAGE_LAYOUTS: tuple[Layout, ...] = tuple(
+    name for grid in GRIDS for name in (_CUBES_IN_ONE if grid == "cube" else [grid])
+)
 """The layouts that are one image."""
 
 LAYERS = "layers"

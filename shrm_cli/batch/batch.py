@@ -35,11 +35,7 @@ class ProcessWorkers:
 
     `count` is the number of processes.
 
-    Attributes
-    ----------
-    executor : concurrent.futures.Executor
-        Another one after each `renew`.
-    workers : int
+    `executor` is another one after each `renew`.
     """
 
     def __init__(self, count: int) -> None:

@@ -45,11 +45,7 @@ _ONE_THREAD = (
 class ClusterWorkers:
     """The workers of a cluster, as `cluster_executor` yields them.
 
-    Attributes
-    ----------
-    executor : concurrent.futures.Executor
-    workers : int
-        The number of tasks that are worked on at a time: the threads of all workers.
+    `workers` is the number of tasks that are worked on at a time: the threads of all workers.
     """
 
     def __init__(self, executor: Executor, workers: int) -> None:

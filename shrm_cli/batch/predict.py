@@ -24,13 +24,10 @@ def predictions(chunks: Sequence[Chunk], progress: Progress | None = None) -> li
     Orders that a tolerance of the BRDF's energy chooses are the same for all probes. Where an
     error of the reflected light chooses them, those of other probes may differ.
 
-    Returns
-    -------
-    list of dict
-        For each recipe the form, the BRDF, the number of outputs, the probe; what the summary of
-        its map has of its size, its orders and its error; and under ``bytes`` what the map's values
-        take in half precision, about the most that its file takes. Where no map could be made,
-        ``error`` in place of these.
+    Returns for each recipe the form, the BRDF, the number of outputs, the probe; what the summary
+    of its map has of its size, its orders and its error; and under ``bytes`` what the map's values
+    take in half precision, about the most that its file takes. Where no map could be made, there is
+    ``error`` in place of these.
     """
     jobs: dict[str, list[Job]] = {}
     for chunk in chunks:

@@ -6,11 +6,9 @@ With both directions in the local frame of C, whose z axis is C,
 
 The coefficients of an isotropic BRDF are real, and the same for q and -q.
 
-References
-----------
-Ramamoorthi and Hanrahan 2002, "Frequency Space Environment Map Rendering", appendix A, eq. 13 (the
-expansion). Equations with a number 5.x are those of chapter 5 of Ramamoorthi's thesis, "A
-Signal-Processing Framework for Forward and Inverse Rendering" (2002).
+References: Ramamoorthi and Hanrahan 2002, "Frequency Space Environment Map Rendering", appendix A,
+eq. 13 (the expansion). Equations with a number 5.x are those of chapter 5 of Ramamoorthi's thesis,
+"A Signal-Processing Framework for Forward and Inverse Rendering" (2002).
 """
 
 from __future__ import annotations

@@ -251,17 +251,15 @@ class LobeExpander:
 
         at_once(fill, range(0, count, _NODES_AT_ONCE), functions.size > _LARGE)
         self._tables[count] = functions, coarse
-        while len(self._tables) > 1 and self._table_bytes() > _TABLE_BYTES:
-            self._tables.popitem(last=False)
+        kept = sum(part.nbytes for pair in self._tables.values() for part in pair)
+        while len(self._tables) > 1 and kept > _TABLE_BYTES:
+            kept -= sum(part.nbytes for part in self._tables.popitem(last=False)[1])
 
     def _table(self, count: int) -> tuple[Array, Array]:
         """Legendre functions [q, l - q, node] times weights, of all nodes and of every third."""
         if count not in self._tables:
             self.prepare(count)
         return self._tables[count]
-
-    def _table_bytes(self) -> int:
-        return sum(part.nbytes for pair in self._tables.values() for part in pair)
 
 
 def _error(squares: Array, energy: Array) -> Array:
@@ -289,14 +287,9 @@ It is 3 for the second order of convergence, as `FINER` is 8."""
 class Views:
     """The lobes of the views at all nodes of theta_o, as far as they are known.
 
-    Attributes
-    ----------
-    levels : ndarray of int, shape (n, 2)
-        The numbers of nodes in theta_i and phi.
-    values, energy : ndarray, shapes (max_q+1, F+1, n, channels), (n, channels)
-        As `Expansion` has them.
-    errors : ndarray, shape (n, 2)
-        The energy that the rules in theta_i and phi are estimated to miss.
+    `levels`, of shape (n, 2), are the numbers of nodes in theta_i and phi. `values` and `energy`,
+    of shapes (max_q+1, F+1, n, channels) and (n, channels), are as `Expansion` has them. `errors`,
+    of shape (n, 2), is the energy that the rules in theta_i and phi are estimated to miss.
     """
 
     def __init__(self, theta_o: Array, weights: Array, levels: object) -> None:

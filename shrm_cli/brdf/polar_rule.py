@@ -187,16 +187,11 @@ def transfer_samples(
     measured ones are no more exact than that. `azimuth` is that of the views from the tangent of
     an anisotropic BRDF, radians.
 
-    Yields
-    ------
-    rows : slice
-        Which of theta_i the block holds; it begins and ends at multiples of 3 nodes, or at the
-        last node. Of a BRDF with a horizon no block holds the nodes that are below it for all
-        views and azimuths.
-    samples : ndarray, shape (block, n, azimuths, 3)
-        rho_hat.
-    coverage : ndarray, shape (block, n, azimuths), or None
-        The part of each cell that lies above the horizon, 0 .. 1; None where all cells do.
+    Yields the slice of theta_i that the block holds, which begins and ends at multiples of 3 nodes,
+    or at the last node. Of a BRDF with a horizon no block holds the nodes that are below it for all
+    views and azimuths. With it come the samples of rho_hat, shape (block, n, azimuths, 3), and the
+    coverage, shape (block, n, azimuths): the part of each cell that lies above the horizon, 0 .. 1,
+    or None where all cells do.
     """
     theta_i = rule.nodes(count)[0]
     # About the mirror direction the normal is half way between C and the view.

@@ -19,10 +19,8 @@ there, too, and radii as far out as the ellipse reaches.
 BRDFs about the normal have a rule in the light's own polar coordinates, and so have those that have
 no horizon, about their central direction.
 
-References
-----------
-Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
-Spherical Harmonics", section 3 and eq. 1.
+References: Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Lighting
+Using Spherical Harmonics", section 3 and eq. 1.
 """
 
 from collections.abc import Iterator

@@ -4,15 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.choose.forms import (
-    Forms,
-    Known,
-    PrincipalForms,
-    ShrmForms,
-    Truth,
-    made_offers,
-    others_of,
-)
+from shrm_cli.choose import forms
 from shrm_cli.choose.offer import Choice, Offer, decided
 from shrm_cli.errors import ArgumentError, ShrmError
 from shrm_cli.maps.lobes_lit import keeping_light
@@ -102,21 +94,22 @@ def _chosen(
 ) -> Choice:
     """Choose for a probe and a material."""
     work = Rising(progress)
-    truth = Truth(probe, brdf, work)
+    truth = forms.Truth(probe, brdf, work)
     offers: list[Offer] = []
     missing: list[str] = []
     light = Projection(shared(fine_probe(probe)))
     most = DEFAULT_MAX_SIZE if budget is None else min(budget, DEFAULT_MAX_SIZE)
     with using(work):
-        held: list[Forms] = [principal := PrincipalForms(light, brdf)]
+        principal = forms.PrincipalForms(light, brdf)
+        held = [principal.rows]
         if brdf.isotropic:  # an SHRM knows no tangent
-            held.append(ShrmForms(light, brdf, principal.single))
-        for forms in held:
-            known = dict.fromkeys([*_ladder(forms), *_for_goal(forms, goal, most)])
+            held.append(forms.ShrmForms(light, brdf, principal.single).rows)
+        for rows in held:
+            known = dict.fromkeys([*_ladder(rows), *_for_goal(rows, goal, most)])
             offers += [_offer(each) for each in known]
-    for form, setting in others_of(brdf, missing):
+    for form, setting in forms.others_of(brdf, missing):
         try:
-            offers += made_offers(form, setting, probe, brdf, truth, work)
+            offers += forms.made_offers(form, setting, probe, brdf, truth, work)
         except ShrmError as reason:
             missing.append(f"no {form}: {reason}")
     work.end()
@@ -128,7 +121,7 @@ def _chosen(
 class _Judged:
     """A map by how far it is from the goal: its `total_error` is 1 where it just keeps it."""
 
-    known: Known
+    known: forms.Known
     goal: Goal
 
     @property
@@ -149,41 +142,41 @@ class _Judged:
         return self.known.candidate.badness(self.goal)
 
 
-def _ladder(forms: Forms) -> Iterator[Known]:
+def _ladder(rows: forms.Rows) -> Iterator[forms.Known]:
     """Yield the map of the fewest bytes for each of the `ERRORS`, up to what there is."""
     for error in ERRORS:
-        found = _least(forms, error, DEFAULT_MAX_SIZE)
+        found = _least(rows, error, DEFAULT_MAX_SIZE)
         if found is not None:
             yield found
             if found.total_error > error:
                 return
 
 
-def _for_goal(forms: Forms, goal: Goal, max_size: int) -> Iterator[Known]:
+def _for_goal(rows: forms.Rows, goal: Goal, max_size: int) -> Iterator[forms.Known]:
     """Yield the map that keeps the goal in the fewest bytes, or else that of the least error."""
-    found = fewest_bytes((_judged_row(row, goal, max_size) for row in forms.rows), 1.0)
+    found = fewest_bytes((_judged_row(row, goal, max_size) for row in rows), 1.0)
     if found is not None and found[1]:
         yield found[0].known
-    elif (best := _least(forms, 0.0, max_size)) is not None:
+    elif (best := _least(rows, 0.0, max_size)) is not None:
         yield best
 
 
-def _least(forms: Forms, error: float, max_size: int) -> Known | None:
+def _least(rows: forms.Rows, error: float, max_size: int) -> forms.Known | None:
     """Return the map of the fewest bytes that keeps an error, or the one of the least error."""
-    fitting = [each for row in forms.rows for each in row if each.bytes <= max_size]
+    fitting = [each for row in rows for each in row if each.bytes <= max_size]
     kept = [each for each in fitting if each.total_error <= error]
     if kept:
         return min(kept, key=lambda each: each.bytes)
     return min(fitting, key=lambda each: each.total_error, default=None)
 
 
-def _judged_row(row: Sequence[Known], goal: Goal, max_size: int) -> Row[_Judged]:
+def _judged_row(row: Sequence[forms.Known], goal: Goal, max_size: int) -> Row[_Judged]:
     """Return the maps that roughly keep the error, by how far they really are from the goal."""
     may = [each for each in row if each.total_error <= goal.error and each.bytes <= max_size]
     return Row(len(may), lambda index: may[index].bytes, lambda index: _Judged(may[index], goal))
 
 
-def _offer(known: Known) -> Offer:
+def _offer(known: forms.Known) -> Offer:
     """Return a map as an offer."""
     candidate, share = known.candidate, known.candidate.wrong_share
     assert share is not None  # both forms that are predicted know theirs

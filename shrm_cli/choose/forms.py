@@ -8,7 +8,7 @@ and the light itself, are made to be known.
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,12 +78,9 @@ class Known:
         return self.find_share()
 
 
-class Forms(Protocol):
-    """What one representation can be for a probe and a BRDF."""
-
-    rows: list[list[Known]]
-    """Its maps, in each row by rising bytes. Those of a row have cubes of one size, so that hardly
-    any is more often wrong than the one before it; that none has more error is nearly true."""
+Rows = list[list[Known]]
+"""Maps of a form, in each row by rising bytes. Those of a row have cubes of one size, so that
+hardly any is more often wrong than the one before; that none has more error is nearly true."""
 
 
 class PrincipalForms:
@@ -92,7 +89,7 @@ class PrincipalForms:
     def __init__(self, light: Projection, brdf: Brdf) -> None:
         self._proposals = Proposals(light, replace(ASKED, brdf=brdf))
         rows = self._proposals.sharing.rows(DEFAULT_MAX_SIZE)
-        self.rows = [[self._known(joint) for joint in row.every()] for row in rows]
+        self.rows: Rows = [[self._known(joint) for joint in row.every()] for row in rows]
 
     @property
     def single(self) -> tuple[Brdf, Planner] | None:
@@ -139,7 +136,7 @@ class ShrmForms:
         transfer = planner.spectrum.transfer
         self._proposals = ShrmProposals.of(light, self._brdf, transfer)
         rows = self._proposals.rows(DEFAULT_MAX_SIZE)
-        self.rows = [[self._known(tried) for tried in row.every()] for row in rows]
+        self.rows: Rows = [[self._known(tried) for tried in row.every()] for row in rows]
 
     def _known(self, tried: Tried) -> Known:
         size, order_p = tried.choice.size, tried.choice.orders.order_p

@@ -10,17 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.brdf import order_text, order_values
-from shrm_cli.cli.options import (
-    brdf_option,
-    conclude,
-    make_read_options,
-    probe_options,
-    report_options,
-)
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import DIRECTION, FRACTION, STOPS, Spec
-from shrm_cli.cli.usage import Applies, check_outputs, exclude, given_options, refuse_inapplicable
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT
@@ -40,7 +34,7 @@ _OF_MATERIALS = {
 
 @click.command()
 @click.argument("others", metavar="[SPEC...]", nargs=-1, type=Spec())
-@brdf_option
+@options.brdf_option
 @click.option(
     "--probe", type=click.Path(), metavar="PROBE",
     help="Light probe, for the accuracy of the reflected light and pictures of it.",
@@ -83,8 +77,8 @@ _OF_MATERIALS = {
     "*.png into a folder of that name.  [default: PROBE.BRDF in the current folder]",
 )  # fmt: skip
 @click.option("--no-plots", is_flag=True, help="Numbers only: draw and write nothing.")
-@probe_options
-@report_options
+@options.probe_options
+@options.report_options
 def analyze(
     others: tuple[str, ...],
     spec: str,
@@ -116,26 +110,24 @@ def analyze(
       shrm analyze --brdf ggx:roughness=0.5 oren-nayar krylon_blue.brdf
     """
     if others:
-        of_one = [name for name in given_options() if name not in _OF_MATERIALS]
-        refuse_inapplicable(dict.fromkeys(of_one, Applies(False, "to a single BRDF")))
+        of_one = [name for name in usage.given_options() if name not in _OF_MATERIALS]
+        usage.refuse_inapplicable(dict.fromkeys(of_one, usage.Applies(False, "to a single BRDF")))
         _analyze_materials([spec, *others], order_f, order_p, output, no_plots)
         return
-    from shrm_cli.analysis.analyze import analyze as analysis_of
     from shrm_cli.analysis.plots import can_plot
     from shrm_cli.maps.info import record_of
-    from shrm_cli.probe.open import open_probe
 
     of_probe = [*reading, "views", "size", "source_height", "exposure"]
-    rules = dict.fromkeys(of_probe, Applies(probe is not None, "with --probe"))
-    refuse_inapplicable(rules)
-    exclude("output", "no_plots")
-    source = None if probe is None else open_probe(probe, make_read_options(reading))
+    rules = dict.fromkeys(of_probe, usage.Applies(probe is not None, "with --probe"))
+    usage.refuse_inapplicable(rules)
+    usage.exclude("output", "no_plots")
+    source = None if probe is None else shrm.open_probe(probe, options.make_read_options(reading))
     kinds = {"energy": can_plot(), "accuracy": can_plot() and source, "pictures": source}
     prefix = _prefix(output, probe, brdf_label(spec))
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
-    check_outputs(targets.values(), specs=[spec])
+    usage.check_outputs(targets.values(), specs=[spec])
     with progress_bar("analysing") as progress:
-        found = analysis_of(
+        found = shrm.analyze(
             spec, source, tolerances=tolerances, order_f=order_f, order_p=order_p,
             views=() if no_plots else views, size=size, source_height=source_height,
             progress=progress,
@@ -160,7 +152,7 @@ def analyze(
         "pictures": found.pictures and {**drawing, **_pictures(found.pictures, views)},
         "files": list(targets.values()),
     }
-    conclude(result, [title, *_report(result)], warnings)
+    options.conclude(result, [title, *_report(result)], warnings)
 
 
 def _remarks(found: Analysis, order_p: int | None) -> list[str]:
@@ -202,7 +194,7 @@ def _analyze_materials(
     target = None
     if can_plot() and not no_plots:
         target = f"{_stem(output or 'materials')}.energy.png"
-        check_outputs([target], specs=specs)
+        usage.check_outputs([target], specs=specs)
     brdfs = [parse_spec(spec) for spec in specs]
     f, p = MATERIAL_F if order_f is None else order_f, MATERIAL_P if order_p is None else order_p
     with progress_bar("integrating") as progress:
@@ -225,7 +217,7 @@ def _analyze_materials(
     for name, row in zip(specs, captured, strict=True):
         lines.append(f"  {name:<{width}}" + "".join(f"{part:>9.2%}" for part in row))
     lines += [f"wrote {file}" for file in result["files"]]
-    conclude(result, lines, warnings)
+    options.conclude(result, lines, warnings)
 
 
 def _prefix(output: str | None, probe: str | None, label: str) -> str:

@@ -11,36 +11,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli import settings
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.contact import write_contacts
 from shrm_cli.cli.export import texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
-from shrm_cli.cli.options import (
-    READING_NAMES,
-    brdfs_option,
-    cache_option,
-    command_with_headings,
-    making_options,
-    output_options,
-    read_options,
-    reading_keywords,
-    several,
-    tell,
-    words_of_call,
-)
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_message, progress_bar, ticking
 from shrm_cli.cli.types import Named
-from shrm_cli.cli.usage import (
-    PAGES,
-    Applies,
-    check_outputs,
-    flags,
-    given_options,
-    is_quiet,
-    refuse_inapplicable,
-    wants_json,
-    wrong_usage,
-)
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import installed_names
 from shrm_cli.settings import limit_libraries
@@ -61,7 +38,7 @@ _HEADINGS = {
     **MAKING_HEADINGS,
     "What to make": ["brdfs", "to", "engines", "output"],
     "Files of engines": ["texel_format", "max_error", "skybox", "dfg", "firefly_safe"],
-    "How the probes are read": [*READING_NAMES, "probe_sampling"],
+    "How the probes are read": [*options.READING_NAMES, "probe_sampling"],
     "Where it runs": ["jobs", "scheduler", "commands", "openjd", "chunk", "share"],
     "Coefficients of all probes in one file": ["collect", "collect_order", "collect_what",
                                               "collect_window"],
@@ -76,7 +53,7 @@ _RUNNING = {
 """The options that say nothing about what is made, and apply to manifests."""
 
 
-_gather_options = several(
+_gather_options = options.several(
     click.option(
         "--collect", type=click.Path(dir_okay=False), metavar="FILE",
         help="Gather the coefficients of all probes in one .npz or .parquet.",
@@ -96,9 +73,9 @@ _gather_options = several(
 )  # fmt: skip
 
 
-@click.command(cls=command_with_headings(_HEADINGS))
+@click.command(cls=options.command_with_headings(_HEADINGS))
 @click.argument("probes", metavar="MANIFEST.toml | PROBES...", nargs=-1, required=True)
-@brdfs_option
+@options.brdfs_option
 @click.option(
     "--to", type=Named([AUTO, *REPRESENTATIONS, EXPORT], installed_names), multiple=True,
     default=[AUTO],
@@ -114,9 +91,9 @@ _gather_options = several(
     help="Names of the outputs, with {probe}, {folder}, {brdf}, {to} and {engine} in them; their "
     "folders are made.  [default: {probe}.{brdf}.{to}.exr, {probe}.{engine} of exports]",
 )  # fmt: skip
-@making_options("probes", "cubes", lambda option: not option.prints)
-@several(*texel_options)
-@read_options
+@options.making_options("probes", "cubes", lambda option: not option.prints)
+@options.several(*texel_options)
+@options.read_options
 @click.option(
     "--jobs", type=click.IntRange(1, 1024), metavar="N",
     help="Processes that work at a time.  [default: as many as there are processors]",
@@ -139,8 +116,8 @@ _gather_options = several(
     "--log", type=click.Path(dir_okay=False), default=_DEFAULT_LOG, show_default=True,
     help="File that gets a line of JSON for each job.",
 )  # fmt: skip
-@output_options
-@cache_option
+@options.output_options
+@options.cache_option
 def batch(
     probes: tuple[str, ...],
     jobs: int | None,
@@ -186,20 +163,20 @@ def batch(
     left_out: list[str] = []
     found = checked([job for entry in entries for job in entry.jobs(left_out)])
     chunks = by_probe(found) if found else _without_jobs(entries, left_out)
-    if left_out and not is_quiet():
+    if left_out and not usage.is_quiet():
         made = f"{counted(len(set(left_out)), 'file')} that shrm made of probes"
         echo(f"{made}, such as {left_out[0]}: left out of the patterns", err=True)
     written = [commands, openjd] if commands or openjd else [collect, contact_page, log]
     check_others([each for each in written if each is not None], chunks)
     if commands or openjd:
-        write_farm_files(words_of_call(), commands, openjd, len(chunks), chunk)
+        write_farm_files(options.words_of_call(), commands, openjd, len(chunks), chunk)
         return
     chunks = named_parts(chunks, share)
     terms = Terms(force, dry_run, settings.current().cache, gathering)
     if gathering is not None:
         chunks = [replace(chunk, collects=True) for chunk in chunks]
     if contact_page is not None:
-        check_outputs([contact_page], files=probes, suffixes=PAGES)
+        usage.check_outputs([contact_page], files=probes, suffixes=usage.PAGES)
         _check_count(chunks)
     if dry_run:
         contact_page = None
@@ -214,7 +191,7 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
     from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry, every_engine
     from shrm_cli.batch.manifest import is_manifest, read_manifest
 
-    given = given_options()
+    given = usage.given_options()
     if any(is_manifest(name) for name in probes):
         if len(probes) > 1:
             raise click.UsageError("a manifest names its probes; give nothing beside it")
@@ -225,7 +202,7 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
     both, own, of_probe = (values.pop(name) for name in (
         "sampling", "map_sampling", "probe_sampling",
     ))  # fmt: skip
-    reading = reading_keywords(values, of_probe or both)
+    reading = options.reading_keywords(values, of_probe or both)
     brdfs, to, precision = (values.pop(name) for name in ("brdfs", "to", "precision"))
     engines = every_engine(values.pop("engines"))
     values["format"] = values.pop("texel_format")
@@ -268,8 +245,10 @@ def _gathering_of(collect: str | None, order: int, what: What, window: str) -> G
     from shrm_cli.batch.collect import check_collection
     from shrm_cli.batch.work import Gathering
 
-    rule = Applies(collect is not None, "with --collect")
-    refuse_inapplicable(dict.fromkeys(("collect_order", "collect_what", "collect_window"), rule))
+    rule = usage.Applies(collect is not None, "with --collect")
+    usage.refuse_inapplicable(
+        dict.fromkeys(("collect_order", "collect_what", "collect_window"), rule)
+    )
     if collect is None:
         return None
     check_collection(collect)
@@ -325,7 +304,7 @@ def _run(
                 written({"status": "ended", **totals.as_json()})
     if collect is not None and terms.gathering is not None and not terms.only_looks:
         _write_gathered(collect, terms.gathering, chunks, results)
-        if not (is_quiet() or wants_json()):
+        if not (usage.is_quiet() or usage.wants_json()):
             echo(f"{messages.shown(collect)}: {terms.gathering.what} of {len(results):,} probes")
     predictions = _predictions(chunks) if terms.only_looks else []
     if contact_page is not None:
@@ -341,7 +320,7 @@ def _check_count(chunks: list[Chunk]) -> None:
 
     count = sum(len(chunk.jobs) for chunk in chunks)
     if count > MOST_MAPS:
-        raise wrong_usage(
+        raise usage.wrong_usage(
             f"--contact shows {MOST_MAPS:,} maps at most, and these are {count:,}; leave it out, "
             "and give `shrm contact` some of them"
         )
@@ -367,12 +346,12 @@ def _note(result: Result, log: Log | None, only_looks: bool) -> None:
             log(record)
         if record["status"] == "failed":
             error = record["error"].removeprefix(f"{record['output']}: ")
-            echo_message(f"Failed: {record['output']}: {flags(error)}")
-        elif only_looks and not is_quiet():
+            echo_message(f"Failed: {record['output']}: {usage.flags(error)}")
+        elif only_looks and not usage.is_quiet():
             why = record.get("why", "there already")
-            echo(f"{record['status']:<8} {record['output']}  ({flags(why)})", err=True)
+            echo(f"{record['status']:<8} {record['output']}  ({usage.flags(why)})", err=True)
     if result.error and not result.records:
-        echo_message(f"Failed: {flags(result.error)}")
+        echo_message(f"Failed: {usage.flags(result.error)}")
         if log is not None:
             log({"status": "failed", "probe": result.probe, "error": result.error})
 
@@ -407,10 +386,10 @@ def _conclude(totals: Totals, log: str | None, predictions: list[dict[str, Any]]
     lines = [
         *map(_prediction_line, predictions),
         f"{totals.jobs:,} {outputs}: {', '.join(words) or 'none'}{size}{warned}{told}",
-        *(f"  {count:,} anew: {flags(why)}" for why, count in anew),
+        *(f"  {count:,} anew: {usage.flags(why)}" for why, count in anew),
     ]
     result = {**totals.as_json(), "log": log, **more, "failures": totals.failures}
-    tell(result, lines)
+    options.tell(result, lines)
 
 
 def _prediction_line(facts: dict[str, Any]) -> str:
@@ -420,7 +399,7 @@ def _prediction_line(facts: dict[str, Any]) -> str:
     if "engine" in facts:
         return f"{what} for {facts['engine']}"
     if "error" in facts:
-        return f"{what}: {flags(facts['error'])}"
+        return f"{what}: {usage.flags(facts['error'])}"
     orders = [("F", "order_f"), *([("P", "order_p")] if facts["brdf"] else [])]
     said = [f"{sign} = {facts[name]}" for sign, name in orders if name in facts]
     said += [f"{facts['size']} texels"] if "size" in facts else []

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import conclude, report_options, tell, warn
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import FRACTION, Spec
-from shrm_cli.cli.usage import check_outputs, exclude
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ _GROUPS = {
     help="Compare coated:base=(...) with random walks between coat and base instead: N paths for "
     "each of 512 lights.",
 )  # fmt: skip
-@report_options
+@options.report_options
 def brdf(
     spec: str | None, tolerances: tuple[float, ...], target: str | None, paths: int | None
 ) -> None:
@@ -56,7 +55,7 @@ def brdf(
       shrm brdf paint.bsdf --save paint.exr
       shrm brdf "coated:roughness=0.4,base=(lambertian)" --walk 256
     """
-    exclude("target", "paths")
+    usage.exclude("target", "paths")
     if spec is None:
         if target is not None:
             raise click.UsageError("--save needs a BRDF to write; name one before it")
@@ -80,7 +79,7 @@ def brdf(
         with using(Rising(progress)):
             rows, captured = _orders(chosen, asked, remarks) if asked else ([], [])
         report = _explain(chosen, rows, captured)
-    conclude(report, _text(chosen, report), remarks)
+    options.conclude(report, _text(chosen, report), remarks)
 
 
 def _list() -> None:
@@ -99,8 +98,8 @@ def _list() -> None:
     lines.append("Measured, by the path of a file:")
     lines += [f"  {kind.name:<18} {kind.reads}" for kind in formats()]
     lines += ["Materials, as openpbr:", "  material.mtlx#name or asset.glb#name"]
-    tell([_describe(model) for group in groups.values() for model in group], lines)
-    warn(problems)
+    options.tell([_describe(model) for group in groups.values() for model in group], lines)
+    options.warn(problems)
 
 
 def _save(spec: str, target: str) -> None:
@@ -114,7 +113,7 @@ def _save(spec: str, target: str) -> None:
         raise click.BadParameter(
             f"{target!r} does not end with {', '.join(_SUFFIXES)}", param_hint="'--save'"
         )
-    check_outputs([target], specs=[spec])
+    usage.check_outputs([target], specs=[spec])
     chosen = parse_spec(spec)
     if suffix == ".binary":
         from shrm_cli.brdf.measured.merl import write_merl
@@ -130,7 +129,9 @@ def _save(spec: str, target: str) -> None:
         f"{target}: {written.summary}, {bytes_text(size)}",
         f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal",
     ]
-    tell({"file": target, "format": written.name, "bytes": size, "rms_difference": error}, lines)
+    options.tell(
+        {"file": target, "format": written.name, "bytes": size, "rms_difference": error}, lines
+    )
 
 
 def _walk(spec: str, paths: int) -> None:
@@ -149,7 +150,7 @@ def _walk(spec: str, paths: int) -> None:
     rows += [_row("differ", found.difference), _row("noise", found.difference_noise)]
     lines = [f"{chosen!r}: what its base adds, by {paths} paths for each of 512 lights", *rows]
     known = {name: getattr(found, name).tolist() for name in found.__dataclass_fields__}
-    tell({"brdf": record_of(chosen), "paths": paths, "theta": list(VIEWS), **known}, lines)
+    options.tell({"brdf": record_of(chosen), "paths": paths, "theta": list(VIEWS), **known}, lines)
 
 
 def _row(name: str, values: Any) -> str:

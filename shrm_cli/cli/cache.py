@@ -3,7 +3,7 @@
 import click
 
 from shrm_cli import bytecode, settings
-from shrm_cli.cli.options import report_options, tell
+from shrm_cli.cli import options
 from shrm_cli.maps.options import bytes_text
 
 
@@ -17,7 +17,7 @@ def cache() -> None:
 
 
 @cache.command()
-@report_options
+@options.report_options
 def info() -> None:
     """Say where the cache is, and how large."""
     from shrm_cli.brdf.cache import MOST_BYTES, cache_usage
@@ -25,11 +25,11 @@ def info() -> None:
     where = str(settings.cache_folder())
     count, size = _with_modules(where, *cache_usage())
     line = f"{where}: {_amount(count, size)}, at most {bytes_text(MOST_BYTES)}"
-    tell({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES}, [line])
+    options.tell({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES}, [line])
 
 
 @cache.command()
-@report_options
+@options.report_options
 def clear() -> None:
     """Remove everything in the cache."""
     from shrm_cli.brdf.cache import clear_cache
@@ -39,7 +39,7 @@ def clear() -> None:
     bytecode.clear(where)
     count, size = (a + b for a, b in zip(clear_cache(), modules, strict=True))
     line = f"{where}: {_amount(count, size)} removed"
-    tell({"folder": where, "removed": count, "bytes": size}, [line])
+    options.tell({"folder": where, "removed": count, "bytes": size}, [line])
 
 
 def _with_modules(where: str, count: int = 0, size: int = 0) -> tuple[int, int]:

@@ -8,16 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    conclude,
-    make_read_options,
-    materials_option,
-    probe_options,
-    report_options,
-)
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import columns, progress_bar
 from shrm_cli.cli.types import BYTES, FRACTION
-from shrm_cli.cli.usage import check_outputs, flags
 from shrm_cli.extras import install
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import bytes_text
@@ -37,7 +31,7 @@ _HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
 
 @click.command()
 @click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=click.Path())
-@materials_option
+@options.materials_option
 @click.option(
     "--budget", type=BYTES, metavar="BYTES",
     help="The most bytes of a map, such as 200kB.  [default: 32 MB]",
@@ -58,8 +52,8 @@ _HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
     "--map", "target", type=click.Path(), metavar="EXR",
     help="Write the recommended map, of one probe and one material.",
 )  # fmt: skip
-@probe_options
-@report_options
+@options.probe_options
+@options.report_options
 def choose(
     probes: tuple[str, ...],
     specs: tuple[str, ...],
@@ -84,18 +78,16 @@ def choose(
       shrm choose probe.exr --brdf 0.94*lambertian+ggx:f0=0.04 --map paint.exr
     """
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.choose.choose import choose as chosen
     from shrm_cli.errors import ShrmError
-    from shrm_cli.probe.open import open_probe
     from shrm_cli.probe.shared import shared
     from shrm_cli.progress import Stages
 
     pairs = len(probes) * len(specs)
     _check_usage(pairs, output, target)
-    reading = make_read_options(values)
+    reading = options.make_read_options(values)
     note(*(path for path in probes if "%" not in path))
-    check_outputs([each for each in (output,) if each], specs=specs, suffixes=(".png",))
-    check_outputs([each for each in (target,) if each], suffixes=(".exr",))
+    usage.check_outputs([each for each in (output,) if each], specs=specs, suffixes=(".png",))
+    usage.check_outputs([each for each in (target,) if each], suffixes=(".exr",))
     for spec in specs:
         parse_spec(spec)  # what is wrong with a material is said before the work begins
     goal = {name: x for name, x in (("error", error), ("seen", seen)) if x is not None}
@@ -105,18 +97,18 @@ def choose(
         stages = Stages(progress, pairs)
         for path in probes:
             try:
-                light = shared(open_probe(path, reading))
+                light = shared(shrm.open_probe(path, reading))
             except ShrmError as reason:
-                failures.append(flags(str(reason)))
+                failures.append(usage.flags(str(reason)))
                 continue
             for spec in specs:
                 try:
                     found += [
                         (path, each)
-                        for each in chosen(light, spec, budget, progress=stages.within, **goal)
+                        for each in shrm.choose(light, spec, budget, progress=stages.within, **goal)
                     ]
                 except ShrmError as reason:
-                    failures.append(f"{path}, {spec}: {flags(str(reason))}")
+                    failures.append(f"{path}, {spec}: {usage.flags(str(reason))}")
                 stages.done(len(found) + len(failures), pairs)
             warnings += [f"{path}: {line}" for line in light.report.warnings()]
     if not found:
@@ -126,7 +118,7 @@ def choose(
     result = {"choices": [_values(path, each) for path, each in found], "files": files}
     warnings += [line for _, each in found for line in each.warnings]
     lines += [f"wrote {path}" for path in files]
-    conclude({**result, "failures": failures}, lines, [*warnings, *failures])
+    options.conclude({**result, "failures": failures}, lines, [*warnings, *failures])
     if failures:
         sys.exit(1)
 

@@ -9,34 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    READING_NAMES,
-    conclude,
-    exposure_option,
-    make_read_options,
-    probe_options,
-    report_options,
-    truth_options,
-    views_option,
-)
-from shrm_cli.cli.shading import (
-    brushed_options,
-    f0_option,
-    refuse_surface,
-    refuse_window,
-    window_option,
-)
+import shrm_cli as shrm
+from shrm_cli.cli import options, shading, usage
 from shrm_cli.cli.terminal import columns, progress_bar
 from shrm_cli.cli.types import BYTES, FRACTION, Spec, interval, within
-from shrm_cli.cli.usage import (
-    Applies,
-    check_outputs,
-    exclude,
-    is_quiet,
-    refuse_inapplicable,
-    wants_json,
-    wrong_usage,
-)
 from shrm_cli.extras import install
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS
@@ -79,9 +55,9 @@ _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     "as; of --representations A..B.  [default: 0.5; 0.5..1]",
 )  # fmt: skip
-@f0_option
-@brushed_options
-@window_option
+@shading.f0_option
+@shading.brushed_options
+@shading.window_option
 @click.option(
     "--steps", type=click.IntRange(2, 32), metavar="N",
     help="Roughnesses of --representations, evenly spaced.  [default: 4]",
@@ -90,19 +66,19 @@ _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
     "--eps", type=FRACTION, metavar="X", default=DEFAULT_EPS, show_default=True,
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
-@truth_options
+@options.truth_options
 @click.option(
     "--max-memory", type=BYTES, metavar="BYTES",
     help="Of --representations: the most memory that may be taken, such as 2GB. Maps are made "
     "smaller to keep it; pictures that exceed it are refused.  [default: half of the machine's]",
 )  # fmt: skip
-@views_option("views")
+@options.views_option("views")
 @click.option(
     "--size", type=click.IntRange(16, 2048),
     help="Width and height of a sphere's picture, pixels.  [default: 256; with "
     "--representations 96, and 128 with -o]",
 )  # fmt: skip
-@exposure_option
+@options.exposure_option
 @click.option(
     "--amplify", type=within(1e-6, 1e6), metavar="X", default=1.0, show_default=True,
     help="Factor of the difference images.",
@@ -116,8 +92,8 @@ _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
 @click.option(
     "--no-flip", is_flag=True, help="Leave out HDR-FLIP, which takes long for large spheres."
 )
-@probe_options
-@report_options
+@options.probe_options
+@options.report_options
 def compare(
     maps: tuple[str, ...],
     probe: str | None,
@@ -154,36 +130,33 @@ def compare(
 
         _check_representations(maps, output, roughness)
         print_representations(
-            maps[0], make_read_options(values), roughness, exposure, output,
+            maps[0], options.make_read_options(values), roughness, exposure, output,
             **{name: shown[name] for name in _SHOWN_OF_ALL}, **values,
         )  # fmt: skip
         return
-    from shrm_cli.analysis.compare import compare as compared_of
     from shrm_cli.files.picture import file_type
-    from shrm_cli.maps.file import open_map
-    from shrm_cli.probe.open import open_probe
     from shrm_cli.render.comparison import comparison_layout
     from shrm_cli.render.image import expose, exposure_advice
 
-    _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", *READING_NAMES])
+    _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", *options.READING_NAMES])
     shown["size"] = shown["size"] or _SIZE
-    source = None if probe is None else open_probe(probe, make_read_options(values))
+    source = None if probe is None else shrm.open_probe(probe, options.make_read_options(values))
     target = None if no_picture else output or "compare.png"
     if target is not None:
         file_type(target)
-        check_outputs([target], files=maps, specs=[spec])
+        usage.check_outputs([target], files=maps, specs=[spec])
         count = len(maps) - (source is None)
         # It raises if the sheet is too large.
         comparison_layout(count, len(shown["views"]), shown["size"])
-    opened = [open_map(path) for path in maps]
-    refuse_window(opened)
-    refuse_surface(opened)
+    opened = [shrm.open_map(path) for path in maps]
+    shading.refuse_window(opened)
+    shading.refuse_surface(opened)
     with progress_bar("comparing") as bar:
-        compared = compared_of(
+        compared = shrm.compare(
             opened, source, spec, names=maps, roughness=roughness and roughness[0], **shown,
             progress=bar,
             # The maps may have named measured files, which are known only then.
-            begin=lambda: check_outputs([] if target is None else [target]),
+            begin=lambda: usage.check_outputs([] if target is None else [target]),
         )  # fmt: skip
     flips, warnings = _flips(compared, no_flip)
     truth = compared.truth
@@ -197,7 +170,7 @@ def compare(
         report.append(_picture(target, compared.comparison, labels, settings))
         exposed = expose(compared.comparison.baseline, exposure)
         warnings += exposure_advice(target, exposed, exposure)
-    conclude(result, report, warnings + _too_large(result))
+    options.conclude(result, report, warnings + _too_large(result))
 
 
 def _too_large(result: dict[str, Any]) -> list[str]:
@@ -246,14 +219,18 @@ def _check_usage(
 ) -> None:
     """Refuse a single map without a truth, and options that would have no effect."""
     is_range = roughness is not None and roughness[0] < roughness[1]
-    refuse_inapplicable({
-        **dict.fromkeys(_OF_REPRESENTATIONS, Applies(False, "with --representations")),
-        "roughness": Applies(not is_range, "as a range with --representations; give one number"),
-        **dict.fromkeys(of_truth, Applies(probe is not None, "with --probe")),
+    usage.refuse_inapplicable({
+        **dict.fromkeys(_OF_REPRESENTATIONS, usage.Applies(False, "with --representations")),
+        "roughness": usage.Applies(
+            not is_range, "as a range with --representations; give one number"
+        ),
+        **dict.fromkeys(of_truth, usage.Applies(probe is not None, "with --probe")),
     })  # fmt: skip
     if probe is None and len(maps) == 1:
-        raise wrong_usage("one map has nothing to be compared with; name another, or give --probe")
-    exclude("output", "no_picture")
+        raise usage.wrong_usage(
+            "one map has nothing to be compared with; name another, or give --probe"
+        )
+    usage.exclude("output", "no_picture")
 
 
 def _check_representations(
@@ -261,14 +238,16 @@ def _check_representations(
 ) -> None:
     """Refuse several files, and options that would have no effect with --representations."""
     if len(paths) > 1:
-        raise wrong_usage(f"--representations takes a single light probe, not {len(paths)} files")
+        raise usage.wrong_usage(
+            f"--representations takes a single light probe, not {len(paths)} files"
+        )
     is_range = roughness is None or roughness[0] < roughness[1]
     place = "without --representations, where the probe stands in the place of MAP"
-    refuse_inapplicable({
-        "probe": Applies(False, place),
-        **dict.fromkeys(_OF_MAPS, Applies(False, "to maps, without --representations")),
-        "exposure": Applies(output is not None, "to the picture, with -o"),
-        "steps": Applies(is_range, "to a range of --roughness such as 0.5..1"),
+    usage.refuse_inapplicable({
+        "probe": usage.Applies(False, place),
+        **dict.fromkeys(_OF_MAPS, usage.Applies(False, "to maps, without --representations")),
+        "exposure": usage.Applies(output is not None, "to the picture, with -o"),
+        "steps": usage.Applies(is_range, "to a range of --roughness such as 0.5..1"),
     })  # fmt: skip
 
 
@@ -301,7 +280,7 @@ def _flips(
     """Return HDR-FLIP, if it will be printed and can be measured, and all warnings."""
     from shrm_cli.render.flip import can_flip
 
-    if no_flip or (is_quiet() and not wants_json()):
+    if no_flip or (usage.is_quiet() and not usage.wants_json()):
         return None, compared.warnings
     if not can_flip():
         return None, [*compared.warnings, _NO_FLIP]

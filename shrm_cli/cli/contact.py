@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from shrm_cli.cli.options import conclude, report_options
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar
-from shrm_cli.cli.usage import PAGES, check_outputs, flags
 
 if TYPE_CHECKING:
     from shrm_cli.report.contact import Contacts
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 @click.argument("maps", metavar="MAP|FOLDER...", nargs=-1, required=True, type=click.Path())
 @click.option("-o", "--output", required=True, type=click.Path(), help="HTML to write, one file.")
 @click.option("--title", default="Maps", show_default=True, help="Title of the page.")
-@report_options
+@options.report_options
 def contact(maps: tuple[str, ...], output: str, title: str) -> None:
     """Put each MAP onto one page: a row for each probe, a column for each BRDF and form.
 
@@ -32,14 +31,14 @@ def contact(maps: tuple[str, ...], output: str, title: str) -> None:
     from shrm_cli.report.contact import draw_contacts, found_maps
 
     files = found_maps(maps)
-    check_outputs([output], files=files, suffixes=PAGES)
+    usage.check_outputs([output], files=files, suffixes=usage.PAGES)
     with progress_bar("drawing") as progress:
         found = draw_contacts(files, progress)
     if not found.maps:
         raise click.ClickException(_reason(*found.failures[0]))
     size = write_contacts(found, output, title)
     seconds = sum(each.seconds for each in found.maps)
-    failures = [{"file": name, "error": flags(why)} for name, why in found.failures]
+    failures = [{"file": name, "error": usage.flags(why)} for name, why in found.failures]
     result = {
         "file": output,
         "bytes": size,
@@ -49,12 +48,12 @@ def contact(maps: tuple[str, ...], output: str, title: str) -> None:
     }
     count = len(found.maps)
     lines = [f"{output}: {count:,} maps, {size:,} bytes, {seconds / max(count, 1):.2g} s each"]
-    conclude(result, lines, failures=[_reason(*each) for each in found.failures])
+    options.conclude(result, lines, failures=[_reason(*each) for each in found.failures])
 
 
 def _reason(name: str, why: str) -> str:
     """Why a map is not shown, with the name of its file before it once."""
-    return f"{name}: {flags(why).removeprefix(name + ': ')}"
+    return f"{name}: {usage.flags(why).removeprefix(name + ': ')}"
 
 
 def write_contacts(found: Contacts, output: str, title: str) -> int:
@@ -62,6 +61,6 @@ def write_contacts(found: Contacts, output: str, title: str) -> int:
     from shrm_cli.files.whole import write_bytes
     from shrm_cli.report.contact import contact_page
 
-    text = contact_page(found, output, title, flags).encode("utf-8", "replace")
+    text = contact_page(found, output, title, usage.flags).encode("utf-8", "replace")
     write_bytes(output, text)
     return len(text)

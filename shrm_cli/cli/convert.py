@@ -1,60 +1,20 @@
 """`shrm convert` makes other representations of maps, and other layouts of maps and probes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click
 
-from shrm_cli.cli.options import (
-    COLORS,
-    TURNS,
-    command_with_headings,
-    conclude,
-    make_read_options,
-    precision_option,
-    probe_options,
-    reading_rules,
-    report_options,
-    representation_options,
-    several,
-)
+import shrm_cli as shrm
+from shrm_cli import vocabulary
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import surface_options
 from shrm_cli.cli.terminal import echo, progress_bar
 from shrm_cli.cli.types import DIRECTION, Named
-from shrm_cli.cli.usage import (
-    Applies,
-    check_outputs,
-    force_option,
-    given_options,
-    map_stem,
-    refuse_inapplicable,
-    renamed,
-    source_stem,
-    wants_json,
-)
 from shrm_cli.files.whole import keeping
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions, installed_names
-from shrm_cli.vocabulary import (
-    CONTAINERS,
-    FRAMES,
-    IMAGE_LAYOUTS,
-    LAYERS,
-    LAYOUTS,
-    LOOKUPS,
-    MAX_ORDER_P,
-    MIP_LAYOUTS,
-    ORIENTATIONS,
-    REPRESENTATIONS,
-    SAMPLINGS,
-    Lookup,
-    Orientation,
-    Precision,
-    Sampling,
-)
 
-_TARGETS = [*REPRESENTATIONS, *LAYOUTS, LAYERS]
+_TARGETS = [*vocabulary.REPRESENTATIONS, *vocabulary.LAYOUTS, vocabulary.LAYERS]
 _OURS = {"sampling": "to_sampling", "orientation": "to_orientation", "path": "output"}
 """What the command calls arguments of `shrm_cli.convert`."""
 
@@ -64,14 +24,14 @@ def _converts(option: Option) -> bool:
     return option.converts
 
 
-_plain_options = several(
+_plain_options = options.several(
     click.option(
         "--view", type=DIRECTION,
         help="With --to latlong, of a map: the light reflected to a distant viewer there, "
         "degrees, as a plain image.",
     ),
     click.option(
-        "--by", type=click.Choice(LOOKUPS),
+        "--by", type=click.Choice(vocabulary.LOOKUPS),
         help="With --view, what a pixel's direction is: the mirror direction, or the normal.  "
         "[default: as the map itself is looked up]",
     ),
@@ -84,7 +44,7 @@ _plain_options = several(
 """The options of plain images of `shrm convert`."""
 
 
-@click.command(cls=command_with_headings({}, "Options", _converts))
+@click.command(cls=options.command_with_headings({}, "Options", _converts))
 @click.argument("source", metavar="IN", type=click.Path())
 @click.option(
     "--to", "target", type=Named(_TARGETS, installed_names), required=True,
@@ -96,31 +56,33 @@ _plain_options = several(
     help="Of --to layers: print the code that looks the map up in them, too.",
 )  # fmt: skip
 @click.option("-o", "--output", type=click.Path(), help="File to write.  [default: IN.TO.exr]")
-@force_option
+@usage.force_option
 @click.option(
-    "--frame", type=click.Choice(FRAMES),
+    "--frame", type=click.Choice(vocabulary.FRAMES),
     help="Axes of the view in an SHRM.  [default: those of IN]",
 )  # fmt: skip
 @click.option(
-    "--order-p", type=click.IntRange(0, MAX_ORDER_P),
+    "--order-p", type=click.IntRange(0, vocabulary.MAX_ORDER_P),
     help="Order P of the SHRM.  [default: as high as IN has it or determines it]",
 )  # fmt: skip
-@representation_options(_converts)
+@options.representation_options(_converts)
 @_plain_options
 @click.option(
     "--size", type=click.IntRange(1, 8192),
     help="Texels along a face's edge; height of a lat-long or angular map.  [default: as fine]",
 )  # fmt: skip
 @click.option(
-    "--to-orientation", type=click.Choice(ORIENTATIONS),
+    "--to-orientation", type=click.Choice(vocabulary.ORIENTATIONS),
     help="Orientation of the cube faces to write.  [default: openexr for --to openexr, else gl]",
 )  # fmt: skip
 @click.option(
-    "--to-sampling", type=click.Choice(SAMPLINGS), help="Where the edge pixels to write lie."
+    "--to-sampling",
+    type=click.Choice(vocabulary.SAMPLINGS),
+    help="Where the edge pixels to write lie.",
 )
-@precision_option
-@probe_options
-@report_options
+@options.precision_option
+@options.probe_options
+@options.report_options
 def convert(
     source: str,
     target: str,
@@ -128,14 +90,14 @@ def convert(
     force: bool,
     shader: str | None,
     size: int | None,
-    to_orientation: Orientation | None,
-    to_sampling: Sampling | None,
+    to_orientation: vocabulary.Orientation | None,
+    to_sampling: vocabulary.Sampling | None,
     view: tuple[float, float] | None,
-    by: Lookup | None,
+    by: vocabulary.Lookup | None,
     roughness: float | None,
     f0: str | None,
     mips: bool,
-    precision: Precision,
+    precision: vocabulary.Precision,
     **values: Any,
 ) -> None:
     """Convert IN, a map or a light probe.
@@ -157,15 +119,12 @@ def convert(
       shrm convert probe.ggx.principal.exr --to latlong --view 30,10 --by normal
       shrm convert probe.splitsum.exr --to latlong --mips
     """
-    from shrm_cli.convert.convert import convert as converted
-    from shrm_cli.maps.file import is_map
-
     is_plain = view is not None or mips
     named = _plain_name(source, target, view) if is_plain else _default_name(source, target)
     path = output or named
-    reading = make_read_options(values)
-    from_map = is_map(source)
-    refuse_inapplicable(
+    reading = options.make_read_options(values)
+    from_map = shrm.is_map(source)
+    usage.refuse_inapplicable(
         _rules(target) | _rules_of_source(from_map) | _plain_rules(target, from_map, view, mips)
     )
     names = [path]
@@ -175,77 +134,81 @@ def convert(
         names = face_paths(path)
     if not (output or force):
         click.get_current_context().with_resource(keeping(*names))
-    check_outputs(names, files=[source], suffixes=CONTAINERS)
-    own = {name: values[name] for name in given_options() if name in values}
-    with renamed(**_OURS), progress_bar("converting") as progress:
-        made = converted(
+    usage.check_outputs(names, files=[source], suffixes=vocabulary.CONTAINERS)
+    own = {name: values[name] for name in usage.given_options() if name in values}
+    with usage.renamed(**_OURS), progress_bar("converting") as progress:
+        made = shrm.convert(
             source, target, size=size, orientation=to_orientation, sampling=to_sampling,
             shader=shader, view=view, by=by, roughness=roughness, f0=f0, mips=mips,
             reading=reading, progress=progress, **own,
         )  # fmt: skip
         written = made.save(path, precision)
     code = written.result.get("shader")
-    if code is not None and not wants_json():
+    if code is not None and not usage.wants_json():
         echo(code.rstrip("\n"))
-    conclude(written.result, [written.report], written.warnings, err=code is not None)
+    options.conclude(written.result, [written.report], written.warnings, err=code is not None)
 
 
-def _rules_of_source(is_map: bool) -> dict[str, Applies]:
+def _rules_of_source(is_map: bool) -> dict[str, usage.Applies]:
     """Return, for each option of reading, whether it applies to the file that is converted."""
-    rules = reading_rules(not is_map, "to probes; IN is a map")
-    return rules | dict.fromkeys((*TURNS, *COLORS), Applies(True, "to probes and maps"))
+    rules = options.reading_rules(not is_map, "to probes; IN is a map")
+    return rules | dict.fromkeys(
+        (*options.TURNS, *options.COLORS), usage.Applies(True, "to probes and maps")
+    )
 
 
-def _rules(target: str) -> dict[str, Applies]:
+def _rules(target: str) -> dict[str, usage.Applies]:
     """Return, for each option, whether it applies to the representation that is converted to."""
-    known = descriptions(*([] if target in (*LAYOUTS, LAYERS) else [target]))
+    known = descriptions(*([] if target in (*vocabulary.LAYOUTS, vocabulary.LAYERS) else [target]))
     of_brdf = [name for name, each in known.items() if each.needs_brdf]
     framed = owners(known, "frame")
     rules = {
-        "frame": Applies(target in framed, f"with --to {listing(framed, 'or')}"),
-        "order_p": Applies(target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
-        "shader": Applies(target == LAYERS, f"with --to {LAYERS}"),
+        "frame": usage.Applies(target in framed, f"with --to {listing(framed, 'or')}"),
+        "order_p": usage.Applies(target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
+        "shader": usage.Applies(target == vocabulary.LAYERS, f"with --to {vocabulary.LAYERS}"),
         **dict.fromkeys(
             ("size", "to_orientation", "to_sampling"),
-            Applies(target != LAYERS, f"to all but --to {LAYERS}"),
+            usage.Applies(target != vocabulary.LAYERS, f"to all but --to {vocabulary.LAYERS}"),
         ),
     }
     for option in filter(_converts, all_options(known).values()):
         of = owners(known, option.name)
-        rules.setdefault(option.name, Applies(target in of, f"with --to {listing(of, 'or')}"))
+        rules.setdefault(option.name, usage.Applies(target in of, f"with --to {listing(of, 'or')}"))
     return rules
 
 
 def _default_name(source: str, target: str) -> str:
     """Return the name of an output after that of its source, without what it was before."""
-    is_form = target not in (*LAYOUTS, LAYERS)
-    stem = source_stem(source, {*REPRESENTATIONS, target} if is_form else IMAGE_LAYOUTS)
+    is_form = target not in (*vocabulary.LAYOUTS, vocabulary.LAYERS)
+    stem = usage.source_stem(
+        source, {*vocabulary.REPRESENTATIONS, target} if is_form else vocabulary.IMAGE_LAYOUTS
+    )
     return f"{stem}_%.exr" if target == "faces" else f"{stem}.{target}.exr"
 
 
-def _plain_rules(target: str, is_map: bool, view: object, mips: bool) -> dict[str, Applies]:
+def _plain_rules(target: str, is_map: bool, view: object, mips: bool) -> dict[str, usage.Applies]:
     """Return when the options of plain images apply, and when those of other conversions do not."""
     seen = view is not None
-    with_view = Applies(seen, "with --view")
+    with_view = usage.Applies(seen, "with --view")
     rules = {
-        "view": Applies(is_map and target == "latlong", "with --to latlong, to maps"),
-        "mips": Applies(
-            is_map and target in MIP_LAYOUTS and not seen,
+        "view": usage.Applies(is_map and target == "latlong", "with --to latlong, to maps"),
+        "mips": usage.Applies(
+            is_map and target in vocabulary.MIP_LAYOUTS and not seen,
             "to split sums, with --to latlong or openexr",
         ),
         **dict.fromkeys(("by", "roughness", "f0"), with_view),
     }
     if seen or mips:
-        rules["to_orientation"] = Applies(False, "to cubes; OpenEXR's is written here")
+        rules["to_orientation"] = usage.Applies(False, "to cubes; OpenEXR's is written here")
     if mips and target == "openexr":
-        rules["to_sampling"] = Applies(False, "to lat-longs; cubes have texel centers here")
-        rules["size"] = Applies(False, "to lat-longs; the levels of a cube are copied")
+        rules["to_sampling"] = usage.Applies(False, "to lat-longs; cubes have texel centers here")
+        rules["size"] = usage.Applies(False, "to lat-longs; the levels of a cube are copied")
     return rules
 
 
 def _plain_name(source: str, target: str, view: tuple[float, float] | None) -> str:
     """Return the default name of a plain image."""
     if view is None:
-        return f"{map_stem(source)}.{target}.mips.exr"
+        return f"{usage.map_stem(source)}.{target}.mips.exr"
     azimuth, elevation = view
-    return f"{map_stem(source)}.latlong.view{azimuth:g}_{elevation:g}.exr"
+    return f"{usage.map_stem(source)}.latlong.view{azimuth:g}_{elevation:g}.exr"

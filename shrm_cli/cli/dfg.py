@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from shrm_cli.cli.options import optional_brdf_option, precision_option, report_options, tell
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar
-from shrm_cli.cli.usage import check_outputs, exclude, force_option, given_options
 from shrm_cli.files.whole import keeping
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import CONTAINERS, Precision
@@ -40,14 +39,14 @@ _COLUMNS = "fdez-aguera", "turquin", "gltf", "filament"
     help="A third column of GGX's table: the light that multiple scattering adds (fdez-aguera, "
     "turquin), or cloth as the engine has it (gltf, filament).",
 )  # fmt: skip
-@optional_brdf_option
+@options.optional_brdf_option
 @click.option(
     "-o", "--output", type=click.Path(), default="dfg.exr", show_default=True,
     help="OpenEXR, KTX 2 or 16-bit PNG file to write.",
 )  # fmt: skip
-@force_option
-@precision_option
-@report_options
+@usage.force_option
+@options.precision_option
+@options.report_options
 def dfg(
     size: int,
     multiscatter: bool,
@@ -91,12 +90,12 @@ def dfg(
     from shrm_cli.export.table import SUFFIXES, write_texture
 
     for one, other in combinations(("multiscatter", "moments", "columns", "brdf"), 2):
-        exclude(one, other)
-    check_outputs([output], specs=[brdf], suffixes=(*CONTAINERS, *SUFFIXES))
+        usage.exclude(one, other)
+    usage.check_outputs([output], specs=[brdf], suffixes=(*CONTAINERS, *SUFFIXES))
     kind: Kind | None = "moments" if moments else "multiscatter" if multiscatter else columns
     with progress_bar("integrating") as progress, using(progress):
         made = table_of(brdf, kind=kind, size=size)
-    is_kept = not force and "output" not in given_options()
+    is_kept = not force and "output" not in usage.given_options()
     with keeping(*([output] if is_kept else [])):
         if output.lower().endswith(SUFFIXES):
             pixel_type = write_texture(output, made.texels, precision)
@@ -127,4 +126,4 @@ def dfg(
         f"  white furnace  {white.min():.2%} to {white.max():.2%}"
         + ("" if made.kind == "albedo" else " at f0 = 1 by single scattering"),
     ]
-    tell(result, lines)
+    options.tell(result, lines)

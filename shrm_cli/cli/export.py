@@ -8,25 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    conclude,
-    make_read_options,
-    probe_options,
-    reading_rules,
-    report_options,
-    several,
-)
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import Named
-from shrm_cli.cli.usage import (
-    check_outputs,
-    flags,
-    force_option,
-    refuse_inapplicable,
-    renamed,
-    source_stem,
-    wrong_usage,
-)
 from shrm_cli.errors import ShrmError
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
@@ -80,7 +64,7 @@ texel_options = (
     help="Folder to write into; of several engines each gets a folder of its name in it.  "
     "[default: NAME.ENGINE in the current folder]",
 )  # fmt: skip
-@force_option
+@usage.force_option
 @click.option(
     "--size", type=click.IntRange(1, 4096),
     help="Texels along an edge of level 0, or rows of a lat-long.  [default: the engine's]",
@@ -94,14 +78,14 @@ texel_options = (
     "--into", metavar="MODEL", type=click.Path(),
     help="Put the light into a copy of a glTF file, .glb or .gltf, where the engine reads glTF.",
 )  # fmt: skip
-@several(*texel_options)
+@options.several(*texel_options)
 @click.option(
     "--sun", type=click.Choice(["split"]),
     help="split: take the lamps out, and make lights of the engine of them (three, filament, "
     "bevy, godot, usd).",
 )  # fmt: skip
-@probe_options
-@report_options
+@options.probe_options
+@options.report_options
 def export(
     sources: tuple[str, ...],
     engines: tuple[str, ...],
@@ -136,15 +120,15 @@ def export(
     from shrm_cli.export.make import Asked, made_folder
 
     names = list(ENGINES) if "all" in engines else list(dict.fromkeys(engines))
-    reading = make_read_options(values)
-    name = source_stem(sources[0], REPRESENTATIONS)
+    reading = options.make_read_options(values)
+    name = usage.source_stem(sources[0], REPRESENTATIONS)
     is_kept = reading.working is not None
     asked = Asked(
         size, texel_format, skybox, window, dfg, is_kept, max_error, into, firefly_safe, sun
     )
     if len(names) == 1:
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
-        conclude(*_exported(sources, names[0], folder, asked, reading, force))
+        options.conclude(*_exported(sources, names[0], folder, asked, reading, force))
         return
     results, lines, warnings, failures = [], [], [], []
     with made_folder(Path(output)) if output else nullcontext():
@@ -153,12 +137,12 @@ def export(
             try:
                 result, told, warned = _exported(sources, each, folder, asked, reading, force)
             except ShrmError as error:
-                failures.append(f"{each}: {flags(str(error))}")
+                failures.append(f"{each}: {usage.flags(str(error))}")
                 continue
             results.append(result)
             lines += told
             warnings += [line for line in warned if line not in warnings]
-    conclude({"exports": results, "failures": failures}, lines, warnings, failures)
+    options.conclude({"exports": results, "failures": failures}, lines, warnings, failures)
 
 
 def _exported(
@@ -174,20 +158,20 @@ def _exported(
     from shrm_cli.export.make import Source, check, export, write
     from shrm_cli.maps.file import is_map
 
-    name = source_stem(sources[0], REPRESENTATIONS)
+    name = usage.source_stem(sources[0], REPRESENTATIONS)
     chosen = engine_of(engine)
-    with renamed(texels="format", safe="firefly_safe"):
+    with usage.renamed(texels="format", safe="firefly_safe"):
         check(chosen, asked)
     if is_map(sources[0]):
-        refuse_inapplicable(reading_rules(False, "to probes; this is a map"))
+        usage.refuse_inapplicable(options.reading_rules(False, "to probes; this is a map"))
     elif len(sources) > 1:
-        raise wrong_usage(f"{sources[0]} is a probe; export it alone")
+        raise usage.wrong_usage(f"{sources[0]} is a probe; export it alone")
     source = Source.open(sources, name, reading)
-    check_outputs([str(folder / name) if folder.is_dir() else str(folder)])
-    with renamed(texels="format"), progress_bar(f"exporting for {engine}") as progress:
+    usage.check_outputs([str(folder / name) if folder.is_dir() else str(folder)])
+    with usage.renamed(texels="format"), progress_bar(f"exporting for {engine}") as progress:
         made = export(source, chosen, asked, progress)
     if folder.is_dir():
-        check_outputs([str(folder / file.name) for file in made.files])
+        usage.check_outputs([str(folder / file.name) for file in made.files])
     paths = write(made, folder, kept=not force)
     result = {
         "engine": engine,

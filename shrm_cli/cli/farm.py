@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from shrm_cli.cli import usage
 from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo, echo_message
 from shrm_cli.cli.types import Parsed
-from shrm_cli.cli.usage import given_options, wrong_usage
 from shrm_cli.messages import has_secret
 
 if TYPE_CHECKING:
@@ -58,9 +58,9 @@ def refuse_for_farms() -> None:
 
     Raises click.UsageError if one is given.
     """
-    given = given_options()
+    given = usage.given_options()
     for name in _FOR_ALL.keys() & given.keys():
-        raise wrong_usage(f"leave out {given[name]}, {_FOR_ALL[name]}")
+        raise usage.wrong_usage(f"leave out {given[name]}, {_FOR_ALL[name]}")
 
 
 def write_farm_files(

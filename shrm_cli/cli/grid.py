@@ -7,17 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    NamedColors,
-    announce,
-    conclude,
-    report_options,
-    room_options,
-    textures_left_out,
-)
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import BOX, COUNTS
-from shrm_cli.cli.usage import Applies, check_outputs, force_option, refuse_inapplicable
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 
@@ -45,7 +37,7 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
     "--order", type=click.IntRange(1, MAX_GRID_ORDER), default=2, show_default=True,
     help="Largest degree of the harmonics.",
 )  # fmt: skip
-@room_options
+@options.room_options
 @click.option(
     "--samples", type=click.IntRange(16, 65536), default=1024, show_default=True,
     help="Directions along which each probe looks.",
@@ -55,8 +47,8 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
     help="reflected leaves out what comes straight from lamps, which engines may add "
     "themselves; .npz holds both.",
 )  # fmt: skip
-@force_option
-@report_options
+@usage.force_option
+@options.report_options
 def grid(
     source: str,
     output: str | None,
@@ -64,8 +56,8 @@ def grid(
     box: tuple[float, ...] | None,
     order: int,
     probe: str | None,
-    albedo: NamedColors,
-    emit: NamedColors,
+    albedo: options.NamedColors,
+    emit: options.NamedColors,
     samples: int,
     light: str,
     force: bool,
@@ -87,21 +79,21 @@ def grid(
     from shrm_cli.rooms.make import grid as grid_of
 
     target, suffix = _target(source, output)
-    check_outputs([target], files=[source, *([probe] if probe else [])])
+    usage.check_outputs([target], files=[source, *([probe] if probe else [])])
     is_table = source.lower().endswith(".csv")
     is_baked = is_grid(source)
-    of_rooms = Applies(not (is_table or is_baked), "to rooms")
-    refuse_inapplicable(
+    of_rooms = usage.Applies(not (is_table or is_baked), "to rooms")
+    usage.refuse_inapplicable(
         dict.fromkeys(("size", "box", "probe", "albedo", "emit", "samples"), of_rooms)
-        | {"order": Applies(not is_baked, "to rooms and tables")}
-        | {"light": Applies(suffix != ".npz", "to other files than .npz, which holds both")}
+        | {"order": usage.Applies(not is_baked, "to rooms and tables")}
+        | {"light": usage.Applies(suffix != ".npz", "to other files than .npz, which holds both")}
     )
     planned: list[RoomPlan] = []
 
     def begin(plan: RoomPlan) -> None:
         planned.append(plan)
         count = " x ".join(map(str, plan.lattice.shape))
-        announce([f"{source}: {len(plan.mesh.faces):,} triangles, {count} probes"])
+        options.announce([f"{source}: {len(plan.mesh.faces):,} triangles, {count} probes"])
 
     with progress_bar("projecting" if is_table else "gathering") as progress:
         found = grid_of(
@@ -117,13 +109,13 @@ def grid(
     shape = " x ".join(map(str, said["shape"]))
     lines = [f"{target}: {shape} probes, order {found.order}, {bytes_written:,} bytes"]
     lines += _lines(said, light == "all")
-    warnings = textures_left_out(source, planned[0].textured if planned else [])
+    warnings = options.textures_left_out(source, planned[0].textured if planned else [])
     if said.get("in_walls") == found.lattice.count:
         warnings.append(
             f"{source}: all probes lie behind surfaces, whose triangles seem to face outwards; "
             "turn them round, or give `box` within the room"
         )
-    conclude({"file": target, **said, "bytes": bytes_written}, lines, warnings)
+    options.conclude({"file": target, **said, "bytes": bytes_written}, lines, warnings)
 
 
 def _target(source: str, output: str | None) -> tuple[str, str]:

@@ -1,19 +1,10 @@
 """`shrm info` prints what a file is."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click
 
-from shrm_cli.cli.options import (
-    conclude,
-    make_read_options,
-    probe_options,
-    reading_rules,
-    report_options,
-)
-from shrm_cli.cli.usage import refuse_inapplicable, wants_json
+from shrm_cli.cli import options, usage
 
 
 @click.command()
@@ -22,8 +13,8 @@ from shrm_cli.cli.usage import refuse_inapplicable, wants_json
     "--stats/--no-stats", default=True, show_default=True,
     help="Read the pixels of a probe: range, irradiance, white balance, lamps.",
 )  # fmt: skip
-@probe_options
-@report_options
+@options.probe_options
+@options.report_options
 def info(file: str, stats: bool, **reading: Any) -> None:
     """Print what FILE is: a map or table of shrm, a light probe, light file or measured BRDF.
 
@@ -35,12 +26,14 @@ def info(file: str, stats: bool, **reading: Any) -> None:
     from shrm_cli.analysis.describe import describe
     from shrm_cli.analysis.facts import fact_text
 
-    found = describe(file, make_read_options(reading), stats=stats)
-    refuse_inapplicable(reading_rules(found.is_probe, f"to probes; FILE {found.what}"))
-    facts = found.facts if wants_json() else found.facts | found.words
+    found = describe(file, options.make_read_options(reading), stats=stats)
+    usage.refuse_inapplicable(
+        options.reading_rules(found.is_probe, f"to probes; FILE {found.what}")
+    )
+    facts = found.facts if usage.wants_json() else found.facts | found.words
     width = max(len(key) for key in found.facts)
     lines = [file]
     for key, value in facts.items():
         text = fact_text(value).replace("\n", "\n" + " " * (width + 4))
         lines.append(f"  {key.replace('_', ' '):<{width}}  {text}")
-    conclude({"file": file, **found.facts}, lines, found.warnings)
+    options.conclude({"file": file, **found.facts}, lines, found.warnings)

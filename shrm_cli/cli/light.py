@@ -8,17 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    conclude,
-    make_read_options,
-    precision_option,
-    probe_options,
-    reading_rules,
-    report_options,
-    view_option,
-)
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.types import COEFFICIENT, DIMMING, RADIANCE, STOPS, TURN
-from shrm_cli.cli.usage import Applies, check_outputs, refuse_inapplicable
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import Precision
 
@@ -54,8 +46,8 @@ def light() -> None:
 )  # fmt: skip
 @click.option("--rotate", type=TURN, help="Turn the light about x, y, z or an axis X/Y/Z.")
 @click.option("--add", type=click.Path(), multiple=True, metavar="LIGHT", help="Add another light.")
-@probe_options
-@report_options
+@options.probe_options
+@options.report_options
 def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **values: Any) -> None:
     """Edit LIGHT: set, scale, dim and rotate it, in this order, and then add others.
 
@@ -70,43 +62,43 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
       shrm light edit dim.exr --scale 1000 -o bright.toml
       shrm light edit studio.toml --rotate y:40 --add lamp.toml -o turned.toml
     """
-    from shrm_cli.lights.edit import edit_light
     from shrm_cli.lights.light_files import write_coefficients, write_light_file
 
-    check_outputs([output], files=[file, *add], suffixes=(*_WRITTEN, ".toml"))
+    usage.check_outputs([output], files=[file, *add], suffixes=(*_WRITTEN, ".toml"))
     to_tables = output.lower().endswith(".toml")
-    refuse_inapplicable({"order": Applies(not to_tables, "to coefficients")})
-    refuse_inapplicable(reading_rules(not to_tables, "to coefficients; a light file has them"))
+    usage.refuse_inapplicable({"order": usage.Applies(not to_tables, "to coefficients")})
+    usage.refuse_inapplicable(
+        options.reading_rules(not to_tables, "to coefficients; a light file has them")
+    )
     wanted = _edit(values)
     if to_tables:
         tables, working = _edited_tables(file, output, add, wanted)
         write_light_file(output, tables, working)
         count = sum(map(len, tables.values()))
-        conclude(
+        options.conclude(
             {"file": output, "lights": count},
             [f"{output}: {count} light{'s' if count > 1 else ''}"],
         )
         return
-    found, warnings = edit_light(file, wanted, add, order, make_read_options(values))
+    found, warnings = shrm.edit_light(file, wanted, add, order, options.make_read_options(values))
     write_coefficients(output, found)
     result = {"file": output, "coefficients": found.tolist()}
-    conclude(result, [f"{output}: {len(found)} coefficients"], warnings)
+    options.conclude(result, [f"{output}: {len(found)} coefficients"], warnings)
 
 
-def _edit(values: dict[str, Any]) -> Edit:
+def _edit(values: dict[str, Any]) -> shrm.Edit:
     """Return what the options ask for; they are taken out of the values."""
     import numpy as np
 
-    from shrm_cli.lights.edit import Dimming, Edit
     from shrm_cli.sphere.directions import from_azimuth_elevation, turn_about
 
     scale, rotate = values.pop("scale"), values.pop("rotate")
     dims = [
-        Dimming(from_azimuth_elevation(*direction), factor, width)
+        shrm.Dimming(from_azimuth_elevation(*direction), factor, width)
         for direction, factor, width in values.pop("dim")
     ]
     numbers = [(index, np.broadcast_to(rgb, 3)) for index, rgb in values.pop("numbers")]
-    return Edit(
+    return shrm.Edit(
         numbers,
         np.broadcast_to(1.0 if scale is None else scale, 3),
         dims,
@@ -143,10 +135,9 @@ def _tables(path: str, working: Any) -> tuple[Tables, Any]:
     """Return the tables and `working` of a light file; of another file, those that name it."""
     from shrm_cli.probe.image_file import is_light_file
     from shrm_cli.probe.light_file import read_light_tables
-    from shrm_cli.probe.open import open_probe
     from shrm_cli.probe.series import holds_series
 
-    open_probe(path)  # what is wrong with it is said
+    shrm.open_probe(path)  # what is wrong with it is said
     if is_light_file(path):
         return read_light_tables(path)
     return {"sh" if holds_series(path) else "probe": [{"file": Path(path).name}]}, working
@@ -161,7 +152,7 @@ def _tables(path: str, working: Any) -> tuple[Tables, Any]:
 @click.option(
     "--order", type=click.IntRange(0, 8), default=2, show_default=True, help="Largest degree."
 )  # fmt: skip
-@view_option
+@options.view_option
 @click.option(
     "--size", type=click.IntRange(16, 2048), default=192, show_default=True,
     help="Width and height of a picture, pixels.",
@@ -177,8 +168,8 @@ def _tables(path: str, working: Any) -> tuple[Tables, Any]:
     "--columns", type=click.IntRange(1), metavar="N",
     help="Columns of the sheet.  [default: as square as possible]",
 )  # fmt: skip
-@precision_option
-@report_options
+@options.precision_option
+@options.report_options
 def basis(
     mesh: str | None,
     output: str,
@@ -203,14 +194,13 @@ def basis(
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.render.basis import basis_maps, basis_names, basis_subject
-    from shrm_cli.render.camera import Viewer
     from shrm_cli.render.scene import Scene
     from shrm_cli.transfer.file import read_transfer
 
     file_type(output)
-    check_outputs([output], files=[path for path in (mesh, transfer) if path])
-    refuse_inapplicable({"transfer": Applies(mesh is not None, "to a mesh")})
-    viewer, names = Viewer(*view), basis_names(order)
+    usage.check_outputs([output], files=[path for path in (mesh, transfer) if path])
+    usage.refuse_inapplicable({"transfer": usage.Applies(mesh is not None, "to a mesh")})
+    viewer, names = shrm.Viewer(*view), basis_names(order)
     loaded = None if mesh is None else load_mesh(mesh)
     baked = None if transfer is None else read_transfer(transfer)
     subject, materials = basis_subject(basis_maps(order), loaded, baked, size, viewer)
@@ -224,4 +214,4 @@ def basis(
     pixels = write_picture(output, picture, precision, picture_attributes(recipe, []))
     height, width = scene.shape
     result = {"file": output, "names": names, "width": width, "height": height}
-    conclude(result, [f"{output}: {len(names)} harmonics, {width} x {height}, {pixels}"])
+    options.conclude(result, [f"{output}: {len(names)} harmonics, {width} x {height}, {pixels}"])

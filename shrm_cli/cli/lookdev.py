@@ -9,20 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.moving import fps_option, frame_targets, max_memory_option
-from shrm_cli.cli.options import (
-    conclude,
-    make_read_options,
-    materials_option,
-    precision_option,
-    probe_options,
-    report_options,
-    shared_options,
-    view_option,
-)
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import STOPS, Named
-from shrm_cli.cli.usage import Applies, check_outputs, flags, refuse_inapplicable
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
@@ -41,7 +32,7 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
 
 @click.command()
 @click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=click.Path())
-@materials_option
+@options.materials_option
 @click.option(
     "-o", "--output", type=click.Path(), default="lookdev.png", show_default=True,
     help="PNG, EXR or HTML page; turntable .apng, .gif or .mp4, or frames named with %04d.",
@@ -50,8 +41,8 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
     "--to", type=Named([AUTO, *_FORMS], installed_names), default=AUTO, show_default=True,
     help="Representation of the maps.",
 )  # fmt: skip
-@shared_options(*_MAKING)
-@view_option
+@options.shared_options(*_MAKING)
+@options.view_option
 @click.option(
     "--size", type=click.IntRange(16, 2048), default=256, show_default=True,
     help="Width and height of a cell, pixels.",
@@ -66,9 +57,9 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
 )  # fmt: skip
 @fps_option
 @max_memory_option
-@precision_option
-@probe_options
-@report_options
+@options.precision_option
+@options.probe_options
+@options.report_options
 def lookdev(
     probes: tuple[str, ...],
     specs: tuple[str, ...],
@@ -97,33 +88,31 @@ def lookdev(
       shrm lookdev hdr/*.exr --brdf paint.binary --brdf ggx -o sheet.html
       shrm lookdev city.exr --brdf ggx:roughness=0.3 --frames 36 -o turn.gif
     """
-    from shrm_cli.lookdev.sheet import lookdev as made_of
     from shrm_cli.maps.request import check_arguments
-    from shrm_cli.render.camera import Viewer
     from shrm_cli.render.moving import turntable
     from shrm_cli.render.sheet import Grid
 
     suffix = Path(output).suffix.lower()
-    refuse_inapplicable(
+    usage.refuse_inapplicable(
         {
-            "frames": Applies(suffix != ".html", "to pictures; a page shows one view"),
-            "precision": Applies(suffix == ".exr", "to EXR"),
+            "frames": usage.Applies(suffix != ".html", "to pictures; a page shows one view"),
+            "precision": usage.Applies(suffix == ".exr", "to EXR"),
         }
     )
     steps, targets = frame_targets(output, frames)
     given = {name: values.pop(name) for name in _MAKING}
     given = {name: value for name, value in given.items() if value is not None}
     check_arguments(to, [*given, "brdf"])
-    reading = make_read_options(values)
+    reading = options.make_read_options(values)
     note(*(path for path in probes if "%" not in path))
-    check_outputs(targets, specs=specs, suffixes=_PICTURES)
+    usage.check_outputs(targets, specs=specs, suffixes=_PICTURES)
     _check_sheet(Grid(len(specs), len(probes), size), output, steps, max_memory)
     with progress_bar("prefiltering") as progress:
-        made = made_of(
+        made = shrm.lookdev(
             probes, specs, to, size=size, exposure=exposure, reading=reading, progress=progress,
             **given,
         )  # fmt: skip
-    failures = [flags(line) for line in made.failures]
+    failures = [usage.flags(line) for line in made.failures]
     if len(failures) == len(specs) * len(probes):
         raise click.ClickException(failures[0])
     said = {"to": to, **made.arguments, "view": list(view), "size": size}
@@ -131,12 +120,12 @@ def lookdev(
         "lookdev": [Path(path).name for path in probes], "brdfs": list(specs), **said,
         "exposure": exposure,
     }  # fmt: skip
-    viewers = turntable(Viewer(*view), steps) if steps else [Viewer(*view)]
+    viewers = turntable(shrm.Viewer(*view), steps) if steps else [shrm.Viewer(*view)]
     written = _write(made, viewers, targets, precision, fps or DEFAULT_FPS, recipe)
     pairs = f"{counted(len(specs), 'material')} x {counted(len(probes), 'probe')}"
     warnings = [f"{each.path}: {line}" for each in made.columns for line in each.warnings]
     result = {"files": targets, **said, "frames": steps, **_facts(made), "failures": failures}
-    conclude(result, [f"{output}: {pairs}, {written}"], [*warnings, *failures])
+    options.conclude(result, [f"{output}: {pairs}, {written}"], [*warnings, *failures])
     if failures:
         sys.exit(1)
 

@@ -15,8 +15,8 @@ import click
 
 import shrm_cli
 from shrm_cli import settings
+from shrm_cli.cli import usage
 from shrm_cli.cli.terminal import echo_message, tell_nobody
-from shrm_cli.cli.usage import flags
 from shrm_cli.errors import ArgumentError, PluginError, ShrmError, ShrmWarning
 from shrm_cli.files.whole import protecting
 from shrm_cli.settings import limit_small_products
@@ -173,7 +173,7 @@ def main(arguments: list[str] | None = None) -> None:
         _fail(error.format_message(), error.exit_code)
     except ArgumentError as error:
         command = f"shrm {_named(arguments)}".rstrip()
-        _fail(f"{flags(str(error), arguments)}; see {command} --help", 2)
+        _fail(f"{usage.flags(str(error), arguments)}; see {command} --help", 2)
     except (KeyboardInterrupt, click.Abort):
         _fail("interrupted", 130)
     except _Stopped as stop:
@@ -205,7 +205,7 @@ def _warn(lines: list[str]) -> None:
 
 def _one_line(error: BaseException, arguments: list[str]) -> str:
     if isinstance(error, ShrmError):
-        return flags(str(error), arguments)
+        return usage.flags(str(error), arguments)
     if isinstance(error, MemoryError):
         return "out of memory; lower --size or the orders"
     if isinstance(error, OSError) and error.strerror:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import several
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.types import BYTES, TURN, way, within
-from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, wrong_usage
 from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ frames_option = click.option(
     "each, whose name holds %04d, or one moving picture.  "
     f"[default of .apng, .gif, .mp4: {DEFAULT_FRAMES}]",
 )  # fmt: skip
-light_options = several(
+light_options = options.several(
     click.option(
         "--turn-light", type=TURN,
         help="Turn the light about x, y, z or an axis X/Y/Z by so many degrees, or by equal steps "
@@ -71,7 +71,9 @@ def split_vary(texts: Sequence[str]) -> tuple[str | None, dict[str, tuple[float,
     follows = [text for text, found in known.items() if found is None]
     ways = {found[0]: found[1:] for found in known.values() if found is not None}
     if len(texts) > max(1, len(ways)) or (follows and ways):
-        raise wrong_usage("--vary takes vertex, an image, or a value of each parameter; give one")
+        raise usage.wrong_usage(
+            "--vary takes vertex, an image, or a value of each parameter; give one"
+        )
     return next(iter(follows), None), ways
 
 
@@ -85,7 +87,9 @@ def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str
     from shrm_cli.render.moving import check_one_file, frame_paths
 
     moving = is_animated(output)
-    refuse_inapplicable({"fps": Applies(moving, "to moving pictures, .apng, .gif and .mp4")})
+    usage.refuse_inapplicable(
+        {"fps": usage.Applies(moving, "to moving pictures, .apng, .gif and .mp4")}
+    )
     if moving:
         check_one_file(output)
         check_animation(output)
@@ -102,8 +106,8 @@ def scene_keys(mesh: str | None) -> list[Key]:
     from shrm_cli.render.scene_file import is_scene_name
 
     keys = read_keys(mesh) if mesh is not None and is_scene_name(mesh) else []
-    said = Applies(not keys, "without [[key]] in the scene, which says it")
-    refuse_inapplicable({"frames": said, "turn_light": said, "blend": said, "vary": said})
+    said = usage.Applies(not keys, "without [[key]] in the scene, which says it")
+    usage.refuse_inapplicable({"frames": said, "turn_light": said, "blend": said, "vary": said})
     return keys
 
 
@@ -118,29 +122,28 @@ def moments(
 
     Raises click.UsageError if an option does not apply.
     """
-    from shrm_cli.render.camera import Viewer
     from shrm_cli.render.moving import Moment, moving_light, turntable, with_ways
 
-    blends = Applies(bool(values["blend_to"]), "with --blend-to")
-    refuse_inapplicable({"blend": blends, "background_to": blends})
-    shown = Applies("background" in given_options(), "with --background")
-    refuse_inapplicable({"background_to": shown})
+    blends = usage.Applies(bool(values["blend_to"]), "with --blend-to")
+    usage.refuse_inapplicable({"blend": blends, "background_to": blends})
+    shown = usage.Applies("background" in usage.given_options(), "with --background")
+    usage.refuse_inapplicable({"background_to": shown})
     if keys:
         from shrm_cli.render.keys import moments_between
 
         if blends.holds != any(each.blend is not None for each in keys):
             raise click.UsageError("--blend-to and a blend in [[key]] of the scene need each other")
-        return moments_between(keys, Viewer(*view))
+        return moments_between(keys, shrm.Viewer(*view))
     turn, share = values["turn_light"], None
     if values["blend_to"]:
         share = 1.0 if values["blend"] is None else values["blend"]
     vary = any(low != high for low, high in ways.values())
     if vary and frames is None:
-        raise wrong_usage("--vary NAME=LOW..HIGH goes with --frames; give a single value")
+        raise usage.wrong_usage("--vary NAME=LOW..HIGH goes with --frames; give a single value")
     if vary or turn is not None or share is not None:
-        found = moving_light(Viewer(*view), frames, turn, share)
+        found = moving_light(shrm.Viewer(*view), frames, turn, share)
     else:
-        found = [Moment(each) for each in turntable(Viewer(*view), frames or 1)]
+        found = [Moment(each) for each in turntable(shrm.Viewer(*view), frames or 1)]
     return with_ways(found, ways)
 
 
@@ -150,12 +153,11 @@ def open_others(paths: Sequence[str], maps: Sequence[Map]) -> list[Map]:
     Raises click.UsageError if there is not one for each map. Raises MapError if a map cannot be
     read, or cannot become the other one.
     """
-    from shrm_cli.maps.file import open_map
     from shrm_cli.render.moving import check_blend
 
     if paths and len(paths) != len(maps):
         raise click.UsageError(f"{len(paths)} --blend-to of {len(maps)} MAP; give one for each")
-    others = [open_map(path) for path in paths]
+    others = [shrm.open_map(path) for path in paths]
     for first, second, path in zip(maps, others, paths, strict=False):
         check_blend(first, second, path)
     return others
@@ -172,8 +174,8 @@ def open_other_light(stage: Stage, values: dict[str, Any]) -> Stage:
     from shrm_cli.render.scene_file import as_irradiance
 
     blends, first, second = (values[k] for k in ("blend_to", "irradiance", "irradiance_to"))
-    with_both = Applies(bool(blends and first), "with --blend-to and --irradiance")
-    refuse_inapplicable({"irradiance_to": with_both})
+    with_both = usage.Applies(bool(blends and first), "with --blend-to and --irradiance")
+    usage.refuse_inapplicable({"irradiance_to": with_both})
     if second is not None:
         other = as_irradiance(second)
         check_blend(as_irradiance(first), other, second)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from shrm_cli import settings
+from shrm_cli import settings, vocabulary
 from shrm_cli.cli.terminal import echo, echo_json, echo_message, has_terminal
 from shrm_cli.cli.types import (
     DIRECTION,
@@ -26,14 +26,6 @@ from shrm_cli.errors import PluginError
 from shrm_cli.maps.options import SHARED, Option, all_options
 from shrm_cli.maps.registry import description, descriptions, is_known
 from shrm_cli.settings import limit_libraries
-from shrm_cli.vocabulary import (
-    IMAGE_LAYOUTS,
-    MAX_SOURCE_HEIGHT,
-    ORIENTATIONS,
-    PRECISIONS,
-    PRIMARIES,
-    SAMPLINGS,
-)
 
 if TYPE_CHECKING:
     from shrm_cli.probe.options import ReadOptions
@@ -184,7 +176,7 @@ exposure_option = click.option(
     help="Stops: pictures are multiplied by 2^EV, in EXR too.",
 )  # fmt: skip
 precision_option = click.option(
-    "--precision", type=click.Choice(PRECISIONS), default="auto",
+    "--precision", type=click.Choice(vocabulary.PRECISIONS), default="auto",
     show_default=True,
     help="Pixel type of an EXR; auto is float where half overflows or costs dim light digits.",
 )  # fmt: skip
@@ -196,12 +188,12 @@ exact_option = click.option(
 )  # fmt: skip
 truth_options = several(
     click.option(
-        "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
+        "--source-height", type=click.IntRange(2, vocabulary.MAX_SOURCE_HEIGHT), metavar="ROWS",
         help="Rows that the probe is averaged down to for the truth.  [default: all]",
     ),
     exact_option,
 )  # fmt: skip
-_sampling = click.Choice(SAMPLINGS)
+_sampling = click.Choice(vocabulary.SAMPLINGS)
 
 
 def _disable_cache(ctx: click.Context, param: click.Parameter, value: bool) -> None:
@@ -238,9 +230,12 @@ report_options = several(
     cache_option,
 )  # fmt: skip
 read_options = several(
-    click.option("--layout", type=click.Choice(IMAGE_LAYOUTS), help="Layout of the probe."),
     click.option(
-        "--orientation", type=click.Choice(ORIENTATIONS), help="Orientation of its cube faces."
+        "--layout", type=click.Choice(vocabulary.IMAGE_LAYOUTS), help="Layout of the probe."
+    ),
+    click.option(
+        "--orientation", type=click.Choice(vocabulary.ORIENTATIONS),
+        help="Orientation of its cube faces.",
     ),
     click.option(
         "--yaw", type=float, default=0.0, help="Turn it about +Y, degrees, +Z towards +X."
@@ -264,7 +259,7 @@ read_options = several(
     click.option("--clamp", type=float, metavar="X", help="Limit its radiance, keeping the hue."),
     click.option(
         "--primaries", type=OF_PRIMARIES,
-        help=f"Its primaries, whatever it says: {', '.join(PRIMARIES)}, or x and y of "
+        help=f"Its primaries, whatever it says: {', '.join(vocabulary.PRIMARIES)}, or x and y of "
         "red, green, blue and white.  [default: as it says, else rec709]",
     ),
     click.option(

@@ -8,17 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    conclude,
-    make_read_options,
-    precision_option,
-    probe_options,
-    report_options,
-    several,
-)
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import CIRCLE, DIRECTION, RADIANCE, Parsed, within
-from shrm_cli.cli.usage import check_outputs, exclude
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import Precision
 
@@ -38,12 +31,12 @@ def _times(text: str) -> tuple[float, ...]:
         raise ValueError(f"{text!r} is not a list of times such as 1/1000,1/60,0.25") from None
 
 
-_photo_options = several(
+_photo_options = options.several(
     click.option(
         "-o", "--output", required=True, type=click.Path(), help="OpenEXR file to write."
     ),
-    precision_option,
-    report_options,
+    options.precision_option,
+    options.report_options,
 )  # fmt: skip
 
 
@@ -75,11 +68,9 @@ def brackets(
       shrm probe brackets ball_*.jpg -o ball.exr
       shrm probe brackets a.tif b.tif c.tif --linear --times 1/1000,1/60,1/4 -o ball.exr
     """
-    from shrm_cli.photo.brackets import merge_brackets
-
-    check_outputs([output], files=photos, suffixes=[".exr"])
+    usage.check_outputs([output], files=photos, suffixes=[".exr"])
     with progress_bar("merging") as progress, using(progress):
-        made = merge_brackets(photos, times, linear)
+        made = shrm.merge_brackets(photos, times, linear)
     exposures = made.exposures.tolist()
     facts = {"exposures": exposures, "clipped": made.clipped}
     lines = [f"  exposures      {', '.join(f'{each:.3g}' for each in exposures)} of the middle one"]
@@ -144,11 +135,9 @@ def ball(
     """
     import numpy as np
 
-    from shrm_cli.photo.ball import unwrap_balls
-
-    check_outputs([output], files=photos, suffixes=[".exr"])
+    usage.check_outputs([output], files=photos, suffixes=[".exr"])
     with progress_bar("unwrapping") as progress, using(progress):
-        made = unwrap_balls(
+        made = shrm.unwrap_balls(
             photos, cameras or None, circles or None, distance or np.inf, size, linearize,
             reflectance,
         )  # fmt: skip
@@ -188,7 +177,7 @@ def ball(
     "--facing", type=DIRECTION, default="0,90", show_default=True,
     help="Where the card or the meter faced, degrees; 0,90 is up.",
 )  # fmt: skip
-@probe_options
+@options.probe_options
 @_photo_options
 def unclip(
     source: str,
@@ -214,20 +203,18 @@ def unclip(
     import numpy as np
 
     from shrm_cli.errors import ArgumentError
-    from shrm_cli.photo.unclip import unclip as unclipped
-    from shrm_cli.probe.open import open_probe
     from shrm_cli.sphere.directions import from_azimuth_elevation, to_azimuth_elevation
 
     for one, other in (("irradiance", "card"), ("irradiance", "ratio"), ("card", "ratio")):
-        exclude(one, other)
+        usage.exclude(one, other)
     if irradiance is None and card is None and ratio is None:
         raise ArgumentError("card", "or `ratio` or `irradiance` must be given")
-    check_outputs([output], files=[source], suffixes=[".exr"])
+    usage.check_outputs([output], files=[source], suffixes=[".exr"])
     received = irradiance if card is None else np.pi / albedo * np.asarray(card)
     normal = from_azimuth_elevation(*facing)
-    probe = open_probe(source, make_read_options(reading))
+    probe = shrm.open_probe(source, options.make_read_options(reading))
     with progress_bar("reading") as progress, using(progress):
-        made = unclipped(probe, None if received is None else np.array(received), ratio, normal)
+        made = shrm.unclip(probe, None if received is None else np.array(received), ratio, normal)
     azimuth, elevation = to_azimuth_elevation(made.direction)
     times = ", ".join(f"{each:.4g}" for each in made.factors)
     facts = {
@@ -269,4 +256,4 @@ def _write(
     result = {
         "file": output, "width": width, "height": height, "precision": pixel_type, **facts,
     }  # fmt: skip
-    conclude(result, [f"{output}: {width} x {height}, {pixel_type}", *lines], warnings)
+    options.conclude(result, [f"{output}: {width} x {height}, {pixel_type}", *lines], warnings)

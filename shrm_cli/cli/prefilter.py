@@ -9,46 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    READING_NAMES,
-    command_with_headings,
-    conclude,
-    make_read_options,
-    making_options,
-    optional_brdf_option,
-    read_options,
-    report_options,
-)
+from shrm_cli import vocabulary
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import echo, has_terminal, progress_bar
 from shrm_cli.cli.types import BOX, VECTOR, Named
-from shrm_cli.cli.usage import (
-    Applies,
-    check_outputs,
-    flags,
-    force_option,
-    given_options,
-    is_quiet,
-    keep_other_map,
-    refuse_inapplicable,
-    renamed,
-    wants_json,
-)
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.progress import using
-from shrm_cli.vocabulary import (
-    AUTO,
-    AUTO_FORMS,
-    CONTAINERS,
-    DEFAULT_TAPS,
-    EXPANDED,
-    REPRESENTATIONS,
-    Precision,
-)
 
 if TYPE_CHECKING:
     from shrm_cli.files.parts import Storage
+    from shrm_cli.maps.base import Map
     from shrm_cli.maps.prefiltered import Prefiltered
     from shrm_cli.probe.probe import Probe
 
@@ -60,8 +32,8 @@ _PRINTED_WITH = {"textures": "shader", "anisotropy": "shader", "taps": "anisotro
 """Which option each option of more output needs."""
 _PRINTS = [name for name, each in all_options(registry.descriptions()).items() if each.prints]
 _OWN_OPTIONS = {
-    f"Options of --to {listing(names, 'and')}": [option.name for option in options]
-    for names, options in own_options(registry.descriptions())
+    f"Options of --to {listing(names, 'and')}": [option.name for option in own]
+    for names, own in own_options(registry.descriptions())
 }
 MAKING_HEADINGS = {
     "What to make": ["brdf", "to"],
@@ -74,27 +46,28 @@ MAKING_HEADINGS = {
 """The options about what is made, under the headings of the help."""
 _HEADINGS = {
     **MAKING_HEADINGS,
-    "How the probe is read": [*READING_NAMES, "probe_sampling", "box", "at"],
+    "How the probe is read": [*options.READING_NAMES, "probe_sampling", "box", "at"],
     "Output": ["output", "force", "as_json", "quiet"],
 }
 """The options under the headings of the help."""
 
 
-@click.command(cls=command_with_headings(_HEADINGS))
+@click.command(cls=options.command_with_headings(_HEADINGS))
 @click.argument("probe", metavar="PROBE", type=click.Path())
-@optional_brdf_option
+@options.optional_brdf_option
 @click.option(
-    "--to", type=Named([AUTO, *REPRESENTATIONS], registry.installed_names), default=AUTO,
-    show_default=True,
+    "--to",
+    type=Named([vocabulary.AUTO, *vocabulary.REPRESENTATIONS], registry.installed_names),
+    default=vocabulary.AUTO, show_default=True,
     help="Representation to write; auto is the one of the fewest bytes whose picture is right, and "
     f"an SHRM with --eps or orders. {_OWN_BRDFS} have their BRDF.",
 )  # fmt: skip
-@making_options("probe", "cube")
+@options.making_options("probe", "cube")
 @click.option(
     "-o", "--output", type=click.Path(),
     help="File to write.  [default: PROBE.BRDF.TO.exr in the current folder]",
 )  # fmt: skip
-@force_option
+@usage.force_option
 @click.option(
     "--box", type=BOX,
     help="Two corners of the box that stands for the room around the probe, which look-ups with "
@@ -104,13 +77,13 @@ _HEADINGS = {
     "--at", type=VECTOR,
     help="Where the probe was captured in that box.  [default: what the probe says, or the middle]",
 )  # fmt: skip
-@read_options
-@report_options
+@options.read_options
+@options.report_options
 def prefilter(
     probe: str,
     brdf: str | None,
     to: str,
-    precision: Precision,
+    precision: vocabulary.Precision,
     output: str | None,
     force: bool,
     sampling: str | None,
@@ -148,33 +121,29 @@ def prefilter(
     from shrm_cli.prefilter import make
     from shrm_cli.probe.open import open_probe
 
-    read_as = make_read_options(values, probe_sampling or sampling)
+    read_as = options.make_read_options(values, probe_sampling or sampling)
     prints = {name: values.pop(name) for name in _PRINTS}
     place = {name: values.pop(name) for name in ("box", "at")}
     to = resolved_form(to, values)
-    refuse_inapplicable(_rules_of_printing(to))
+    usage.refuse_inapplicable(_rules_of_printing(to))
     given = {"brdf": brdf, **values}
     if map_sampling or (sampling and "sampling" in registry.description(to).arguments):
         given["sampling"] = map_sampling or sampling
-    with renamed(**({"sampling": "map_sampling"} if map_sampling else {})):
+    with usage.renamed(**({"sampling": "map_sampling"} if map_sampling else {})):
         check_arguments(to, [name for name, value in given.items() if value is not None])
     source = open_probe(probe, read_as).within(**place)
     # What `auto` makes is known when it is made; any of its forms is then kept or replaced.
-    names = [_default_name(probe, brdf, each) for each in (AUTO_FORMS if to == AUTO else [to])]
-    check_outputs([output] if output else names, specs=[brdf], suffixes=CONTAINERS)
-    printed = {}
-    is_told = wants_json() or not is_quiet()
+    forms = vocabulary.AUTO_FORMS if to == vocabulary.AUTO else [to]
+    names = [_default_name(probe, brdf, each) for each in forms]
+    usage.check_outputs([output] if output else names, specs=[brdf], suffixes=vocabulary.CONTAINERS)
+    is_told = usage.wants_json() or not usage.is_quiet()
     with progress_bar("prefiltering") as progress:
         request = Request.of(to, given, source)
         for name in [] if output or force else names:
-            keep_other_map(name, source, request, precision)
+            usage.keep_other_map(name, source, request, precision)
         made = make(source, request, progress)
         target = output or _default_name(probe, brdf, made.map.representation)
-        if prints["shader"] is not None:
-            from shrm_cli.maps.shader.code import look_up_code
-
-            taps = int(prints["taps"] or DEFAULT_TAPS) if prints["anisotropy"] else None
-            printed["shader"] = look_up_code(made.map, prints["shader"], prints["textures"], taps)
+        printed = _printed(made.map, prints)
         stored = store(target, made.map, precision)
         # What nobody is told need not be found out.
         summary = made.summary() if is_told else made.quick_summary()
@@ -184,15 +153,25 @@ def prefilter(
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     remarks: Sequence[str] = made.warnings
-    share = summary.get("predicted_wrong_share") if to == EXPANDED else None
+    share = summary.get("predicted_wrong_share") if to == vocabulary.EXPANDED else None
     if share is not None and share > policy.WRONG_SHARE:
         instead = _made_by_default(given, source) if has_terminal() else None
         remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error, instead)
     warnings += [f"{target}: {line}" for line in remarks]
-    for text in [] if wants_json() else printed.values():
+    for text in [] if usage.wants_json() else printed.values():
         echo(text.rstrip("\n"))
     lines = _report(made, result) if is_told else []
-    conclude({**result, **printed}, lines, warnings, err=bool(printed))
+    options.conclude({**result, **printed}, lines, warnings, err=bool(printed))
+
+
+def _printed(made: Map, prints: Mapping[str, Any]) -> dict[str, str]:
+    """Return what is printed of a map besides its numbers, by the names used in JSON."""
+    if prints["shader"] is None:
+        return {}
+    from shrm_cli.maps.shader.code import look_up_code
+
+    taps = int(prints["taps"] or vocabulary.DEFAULT_TAPS) if prints["anisotropy"] else None
+    return {"shader": look_up_code(made, prints["shader"], prints["textures"], taps)}
 
 
 def _made_by_default(given: Mapping[str, Any], source: Probe) -> str:
@@ -203,10 +182,10 @@ def _made_by_default(given: Mapping[str, Any], source: Probe) -> str:
     from shrm_cli.automatic import automatic_choice
     from shrm_cli.maps.request import Request
 
-    known = registry.description(AUTO).arguments | {"brdf"}
+    known = registry.description(vocabulary.AUTO).arguments | {"brdf"}
     asked = {name: value for name, value in given.items() if name in known}
     with progress_bar("looking at other forms") as progress, using(progress):
-        return automatic_choice(source, Request.of(AUTO, asked, source))
+        return automatic_choice(source, Request.of(vocabulary.AUTO, asked, source))
 
 
 def _why_float(stored: Storage) -> str:
@@ -216,19 +195,19 @@ def _why_float(stored: Storage) -> str:
     return "values beyond half's range"
 
 
-def _rules_of_printing(to: str) -> dict[str, Applies]:
+def _rules_of_printing(to: str) -> dict[str, usage.Applies]:
     """Return when the options apply that only ask for more output."""
-    known = registry.descriptions(*([] if to == AUTO else [to]))
+    known = registry.descriptions(*([] if to == vocabulary.AUTO else [to]))
     rules = {}
     for name in _PRINTS:
-        if to == AUTO:
-            rules[name] = Applies(True, "")
+        if to == vocabulary.AUTO:
+            rules[name] = usage.Applies(True, "")
             continue
         of = [each.name for each in known.values() if name in (own.name for own in each.options)]
-        rules[name] = Applies(to in of, f"with --to {listing(of, 'or')}")
+        rules[name] = usage.Applies(to in of, f"with --to {listing(of, 'or')}")
     for name, other in _PRINTED_WITH.items():
         if rules[name].holds:
-            rules[name] = Applies(other in given_options(), f"with --{other}")
+            rules[name] = usage.Applies(other in usage.given_options(), f"with --{other}")
     return rules
 
 
@@ -243,5 +222,5 @@ def _report(made: Prefiltered, result: dict[str, Any]) -> list[str]:
     stored = [result["precision"], f"{result['bytes']:,} bytes"]
     if result["storage_error"] >= 5e-4:
         lines.append(f"and            {result['storage_error']:.2%} from half precision")
-    lines += [f"{heading:<15}{flags(text)}" for heading, text in made.notes]
+    lines += [f"{heading:<15}{usage.flags(text)}" for heading, text in made.notes]
     return [f"{result['file']}: {what}, {', '.join(stored)}", *(f"  {line}" for line in lines)]

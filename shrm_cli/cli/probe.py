@@ -7,19 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    NamedColors,
-    announce,
-    conclude,
-    report_options,
-    room_options,
-    several,
-    textures_left_out,
-)
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.photo import ball, brackets, unclip
 from shrm_cli.cli.terminal import echo, progress_bar
 from shrm_cli.cli.types import BOX, DIRECTION, RADIANCE, VECTOR
-from shrm_cli.cli.usage import check_outputs, is_quiet, remember
 from shrm_cli.files.whole import check_target
 from shrm_cli.vocabulary import PRECISIONS, Precision
 
@@ -34,7 +25,7 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
     return value
 
 
-image_options = several(
+image_options = options.several(
     click.option(
         "-o", "--output", required=True, type=click.Path(), callback=_checked,
         help="OpenEXR file to write.",
@@ -49,10 +40,10 @@ image_options = several(
     ),
 )  # fmt: skip
 """The options that every kind of probe has."""
-output_options = several(
+output_options = options.several(
     image_options,
     click.option(
-        "--quiet", is_flag=True, callback=remember, expose_value=False,
+        "--quiet", is_flag=True, callback=usage.remember, expose_value=False,
         help="Print nothing on success.",
     ),
 )  # fmt: skip
@@ -141,7 +132,7 @@ def sky(
     pixels = make_sky(size, *sun, turbidity, ground_albedo, has_disc=not no_sun)
     made = {"sun": sun, "turbidity": turbidity, "ground_albedo": ground_albedo}
     _write(pixels, written, **made, **({"no_sun": True} if no_sun else {}))
-    if no_sun and not is_quiet():
+    if no_sun and not usage.is_quiet():
         azimuth, elevation = sun
         radiance = ", ".join(f"{channel:.6g}" for channel in sun_radiance(elevation, turbidity))
         echo(
@@ -178,14 +169,14 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
     attributes = picture_attributes({"probe": command, "size": height, **parameters}, [])
     output = written["output"]
     pixel_type = write_image(output, pixels, written["precision"], attributes)
-    if not is_quiet():
+    if not usage.is_quiet():
         echo(f"{output}: {width} x {height}, {pixel_type}")
 
 
 @click.command()
 @click.argument("mesh", metavar="ROOM", type=click.Path())
 @click.option("--at", type=VECTOR, required=True, help="Where the probe is, in the mesh's axes.")
-@room_options
+@options.room_options
 @click.option(
     "--box", type=BOX,
     help="Two corners of the box that stands for the room where light is looked up.  "
@@ -195,13 +186,13 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
     "--samples", type=click.IntRange(2, 65536), default=64, show_default=True,
     help="Paths of light through each pixel.",
 )  # fmt: skip
-@report_options
+@options.report_options
 def capture(
     mesh: str,
     at: tuple[float, float, float],
     probe: str | None,
-    albedo: NamedColors,
-    emit: NamedColors,
+    albedo: options.NamedColors,
+    emit: options.NamedColors,
     box: tuple[float, ...] | None,
     samples: int,
     output: str,
@@ -227,12 +218,12 @@ def capture(
     from shrm_cli.rooms.capture import captured
     from shrm_cli.rooms.make import open_room
 
-    check_outputs([output], files=[mesh, *([probe] if probe else [])])
+    usage.check_outputs([output], files=[mesh, *([probe] if probe else [])])
     opened = open_room(mesh, probe, dict(albedo), dict(emit))
     room = opened.room
     low, high = room.mesh.bounds if box is None else np.reshape(box, (2, 3))
     proxy = ProxyBox.of(low, high, at)
-    announce([f"{mesh}: {len(room.mesh.faces):,} triangles, {size} x {2 * size} pixels"])
+    options.announce([f"{mesh}: {len(room.mesh.faces):,} triangles, {size} x {2 * size} pixels"])
     with progress_bar("tracing") as progress:
         place = np.array(at)
         found = captured(room, place, size, samples, opened.surroundings, progress)
@@ -245,7 +236,7 @@ def capture(
     }  # fmt: skip
     attributes = picture_attributes(recipe, [colors]) | box_attributes(proxy)
     pixel_type = write_image(output, found.pixels, precision, attributes)
-    warnings = textures_left_out(mesh, opened.textured)
+    warnings = options.textures_left_out(mesh, opened.textured)
     if found.behind > IN_WALLS:
         warnings.append(
             f"{output}: {found.behind:.0%} of what is seen is the back of surfaces, which is "
@@ -259,7 +250,7 @@ def capture(
         f"{output}: {2 * size} x {size}, {pixel_type}",
         f"  noise of {found.noise:.1%} (RMS) is left; four times the samples halve it",
     ]
-    conclude(result, lines, warnings)
+    options.conclude(result, lines, warnings)
 
 
 probe.add_command(image_options(capture))

@@ -7,28 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import conclude, precision_option, report_options
+from shrm_cli import vocabulary
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import Spec, way
-from shrm_cli.cli.usage import (
-    Applies,
-    check_outputs,
-    force_option,
-    keep_edited,
-    readable_map,
-    refuse_inapplicable,
-    wrong_usage,
-)
 from shrm_cli.naming import brdf_label
-from shrm_cli.vocabulary import (
-    CONTAINERS,
-    DEFAULT_PRODUCT_ORDER,
-    DEFAULT_PRODUCT_SIZE,
-    MAX_PRODUCT_ORDER,
-    MAX_PRODUCT_PARAMETERS,
-    MAX_PRODUCT_SIZE,
-    Precision,
-)
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
@@ -38,12 +21,14 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("spec", metavar="BRDF", type=Spec())
 @click.option(
-    "--order", type=click.IntRange(0, MAX_PRODUCT_ORDER), default=DEFAULT_PRODUCT_ORDER,
-    show_default=True, help="Largest degree of the light's harmonics.",
+    "--order", type=click.IntRange(0, vocabulary.MAX_PRODUCT_ORDER),
+    default=vocabulary.DEFAULT_PRODUCT_ORDER, show_default=True,
+    help="Largest degree of the light's harmonics.",
 )  # fmt: skip
 @click.option(
-    "--size", type=click.IntRange(8, MAX_PRODUCT_SIZE), default=DEFAULT_PRODUCT_SIZE,
-    show_default=True, help="Texels along the edge of the parabolic map of views.",
+    "--size", type=click.IntRange(8, vocabulary.MAX_PRODUCT_SIZE),
+    default=vocabulary.DEFAULT_PRODUCT_SIZE, show_default=True,
+    help="Texels along the edge of the parabolic map of views.",
 )  # fmt: skip
 @click.option(
     "--vary", metavar="NAME=LOW..HIGH", multiple=True,
@@ -59,9 +44,9 @@ if TYPE_CHECKING:
     "-o", "--output", type=click.Path(),
     help="OpenEXR file to write.  [default: BRDF.product.exr in the current folder]",
 )  # fmt: skip
-@force_option
-@precision_option
-@report_options
+@usage.force_option
+@options.precision_option
+@options.report_options
 def product(
     spec: str,
     order: int,
@@ -70,7 +55,7 @@ def product(
     steps: int | None,
     output: str | None,
     force: bool,
-    precision: Precision,
+    precision: vocabulary.Precision,
 ) -> None:
     """Make the product texture of a BRDF: its harmonics over the light, for every view.
 
@@ -92,11 +77,11 @@ def product(
     from shrm_cli.maps.stored import store
 
     brdf = parse_spec(spec)
-    refuse_inapplicable({"steps": Applies(bool(vary), "with --vary")})
+    usage.refuse_inapplicable({"steps": usage.Applies(bool(vary), "with --vary")})
     ranges = _ranges(vary) or None
     label = brdf_label(",".join([spec, *vary]))
     target = output or f"{label}.product.exr"
-    check_outputs([target], specs=[spec], suffixes=CONTAINERS)
+    usage.check_outputs([target], specs=[spec], suffixes=vocabulary.CONTAINERS)
 
     def begin(chosen: Steps | None) -> None:
         if not (output or force):
@@ -121,7 +106,7 @@ def product(
             f"{target}: between two of {steps} values {missed:.1%} is missed; leave `steps` out, "
             "or give more"
         )
-    conclude(result, [title, *(f"  {line}" for line in lines)], warnings)
+    options.conclude(result, [title, *(f"  {line}" for line in lines)], warnings)
 
 
 def _ranges(texts: tuple[str, ...]) -> list[tuple[str, float, float]]:
@@ -134,14 +119,14 @@ def _ranges(texts: tuple[str, ...]) -> list[tuple[str, float, float]]:
     for text in texts:
         name, *ends = way(text) or ("", 0.0, 0.0)
         if not ends[0] < ends[1]:
-            raise wrong_usage(f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5")
+            raise usage.wrong_usage(f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5")
         if name in found:
-            raise wrong_usage(f"--vary is given twice for {name}; give one of them")
+            raise usage.wrong_usage(f"--vary is given twice for {name}; give one of them")
         found[name] = ends[0], ends[1]
-    if len(found) > MAX_PRODUCT_PARAMETERS:
-        raise wrong_usage(
-            f"--vary is given for {len(found)} parameters, and {MAX_PRODUCT_PARAMETERS} can vary; "
-            "leave some out"
+    if len(found) > vocabulary.MAX_PRODUCT_PARAMETERS:
+        raise usage.wrong_usage(
+            f"--vary is given for {len(found)} parameters, and "
+            f"{vocabulary.MAX_PRODUCT_PARAMETERS} can vary; leave some out"
         )
     return [(name, *ends) for name, ends in found.items()]
 
@@ -157,8 +142,8 @@ def _keep_other_texture(
 
     if not os.path.lexists(target):
         return
-    keep_edited(target)
-    found = readable_map(target)
+    usage.keep_edited(target)
+    found = usage.readable_map(target)
     if not isinstance(found, ProductMap):
         raise kept(target, "it is no product texture without light that can be read")
     if (found.order, found.size) != (order, size):

@@ -1,25 +1,13 @@
 """`shrm reference` draws the correct picture of a sphere, by brute force."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 import click
 
-from shrm_cli.cli.options import (
-    brdf_option,
-    conclude,
-    exact_option,
-    exposure_option,
-    make_read_options,
-    precision_option,
-    probe_options,
-    report_options,
-    view_option,
-)
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar
-from shrm_cli.cli.usage import check_outputs, force_option, keep_other_picture
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, Precision
@@ -27,27 +15,27 @@ from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, Precision
 
 @click.command()
 @click.argument("probe", metavar="PROBE", type=click.Path())
-@brdf_option
+@options.brdf_option
 @click.option(
     "-o", "--output", type=click.Path(),
     help="PNG or EXR to write.  [default: PROBE.BRDF.reference.exr in the current folder]",
 )  # fmt: skip
-@force_option
-@view_option
+@usage.force_option
+@options.view_option
 @click.option(
     "--size", type=click.IntRange(16, 8192), default=256, show_default=True,
     help="Width and height of the picture, pixels.",
 )  # fmt: skip
-@exposure_option
-@exact_option
+@options.exposure_option
+@options.exact_option
 @click.option(
     "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="H",
     help="Average the probe down to a lat-long of this height first.  [default: all pixels "
     "of probes of up to 2048 rows]",
 )  # fmt: skip
-@precision_option
-@probe_options
-@report_options
+@options.precision_option
+@options.probe_options
+@options.report_options
 def reference(
     probe: str,
     spec: str,
@@ -72,17 +60,15 @@ def reference(
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.info import record_of
-    from shrm_cli.probe.open import open_probe
     from shrm_cli.reference import Reference
-    from shrm_cli.render.camera import Viewer
     from shrm_cli.render.image import expose, exposure_advice
     from shrm_cli.render.sphere import render_sphere
 
-    source = open_probe(probe, make_read_options(reading))
+    source = shrm.open_probe(probe, options.make_read_options(reading))
     brdf = parse_spec(spec, primaries=source.chromaticities)
     target = output or f"{probe_stem(probe)}.{brdf_label(spec)}.reference.exr"
     file_type(target)
-    check_outputs([target], specs=[spec])
+    usage.check_outputs([target], specs=[spec])
     result = {
         "view": list(view),
         "size": size,
@@ -96,10 +82,10 @@ def reference(
     # The probe is named without its folder, so that the file's bytes do not depend on that.
     recipe = {"reference": {**result, "reading": source.reading(), "precision": precision}}
     if not (output or force):
-        keep_other_picture(target, recipe)
+        usage.keep_other_picture(target, recipe)
     with progress_bar("integrating") as progress:
         truth = Reference(source, brdf, source_height, progress=progress, exact=exact)
-        pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)
+        pixels = expose(render_sphere(truth, shrm.Viewer(*view), size), exposure)
     result |= {"source_pixels": truth.pixels, "truth_error": truth.error}
     attributes = picture_attributes(recipe, [source.chromaticities])
     pixel_type = write_picture(target, pixels, precision, attributes)
@@ -113,4 +99,4 @@ def reference(
         f"  truth          {truth.statement}",
     ]
     told = {"file": target, **result, "precision": pixel_type}
-    conclude(told, lines, warnings)
+    options.conclude(told, lines, warnings)

@@ -9,48 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.moving import (
-    LIGHT_MOVES,
-    fps_option,
-    frame_targets,
-    frames_option,
-    light_options,
-    max_memory_option,
-    moments,
-    open_other_light,
-    open_others,
-    scene_keys,
-    split_vary,
-)
-from shrm_cli.cli.options import (
-    conclude,
-    exposure_option,
-    make_read_options,
-    precision_option,
-    probe_options,
-    reading_rules,
-    report_options,
-    view_option,
-)
-from shrm_cli.cli.shading import (
-    brushed_options,
-    refuse_surface,
-    refuse_window,
-    surface_options,
-    to_unlit,
-    window_option,
-)
-from shrm_cli.cli.stage import (
-    OF_SURFACES,
-    mesh_options,
-    mesh_values,
-    open_baked,
-    open_stage,
-    refuse_mesh_options,
-)
+import shrm_cli as shrm
+from shrm_cli.cli import moving, options, shading, stage, usage
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import VECTOR, picture_size, within
-from shrm_cli.cli.usage import Applies, check_outputs, map_stem, refuse_inapplicable
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
@@ -72,12 +34,12 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     help="PNG, EXR or moving .apng, .gif or .mp4.  [default: MAP.png, of several sheet.png, in the "
     "current folder]",
 )  # fmt: skip
-@view_option
+@options.view_option
 @click.option(
     "--size", type=picture_size(16, 8192), default="512", show_default=True,
     help="Width and height of a picture, pixels; those of spheres are square.",
 )  # fmt: skip
-@mesh_options
+@stage.mesh_options
 @click.option(
     "--place", type=VECTOR,
     help="Where the sphere stands in the box that the maps' probe knows of.  [default: where the "
@@ -87,9 +49,9 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     "--radius", type=within(0, 1e30), metavar="R",
     help="Of that sphere, in the box's unit.  [default: a tenth of the box's shortest edge]",
 )  # fmt: skip
-@surface_options
-@brushed_options
-@exposure_option
+@shading.surface_options
+@shading.brushed_options
+@options.exposure_option
 @click.option(
     "--background", type=click.Path(), metavar="PROBE",
     help="Light probe to show behind it, of a sphere 50 degrees across.  [default: black]",
@@ -98,18 +60,18 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     "--probe", type=click.Path(), metavar="PROBE",
     help="Light of product textures that hold none.",
 )  # fmt: skip
-@window_option
-@frames_option
-@fps_option
-@max_memory_option
-@light_options
+@shading.window_option
+@moving.frames_option
+@moving.fps_option
+@moving.max_memory_option
+@moving.light_options
 @click.option(
     "--columns", type=click.IntRange(1), metavar="N",
     help="Columns of the contact sheet of several maps.  [default: as square as possible]",
 )  # fmt: skip
-@precision_option
-@probe_options
-@report_options
+@options.precision_option
+@options.probe_options
+@options.report_options
 def render(
     maps: tuple[str, ...],
     output: str | None,
@@ -147,34 +109,34 @@ def render(
     """
     from shrm_cli.files.animation import is_animated
     from shrm_cli.files.picture import file_type
-    from shrm_cli.probe.open import open_probe
     from shrm_cli.render.drawing import Film
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
-    values["vary"], ways = split_vary(values["vary"])
-    refuse_mesh_options(mesh, transfer, values["vary"])
-    _refuse_places(mesh, values)
-    keys = scene_keys(mesh)
+    values["vary"], ways = moving.split_vary(values["vary"])
+    stage.refuse_mesh_options(mesh, transfer, values["vary"])
+    _refuse_others(mesh, values, bool(background or probe))
+    keys = moving.scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
     pattern = output or _default_name(maps or (probe,) if transfer else maps, mesh, frames)
-    steps, targets = frame_targets(pattern, frames)
-    shown_moments = moments(view, steps, values, keys, ways)
+    steps, targets = moving.frame_targets(pattern, frames)
+    shown_moments = moving.moments(view, steps, values, keys, ways)
     if not is_animated(pattern):
-        refuse_inapplicable({"max_memory": Applies(False, "to moving pictures")})
+        usage.refuse_inapplicable({"max_memory": usage.Applies(False, "to moving pictures")})
         file_type(pattern)
-    refuse_inapplicable(reading_rules(bool(background or probe), "with --background or --probe"))
-    options, named = make_read_options(values), (background, probe, values["background_to"])
-    probes = {path: open_probe(path, options) for path in named if path is not None}
+    reading, named = options.make_read_options(values), (background, probe, values["background_to"])
+    probes = {path: shrm.open_probe(path, reading) for path in named if path is not None}
     skies = probes.get(background or ""), probes.get(values["background_to"] or "")
-    check_outputs(targets, files=_files(maps, mesh, values))
+    usage.check_outputs(targets, files=_files(maps, mesh, values))
     lit, baked, told = _lit(maps, probes.get(probe or ""), transfer, window, values["blend_to"])
     if mesh is None:
         drawing = _on_sphere(lit, size, shown_moments, values)
     else:
         drawing = _on_mesh(lit, mesh, baked, size, shown_moments, {**values, "transfer": transfer})
-    film = Film(drawing, shown_moments, list(map(map_stem, lit.names)), exposure, skies, columns)
-    moved = {name: values[name] for name in LIGHT_MOVES if values[name] not in (None, ())}
+    film = Film(
+        drawing, shown_moments, list(map(usage.map_stem, lit.names)), exposure, skies, columns
+    )
+    moved = {name: values[name] for name in moving.LIGHT_MOVES if values[name] not in (None, ())}
     settings = {
         "maps": list(lit.names), "view": list(view), "vary": ways or None, **drawing.said,
         "exposure": exposure, "background": background, "probe": probe, "window": window,
@@ -187,15 +149,16 @@ def render(
     told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
-    conclude({"files": written, **settings}, lines, drawing.warnings + told + doubts)
+    options.conclude({"files": written, **settings}, lines, drawing.warnings + told + doubts)
 
 
-def _refuse_places(mesh: str | None, values: dict[str, Any]) -> None:
-    """Refuse the place of what is no sphere, and of spheres under light that moves."""
-    rests = mesh is None and not any(values[name] for name in LIGHT_MOVES)
-    placed = Applies(rests and values["place"] is not None, "with --place")
-    of_spheres = Applies(rests, "to spheres under light that rests")
-    refuse_inapplicable({"place": of_spheres, "radius": placed})
+def _refuse_others(mesh: str | None, values: dict[str, Any], has_probe: bool) -> None:
+    """Refuse the place of what is no sphere or is under light that moves, and reading no probe."""
+    rests = mesh is None and not any(values[name] for name in moving.LIGHT_MOVES)
+    placed = usage.Applies(rests and values["place"] is not None, "with --place")
+    of_spheres = usage.Applies(rests, "to spheres under light that rests")
+    reading = options.reading_rules(has_probe, "with --background or --probe")
+    usage.refuse_inapplicable({"place": of_spheres, "radius": placed, **reading})
 
 
 def _lit(
@@ -206,19 +169,18 @@ def _lit(
     blend_to: Sequence[str],
 ) -> tuple[Lit, Baked | None, list[str]]:
     """Open the maps and light them; return what is baked of a mesh, and warnings, too."""
-    from shrm_cli.maps.file import open_map
     from shrm_cli.render.drawing import Lit
     from shrm_cli.render.lit import lit_maps
 
-    opened = [open_map(path) for path in maps]
+    opened = [shrm.open_map(path) for path in maps]
     if transfer is None or maps:
-        refuse_inapplicable({"probe": to_unlit(opened)})
+        usage.refuse_inapplicable({"probe": shading.to_unlit(opened)})
     if transfer is None:
-        refuse_window(opened)
+        shading.refuse_window(opened)
         opened, warnings = lit_maps(opened, maps, light, window)
-        return Lit(opened, maps, open_others(blend_to, opened), blend_to), None, warnings
-    baked = open_baked(transfer, opened, maps, light, window)
-    others = open_others(blend_to, baked.maps)
+        return Lit(opened, maps, moving.open_others(blend_to, opened), blend_to), None, warnings
+    baked = stage.open_baked(transfer, opened, maps, light, window)
+    others = moving.open_others(blend_to, baked.maps)
     return Lit(baked.maps, baked.names, others, blend_to), baked, baked.warnings
 
 
@@ -231,7 +193,7 @@ def _on_sphere(
 
     if size[0] != size[1]:
         raise click.UsageError("--size of a sphere's picture is one number")
-    refuse_surface(lit.maps)
+    shading.refuse_surface(lit.maps)
     check_values(moments, lit.maps)
     return on_sphere(lit, size[0], values)
 
@@ -249,19 +211,19 @@ def _on_mesh(
     from shrm_cli.render.moving import check_values
 
     plain = values["plain"] or baked is not None  # its albedo is baked
-    stage, warnings = open_stage(mesh, lit.maps, lit.names, {**values, "plain": plain})
-    check_values(moments, [*lit.maps, *stage.maps()])
-    other = open_other_light(stage, values)
+    set_up, warnings = stage.open_stage(mesh, lit.maps, lit.names, {**values, "plain": plain})
+    check_values(moments, [*lit.maps, *set_up.maps()])
+    other = moving.open_other_light(set_up, values)
     drawn: tuple[list[Any], list[Any]] | None = None
     if baked is not None:
-        drawn = baked.drawn(stage), baked.with_maps(lit.others).drawn(stage)
-    elif other is not stage:
-        drawn = [*map(stage.reflectors, lit.maps)], [*map(other.reflectors, lit.others)]
-    drawing = on_stage(lit, stage, size, moments, values, drawn)
-    given = {name: values[name] for name in (*OF_SURFACES, "transfer")}
+        drawn = baked.drawn(set_up), baked.with_maps(lit.others).drawn(set_up)
+    elif other is not set_up:
+        drawn = [*map(set_up.reflectors, lit.maps)], [*map(other.reflectors, lit.others)]
+    drawing = on_stage(lit, set_up, size, moments, values, drawn)
+    given = {name: values[name] for name in (*stage.OF_SURFACES, "transfer")}
     said = {
         **drawing.said,
-        **mesh_values(drawing.subject, mesh),
+        **stage.mesh_values(drawing.subject, mesh),
         **{key: value for key, value in given.items() if value is not None},
     }
     return replace(drawing, said=said, warnings=warnings)
@@ -318,7 +280,7 @@ def _files(maps: Sequence[str], mesh: str | None, values: dict[str, Any]) -> lis
 
 
 def _default_name(maps: Sequence[str | None], mesh: str | None, frames: int | None) -> str:
-    stem = "sheet" if len(maps) > 1 else "".join(map_stem(path) for path in maps if path)
+    stem = "sheet" if len(maps) > 1 else "".join(usage.map_stem(path) for path in maps if path)
     if mesh is not None:
         stem = f"{stem}.{Path(mesh).stem}".lstrip(".")
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"

@@ -7,24 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    READING_NAMES,
-    brdfs_option,
-    command_with_headings,
-    conclude,
-    exact_option,
-    make_read_options,
-    probe_options,
-    report_options,
-    representation_options,
-    shared_options,
-    views_option,
-    words_of_call,
-)
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import BYTES, STOPS, Named
-from shrm_cli.cli.usage import PAGES, check_outputs, flags
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.registry import installed_names
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPORTED, REPRESENTATIONS
@@ -41,25 +28,25 @@ _HEADINGS = {
     **MAKING_HEADINGS,
     "What to make": ["brdfs", "to"],
     "What the page shows": [*_OF_PAGE],
-    "How the probe is read": [*READING_NAMES],
+    "How the probe is read": [*options.READING_NAMES],
     "Output": ["output", "as_json", "quiet"],
 }
 _UNSAID = ("probe", "output")
 """Options that the page does not list; the command line has all that were given."""
 
 
-@click.command(cls=command_with_headings(_HEADINGS))
+@click.command(cls=options.command_with_headings(_HEADINGS))
 @click.argument("probe", metavar="PROBE", type=click.Path())
-@brdfs_option
+@options.brdfs_option
 @click.option(
     "--to", type=Named(list(REPRESENTATIONS), installed_names), multiple=True, default=REPORTED,
     show_default=True, help="A representation to make. May be repeated.",
 )  # fmt: skip
-@shared_options("eps", "error", "order_f", "order_p", "center")
-@representation_options(lambda option: not option.prints)
-@shared_options("domain", "source_height", "frame", "size", "max_size")
+@options.shared_options("eps", "error", "order_f", "order_p", "center")
+@options.representation_options(lambda option: not option.prints)
+@options.shared_options("domain", "source_height", "frame", "size", "max_size")
 @click.option("-o", "--output", required=True, type=click.Path(), help="HTML to write, one file.")
-@views_option("angles")
+@options.views_option("angles")
 @click.option(
     "--picture-size", type=click.IntRange(16, 1024), default=256, show_default=True, metavar="N",
     help="Width and height of the spheres' pictures, pixels.",
@@ -68,7 +55,7 @@ _UNSAID = ("probe", "output")
     "--truth-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
     help="Rows that the probe is averaged down to for the truth.  [default: all]",
 )  # fmt: skip
-@exact_option
+@options.exact_option
 @click.option(
     "--exposure", type=STOPS, metavar="EV",
     help="Stops of the spheres.  [default: what suits the truth of each BRDF]",
@@ -80,8 +67,8 @@ _UNSAID = ("probe", "output")
     help="The most that the page may take, such as 8MB; views that do not fit are left out.  "
     "[default: 32MB]",
 )  # fmt: skip
-@probe_options
-@report_options
+@options.probe_options
+@options.report_options
 def report(
     probe: str,
     brdfs: tuple[str, ...],
@@ -108,23 +95,20 @@ def report(
       shrm report probe.exr --brdf ggx:roughness=0.5 --to principal --to splitsum -o report.html
     """
     from shrm_cli.files.whole import write_bytes
-    from shrm_cli.probe.open import open_probe
-    from shrm_cli.report.report import Look
-    from shrm_cli.report.report import report as report_of
 
-    light = open_probe(probe, make_read_options(values))
-    check_outputs([output], specs=brdfs, suffixes=PAGES)
+    light = shrm.open_probe(probe, options.make_read_options(values))
+    usage.check_outputs([output], specs=brdfs, suffixes=usage.PAGES)
     arguments = {name: value for name, value in values.items() if value is not None}
-    command = shlex.join(["shrm", "report", *words_of_call()])
+    command = shlex.join(["shrm", "report", *options.words_of_call()])
     with progress_bar("measuring") as progress:
-        made = report_of(
+        made = shrm.report(
             light, brdfs, to, angles=angles, picture_size=picture_size, truth_height=truth_height,
             exact=exact, flips=not no_flip, progress=progress, **arguments,
-            look=Look(exposure, not no_view, max_page, command, _options(), flags),
+            look=shrm.Look(exposure, not no_view, max_page, command, _options(), usage.flags),
         )  # fmt: skip
     text, measured = made.html.encode("utf-8", "replace"), made.measured
     write_bytes(output, text)
-    failures = [{"what": name, "error": flags(why)} for name, why in measured.failures]
+    failures = [{"what": name, "error": usage.flags(why)} for name, why in measured.failures]
     result = {
         "file": output,
         "bytes": len(text),
@@ -135,7 +119,7 @@ def report(
     warnings = [f"{probe}: {line}" for line in light.report.warnings()]
     warnings += made.warnings
     failed = [f"{each['what']}: {each['error']}" for each in failures]
-    conclude(result, _lines(output, len(text), measured), warnings, failed)
+    options.conclude(result, _lines(output, len(text), measured), warnings, failed)
 
 
 def _options() -> dict[str, Any]:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli import settings
+from shrm_cli.cli import usage
 from shrm_cli.cli.options import announce, conclude
 from shrm_cli.cli.terminal import columns, progress_bar
-from shrm_cli.cli.usage import check_outputs, flags, wrong_usage
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.options import bytes_text, counted, listing
 from shrm_cli.maps.registry import installed_names
@@ -55,27 +56,24 @@ def print_representations(
         table_layout,
     )
     from shrm_cli.files.picture import file_type, write_picture
-    from shrm_cli.maps.file import is_map
-    from shrm_cli.probe.open import open_probe
-    from shrm_cli.render.camera import Viewer
     from shrm_cli.render.lit import ggx_surface, reflectance
 
-    if is_map(path):
-        raise wrong_usage(f"{path} is a map; --representations takes a light probe")
-    source = open_probe(path, options)
+    if shrm.is_map(path):
+        raise usage.wrong_usage(f"{path} is a map; --representations takes a light probe")
+    source = shrm.open_probe(path, options)
     low, high = roughness or ROUGHNESS
     size = size or (SIZE if output is None else SIZE_OF_PICTURE)
     steps = 1 if low == high else steps or STEPS
     if output is not None:
         table_layout(steps, size)  # raises if the sheet is too large
         file_type(output)
-        check_outputs([output])
+        usage.check_outputs([output])
     color = None if f0 is None else reflectance(f0, source.chromaticities)
     surfaces = [ggx_surface(float(each), color) for each in np.linspace(low, high, steps)]
     # The cache is off, because with it a second run would take less time than the first.
     click.get_current_context().with_resource(settings.using(cache=False))
     plan = plan_comparison(
-        source, surfaces, eps, [Viewer(*view) for view in views], size, source_height,
+        source, surfaces, eps, [shrm.Viewer(*view) for view in views], size, source_height,
         max_memory, exact,
     )  # fmt: skip
     announce(_statement(plan, path))
@@ -154,7 +152,7 @@ def _values(result: RepresentationResult) -> dict[str, Any]:
         "relative_rmse": result.errors,
         "relative_rmse_of_all": result.error,
         **_seen(result),
-        "failures": [flags(each) for each in result.failures],
+        "failures": [usage.flags(each) for each in result.failures],
     }
 
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from shrm_cli.cli.options import several
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.types import BRUSH, Parsed, within
-from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MIN_ROUGHNESS, TAP_COUNTS
 
 if TYPE_CHECKING:
@@ -43,8 +42,8 @@ f0_option = click.option(
     "--f0", type=Parsed("F0", _reflectance),
     help="Its reflectance at normal incidence: a number, R/G/B or a metal's name.  [default: 1]",
 )  # fmt: skip
-surface_options = several(roughness_option, f0_option)
-brushed_options = several(
+surface_options = options.several(roughness_option, f0_option)
+brushed_options = options.several(
     click.option(
         "--anisotropy", type=within(0, 1), metavar="S",
         help="Anisotropy of that surface under split sums, as in glTF: its brush marks run across "
@@ -64,32 +63,34 @@ brush_option = click.option(
 )  # fmt: skip
 
 
-def surface_rules(maps: Sequence[Map]) -> dict[str, Applies]:
+def surface_rules(maps: Sequence[Map]) -> dict[str, usage.Applies]:
     """Return when the options of a surface apply: to maps of light alone."""
     holds = any(each.surface_arguments for each in maps)
-    applies = Applies(holds, "to split sums and SH exponentials, and no MAP is one")
+    applies = usage.Applies(holds, "to split sums and SH exponentials, and no MAP is one")
     return {"roughness": applies, "f0": applies, **brushed_rules(maps)}
 
 
-def brushed_rules(maps: Sequence[Map]) -> dict[str, Applies]:
+def brushed_rules(maps: Sequence[Map]) -> dict[str, usage.Applies]:
     """Return when the options of brushed surfaces apply."""
     asked = [each.surface_arguments for each in maps if each.surface_arguments]
     holds = bool(asked) and all("anisotropy" in each for each in asked)
-    is_brushed = "anisotropy" in given_options()
+    is_brushed = "anisotropy" in usage.given_options()
     return {
-        "anisotropy": Applies(
+        "anisotropy": usage.Applies(
             holds, "to split sums of GGX; other forms take a BRDF, ggx:anisotropy=, when made"
         ),
-        "taps": Applies(holds and is_brushed, "with --anisotropy"),
+        "taps": usage.Applies(holds and is_brushed, "with --anisotropy"),
     }
 
 
 def refuse_surface(maps: Sequence[Map]) -> None:
     """Refuse the options of a surface that none of the maps needs."""
-    refuse_inapplicable(surface_rules(maps))
+    usage.refuse_inapplicable(surface_rules(maps))
     if asked := [each.surface_arguments for each in maps if each.surface_arguments]:
         is_ggx = any("f0" in each for each in asked)
-        refuse_inapplicable({"f0": Applies(is_ggx, "to maps of GGX, and no MAP is one")})
+        usage.refuse_inapplicable(
+            {"f0": usage.Applies(is_ggx, "to maps of GGX, and no MAP is one")}
+        )
 
 
 window_option = click.option(
@@ -101,12 +102,12 @@ window_option = click.option(
 
 def refuse_window(maps: Sequence[Map]) -> None:
     """Refuse --window where no map needs light."""
-    refuse_inapplicable({"window": to_unlit(maps)})
+    usage.refuse_inapplicable({"window": to_unlit(maps)})
 
 
-def to_unlit(maps: Sequence[Map]) -> Applies:
+def to_unlit(maps: Sequence[Map]) -> usage.Applies:
     """Whether options about the light of product textures apply."""
     from shrm_cli.maps.kinds import MaterialMap
 
     holds = any(isinstance(each, MaterialMap) for each in maps)
-    return Applies(holds, "to product textures that hold no light, and no MAP is one")
+    return usage.Applies(holds, "to product textures that hold no light, and no MAP is one")

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import several
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import brush_option, brushed_rules, refuse_window
 from shrm_cli.cli.types import VECTOR, within
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -31,7 +31,7 @@ _NAMED = 3
 """How many materials a warning names."""
 
 
-mesh_options = several(
+mesh_options = options.several(
     click.option(
         "--mesh", type=click.Path(), metavar="FILE",
         help="OBJ, PLY, STL, glTF or GLB to draw in place of the sphere, or a TOML scene.",
@@ -97,16 +97,16 @@ def open_stage(
     from shrm_cli.render.stage import Stage
 
     if is_scene_name(mesh):
-        in_scene = Applies(False, "to a single mesh; a scene says it of each object")
-        refuse_inapplicable({k: in_scene for k in OF_SURFACES if k != "vary" or values[k]})
+        in_scene = usage.Applies(False, "to a single mesh; a scene says it of each object")
+        usage.refuse_inapplicable({k: in_scene for k in OF_SURFACES if k != "vary" or values[k]})
         stage = Stage.of(read_scene(mesh, list(maps)))
     else:
         lit = any(each.surface_arguments for each in maps)
-        alone = Applies(lit, "to maps of light alone, such as split sums")
-        refuse_inapplicable({"roughness": alone, "f0": alone, "irradiance": alone})
-        refuse_inapplicable(brushed_rules(maps))
-        varies = Applies(any(each.varies for each in maps), "to maps of shrm product --vary")
-        refuse_inapplicable({"vary": varies})
+        alone = usage.Applies(lit, "to maps of light alone, such as split sums")
+        usage.refuse_inapplicable({"roughness": alone, "f0": alone, "irradiance": alone})
+        usage.refuse_inapplicable(brushed_rules(maps))
+        varies = usage.Applies(any(each.varies for each in maps), "to maps of shrm product --vary")
+        usage.refuse_inapplicable({"vary": varies})
         irradiance = values["irradiance"]
         light = None if irradiance is None else as_irradiance(irradiance)
         found = load_mesh(mesh)
@@ -143,8 +143,8 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | N
     option about meshes is given without one, a transfer with a scene, or an option that says of a
     surface what its transfer holds.
     """
-    with_mesh = Applies(mesh is not None, "with --mesh")
-    refuse_inapplicable({k: with_mesh for k in _OPTIONS if k != "vary" or follows})
+    with_mesh = usage.Applies(mesh is not None, "with --mesh")
+    usage.refuse_inapplicable({k: with_mesh for k in _OPTIONS if k != "vary" or follows})
     if transfer is not None and mesh is not None:
         from shrm_cli.render.scene_file import is_scene_name
 
@@ -152,8 +152,10 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | N
             raise click.UsageError(
                 "--transfer applies to a single mesh, not to a scene; name the mesh that was baked"
             )
-    baked = Applies(transfer is None, "without --transfer, which was baked with what it needs")
-    refuse_inapplicable({name: baked for name in OF_SURFACES if name != "vary"})
+    baked = usage.Applies(
+        transfer is None, "without --transfer, which was baked with what it needs"
+    )
+    usage.refuse_inapplicable({name: baked for name in OF_SURFACES if name != "vary"})
 
 
 @dataclass(frozen=True)
@@ -205,9 +207,7 @@ def open_baked(
     Raises click.UsageError if there is neither a map nor a probe, or a window does not apply.
     Raises TransferError or ProbeError if a file cannot be read.
     """
-    from shrm_cli.lights.split import split_lamps
     from shrm_cli.maps.info import probe_name
-    from shrm_cli.prefilter import prefilter
     from shrm_cli.render.lit import lit_maps
     from shrm_cli.transfer.file import read_transfer
 
@@ -218,13 +218,13 @@ def open_baked(
     named = "" if probe is None else probe_name(probe)
     warnings = []
     if probe is not None:
-        split = split_lamps(probe)
+        split = shrm.split_lamps(probe)
         if not baked.shades_lamps(glossy=bool(maps)):
             warnings = [f"{transfer}: lamps are as blurred as other light; bake it with 0 bounces"]
         elif split.discs:
             discs, probe = split.discs, split.residual_probe
     if not maps and probe is not None:
-        lit: list[Map] = [prefilter(probe, to="irradiance", order_f=baked.order)]
+        lit: list[Map] = [shrm.prefilter(probe, to="irradiance", order_f=baked.order)]
         return Baked(baked, lit, [named], discs, warnings)
     refuse_window(maps)
     lit, negative = lit_maps(maps, names, probe, window)

@@ -6,17 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    conclude,
-    make_read_options,
-    precision_option,
-    probe_options,
-    report_options,
-    warn,
-)
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import echo, progress_bar
 from shrm_cli.cli.types import FRACTION, within
-from shrm_cli.cli.usage import check_outputs, wants_json, wrong_usage
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
 
 if TYPE_CHECKING:
@@ -54,9 +47,9 @@ if TYPE_CHECKING:
     "--sun-radius", type=within(0.001, 90), metavar="DEG",
     help="Radius of the brightest lamp, instead of the one found; the sun's is 0.265.",
 )  # fmt: skip
-@precision_option
-@probe_options
-@report_options
+@options.precision_option
+@options.probe_options
+@options.report_options
 def sun(
     probe: str,
     output: str | None,
@@ -82,21 +75,19 @@ def sun(
     """
     for name, target in (("--light-file", light_file), ("--usd", usd)):
         if target is not None and output is None:
-            raise wrong_usage(f"{name} names the residual; give -o FILE.exr, too")
-    if engine is not None and wants_json():
-        raise wrong_usage("--for excludes --json")
-    options = make_read_options(reading)
-    from shrm_cli.lights.split import split_lamps
-    from shrm_cli.probe.open import open_probe
+            raise usage.wrong_usage(f"{name} names the residual; give -o FILE.exr, too")
+    if engine is not None and usage.wants_json():
+        raise usage.wrong_usage("--for excludes --json")
+    read_as = options.make_read_options(reading)
     from shrm_cli.progress import Rising, using
 
-    found = open_probe(probe, options)
+    found = shrm.open_probe(probe, read_as)
     targets = {output: ".exr", light_file: ".toml", usd: ".usda"}
     for path, suffix in targets.items():
         if path is not None:
-            check_outputs([path], suffixes=[suffix])
+            usage.check_outputs([path], suffixes=[suffix])
     with progress_bar("looking for lamps") as progress, using(Rising(progress)):
-        split = split_lamps(found, error, count, sun_radius)
+        split = shrm.split_lamps(found, error, count, sun_radius)
         result = _result(probe, split)
     written = _write(split, output, light_file, usd, precision)
     result |= written
@@ -105,9 +96,9 @@ def sun(
         from shrm_cli.lights.snippets import snippet
 
         echo(snippet(engine, split.discs))
-        warn(warnings)
+        options.warn(warnings)
         return
-    conclude(result, _lines(probe, split, written), warnings)
+    options.conclude(result, _lines(probe, split, written), warnings)
 
 
 def _write(

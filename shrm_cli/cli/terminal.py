@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from shrm_cli.cli.usage import is_quiet
+from shrm_cli.cli import usage
 from shrm_cli.messages import shown
 
 if TYPE_CHECKING:
@@ -180,7 +180,7 @@ def progress_bar(label: str) -> Iterator[Progress | None]:
     It is None if there is no terminal, or with --quiet. The bar shows the time that passes
     while nothing is reported, too, so that nobody takes long steps for a process that hangs.
     """
-    if is_quiet() or not has_terminal():
+    if usage.is_quiet() or not has_terminal():
         yield None
         return
     from tqdm import tqdm
@@ -251,7 +251,7 @@ def ticking(label: str, total: int) -> Iterator[Callable[[Totals], None]]:
 
     `total` is the number of jobs in all.
     """
-    if is_quiet():
+    if usage.is_quiet():
         yield lambda totals: None
     elif has_terminal():
         from tqdm import tqdm

@@ -7,16 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import announce, conclude, report_options
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import ALBEDO, BRUSH
-from shrm_cli.cli.usage import (
-    Applies,
-    check_outputs,
-    force_option,
-    given_options,
-    refuse_inapplicable,
-)
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
 
@@ -65,8 +58,8 @@ _MOST_SAMPLES = 2**16
     "--texture", type=click.IntRange(*TRANSFER_TEXTURES),
     help="Bake for the texels of a texture of so many along its edge in place of the vertices.",
 )  # fmt: skip
-@force_option
-@report_options
+@usage.force_option
+@options.report_options
 def transfer(
     mesh: str,
     output: str | None,
@@ -103,10 +96,10 @@ def transfer(
     from shrm_cli.transfer.file import write_transfer
 
     matrices = matrices or brdf is not None
-    refuse_inapplicable({
-        "brush": Applies(matrices, "with --matrices"),
-        "brdf": Applies(bounces > 0, "with --bounces; shadows alone are the same for all"),
-        "albedo": Applies(brdf is None, "without --brdf"),
+    usage.refuse_inapplicable({
+        "brush": usage.Applies(matrices, "with --matrices"),
+        "brdf": usage.Applies(bounces > 0, "with --bounces; shadows alone are the same for all"),
+        "albedo": usage.Applies(brdf is None, "without --brdf"),
     })  # fmt: skip
     target = output or f"{Path(mesh).stem}.transfer.npz"
     suffix = Path(target).suffix.lower()
@@ -116,14 +109,14 @@ def transfer(
         kind = "matrices" if texture is None else "textures of transfer"
         raise OutputError(f"{target}: {kind} are written as .npz only; name it so")
     beside = [str(Path(target).with_name(FACES))] if suffix == ".txt" else []
-    check_outputs([target, *beside], files=[mesh])
+    usage.check_outputs([target, *beside], files=[mesh])
     plan = transfer_plan(
         mesh, order=order, bounces=bounces, albedo=albedo, samples=samples, matrices=matrices,
         brush=brush, brdf=brdf, texture=texture,
     )  # fmt: skip
     found, texels = plan.mesh, plan.sites.texels
     sites = f"{len(plan.sites.positions):,} {'vertices' if texels is None else 'texels'}"
-    announce([
+    options.announce([
         f"{mesh}: {sites}, order {order}; {plan.size():,} bytes beside the output while it works"
     ])  # fmt: skip
 
@@ -134,7 +127,7 @@ def transfer(
             WRITERS[suffix](target, found, baked)
         return baked.summary()
 
-    is_kept = not force and "output" not in given_options()
+    is_kept = not force and "output" not in usage.given_options()
     with progress_bar("tracing") as progress, keeping(*([target] if is_kept else [])):
         said = bake(plan, keep=target, use=write, progress=progress)
     kinds = "vectors and matrices" if matrices else "vectors"
@@ -146,4 +139,4 @@ def transfer(
         f"{target}: transfer {kinds} of {sites}, of {of}, order {order}, "
         f"{bounces} bounces, {size:,} bytes"
     ]
-    conclude({"file": target, **said, "bytes": size}, lines, [])
+    options.conclude({"file": target, **said, "bytes": size}, lines, [])

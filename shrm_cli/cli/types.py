@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +30,8 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # click's type is gene
     """A type whose texts a function reads; what is no text, such as a default, is a value already.
 
     `name` is what the help calls it. `parse` returns the value of a text, or raises a ValueError,
-    whose message the user reads. `offered` holds texts that the shell completes.
+    whose message the user reads. `offered` holds texts that the shell completes. Functions of this
+    module become types as they are defined: ``@partial(Parsed, "name")``.
     """
 
     def __init__(self, name: str, parse: Callable[[str], Any], offered: Iterable[str] = ()) -> None:
@@ -53,15 +55,13 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # click's type is gene
         return [CompletionItem(each) for each in self._offered if each.startswith(incomplete)]
 
 
-def _fraction(text: str) -> float:
+@partial(Parsed, "fraction")
+def FRACTION(text: str) -> float:
+    """A number between 0 and 1, neither included; click's FloatRange would let NaN through."""
     number = _number(text)
     if not 0 < number < 1:
         raise ValueError(f"{number:g} is not between 0 and 1")
     return number
-
-
-FRACTION = Parsed("fraction", _fraction)
-"""A number between 0 and 1, neither of them included; click's FloatRange would let NaN through."""
 
 
 def within(low: float, high: float) -> Parsed:
@@ -83,7 +83,9 @@ STOPS = within(-32, 32)
 """An exposure value, in stops."""
 
 
-def _direction(text: str) -> tuple[float, float]:
+@partial(Parsed, "AZ,EL")
+def DIRECTION(text: str) -> tuple[float, float]:
+    """A direction in degrees: azimuth from +Z towards +X about +Y, elevation within -90 .. 90."""
     numbers = _numbers(text)
     if len(numbers) != 2:
         raise ValueError(f"{text!r} is not two numbers AZ,EL such as 30,45")
@@ -93,11 +95,9 @@ def _direction(text: str) -> tuple[float, float]:
     return azimuth, elevation
 
 
-DIRECTION = Parsed("AZ,EL", _direction)
-"""A direction in degrees: azimuth from +Z towards +X about +Y, elevation up, within -90 .. 90."""
-
-
-def _primaries(text: str) -> str | tuple[float, ...]:
+@partial(Parsed, "NAME|RX,RY,...", offered=PRIMARIES)
+def OF_PRIMARIES(text: str) -> str | tuple[float, ...]:
+    """Primaries and white: a name such as ``acescg``, or finite numbers ``RX,RY,GX,GY,...``."""
     if text in PRIMARIES:
         return text
     numbers = _numbers(text)
@@ -124,10 +124,6 @@ def way(text: str) -> tuple[str, float, float] | None:
     return (name, *ends) if name and all(map(math.isfinite, ends)) else None
 
 
-OF_PRIMARIES = Parsed("NAME|RX,RY,...", _primaries, PRIMARIES)
-"""Primaries and white: a name such as ``acescg``, or eight finite numbers ``RX,RY,GX,GY,...``."""
-
-
 def _several(name: str, wanted: str, largest: float = _LARGEST) -> Parsed:
     """Return the type of as many numbers as its name has, none of which is too large."""
 
@@ -148,7 +144,9 @@ BOX = _several("X0,Y0,Z0,X1,Y1,Z1", "six numbers X0,Y0,Z0,X1,Y1,Z1")
 """Two corners of a box."""
 
 
-def _brush(text: str) -> str | tuple[float, ...]:
+@partial(Parsed, "uv|X,Y,Z")
+def BRUSH(text: str) -> str | tuple[float, ...]:
+    """What tangents follow: ``uv``, or a direction."""
     if text == "uv":
         return text
     direction: tuple[float, ...] = VECTOR.parse(text)
@@ -157,11 +155,9 @@ def _brush(text: str) -> str | tuple[float, ...]:
     return direction
 
 
-BRUSH = Parsed("uv|X,Y,Z", _brush)
-"""What tangents follow: ``uv``, or a direction."""
-
-
-def _turn(text: str) -> tuple[tuple[float, ...], float]:
+@partial(Parsed, "AXIS:DEGREES")
+def TURN(text: str) -> tuple[tuple[float, ...], float]:
+    """A rotation: the axis ``x``, ``y``, ``z`` or ``X/Y/Z``, and an angle in degrees."""
     axis, _, angle = text.rpartition(":")
     axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     along = axes.get(axis) or _numbers(axis.replace("/", ","))
@@ -173,11 +169,9 @@ def _turn(text: str) -> tuple[tuple[float, ...], float]:
     return along, degrees[0]
 
 
-TURN = Parsed("AXIS:DEGREES", _turn)
-"""A rotation: the axis ``x``, ``y``, ``z`` or ``X/Y/Z``, and an angle in degrees."""
-
-
-def _coefficient(text: str) -> tuple[int, tuple[float, ...]]:
+@partial(Parsed, "L,M=X|R,G,B")
+def COEFFICIENT(text: str) -> tuple[int, tuple[float, ...]]:
+    """A coefficient of a light: its index l(l+1)+m, and one number or three."""
     place, _, value = text.partition("=")
     numbers, rgb = place.split(","), _of_channels(value)
     if len(numbers) != 2 or not rgb or not all(re.fullmatch(r"-?\d{1,3}", n) for n in numbers):
@@ -188,11 +182,9 @@ def _coefficient(text: str) -> tuple[int, tuple[float, ...]]:
     return degree * (degree + 1) + m, rgb
 
 
-COEFFICIENT = Parsed("L,M=X|R,G,B", _coefficient)
-"""A coefficient of a light: its index l(l+1)+m, and one number or three."""
-
-
-def _dimming(text: str) -> tuple[tuple[float, float], float, float]:
+@partial(Parsed, "AZ,EL:X[:W]")
+def DIMMING(text: str) -> tuple[tuple[float, float], float, float]:
+    """A direction in degrees, what light from there is multiplied by, and how wide that is."""
     parts = text.split(":")
     numbers = [_numbers(part) for part in parts[1:]]
     if not 2 <= len(parts) <= 3 or any(len(each) != 1 for each in numbers):
@@ -200,11 +192,7 @@ def _dimming(text: str) -> tuple[tuple[float, float], float, float]:
     (factor,), (width,) = numbers[0], numbers[-1] if len(numbers) > 1 else (30.0,)
     if factor < 0 or not 5 <= width <= 180:
         raise ValueError(f"{text!r} has a factor below 0, or a width outside 5 .. 180 degrees")
-    return _direction(parts[0]), factor, width
-
-
-DIMMING = Parsed("AZ,EL:X[:W]", _dimming)
-"""A direction in degrees, what light from there is multiplied by, and how wide that is."""
+    return DIRECTION.parse(parts[0]), factor, width
 
 
 def _whole(digits: str) -> int | None:
@@ -229,7 +217,9 @@ def picture_size(low: int, high: int) -> Parsed:
     return Parsed("N|WxH", parse)
 
 
-def _radiance(text: str) -> tuple[float, ...]:
+@partial(Parsed, "X|R,G,B")
+def RADIANCE(text: str) -> tuple[float, ...]:
+    """A linear RGB radiance: one finite number for all channels, or three; none is below 0."""
     numbers = _of_channels(text)
     if not numbers:
         raise ValueError(f"{text!r} is not one number, or three such as 1,0.5,0.2")
@@ -238,11 +228,9 @@ def _radiance(text: str) -> tuple[float, ...]:
     return numbers
 
 
-RADIANCE = Parsed("X|R,G,B", _radiance)
-"""A linear RGB radiance: one finite number for all channels, or three; none is below 0."""
-
-
-def _albedo(text: str) -> str | tuple[float, ...]:
+@partial(Parsed, "X|R,G,B|vertex")
+def ALBEDO(text: str) -> str | tuple[float, ...]:
+    """What a surface reflects: a number or three between 0 and 1, or ``vertex``."""
     if text == "vertex":
         return text
     numbers = _of_channels(text)
@@ -251,23 +239,19 @@ def _albedo(text: str) -> str | tuple[float, ...]:
     return numbers
 
 
-ALBEDO = Parsed("X|R,G,B|vertex", _albedo)
-"""What a surface reflects: a number or three between 0 and 1, or ``vertex``."""
-
-
-def _named_color(text: str) -> tuple[str, tuple[float, ...]]:
+@partial(Parsed, "NAME=R,G,B")
+def NAMED_COLOR(text: str) -> tuple[str, tuple[float, ...]]:
+    """A name, and three numbers or one for all channels; none is below 0."""
     name, separator, rest = text.rpartition("=")
     if not separator or not name:
         raise ValueError(f"{text!r} is not NAME=R,G,B or NAME=X")
-    numbers = _radiance(rest)
+    numbers = RADIANCE.parse(rest)
     return name, numbers * (3 // len(numbers))
 
 
-NAMED_COLOR = Parsed("NAME=R,G,B", _named_color)
-"""A name, and three numbers or one for all channels; none is below 0."""
-
-
-def _counts(text: str) -> tuple[int, ...]:
+@partial(Parsed, "NX,NY,NZ")
+def COUNTS(text: str) -> tuple[int, ...]:
+    """Three whole numbers, 1 at least."""
     texts = text.split(",")
     counts = [_whole(each) if each.isascii() and each.isdigit() else None for each in texts]
     if len(counts) != 3 or not all(counts):
@@ -275,11 +259,9 @@ def _counts(text: str) -> tuple[int, ...]:
     return tuple(each for each in counts if each)
 
 
-COUNTS = Parsed("NX,NY,NZ", _counts)
-"""Three whole numbers, 1 at least."""
-
-
-def _components(text: str) -> int | float:
+@partial(Parsed, "pca:K|pca:X")
+def COMPONENTS(text: str) -> int | float:
+    """How far to compress: ``pca:K`` components, or ``pca:X`` for a relative RMS error X < 1."""
     method, _, amount = text.partition(":")
     if method == "pca" and amount.isascii() and amount.isdigit() and amount.strip("0"):
         count = _whole(amount)
@@ -293,10 +275,6 @@ def _components(text: str) -> int | float:
             "between 0 and 1"
         )
     return numbers[0]
-
-
-COMPONENTS = Parsed("pca:K|pca:X", _components)
-"""How far to compress: ``pca:K`` components, or ``pca:X`` for a relative RMS error X < 1."""
 
 
 def interval(low: float, high: float) -> Parsed:
@@ -315,7 +293,9 @@ def interval(low: float, high: float) -> Parsed:
     return Parsed("A..B", parse)
 
 
-def _levels(text: str) -> int | tuple[float, ...]:
+@partial(Parsed, "N|R,R,...")
+def LEVELS(text: str) -> int | tuple[float, ...]:
+    """Levels of a split sum: their number, or the rising roughness of each, with commas between."""
     if text.isascii() and text.isdigit():
         count = _whole(text)
         if count is None or not 1 <= count <= MAX_LEVELS:
@@ -334,19 +314,13 @@ def _levels(text: str) -> int | tuple[float, ...]:
     return numbers
 
 
-LEVELS = Parsed("N|R,R,...", _levels)
-"""Levels of a split sum: their number, or the rising roughness of each, with commas between."""
-
-
-def _bytes(text: str) -> int:
+@partial(Parsed, "bytes")
+def BYTES(text: str) -> int:
+    """An amount of storage such as ``32MB``, ``1.5GiB`` or a plain number of bytes, at least 1."""
     count = parse_bytes(text)
     if count is None or count < 1:
         raise ValueError(f"{text!r} is not a number of bytes such as 32MB, 500kB or 2000000")
     return count
-
-
-BYTES = Parsed("bytes", _bytes)
-"""An amount of storage such as ``32MB``, ``1.5GiB`` or a plain number of bytes, at least 1."""
 
 
 def click_option(option: Option) -> Any:

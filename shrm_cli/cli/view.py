@@ -6,20 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import (
-    conclude,
-    make_read_options,
-    optional_brdf_option,
-    probe_options,
-    reading_rules,
-    report_options,
-    truth_options,
-    warn,
-)
+import shrm_cli as shrm
+from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import brush_option, brushed_options, surface_options, surface_rules
 from shrm_cli.cli.terminal import echo, progress_bar
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
-from shrm_cli.cli.usage import PAGES, Applies, check_outputs, exclude, is_quiet, refuse_inapplicable
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -62,12 +53,12 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     "--exposure", type=STOPS, metavar="EV",
     help="Stops at the beginning.  [default: what suits the first MAP]",
 )  # fmt: skip
-@optional_brdf_option
+@options.optional_brdf_option
 @click.option(
     "--truth-size", type=click.IntRange(16, 1024), metavar="N", default=_TRUTH_SIZE,
     show_default=True, help="Points of the truth along the edge of its picture.",
 )  # fmt: skip
-@truth_options
+@options.truth_options
 @click.option("--no-truth", is_flag=True, help="Compute no truth; the probe is shown all the same.")
 @click.option(
     "--max-size", type=BYTES, metavar="BYTES", default=str(_MAX_SIZE),
@@ -80,8 +71,8 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     "or so, which makes it ten times as small.",
 )  # fmt: skip
 @click.option("--no-open", is_flag=True, help="Print the page's address, but open no browser.")
-@probe_options
-@report_options
+@options.probe_options
+@options.report_options
 def view(
     maps: tuple[str, ...],
     output: str | None,
@@ -107,21 +98,18 @@ def view(
       shrm view a.shrm.exr a.splitsum.exr --mesh bunny.obj -o page.html
     """
     from shrm_cli.files.whole import write_bytes
-    from shrm_cli.maps.file import open_map
-    from shrm_cli.probe.open import open_probe
-    from shrm_cli.view.show import view as view_of
 
     shown_as = {name: values.pop(name) for name in _SHOWN}
     has_truth = _check_usage(probe is not None, output is not None, no_truth)
-    options = make_read_options(values)
-    light = None if probe is None else open_probe(probe, options)
+    reading = options.make_read_options(values)
+    light = None if probe is None else shrm.open_probe(probe, reading)
     if output is not None:
         files = [*maps, *([mesh] if mesh else [])]
-        check_outputs([output], files=files, specs=[brdf], suffixes=PAGES)
-    opened = [open_map(path) for path in maps]
-    refuse_inapplicable(surface_rules(opened))
+        usage.check_outputs([output], files=files, specs=[brdf], suffixes=usage.PAGES)
+    opened = [shrm.open_map(path) for path in maps]
+    usage.refuse_inapplicable(surface_rules(opened))
     with progress_bar("integrating") as progress:
-        shown = view_of(
+        shown = shrm.view(
             opened, light, brdf, names=maps, mesh=mesh, **shown_as,
             truth_size=truth_size if has_truth else 0, max_size=max_size if output else None,
             rounded=output is not None and not lossless, progress=progress,
@@ -129,7 +117,7 @@ def view(
     warnings = [] if light is None else [f"{probe}: {line}" for line in light.report.warnings()]
     warnings += shown.warnings
     if output is None:
-        warn(warnings)
+        options.warn(warnings)
         for line in shown.told:
             echo(line, err=True)
         _serve(shown.scene, no_open)
@@ -153,22 +141,22 @@ def view(
         lines.append(
             f"textures rounded by up to {error:.2%} (RMS); --lossless keeps half precision"
         )
-    conclude(result, lines, warnings)
+    options.conclude(result, lines, warnings)
 
 
 def _check_usage(has_probe: bool, has_output: bool, no_truth: bool) -> bool:
     """Refuse options that would have no effect, and return whether the truth is wanted."""
     has_truth = has_probe and not no_truth
-    refuse_inapplicable({
-        **reading_rules(has_probe, "with --probe"),
-        "no_truth": Applies(has_probe, "with --probe"),
-        **dict.fromkeys(_OF_TRUTH, Applies(has_truth, "to the truth, with --probe")),
-        "max_size": Applies(has_output, "with -o"),
-        "lossless": Applies(has_output, "with -o"),
-        "no_open": Applies(not has_output, "without -o"),
-        "as_json": Applies(has_output, "with -o"),
+    usage.refuse_inapplicable({
+        **options.reading_rules(has_probe, "with --probe"),
+        "no_truth": usage.Applies(has_probe, "with --probe"),
+        **dict.fromkeys(_OF_TRUTH, usage.Applies(has_truth, "to the truth, with --probe")),
+        "max_size": usage.Applies(has_output, "with -o"),
+        "lossless": usage.Applies(has_output, "with -o"),
+        "no_open": usage.Applies(not has_output, "without -o"),
+        "as_json": usage.Applies(has_output, "with -o"),
     })  # fmt: skip
-    exclude("no_truth", "brdf")
+    usage.exclude("no_truth", "brdf")
     return has_truth
 
 
@@ -180,7 +168,7 @@ def _serve(scene: Scene, no_open: bool) -> None:
 
     with PageServer(scene) as server:
         echo(server.url)
-        if not is_quiet():
+        if not usage.is_quiet():
             echo("Ctrl-C ends it.", err=True)
         if not no_open:
             webbrowser.open(server.url)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from shrm_cli import vocabulary
 from shrm_cli.convert.made import Converted, ConvertedMap, ConvertedProbe, Layers
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
@@ -19,15 +20,6 @@ from shrm_cli.messages import refuse_arguments
 from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, using
-from shrm_cli.vocabulary import (
-    LAYERS,
-    LAYOUTS,
-    MIP_LAYOUTS,
-    Lookup,
-    Orientation,
-    Sampling,
-    default_orientation,
-)
 
 
 def convert(
@@ -35,11 +27,11 @@ def convert(
     to: str,
     *,
     size: int | None = None,
-    orientation: Orientation | None = None,
-    sampling: Sampling | None = None,
+    orientation: vocabulary.Orientation | None = None,
+    sampling: vocabulary.Sampling | None = None,
     shader: str | None = None,
     view: tuple[float, float] | None = None,
-    by: Lookup | None = None,
+    by: vocabulary.Lookup | None = None,
     roughness: float | None = None,
     f0: str | None = None,
     mips: bool = False,
@@ -96,7 +88,7 @@ def convert(
     """
     if view is None:
         refuse_arguments("what is seen from no `view`", by=by, roughness=roughness, f0=f0)
-    if to != LAYERS:
+    if to != vocabulary.LAYERS:
         refuse_arguments(f"`to` {to}", shader=shader)
     reading = reading or ReadOptions()
     if isinstance(source, Probe) or not (isinstance(source, Map) or is_map(source)):
@@ -104,12 +96,12 @@ def convert(
         return _of_probe(source, to, size, orientation, sampling, reading, progress)
     name = source.what if isinstance(source, Map) else os.fspath(source)
     found, notes = _read(source, name, reading)
-    if to == LAYERS:
+    if to == vocabulary.LAYERS:
         refuse_arguments("`to` layers", size=size, orientation=orientation, sampling=sampling)
         return Layers(found, name, _code(found, shader), notes)
     if view is None and not mips:
         return _of_map(found, name, to, size, orientation, sampling, notes, options)
-    if to not in (MIP_LAYOUTS if view is None else ("latlong",)):
+    if to not in (vocabulary.MIP_LAYOUTS if view is None else ("latlong",)):
         raise ArgumentError("to", f"{to} is no plain image; take latlong")
     refuse_arguments("plain images", orientation=orientation, **options)
     from shrm_cli.convert.plain import mips_of, seen_from
@@ -129,7 +121,7 @@ def _code(found: Map, language: str | None) -> str | None:
         return None
     from shrm_cli.maps.shader.code import look_up_code
 
-    return look_up_code(found, language, LAYERS)
+    return look_up_code(found, language, vocabulary.LAYERS)
 
 
 def _read(
@@ -160,15 +152,17 @@ def _of_map(
     name: str,
     to: str,
     size: int | None,
-    orientation: Orientation | None,
-    sampling: Sampling | None,
+    orientation: vocabulary.Orientation | None,
+    sampling: vocabulary.Sampling | None,
     notes: tuple[str, ...],
     options: dict[str, Any],
 ) -> ConvertedMap:
     """Make a map of another representation, or lay the same one out anew."""
-    if to not in LAYOUTS:
+    if to not in vocabulary.LAYOUTS:
         made = found.converted(to, size, sampling, **options)
-        return ConvertedMap(made, "openexr", orientation or default_orientation("openexr"), notes)
+        return ConvertedMap(
+            made, "openexr", orientation or vocabulary.default_orientation("openexr"), notes
+        )
     if not found.cube_count:
         words = f"applies to maps with images; {name} holds coefficients and no images"
         raise ArgumentError("to", f"{to} {words}{_plain_instead(found, name, to)}")
@@ -176,7 +170,7 @@ def _of_map(
         raise MapError(f"{name}: {found.what} is no single image{_plain_instead(found, name, to)}")
     refuse_arguments(f"`to` {to}", **options)
     made = found.resampled(size, sampling)
-    return ConvertedMap(made, to, orientation or default_orientation(to), notes)
+    return ConvertedMap(made, to, orientation or vocabulary.default_orientation(to), notes)
 
 
 def _plain_instead(found: Map, name: str, to: str) -> str:
@@ -196,8 +190,8 @@ def _of_probe(
     source: Probe | str | os.PathLike[str],
     to: str,
     size: int | None,
-    orientation: Orientation | None,
-    sampling: Sampling | None,
+    orientation: vocabulary.Orientation | None,
+    sampling: vocabulary.Sampling | None,
     reading: ReadOptions,
     progress: Progress | None,
 ) -> ConvertedProbe:
@@ -206,14 +200,14 @@ def _of_probe(
     from shrm_cli.probe.resample import to_layout
 
     name = source.name if isinstance(source, Probe) else os.fspath(source)
-    if to == LAYERS:
+    if to == vocabulary.LAYERS:
         raise ArgumentError("to", f"{to}: {name} is no map; make one by shrm prefilter")
     probe = source if isinstance(source, Probe) else open_probe(source, reading)
-    if to not in LAYOUTS:
+    if to not in vocabulary.LAYOUTS:
         registry.description(to)  # which refuses what is no form either
         words = f"{name} is no map; a probe becomes {to} by shrm prefilter"
         raise ArgumentError("to", f"{to}: {words}")
-    sampled, turned = sampling or "center", orientation or default_orientation(to)
+    sampled, turned = sampling or "center", orientation or vocabulary.default_orientation(to)
     with using(progress):
         image = to_layout(probe, to, turned, size, sampled)
     return ConvertedProbe(probe, image, to, turned, sampled)

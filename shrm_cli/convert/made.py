@@ -73,7 +73,6 @@ class ConvertedMap(Converted):
     """What is to be said of its colors."""
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
-        """Write the map; see `Converted.save`."""
         made, info = self.map, self.map.info
         pixels = kept_precision(made, precision)
         stored = store(path, made, pixels, self.layout, self.orientation)
@@ -124,7 +123,6 @@ class Layers(Converted):
     notes: tuple[str, ...] = ()
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
-        """Write the textures; see `Converted.save`."""
         from shrm_cli.maps.shader.file import write_layers
 
         made, notes = self.map, list(self.notes)

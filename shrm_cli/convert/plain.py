@@ -44,7 +44,6 @@ class Seen(Converted):
     notes: tuple[str, ...] = ()
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
-        """Write the picture, without what is negative; see `Converted.save`."""
         path, rows = os.fspath(path), len(self.picture)
         (picture,), told = without_negative(path, [self.picture])
         recipe = {"convert": Path(self.name).name, "to": "latlong", **self.said}
@@ -114,7 +113,6 @@ class Mips(Converted):
     notes: tuple[str, ...] = ()
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
-        """Write the levels, without what is negative; see `Converted.save`."""
         path = os.fspath(path)
         levels, told = without_negative(path, list(self.levels))
         recipe = {

@@ -9,19 +9,7 @@ from copy import deepcopy
 from pathlib import Path
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.gltf import (
-    BIN,
-    GLB_HEAD,
-    JSON,
-    MOST_BYTES,
-    Json,
-    buffers_of,
-    bytes_at,
-    list_of,
-    read_tree,
-    table,
-    view_of,
-)
+from shrm_cli.files import gltf
 from shrm_cli.files.whole import note
 from shrm_cli.records import record
 
@@ -43,7 +31,7 @@ class Asset:
 
     path: str
     """The path of the file."""
-    tree: Json
+    tree: gltf.Json
     """Its JSON, in which all views are of one buffer."""
     data: bytes
     """This buffer."""
@@ -53,7 +41,7 @@ class Asset:
         """How many scenes it has."""
         return len(self.tree["scenes"])
 
-    def lit(self, light: Json, pictures: list[bytes]) -> bytes:
+    def lit(self, light: gltf.Json, pictures: list[bytes]) -> bytes:
         """Return a GLB in all scenes of which a light is.
 
         `light` is what the extension wants of a light; its images are counted from 0. `pictures`
@@ -84,13 +72,13 @@ def open_asset(path: str) -> Asset:
     or not of version 2.
     """
     try:
-        if Path(path).stat().st_size > MOST_BYTES:
-            raise MapError(f"{path}: larger than {MOST_BYTES:,} bytes; simplify it")
+        if Path(path).stat().st_size > gltf.MOST_BYTES:
+            raise MapError(f"{path}: larger than {gltf.MOST_BYTES:,} bytes; simplify it")
         content = Path(path).read_bytes()
     except OSError as error:
         raise MapError(f"{path}: cannot be read ({error.strerror}); name a glTF file") from error
     note(path)
-    tree, chunk = read_tree(path, content)
+    tree, chunk = gltf.read_tree(path, content)
     try:
         return _opened(path, tree, chunk)
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
@@ -98,45 +86,45 @@ def open_asset(path: str) -> Asset:
         raise MapError(f"{path}: its glTF is damaged ({why}); export it again") from error
 
 
-def _opened(path: str, tree: Json, chunk: bytes | None) -> Asset:
-    if _COMPRESSED in list_of(tree, "extensionsUsed"):
+def _opened(path: str, tree: gltf.Json, chunk: bytes | None) -> Asset:
+    if _COMPRESSED in gltf.list_of(tree, "extensionsUsed"):
         raise MapError(f"{path}: it is compressed ({_COMPRESSED}); add the light before that")
-    if not list_of(tree, "scenes"):
+    if not gltf.list_of(tree, "scenes"):
         raise MapError(f"{path}: it has no scene that light could be in; export it with one")
-    for scene in list_of(tree, "scenes"):
-        table(table(scene).get("extensions", {}))
-    known = table(table(tree.get("extensions", {})).get(EXTENSION, {}))
-    list_of(known, "lights")
+    for scene in gltf.list_of(tree, "scenes"):
+        gltf.table(gltf.table(scene).get("extensions", {}))
+    known = gltf.table(gltf.table(tree.get("extensions", {})).get(EXTENSION, {}))
+    gltf.list_of(known, "lights")
     data, starts = bytearray(), []
-    buffers = buffers_of(path, tree, chunk)
+    buffers = gltf.buffers_of(path, tree, chunk)
     for each in buffers:
         starts.append(_padded(data))
         data += each
-    for each in list_of(tree, "bufferViews"):
-        found = view_of(each, buffers)
+    for each in gltf.list_of(tree, "bufferViews"):
+        found = gltf.view_of(each, buffers)
         each["byteOffset"] = starts[found["buffer"]] + found["byteOffset"]
         each["buffer"] = 0
-    for image in list_of(tree, "images"):
+    for image in gltf.list_of(tree, "images"):
         _embed(path, tree, data, image)
     return Asset(path, tree, bytes(data))
 
 
-def _embed(path: str, tree: Json, data: bytearray, image: Json) -> None:
+def _embed(path: str, tree: gltf.Json, data: bytearray, image: gltf.Json) -> None:
     """Move a picture that lies beside a file into its buffer."""
-    uri = str(table(image).get("uri", "data:"))
+    uri = str(gltf.table(image).get("uri", "data:"))
     if uri.startswith("data:"):
         return
     kind = _TYPES.get(Path(uri).suffix.lower())
     if kind is None:
         raise MapError(f"{path}: {uri[:80]!r} is no PNG, JPEG, WebP or KTX 2 picture; convert it")
-    view = _added(tree, data, bytes_at(path, uri, MOST_BYTES, "a picture"))
+    view = _added(tree, data, gltf.bytes_at(path, uri, gltf.MOST_BYTES, "a picture"))
     del image["uri"]
     image.update(mimeType=image.get("mimeType", kind), bufferView=view)
 
 
-def _added(tree: Json, data: bytearray, piece: bytes) -> int:
+def _added(tree: gltf.Json, data: bytearray, piece: bytes) -> int:
     """Append bytes to a buffer, and return the number of their view."""
-    views: list[Json] = tree.setdefault("bufferViews", [])
+    views: list[gltf.Json] = tree.setdefault("bufferViews", [])
     views.append({"buffer": 0, "byteOffset": _padded(data), "byteLength": len(piece)})
     data += piece
     return len(views) - 1
@@ -148,12 +136,18 @@ def _padded(data: bytearray, byte: bytes = b"\0", to: int = 8) -> int:
     return len(data)
 
 
-def _glb(tree: Json, data: bytearray) -> bytes:
+def _glb(tree: gltf.Json, data: bytearray) -> bytes:
     """Return a GLB with one buffer."""
     size = _padded(data, to=4)
     text = bytearray(json.dumps({**tree, "buffers": [{"byteLength": size}]}).encode())
     _padded(text, b" ", to=4)
     chunks = b"".join(
-        len(each).to_bytes(4, "little") + kind + each for kind, each in ((JSON, text), (BIN, data))
+        len(each).to_bytes(4, "little") + kind + each
+        for kind, each in ((gltf.JSON, text), (gltf.BIN, data))
     )
-    return GLB_HEAD + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks
+    return (
+        gltf.GLB_HEAD
+        + (2).to_bytes(4, "little")
+        + (12 + len(chunks)).to_bytes(4, "little")
+        + chunks
+    )

@@ -3,9 +3,7 @@
 A header, its extension "DX10" with the number of the pixel format, then for each face
 +X -X +Y -Y +Z -Z all levels from the largest.
 
-References
-----------
-Microsoft, Programming guide for DDS; DDS_HEADER, DDS_HEADER_DXT10.
+References: Microsoft, Programming guide for DDS; DDS_HEADER, DDS_HEADER_DXT10.
 """
 
 import struct

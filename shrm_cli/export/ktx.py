@@ -1,10 +1,9 @@
 """KTX: cubes with mips. KTX 2 has them in Vulkan's formats, compressed by Zstandard where that is
 installed, and KTX 1 in OpenGL's terms.
 
-References
-----------
-Khronos, "KTX File Format Specification", versions 1 and 2.0; "Khronos Data Format Specification",
-version 1.3, section 5 (the basic descriptor) and table 96 (the descriptor of RGB9E5).
+References: Khronos, "KTX File Format Specification", versions 1 and 2.0; "Khronos Data Format
+Specification", version 1.3, section 5 (the basic descriptor) and table 96 (the descriptor of
+RGB9E5).
 """
 
 import struct

@@ -197,23 +197,9 @@ def export(
 ) -> Package:
     """Make the files of an engine.
 
-    Parameters
-    ----------
-    source : Source
-    engine : Engine
-    asked : Asked
-
-    Returns
-    -------
-    Package
-        All files, the README among them; `write` writes them.
-
-    Raises
-    ------
-    ArgumentError
-        If something is asked for that the engine has not.
-    MapError
-        If the source holds nothing that the engine reads, or does not fit it.
+    Returns all files, the README among them; `write` writes them. Raises ArgumentError if something
+    is asked for that the engine has not. Raises MapError if the source holds nothing that the
+    engine reads, or does not fit it.
     """
     check(engine, asked)
     asset = None if asked.into is None else open_asset(asked.into)

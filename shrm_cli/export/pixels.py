@@ -4,9 +4,7 @@ All of them are unsigned here, because radiance is. Values are rounded to the ne
 holds. What it cannot hold is clipped, and counted in a `Clipped`, so that nobody loses a sun
 without a word.
 
-References
-----------
-The Khronos Data Format Specification 1.3, sections 10.2 to 10.4; OpenGL's extensions
+References: The Khronos Data Format Specification 1.3, sections 10.2 to 10.4; OpenGL's extensions
 EXT_packed_float and EXT_texture_shared_exponent.
 """
 

@@ -4,9 +4,7 @@ A pixel holds a divisor D in its alpha and ``(c D)^(1/2.2)`` in its colours, all
 takes ``rgb^2.2 / D``. D is 1 for what a display could show, and falls to 1/255 at radiance 255,
 which is the most that a pixel can hold.
 
-References
-----------
-Babylon.js, ``helperFunctions``: ``toRGBD`` and ``fromRGBD``.
+References: Babylon.js, ``helperFunctions``: ``toRGBD`` and ``fromRGBD``.
 """
 
 import zlib

@@ -114,7 +114,6 @@ class ExrFile(StoredFile):
 
     @cached_property
     def parts(self) -> tuple[StoredPart, ...]:
-        """All parts, in the file's order."""
         return tuple(self._part_by_part())
 
     def _part_by_part(self) -> Iterator[StoredPart]:

@@ -9,9 +9,7 @@ An attribute of the first header holds the SHA-256 digest of all other bytes of 
 that was cut off, or overwritten in part, by a full disk or a broken copy, does not fit its digest
 any more. Whether it does is told without decoding pixels, in the time that it takes to read it.
 
-References
-----------
-"OpenEXR File Layout", Academy Software Foundation.
+References: "OpenEXR File Layout", Academy Software Foundation.
 """
 
 import hashlib
@@ -259,14 +257,9 @@ def seal(path: str | os.PathLike[str]) -> None:
 def condition(path: str | os.PathLike[str]) -> Condition:
     """Return in what condition a file is, by its digest.
 
-    Returns
-    -------
-    {"intact", "other", "damaged", "unknown"}
-        ``intact`` is a file as it was written. ``damaged`` is one whose end is missing or
-        overwritten. ``other`` is one whose bytes differ otherwise: somebody has edited it, or it
-        is damaged within. ``unknown`` is a file without a digest.
-
-    Raises OSError if the file cannot be read.
+    ``intact`` is a file as it was written. ``damaged`` is one whose end is missing or overwritten.
+    ``other`` is one whose bytes differ otherwise: somebody has edited it, or it is damaged within.
+    ``unknown`` is a file without a digest. Raises OSError if the file cannot be read.
     """
     if os.path.getsize(path) <= len(MAGIC):
         return "unknown"

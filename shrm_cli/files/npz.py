@@ -42,10 +42,7 @@ _FIRST_DAY = (1980, 1, 1, 0, 0, 0)
 class Archive:
     """An open archive.
 
-    Attributes
-    ----------
-    names : set of str
-        The names of the arrays, without ``.npy``.
+    `names` are the names of the arrays, without ``.npy``.
     """
 
     def __init__(self, archive: zipfile.ZipFile, size: int) -> None:

@@ -15,22 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from shrm_cli.errors import MeshError
-from shrm_cli.files.gltf import (
-    BIN,
-    GLB_HEAD,
-    JSON,
-    MOST_BYTES,
-    MOST_ITEMS,
-    Json,
-    buffers_of,
-    index_in,
-    list_of,
-    natural,
-    picture_of,
-    read_tree,
-    table,
-    view_of,
-)
+from shrm_cli.files import gltf
 from shrm_cli.geometry.mesh import MOST_FACES, too_many
 from shrm_cli.geometry.surface import Matrix, SurfaceMaterial, Texture, Wrap
 
@@ -54,22 +39,22 @@ class SurfaceReader:
     `buffers` returns the bytes of its buffers.
     """
 
-    def __init__(self, name: str, tree: Json, buffers: Callable[[], list[bytes]]) -> None:
+    def __init__(self, name: str, tree: gltf.Json, buffers: Callable[[], list[bytes]]) -> None:
         self._name, self._tree, self._buffers = name, tree, buffers
-        self._textures = list_of(tree, "textures")
+        self._textures = gltf.list_of(tree, "textures")
         self._pictures: dict[int, Path | bytes | str] = {}
 
-    def material(self, given: Json) -> SurfaceMaterial:
+    def material(self, given: gltf.Json) -> SurfaceMaterial:
         """Return a material.
 
         Raises ValueError, KeyError or TypeError if it is damaged, or a texture is not beside the
         file.
         """
-        pbr = table(given.get("pbrMetallicRoughness", {}))
+        pbr = gltf.table(given.get("pbrMetallicRoughness", {}))
         color = [_unit(each) for each in pbr.get("baseColorFactor", (1, 1, 1, 1))]
         if len(color) < 3:
             raise ValueError("a base colour of less than three numbers")
-        extensions = table(given.get("extensions", {}))
+        extensions = gltf.table(given.get("extensions", {}))
         mode = given.get("alphaMode", "OPAQUE")
         rough = self._texture(pbr, "metallicRoughnessTexture")
         return SurfaceMaterial(
@@ -81,9 +66,11 @@ class SurfaceReader:
             metallic_map=rough,
             roughness_map=rough,
             normal_map=self._texture(given, "normalTexture"),
-            normal_scale=_number(table(given.get("normalTexture", {})).get("scale", 1)),
+            normal_scale=_number(gltf.table(given.get("normalTexture", {})).get("scale", 1)),
             occlusion_map=self._texture(given, "occlusionTexture"),
-            occlusion_strength=_unit(table(given.get("occlusionTexture", {})).get("strength", 1)),
+            occlusion_strength=_unit(
+                gltf.table(given.get("occlusionTexture", {})).get("strength", 1)
+            ),
             emission=_emission(given, extensions),
             emission_map=self._texture(given, "emissiveTexture", True),
             opacity=color[3] if len(color) > 3 else 1.0,
@@ -94,7 +81,7 @@ class SurfaceReader:
             ),
         )
 
-    def _texture(self, held: Json, key: str, is_srgb: bool = False) -> Texture | None:
+    def _texture(self, held: gltf.Json, key: str, is_srgb: bool = False) -> Texture | None:
         if key not in held:
             return None
         try:
@@ -104,15 +91,15 @@ class SurfaceReader:
 
     def _laid(self, given: Any, is_srgb: bool) -> Texture:
         """Return a texture as it lies over the mesh."""
-        info = table(given)
-        index = index_in(info["index"], self._textures)
-        named = table(self._textures[index])
-        samplers = list_of(self._tree, "samplers")
-        sampler = table(
-            samplers[index_in(named["sampler"], samplers)] if "sampler" in named else {}
+        info = gltf.table(given)
+        index = gltf.index_in(info["index"], self._textures)
+        named = gltf.table(self._textures[index])
+        samplers = gltf.list_of(self._tree, "samplers")
+        sampler = gltf.table(
+            samplers[gltf.index_in(named["sampler"], samplers)] if "sampler" in named else {}
         )
-        moved = table(table(info.get("extensions", {})).get(_TRANSFORM, {}))
-        uv_set = natural(moved.get("texCoord", info.get("texCoord", 0)))
+        moved = gltf.table(gltf.table(info.get("extensions", {})).get(_TRANSFORM, {}))
+        uv_set = gltf.natural(moved.get("texCoord", info.get("texCoord", 0)))
         if uv_set >= _UV_SETS:
             raise ValueError(f"a texture over the coordinates TEXCOORD_{uv_set}")
         return Texture(
@@ -121,11 +108,11 @@ class SurfaceReader:
             sampler.get("magFilter") == _NEAREST,
         )  # fmt: skip
 
-    def _picture(self, index: int, named: Json) -> Path | bytes | str:
+    def _picture(self, index: int, named: gltf.Json) -> Path | bytes | str:
         """Return the picture of a texture; the same object for the same one."""
         if index not in self._pictures:
             try:
-                found = picture_of(self._name, self._tree, self._buffers, named)
+                found = gltf.picture_of(self._name, self._tree, self._buffers, named)
             except ValueError as error:
                 self._pictures[index] = str(error)
             else:
@@ -133,28 +120,23 @@ class SurfaceReader:
         return self._pictures[index]
 
 
-def with_colors(material: SurfaceMaterial | None) -> SurfaceMaterial:
-    """Return a material, or glTF's own without one, that vertex colours multiply."""
-    return replace(material or SurfaceMaterial(), colored="linear")
-
-
-def _emission(given: Json, extensions: Json) -> tuple[float, float, float]:
+def _emission(given: gltf.Json, extensions: gltf.Json) -> tuple[float, float, float]:
     """Return the radiance that a material sends, its factor times its strength."""
-    strength = float(table(extensions.get(_STRONG, {})).get("emissiveStrength", 1))
+    strength = float(gltf.table(extensions.get(_STRONG, {})).get("emissiveStrength", 1))
     if not 0 <= strength <= _BRIGHTEST:
         raise ValueError(f"an emissive strength of {strength}")
     red, green, blue = (strength * _unit(each) for each in given.get("emissiveFactor", (0, 0, 0)))
     return red, green, blue
 
 
-def _wrap(sampler: Json, key: str) -> Wrap:
+def _wrap(sampler: gltf.Json, key: str) -> Wrap:
     value = sampler.get(key, 10497)
     if value not in _WRAPS:
         raise ValueError(f"a sampler whose {key} is {str(value)[:20]}")
     return _WRAPS[value]
 
 
-def _matrix(given: Json) -> Matrix:
+def _matrix(given: gltf.Json) -> Matrix:
     """Return the matrix of KHR_texture_transform, which scales, rotates, and then moves.
 
     v points down, and coordinates are rotated counter-clockwise as they are seen.
@@ -165,7 +147,7 @@ def _matrix(given: Json) -> Matrix:
     return c * across, s * down, x, -s * across, c * down, y
 
 
-def _pair(given: Json, key: str, default: float) -> tuple[float, float]:
+def _pair(given: gltf.Json, key: str, default: float) -> tuple[float, float]:
     values = [_number(each) for each in given.get(key, (default, default))]
     if len(values) != 2:
         raise ValueError(f"the {key} of a texture is no pair")
@@ -213,7 +195,7 @@ def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial 
 
     Raises MeshError if it is damaged, claims more than is there, or needs what is not read.
     """
-    tree, chunk = read_tree(name, data)
+    tree, chunk = gltf.read_tree(name, data)
     try:
         return _rewritten(name, tree, chunk)
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
@@ -222,29 +204,30 @@ def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial 
 
 
 def _rewritten(
-    name: str, tree: Json, chunk: bytes | None
+    name: str, tree: gltf.Json, chunk: bytes | None
 ) -> tuple[bytes, str, list[SurfaceMaterial | None]]:
-    for needed in list_of(tree, "extensionsRequired"):
+    for needed in gltf.list_of(tree, "extensionsRequired"):
         if not str(needed).startswith(_KNOWN):
             raise MeshError(
                 f"{name}: it needs the extension {str(needed)[:40]!r}; export it without"
             )
-    buffers = buffers_of(name, tree, chunk)
-    views = [view_of(each, buffers) for each in list_of(tree, "bufferViews")]
+    buffers = gltf.buffers_of(name, tree, chunk)
+    views = [gltf.view_of(each, buffers) for each in gltf.list_of(tree, "bufferViews")]
     _check_sum(name, [each["byteLength"] for each in views])  # trimesh copies each of them
     reader = SurfaceReader(name, tree, lambda: buffers)
-    materials = [reader.material(table(each)) for each in list_of(tree, "materials")]
-    colored = [with_colors(each) for each in (*materials, None)]
-    plain = _Plain(name, list_of(tree, "accessors"), views)
+    materials = [reader.material(gltf.table(each)) for each in gltf.list_of(tree, "materials")]
+    # Those that vertex colours multiply; the last is glTF's own, of what has none.
+    colored = [replace(each or SurfaceMaterial(), colored="linear") for each in (*materials, None)]
+    plain = _Plain(name, gltf.list_of(tree, "accessors"), views)
     meshes, owners = [], []
-    for mesh in list_of(tree, "meshes"):
+    for mesh in gltf.list_of(tree, "meshes"):
         primitives = []
-        for primitive in list_of(mesh, "primitives", required=True):
+        for primitive in gltf.list_of(mesh, "primitives", required=True):
             if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP):
                 primitives.append(plain.primitive(primitive))
                 place = -1
                 if "material" in primitive:
-                    place = index_in(primitive["material"], materials)
+                    place = gltf.index_in(primitive["material"], materials)
                 known = colored if "COLOR_0" in primitive["attributes"] else [*materials, None]
                 owners.append(known[place])
         meshes.append({"name": "mesh", "primitives": primitives})
@@ -253,11 +236,11 @@ def _rewritten(
     if len(owners) > _MOST_PRIMITIVES:
         raise MeshError(f"{name}: more than {_MOST_PRIMITIVES:,} primitives; join its meshes")
     _check_sum(name, plain.sizes)
-    nodes = [_node(each, tree) for each in list_of(tree, "nodes")]
+    nodes = [_node(each, tree) for each in gltf.list_of(tree, "nodes")]
     roots = _roots(tree, nodes)
     _check_tree(nodes, roots)
     shown = sum(len(meshes[node["mesh"]]["primitives"]) for node in nodes if "mesh" in node)
-    if shown > MOST_ITEMS:
+    if shown > gltf.MOST_ITEMS:
         raise MeshError(f"{name}: it shows {shown:,} primitives; join its meshes")
     header = {
         "asset": {"version": "2.0"},
@@ -274,11 +257,11 @@ def _rewritten(
 
 def _check_sum(name: str, sizes: list[int]) -> None:
     """Refuse parts that are read from the same bytes again and again."""
-    if sum(sizes) > 2 * MOST_BYTES:
+    if sum(sizes) > 2 * gltf.MOST_BYTES:
         raise MeshError(f"{name}: it reads {sum(sizes):,} bytes of its buffers; export it again")
 
 
-def _check_tree(nodes: list[Json], roots: list[int]) -> None:
+def _check_tree(nodes: list[gltf.Json], roots: list[int]) -> None:
     """Refuse nodes that are shown from more than one place, and so circles."""
     shown = roots + [child for node in nodes for child in node.get("children", ())]
     if len(set(shown)) < len(shown):
@@ -288,15 +271,15 @@ def _check_tree(nodes: list[Json], roots: list[int]) -> None:
 class _Plain:
     """Checks what primitives name, and writes down the accessors that they use, and their bytes."""
 
-    def __init__(self, name: str, accessors: list[Json], views: list[Json]) -> None:
+    def __init__(self, name: str, accessors: list[gltf.Json], views: list[gltf.Json]) -> None:
         self.name, self._given, self._views = name, accessors, views
-        self.accessors: list[Json] = []
+        self.accessors: list[gltf.Json] = []
         self.sizes: list[int] = []
         self._places: dict[int, int] = {}
 
-    def primitive(self, primitive: Json) -> Json:
+    def primitive(self, primitive: gltf.Json) -> gltf.Json:
         """Return a primitive with the attributes that are used."""
-        given = table(primitive["attributes"])
+        given = gltf.table(primitive["attributes"])
         kept = {}
         for label, (known, types) in _ATTRIBUTES.items():
             if label in given:
@@ -304,7 +287,7 @@ class _Plain:
         count = self.accessors[kept["POSITION"]]["count"]
         if any(self.accessors[place]["count"] != count for place in kept.values()):
             raise ValueError("attributes of different numbers of vertices")
-        result: Json = {"attributes": kept, "mode": primitive.get("mode", _TRIANGLES)}
+        result: gltf.Json = {"attributes": kept, "mode": primitive.get("mode", _TRIANGLES)}
         if "indices" in primitive:
             result["indices"] = self._accessor(primitive["indices"], ("SCALAR",))
             count = self.accessors[result["indices"]]["count"]
@@ -316,8 +299,8 @@ class _Plain:
 
     def _accessor(self, index: Any, types: tuple[str, ...]) -> int:
         """Return the place of an accessor among those that are used, after checking its bounds."""
-        number = index_in(index, self._given)
-        given = table(self._given[number])
+        number = gltf.index_in(index, self._given)
+        given = gltf.table(self._given[number])
         if "sparse" in given or "bufferView" not in given:
             raise MeshError(f"{self.name}: sparse or compressed accessors; export it without")
         kind, component = given["type"], given["componentType"]
@@ -325,8 +308,8 @@ class _Plain:
             raise ValueError(f"an accessor of type {str(kind)[:20]}")
         if component not in _BYTES:
             raise ValueError("an accessor of no known component type")
-        view = self._views[index_in(given["bufferView"], self._views)]
-        count, start = natural(given["count"]), natural(given.get("byteOffset", 0))
+        view = self._views[gltf.index_in(given["bufferView"], self._views)]
+        count, start = gltf.natural(given["count"]), gltf.natural(given.get("byteOffset", 0))
         width = _COLUMNS[kind] * _BYTES[component]
         stride = view.get("byteStride", width)
         if count < 1 or stride < width or start + (count - 1) * stride + width > view["byteLength"]:
@@ -344,13 +327,13 @@ class _Plain:
         return self._places[number]
 
 
-def _node(given: Json, tree: Json) -> Json:
-    result: Json = {}
+def _node(given: gltf.Json, tree: gltf.Json) -> gltf.Json:
+    result: gltf.Json = {}
     if "mesh" in given:
-        result["mesh"] = index_in(given["mesh"], list_of(tree, "meshes"))
-    children = list_of(given, "children")
+        result["mesh"] = gltf.index_in(given["mesh"], gltf.list_of(tree, "meshes"))
+    children = gltf.list_of(given, "children")
     if children:
-        result["children"] = [index_in(each, list_of(tree, "nodes")) for each in children]
+        result["children"] = [gltf.index_in(each, gltf.list_of(tree, "nodes")) for each in children]
     for key, length in _TRANSFORMS.items():
         if key in given:
             numbers = [float(each) for each in given[key]]
@@ -360,21 +343,21 @@ def _node(given: Json, tree: Json) -> Json:
     return result
 
 
-def _roots(tree: Json, nodes: list[Json]) -> list[int]:
+def _roots(tree: gltf.Json, nodes: list[gltf.Json]) -> list[int]:
     """Return the nodes that the scene begins with; without a scene, those that have no parent."""
-    scenes = list_of(tree, "scenes")
+    scenes = gltf.list_of(tree, "scenes")
     if scenes:
-        scene = scenes[index_in(tree.get("scene", 0), scenes)]
-        return [index_in(each, nodes) for each in list_of(scene, "nodes")]
+        scene = scenes[gltf.index_in(tree.get("scene", 0), scenes)]
+        return [gltf.index_in(each, nodes) for each in gltf.list_of(scene, "nodes")]
     owned = {child for node in nodes for child in node.get("children", ())}
     return [index for index in range(len(nodes)) if index not in owned]
 
 
-def _packed(header: Json, buffers: list[bytes]) -> bytes:
+def _packed(header: gltf.Json, buffers: list[bytes]) -> bytes:
     text = json.dumps(header).encode()
-    chunks = [_chunk(text, JSON, b" "), *(_chunk(each, BIN, b"\0") for each in buffers)]
+    chunks = [_chunk(text, gltf.JSON, b" "), *(_chunk(each, gltf.BIN, b"\0") for each in buffers)]
     length = 12 + sum(len(each) for each in chunks)
-    return struct.pack("<4sII", GLB_HEAD, 2, length) + b"".join(chunks)
+    return struct.pack("<4sII", gltf.GLB_HEAD, 2, length) + b"".join(chunks)
 
 
 def _chunk(data: bytes, kind: bytes, filling: bytes) -> bytes:

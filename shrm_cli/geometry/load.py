@@ -128,6 +128,7 @@ def _check_text(name: str, data: bytes) -> None:
 Parts = list[SurfaceMaterial | None]
 
 SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb")
+_CHECKS: Mapping[str, Callable[[str, bytes], None]] = {".ply": check_ply, ".stl": check_stl}
 """The suffixes of meshes, in lower case."""
 
 _MOST_STEPS = 64
@@ -163,7 +164,11 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     try:
         if kind == ".obj":
             return make_mesh(name, **_surfaced(name, read_obj(name, data)))
-        prepared = _PREPARE[kind](name, data)
+        if kind in _CHECKS:
+            _CHECKS[kind](name, data)
+            prepared = _Prepared(data, kind[1:], [])
+        else:
+            prepared = _Prepared(*read_gltf(name, data))
         return _joined(name, _parsed(name, prepared), prepared)
     except ShrmError:
         raise
@@ -213,25 +218,6 @@ def _kind(name: str, data: bytes) -> str:
         what = f"looks like {looks}" if looks else "does not begin like one"
         raise MeshError(f"{name}: its name ends in {suffix}, but it {what}; rename or export it")
     return suffix
-
-
-def _as_ply(name: str, data: bytes) -> _Prepared:
-    check_ply(name, data)
-    return _Prepared(data, "ply", [])
-
-
-def _as_stl(name: str, data: bytes) -> _Prepared:
-    check_stl(name, data)
-    return _Prepared(data, "stl", [])
-
-
-def _as_gltf(name: str, data: bytes) -> _Prepared:
-    return _Prepared(*read_gltf(name, data))
-
-
-_PREPARE: Mapping[str, Callable[[str, bytes], _Prepared]] = {
-    ".ply": _as_ply, ".stl": _as_stl, ".gltf": _as_gltf, ".glb": _as_gltf,
-}  # fmt: skip
 
 
 # ---- trimesh -------------------------------------------------------------------------------------

@@ -126,31 +126,15 @@ def make_mesh(
     coordinates and colours that are not finite, or not one for each vertex, are left out as a
     whole.
 
-    Parameters
-    ----------
-    name : str
-        For messages.
-    vertices : array_like, shape (n, 3)
-    faces : array_like of int, shape (m, 3)
-    normals : array_like, shape (n, 3), optional
-        Of any length.
-    uvs : array_like, shape (n, 2), optional
-    colors : array_like, shape (n, 3 or 4), optional
-        Integers stand for fractions of the largest that their type holds.
-    materials : sequence of SurfaceMaterial
-        The first one is that of all triangles, unless `face_materials` says otherwise.
-    face_materials : array_like of int, shape (m,), optional
-        For each triangle the index of its material; -1 for none.
-    uvs_1 : array_like, shape (n, 2), optional
-    tangents : array_like, shape (n, 4), optional
-        As `Mesh` has them.
-    file_vertices : array_like of int, shape (n,), optional
-        Which vertex of its file each vertex is; by default the one of the same number.
-    file_count : int, optional
-        The number of vertices of the file; by default as many as there are here.
-    file_rows : array_like of int, shape (k,), optional
-        Which vertex each vertex of the file is, where several of the file are one here; by default
-        the first that `file_vertices` gives.
+    `name` is for messages. `vertices` and `normals`, of any length, are of shape (n, 3), `faces` of
+    (m, 3), `uvs` and `uvs_1` of (n, 2). Integers in `colors`, of shape (n, 3 or 4), stand for
+    fractions of the largest that their type holds. The first of the `materials` is that of all
+    triangles, unless `face_materials` says otherwise. `face_materials`, of shape (m,), are the
+    indices of their materials; -1 for none. `tangents`, of shape (n, 4), are as `Mesh` has them.
+    `file_vertices`, of shape (n,), tells which vertex of its file each vertex is; by default the
+    one of the same number. `file_count` is the number of vertices of the file; by default as many
+    as there are here. `file_rows`, of shape (k,), tells which vertex each vertex of the file is,
+    where several of the file are one here; by default the first that `file_vertices` gives.
 
     Raises MeshError if there are no triangles with an area, a coordinate is not finite, or a
     triangle names a vertex that does not exist.

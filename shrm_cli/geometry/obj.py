@@ -29,20 +29,11 @@ _COLORED = 7  # words of a vertex with a colour
 class _Reader:
     """What has been read so far.
 
-    Attributes
-    ----------
-    values : tuple of 3 array
-        Numbers of positions, texture coordinates and normals.
-    colors : array
-        Three numbers for each vertex that has a colour.
-    corners : array
-        Three indices for each corner of the triangles: into the `values`, from 0, and -1 for none.
-    owners : array
-        For each triangle the place of its material, and -1 for none.
-    libraries : list of str
-        The files of materials that are named.
-    materials : dict of str to int
-        The materials that are named, and their places.
+    `values` are numbers of positions, texture coordinates and normals. `colors` are three numbers
+    for each vertex that has a colour. `corners` are three indices for each corner of the triangles:
+    into the `values`, from 0, and -1 for none. `owners` are the places of the triangles' materials,
+    and -1 for none. `libraries` are the files of materials that are named. `materials` are the
+    materials that are named, and their places.
     """
 
     def __init__(self, name: str) -> None:
@@ -144,15 +135,11 @@ def read_obj(name: str, data: bytes) -> dict[str, Any]:
 
     `name` is for messages.
 
-    Returns
-    -------
-    dict
-        ``vertices``, ``faces`` and more, as `make_mesh` takes them. A vertex is what its corners
-        have in common: position, texture coordinates and normal. ``libraries`` are the files that
-        hold the materials ``material_names``, whose places ``face_materials`` has.
-
-    Raises MeshError if it is not OBJ, a face is no polygon or names what is not there, or there are
-    none or too many.
+    Returns ``vertices``, ``faces`` and more, as `make_mesh` takes them. A vertex is what its
+    corners have in common: position, texture coordinates and normal. ``libraries`` are the files
+    that hold the materials ``material_names``, whose places ``face_materials`` has. Raises
+    MeshError if it is not OBJ, a face is no polygon or names what is not there, or there are none
+    or too many.
     """
     if b"\0" in data:
         raise MeshError(f"{name}: it is not text, so it is not OBJ; export it again")

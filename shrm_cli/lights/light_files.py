@@ -64,13 +64,9 @@ def usd_text(split: LampSplit, residual: str) -> str:
 
     `residual` is the name of the residual's file, relative to the folder of the layer.
 
-    Returns
-    -------
-    str
-        Distant lights are normalized: colour times intensity is the irradiance of a surface that
-        faces them, as `UsdLuxLightAPI` defines it. They send light along -Z of their own axes.
-
-    Raises OutputError if the residual is no lat-long sampled at pixel centres, as domes take them.
+    Distant lights are normalized: colour times intensity is the irradiance of a surface that faces
+    them, as `UsdLuxLightAPI` defines it. They send light along -Z of their own axes. Raises
+    OutputError if the residual is no lat-long sampled at pixel centres, as domes take them.
     """
     probe = split.residual_probe
     if (probe.layout, probe.sampling) != ("latlong", "center"):

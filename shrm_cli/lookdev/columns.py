@@ -82,10 +82,8 @@ class Column:
     def tiles(self, viewer: Viewer, size: int) -> Iterator[Picture | str]:
         """Draw the spheres before their surroundings.
 
-        Yields
-        ------
-        ndarray of float32, shape (size, size, 3), or str
-            Linear Rec.709, exposed; where there is no map, why.
+        Yields an array of float32 of shape (size, size, 3), or str: linear Rec.709, exposed; where
+        there is no map, why.
         """
         behind = None
         if self.surroundings is not None:

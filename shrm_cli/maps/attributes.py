@@ -10,22 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli import __release__
+from shrm_cli import __release__, vocabulary
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredPart, sound_primaries
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.vocabulary import (
-    CENTERS,
-    DOMAINS,
-    FRAMES,
-    LAYOUTS,
-    MAX_ORDER_F,
-    MAX_ORDER_P,
-    ORIENTATIONS,
-    SAMPLINGS,
-)
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -224,10 +214,10 @@ class _Attribute(NamedTuple):
 
 _ATTRIBUTES = {
     "version": _Attribute(int, lambda value: value >= 1),
-    "frame": _Attribute(str, FRAMES.__contains__),
-    "center": _Attribute(str, CENTERS.__contains__),
-    "F": _Attribute(int, lambda value: 0 <= value <= MAX_ORDER_F, "order_f"),
-    "P": _Attribute(int, lambda value: 0 <= value <= MAX_ORDER_P),
+    "frame": _Attribute(str, vocabulary.FRAMES.__contains__),
+    "center": _Attribute(str, vocabulary.CENTERS.__contains__),
+    "F": _Attribute(int, lambda value: 0 <= value <= vocabulary.MAX_ORDER_F, "order_f"),
+    "P": _Attribute(int, lambda value: 0 <= value <= vocabulary.MAX_ORDER_P),
     "epsilon": _Attribute(float, _is_size, "eps"),
     "brdf_energy_captured": _Attribute(float, math.isfinite, "captured"),
     "predicted_error": _Attribute(float, _is_size, "predicted_error"),
@@ -236,15 +226,15 @@ _ATTRIBUTES = {
     "probe_sha256": _Attribute(str, _is_text, "probe_sha256"),
     "added_error": _Attribute(float, _is_size, "added_error", 0.0),
     "fit_residual": _Attribute(float, _is_size, "fit_residual", 0.0),
-    "carried": _Attribute(int, lambda value: -1 <= value <= MAX_ORDER_F, "carried", -1),
+    "carried": _Attribute(int, lambda value: -1 <= value <= vocabulary.MAX_ORDER_F, "carried", -1),
     "filter_error": _Attribute(float, _is_size, "filter_error", 0.0),
     "storage_error": _Attribute(float, _is_size, "storage_error", 0.0),
-    "domain": _Attribute(str, DOMAINS.__contains__, "domain", "frequency"),
+    "domain": _Attribute(str, vocabulary.DOMAINS.__contains__, "domain", "frequency"),
     "options": _Attribute(str, _is_json_object, "options", "{}"),
     "program": _Attribute(str, _is_text),
     "sources": _Attribute(str, _is_text),
-    "layout": _Attribute(str, LAYOUTS.__contains__, default="openexr"),
-    "orientation": _Attribute(str, ORIENTATIONS.__contains__, default="openexr"),
-    "sampling": _Attribute(str, ("", *SAMPLINGS).__contains__),
+    "layout": _Attribute(str, vocabulary.LAYOUTS.__contains__, default="openexr"),
+    "orientation": _Attribute(str, vocabulary.ORIENTATIONS.__contains__, default="openexr"),
+    "sampling": _Attribute(str, ("", *vocabulary.SAMPLINGS).__contains__),
 }
 """The attributes of maps by their names."""

@@ -61,11 +61,9 @@ class FixedMap(Map):
 
     @property
     def cube_count(self) -> int:
-        """The number of cubes that the map stores."""
         return 0
 
     def planes(self) -> Sequence[Array]:
-        """Return the cubes of the map; see `Map.planes`."""
         return ()
 
     def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> Self:
@@ -87,7 +85,6 @@ class FixedMap(Map):
         return self
 
     def summary(self) -> dict[str, Any]:
-        """Return what users and scripts are told about every such map."""
         return {"representation": self.representation, "frame": self.frame, "center": self.center}
 
 
@@ -107,7 +104,6 @@ class LightMap(FixedMap):
         anisotropy: float = 0.0,
         taps: int = DEFAULT_TAPS,
     ) -> "Shaded":
-        """Return a GGX surface under the light; see `Map.shaded`."""
         self.check_brush(anisotropy)
         return self.surface(roughness, f0, anisotropy, taps)
 

@@ -9,23 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
+from shrm_cli import vocabulary
 from shrm_cli.errors import ArgumentError
 from shrm_cli.records import record
-from shrm_cli.vocabulary import (
-    AUTO,
-    CENTERS,
-    DEFAULT_EPS,
-    DEFAULT_MAX_SIZE,
-    DOMAINS,
-    FRAMES,
-    MAX_CUBE_SIZE,
-    MAX_LEVELS,
-    MAX_ORDER_F,
-    MAX_ORDER_P,
-    MAX_SOURCE_HEIGHT,
-    MIN_CUBE_SIZE,
-    SAMPLINGS,
-)
 
 
 @record
@@ -78,7 +64,8 @@ class Option:
             "switch": "True or False",
             "text": "text",
             "interval": f"two numbers that rise within {low:g} .. {high:g}",
-            "levels": f"a number of levels, 1 .. {MAX_LEVELS}, or the roughnesses of levels",
+            "levels": f"a number of levels, 1 .. {vocabulary.MAX_LEVELS}, "
+            "or the roughnesses of levels",
             "components": "a number of components, or an error between 0 and 1",
             "bytes": "a number of bytes, such as 32MB, 500kB or 2000000",
         }[self.kind]
@@ -114,7 +101,7 @@ def _levels(option: Option, value: object) -> int | tuple[float, ...] | None:
     if hasattr(value, "__iter__"):
         return tuple(float(roughness) for roughness in value) or None
     count = _whole(value)
-    return count if count is not None and 1 <= count <= MAX_LEVELS else None
+    return count if count is not None and 1 <= count <= vocabulary.MAX_LEVELS else None
 
 
 def _components(option: Option, value: object) -> int | float | None:
@@ -193,9 +180,9 @@ SHARED = {
     option.name: option
     for option in (
         Option(
-            "eps", kind="fraction", metavar="X", default=DEFAULT_EPS,
+            "eps", kind="fraction", metavar="X", default=vocabulary.DEFAULT_EPS,
             help="Fraction of the BRDF's energy that may be missed; it chooses F and P.  "
-            f"[default: {DEFAULT_EPS:g}]",
+            f"[default: {vocabulary.DEFAULT_EPS:g}]",
         ),
         Option(
             "error", kind="fraction", metavar="X",
@@ -207,38 +194,38 @@ SHARED = {
             help="Share of what is visible that may be wrong by more than 5 %, as predicted; it "
             "chooses the map of the fewest bytes.",
         ),
-        Option("order_f", "Order F to use instead.", "integer", limits=(0, MAX_ORDER_F)),
-        Option("order_p", "Order P to use instead.", "integer", limits=(0, MAX_ORDER_P)),
+        Option("order_f", "Order F to use instead.", "integer", limits=(0, vocabulary.MAX_ORDER_F)),
+        Option("order_p", "Order P to use instead.", "integer", limits=(0, vocabulary.MAX_ORDER_P)),
         Option(
-            "center", kind="choice", choices=("auto", *CENTERS),
+            "center", kind="choice", choices=("auto", *vocabulary.CENTERS),
             help="Central direction of the map; auto takes the one with the fewest coefficients.  "
             "[default: the BRDF's own; of principal the best one]",
         ),
         Option(
-            "domain", kind="choice", choices=DOMAINS, default="frequency",
+            "domain", kind="choice", choices=vocabulary.DOMAINS, default="frequency",
             help="Where to prefilter explicit maps; angular takes minutes.  [default: frequency]",
         ),
         Option(
-            "source_height", kind="integer", limits=(2, MAX_SOURCE_HEIGHT), metavar="H",
+            "source_height", kind="integer", limits=(2, vocabulary.MAX_SOURCE_HEIGHT), metavar="H",
             help="In the angular domain: average the probe down to 2H x H first.",
         ),
         Option(
-            "frame", kind="choice", choices=FRAMES, default="global",
+            "frame", kind="choice", choices=vocabulary.FRAMES, default="global",
             help="Axes of the view in the map: the world's, or each texel's own.  "
             "[default: global]",
         ),
         Option(
-            "size", kind="integer", limits=(MIN_CUBE_SIZE, MAX_CUBE_SIZE),
+            "size", kind="integer", limits=(vocabulary.MIN_CUBE_SIZE, vocabulary.MAX_CUBE_SIZE),
             help="Texels along a face's edge.  [default: from F]",
         ),
         Option(
             "max_size", kind="bytes", metavar="BYTES",
             help="Most bytes of the map in half precision, such as 500kB. Where they are too few "
             "for the orders, the best map within them is made.  "
-            f"[default: {DEFAULT_MAX_SIZE // 10**6}MB]",
+            f"[default: {vocabulary.DEFAULT_MAX_SIZE // 10**6}MB]",
         ),
         Option(
-            "sampling", kind="choice", choices=SAMPLINGS, default="center",
+            "sampling", kind="choice", choices=vocabulary.SAMPLINGS, default="center",
             help="Where the edge texels of the map lie.",
         ),
         Option(
@@ -279,11 +266,11 @@ BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS
 """The arguments that representations which are made for a BRDF share."""
 
 AUTOMATIC = Representation(
-    AUTO,
+    vocabulary.AUTO,
     "the form that the picture needs",
     frozenset(("brdf", "error", "seen", "center", "max_size", "sun")) | CUBE_ARGUMENTS,
     (SHADER, TEXTURES),
-    own_defaults={"max_size": DEFAULT_MAX_SIZE},
+    own_defaults={"max_size": vocabulary.DEFAULT_MAX_SIZE},
 )
 """What is asked for where the form is not: its arguments are those of every form that may be it."""
 

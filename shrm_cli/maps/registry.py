@@ -10,6 +10,7 @@ its own.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from shrm_cli import vocabulary
 from shrm_cli.errors import ArgumentError, PluginError
 from shrm_cli.maps.options import (
     AUTOMATIC,
@@ -22,24 +23,6 @@ from shrm_cli.maps.options import (
     Representation,
 )
 from shrm_cli.messages import refuse_arguments
-from shrm_cli.vocabulary import (
-    AUTO,
-    DEFAULT_FACTOR_ORDERS,
-    DEFAULT_FITTED_ROUGHNESS,
-    DEFAULT_MAX_SIZE,
-    DEFAULT_PRODUCT_ORDER,
-    DEFAULT_PRODUCT_SIZE,
-    DEFAULT_TAPS,
-    LAWS,
-    LEVEL_MAPPINGS,
-    MAX_EXPONENTIAL_ORDER,
-    MAX_PRINCIPAL_MAPS,
-    MAX_PRODUCT_ORDER,
-    MAX_PRODUCT_SIZE,
-    MIN_ROUGHNESS,
-    REPRESENTATIONS,
-    TAP_COUNTS,
-)
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -63,9 +46,9 @@ _FORM = Option(
     help="irradiance: all coefficients (sh), or linear ones and a zonal one of degree 2, about "
     "their luminance's axis (zh3), each channel's own, or guessed.  [default: sh]",
 )  # fmt: skip
-_P, _Q = DEFAULT_FACTOR_ORDERS
-_LOW, _HIGH = DEFAULT_FITTED_ROUGHNESS
-_ORDERS = (0, MAX_EXPONENTIAL_ORDER)
+_P, _Q = vocabulary.DEFAULT_FACTOR_ORDERS
+_LOW, _HIGH = vocabulary.DEFAULT_FITTED_ROUGHNESS
+_ORDERS = (0, vocabulary.MAX_EXPONENTIAL_ORDER)
 
 DESCRIPTIONS = {
     "shrm": Representation(
@@ -98,7 +81,7 @@ DESCRIPTIONS = {
             is_offered=name in _OFFERED,
             mark=("#e69f00", "v"),
         )
-        for name, module in REPRESENTATIONS.items()
+        for name, module in vocabulary.REPRESENTATIONS.items()
         if module.startswith("explicit.")
     },
     "irradiance": Representation(
@@ -119,7 +102,7 @@ DESCRIPTIONS = {
         (
             Option("levels", "splitsum: how many, or the roughness of each.", "levels"),
             Option(
-                "mapping", kind="choice", choices=LEVEL_MAPPINGS, default="linear",
+                "mapping", kind="choice", choices=vocabulary.LEVEL_MAPPINGS, default="linear",
                 help="splitsum: how roughness rises with the level.  [default: linear]",
             ),
             SHADER,
@@ -130,8 +113,9 @@ DESCRIPTIONS = {
                 "f0) too, of brushed GGX.",
             ),
             Option(
-                "taps", kind="choice", choices=tuple(str(each) for each in TAP_COUNTS), prints=True,
-                help=f"splitsum, with --anisotropy: look-ups it takes.  [default: {DEFAULT_TAPS}]",
+                "taps", kind="choice", choices=tuple(map(str, vocabulary.TAP_COUNTS)), prints=True,
+                help="splitsum, with --anisotropy: look-ups it takes.  "
+                f"[default: {vocabulary.DEFAULT_TAPS}]",
             ),
             Option(
                 "mips", kind="switch", default=False,
@@ -151,7 +135,7 @@ DESCRIPTIONS = {
         | {"error", "seen"},
         (
             Option(
-                "maps", kind="integer", limits=(1, MAX_PRINCIPAL_MAPS), metavar="K",
+                "maps", kind="integer", limits=(1, vocabulary.MAX_PRINCIPAL_MAPS), metavar="K",
                 help="principal: keep the K cubes that hold the most light.  [default: from --eps]",
             ),
             Option(
@@ -161,7 +145,7 @@ DESCRIPTIONS = {
             SHADER,
             TEXTURES,
         ),
-        own_defaults={"max_size": DEFAULT_MAX_SIZE},
+        own_defaults={"max_size": vocabulary.DEFAULT_MAX_SIZE},
         mark=("#d55e00", "o"),
     ),
     "product": Representation(
@@ -170,16 +154,16 @@ DESCRIPTIONS = {
         frozenset(("brdf", "error")),
         (
             Option(
-                "order", kind="integer", limits=(0, MAX_PRODUCT_ORDER),
-                default=DEFAULT_PRODUCT_ORDER,
+                "order", kind="integer", limits=(0, vocabulary.MAX_PRODUCT_ORDER),
+                default=vocabulary.DEFAULT_PRODUCT_ORDER,
                 help="product: largest degree of the light's harmonics.  "
-                f"[default: {DEFAULT_PRODUCT_ORDER}]",
+                f"[default: {vocabulary.DEFAULT_PRODUCT_ORDER}]",
             ),
             Option(
-                "texels", kind="integer", limits=(8, MAX_PRODUCT_SIZE),
-                default=DEFAULT_PRODUCT_SIZE,
+                "texels", kind="integer", limits=(8, vocabulary.MAX_PRODUCT_SIZE),
+                default=vocabulary.DEFAULT_PRODUCT_SIZE,
                 help="product: texels along the edge of the parabolic map of views.  "
-                f"[default: {DEFAULT_PRODUCT_SIZE}]",
+                f"[default: {vocabulary.DEFAULT_PRODUCT_SIZE}]",
             ),
             WINDOW,
             SHADER,
@@ -201,12 +185,12 @@ DESCRIPTIONS = {
                 help=f"she: order of Q, over (R + N) / |R + N|.  [default: {_Q}]",
             ),
             Option(
-                "roughness", kind="interval", limits=(MIN_ROUGHNESS, 1),
-                default=DEFAULT_FITTED_ROUGHNESS,
+                "roughness", kind="interval", limits=(vocabulary.MIN_ROUGHNESS, 1),
+                default=vocabulary.DEFAULT_FITTED_ROUGHNESS,
                 help=f"she: perceptual roughness to fit it to.  [default: {_LOW:g}..{_HIGH:g}]",
             ),
             Option(
-                "law", kind="choice", choices=LAWS, default="lobe",
+                "law", kind="choice", choices=vocabulary.LAWS, default="lobe",
                 help="she: attenuation after GGX's lobe, or as published.  [default: lobe]",
             ),
             SHADER,
@@ -229,11 +213,11 @@ def module(representation: str, name: str) -> Any:
 
     Raises PluginError if the form of an installed package cannot be used.
     """
-    if representation not in REPRESENTATIONS:
+    if representation not in vocabulary.REPRESENTATIONS:
         from shrm_cli.maps import installed
 
         return installed.module(representation, name)
-    folder = REPRESENTATIONS[representation].partition(".")[0]
+    folder = vocabulary.REPRESENTATIONS[representation].partition(".")[0]
     return importlib.import_module(f"shrm_cli.maps.{folder}.{name}")
 
 
@@ -242,8 +226,10 @@ def map_class(representation: str) -> "type[Map]":
 
     Raises PluginError if the form of an installed package has none.
     """
-    if representation in REPRESENTATIONS:
-        defining = importlib.import_module(f"shrm_cli.maps.{REPRESENTATIONS[representation]}")
+    if representation in vocabulary.REPRESENTATIONS:
+        defining = importlib.import_module(
+            f"shrm_cli.maps.{vocabulary.REPRESENTATIONS[representation]}"
+        )
     else:
         from shrm_cli.maps import installed
 
@@ -264,7 +250,7 @@ def description(representation: str) -> Representation:
     Raises ArgumentError if there is no such representation. Raises PluginError if it is a form of
     an installed package that cannot be used.
     """
-    if representation == AUTO:
+    if representation == vocabulary.AUTO:
         return AUTOMATIC
     if representation in DESCRIPTIONS:
         return DESCRIPTIONS[representation]
@@ -275,7 +261,7 @@ def description(representation: str) -> Representation:
 
 def is_known(representation: str) -> bool:
     """Tell whether there is such a representation, in `shrm` or in an installed package."""
-    return representation in REPRESENTATIONS or representation in installed_names()
+    return representation in vocabulary.REPRESENTATIONS or representation in installed_names()
 
 
 def installed_names() -> list[str]:
@@ -287,7 +273,7 @@ def installed_names() -> list[str]:
 
 def names() -> list[str]:
     """Return the names of all representations, those of installed packages last."""
-    return [*REPRESENTATIONS, *installed_names()]
+    return [*vocabulary.REPRESENTATIONS, *installed_names()]
 
 
 def sources(representation: str) -> str:
@@ -297,7 +283,7 @@ def sources(representation: str) -> str:
     """
     from shrm_cli.sources import fingerprint, fingerprint_with  # which --help does not need
 
-    if representation in (AUTO, *REPRESENTATIONS):
+    if representation in (vocabulary.AUTO, *vocabulary.REPRESENTATIONS):
         return fingerprint()
     from shrm_cli.maps import installed
 
@@ -310,7 +296,7 @@ def descriptions(*more: str) -> dict[str, Representation]:
     `*more` holds representations whose descriptions come after them, such as those of installed
     packages.
     """
-    return {name: description(name) for name in dict.fromkeys((*REPRESENTATIONS, *more))}
+    return {name: description(name) for name in dict.fromkeys((*vocabulary.REPRESENTATIONS, *more))}
 
 
 def unconverted(source: "Map", to: str, **options: Any) -> "Map":

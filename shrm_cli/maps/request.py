@@ -34,22 +34,10 @@ from shrm_cli.vocabulary import (
 class Request:
     """The arguments of `shrm_cli.prefilter.prefilter`, with their defaults.
 
-    Attributes
-    ----------
-    to : str
-        The representation; ``auto`` only where nothing is asked that an SHRM alone obeys.
-    brdf : Brdf
-        None for forms that have a BRDF of their own.
-    eps : float
-        The fraction of the BRDF's energy that may be missed.
-    error, seen, order_f, order_p, center, frame, size, sampling, max_size, domain, source_height,
-    sun
-        As `shrm_cli.prefilter.prefilter` takes them.
-    own : mapping of str to value
-        The options of the representation itself. One that was not given and has no default is
-        missing.
-    given : mapping of str to value
-        The arguments but for the BRDF that were given.
+    `to` is the representation; ``auto`` only where nothing is asked that an SHRM alone obeys.
+    `brdf` is None for forms that have a BRDF of their own. `own` are the options of the
+    representation itself; one that was not given and has no default is missing. `given` are the
+    arguments that were given, but for the BRDF.
     """
 
     to: str

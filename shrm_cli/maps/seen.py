@@ -7,8 +7,6 @@ asked, as where a form has a fixed number of views, the best one is made, and a 
 misses.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

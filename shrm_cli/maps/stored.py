@@ -12,20 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from shrm_cli import vocabulary
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, Storage, StoredPart, prepared, write_chosen
 from shrm_cli.maps.attributes import COLORS, map_info, options_text, read_attributes
 from shrm_cli.records import record
-from shrm_cli.vocabulary import (
-    CUBES,
-    IMAGE_LAYOUTS,
-    MAX_CUBE_SIZE,
-    Layout,
-    Orientation,
-    Precision,
-    Sampling,
-)
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -37,9 +29,9 @@ _ALLOWED = 0.1
 def store(
     path: str | os.PathLike[str],
     reflection_map: Map,
-    precision: Precision = "auto",
+    precision: vocabulary.Precision = "auto",
     layout: str = "openexr",
-    orientation: Orientation = "openexr",
+    orientation: vocabulary.Orientation = "openexr",
 ) -> Storage:
     """Write a map to a file, completely or not at all.
 
@@ -83,11 +75,11 @@ class Arrangement:
     Raises MapError if maps are not laid out so.
     """
 
-    layout: Layout = "openexr"
+    layout: vocabulary.Layout = "openexr"
     """A cube layout in one image, or ``latlong``."""
-    orientation: Orientation = "openexr"
+    orientation: vocabulary.Orientation = "openexr"
     """How the faces of a cube are turned."""
-    sampling: Sampling = "center"
+    sampling: vocabulary.Sampling = "center"
     """Where the edge texels of the cube lie. A lat-long is sampled at its pixel centres."""
 
     def __post_init__(self) -> None:
@@ -148,12 +140,14 @@ class Arrangement:
         """
         if self.layout == "latlong":
             return height // 2 if width == 2 * height and height % 2 == 0 and height else None
-        return CUBES[self.layout].face_size(width, height)
+        return vocabulary.CUBES[self.layout].face_size(width, height)
 
 
-def _holds_maps(layout: Layout) -> bool:
+def _holds_maps(layout: vocabulary.Layout) -> bool:
     """Whether a layout may hold the planes of a map: a lat-long or a cube in one image may."""
-    return layout == "latlong" or (layout in CUBES and layout in IMAGE_LAYOUTS)
+    return layout == "latlong" or (
+        layout in vocabulary.CUBES and layout in vocabulary.IMAGE_LAYOUTS
+    )
 
 
 @record
@@ -179,11 +173,11 @@ class StoredImage:
         path, layout = part.path, attributes["layout"]
         if not _holds_maps(layout):
             raise MapError(f"{path}: maps are not laid out as {layout}; make it again")
-        sampling: Sampling = "border" if part.border_sampled else "center"
+        sampling: vocabulary.Sampling = "border" if part.border_sampled else "center"
         sampling = attributes["sampling"] or sampling
         arrangement = Arrangement(layout, attributes["orientation"], sampling)
         size = arrangement.cube_size(part.width, part.height)
-        if size is None or size > MAX_CUBE_SIZE:
+        if size is None or size > vocabulary.MAX_CUBE_SIZE:
             what = "a cube of 1:6" if layout == "openexr" else layout
             raise MapError(f"{path}: {part.width} x {part.height} is not {what}")
         return cls(part, attributes, arrangement, size)

@@ -73,17 +73,8 @@ def disc_directions(disc: Disc, count: int) -> Array:
 
 
 def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
-    """Coefficients of the light of all discs together.
+    """Coefficients of the light of all discs, shape ((order+1)^2, 3), index l(l+1)+m, world axes.
 
-    Parameters
-    ----------
-    order : int
-        Largest degree.
-
-    Returns an array of shape ((order+1)^2, 3): index l(l+1)+m, world axes.
-
-    Notes
-    -----
     About its own axis a disc of radiance L has the coefficients ``L_l0 = 2 pi L sqrt((2l+1) /
     4 pi)`` times the integral of P_l from cos r to 1. This is ``(P_l-1 - P_l+1) / (2l+1)`` at
     cos r, which loses all digits for a small r; as ``sin(r)^2 P_l' / (l (l+1))`` it keeps them.

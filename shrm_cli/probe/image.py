@@ -121,7 +121,6 @@ class ConvertedImage(ImageOfImage):
     primaries have negative channels."""
 
     def read(self, start: int, stop: int) -> Array:
-        """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
         with np.errstate(over="ignore", invalid="ignore"):  # NaN and infinity are found later
             return self.image.read(start, stop) @ self.matrix.T.astype(np.float32)
 

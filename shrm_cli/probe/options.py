@@ -7,6 +7,7 @@ from typing import Any, Literal, TypedDict
 
 import numpy as np
 
+from shrm_cli import vocabulary
 from shrm_cli.arrays import Array
 from shrm_cli.color import are_unset, conversion, fault_of, same_primaries, title_of
 from shrm_cli.errors import ProbeError
@@ -14,15 +15,6 @@ from shrm_cli.probe.image import ConvertedImage, ProbeImage
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import turn_matrix
-from shrm_cli.vocabulary import (
-    LAYOUTS,
-    ORIENTATIONS,
-    PRIMARIES,
-    SAMPLINGS,
-    Layout,
-    Orientation,
-    Sampling,
-)
 
 _UP = ("y", "z")
 
@@ -73,9 +65,9 @@ class ReadOptions:
         If a value is not one of these.
     """
 
-    layout: Layout | None = None
-    orientation: Orientation | None = None
-    sampling: Sampling | None = None
+    layout: vocabulary.Layout | None = None
+    orientation: vocabulary.Orientation | None = None
+    sampling: vocabulary.Sampling | None = None
     yaw: float = 0.0
     mirror: bool = False
     up: Literal["y", "z"] = "y"
@@ -91,9 +83,9 @@ class ReadOptions:
     at: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
-        _check_name("layout", self.layout, (None, *LAYOUTS))
-        _check_name("orientation", self.orientation, (None, *ORIENTATIONS))
-        _check_name("sampling", self.sampling, (None, *SAMPLINGS))
+        _check_name("layout", self.layout, (None, *vocabulary.LAYOUTS))
+        _check_name("orientation", self.orientation, (None, *vocabulary.ORIENTATIONS))
+        _check_name("sampling", self.sampling, (None, *vocabulary.SAMPLINGS))
         _check_name("up", self.up, _UP)
         _check_flag("mirror", self.mirror)
         _check_flag("linearize", self.linearize)
@@ -126,9 +118,9 @@ class ReadOptions:
 class ReadKeywords(TypedDict, total=False):
     """The keywords of `open_probe`: attributes of `ReadOptions` and of its `PixelPolicy`."""
 
-    layout: Layout | None
-    orientation: Orientation | None
-    sampling: Sampling | None
+    layout: vocabulary.Layout | None
+    orientation: vocabulary.Orientation | None
+    sampling: vocabulary.Sampling | None
     yaw: float
     pitch: float
     roll: float
@@ -176,16 +168,16 @@ def chromaticities_of(
     if value is None:
         return None
     if isinstance(value, str):
-        _check_name(argument, value, tuple(PRIMARIES))
-        return PRIMARIES[value]
+        _check_name(argument, value, tuple(vocabulary.PRIMARIES))
+        return vocabulary.PRIMARIES[value]
     try:
         numbers = tuple(float(each) for each in value)
     except (TypeError, ValueError, OverflowError):
         numbers = ()
     if len(numbers) != 8 or not np.isfinite(numbers).all():
         raise ProbeError(
-            f"`{argument}` {value!r:.100} is neither one of {', '.join(PRIMARIES)} nor eight "
-            "numbers, x and y of red, green, blue and white"
+            f"`{argument}` {value!r:.100} is neither one of {', '.join(vocabulary.PRIMARIES)} nor "
+            "eight numbers, x and y of red, green, blue and white"
         )
     fault = fault_of(numbers)
     if fault is not None:
@@ -251,7 +243,7 @@ class ColorReading:
         given = chromaticities_of("primaries", options.primaries)
         working = chromaticities_of("working", options.working)
         if are_unset(stated):
-            stated = PRIMARIES["rec709"] if given is None else None
+            stated = vocabulary.PRIMARIES["rec709"] if given is None else None
         own = stated if given is None else given
         asked = {"primaries": given, "working": working}
         record = {name: list(each) for name, each in asked.items() if each is not None}

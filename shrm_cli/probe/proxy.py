@@ -4,9 +4,7 @@ A probe tells the light of one point. At another point of its room the same wall
 direction, which is found where a ray from there meets the box: box-projected, or
 parallax-corrected, cube maps.
 
-References
-----------
-Lagarde and Zanuttini 2012, Local Image-based Lighting With Parallax-corrected Cubemaps.
+References: Lagarde and Zanuttini 2012, Local Image-based Lighting With Parallax-corrected Cubemaps.
 """
 
 import json

@@ -4,9 +4,7 @@ A pixel of r = g = b = 1, which no light has, as the largest is 128 or more, say
 before it is repeated, in place of its exponent. Of several in a row, each next one counts 256 times
 as much.
 
-References
-----------
-Ward, Real Pixels, Graphics Gems II (1991), and ``oldreadcolrs`` of Radiance's color.c.
+References: Ward, Real Pixels, Graphics Gems II (1991), and ``oldreadcolrs`` of Radiance's color.c.
 """
 
 from pathlib import Path

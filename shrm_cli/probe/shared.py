@@ -23,7 +23,6 @@ class HeldImage(ImageOfImage):
     """An image whose pixels stay in memory from the first time that they are read."""
 
     def read(self, start: int, stop: int) -> Array:
-        """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
         return self._pixels[start:stop].copy()
 
     @cached_property

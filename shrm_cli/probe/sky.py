@@ -1,9 +1,7 @@
 """An analytic clear sky with a sun of its real radiance.
 
-References
-----------
-Preetham, Shirley & Smits 1999, A Practical Analytic Model for Daylight, SIGGRAPH 99. "A.1" and
-"A.2" below are its appendices.
+References: Preetham, Shirley & Smits 1999, A Practical Analytic Model for Daylight, SIGGRAPH 99.
+"A.1" and "A.2" below are its appendices.
 """
 
 import numpy as np

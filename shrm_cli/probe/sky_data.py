@@ -1,11 +1,8 @@
 """Tables of the analytic daylight model, and the color spaces that it needs.
 
-References
-----------
-Preetham, Shirley & Smits 1999, A Practical Analytic Model for Daylight: appendix A.1 (the
-sun's attenuation), Table 2 (its spectra), appendix A.2 (the sky).
-Wyman, Sloan & Shirley 2013, Simple Analytic Approximations to the CIE XYZ Color Matching
-Functions, JCGT 2(2), section 2.2.
+References: Preetham, Shirley & Smits 1999, A Practical Analytic Model for Daylight: appendix A.1
+(the sun's attenuation), Table 2 (its spectra), appendix A.2 (the sky). Wyman, Sloan & Shirley 2013,
+Simple Analytic Approximations to the CIE XYZ Color Matching Functions, JCGT 2(2), section 2.2.
 """
 
 import numpy as np

@@ -5,10 +5,8 @@ that is linear over the cell is summed without an error, however the light is sp
 of any other one goes by how far the light is from its centroid, which is known exactly. A lamp
 stands in its own place in cells of every size.
 
-References
-----------
-Barnes and Hut 1986, A hierarchical O(N log N) force-calculation algorithm; Walter et al. 2005,
-Lightcuts: a scalable approach to illumination.
+References: Barnes and Hut 1986, A hierarchical O(N log N) force-calculation algorithm; Walter et
+al. 2005, Lightcuts: a scalable approach to illumination.
 """
 
 from typing import Literal

@@ -4,11 +4,9 @@ OpenUSD reads them (the package `usd-core`, used by this module alone). Files ma
 anywhere: every layer and every texture has to lie in the folder of the file that is named or below
 it, and what a stage grows to by its references is counted before it is composed.
 
-References
-----------
-OpenUSD, pxr/usd/usdLux/schema.usda: a lat-long of a dome lies as OpenEXR defines it, which is ours.
-Where the pole of a `DomeLight_1` is +Z, the centre of the lat-long looks along -Y. Distant lights
-shine along their own -Z.
+References: OpenUSD, pxr/usd/usdLux/schema.usda: a lat-long of a dome lies as OpenEXR defines it,
+which is ours. Where the pole of a `DomeLight_1` is +Z, the centre of the lat-long looks along -Y.
+Distant lights shine along their own -Z.
 """
 
 import hashlib
@@ -158,14 +156,8 @@ def _check_layers(root: Path) -> bytes:
 class _Lights:
     """The lights of a stage, and what is said about them.
 
-    Attributes
-    ----------
-    name : str
-        What messages call the stage.
-    path, root : Path
-        The file that was named, and the layer that the stage begins with.
-    opening : callable
-        Opens the textures.
+    `name` is what messages call the stage. `path` is the file that was named, `root` the layer that
+    the stage begins with. `opening` opens the textures.
     """
 
     def __init__(self, name: str, path: Path, root: Path, opening: Callable[..., Probe]) -> None:

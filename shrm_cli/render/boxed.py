@@ -110,7 +110,6 @@ class Placed(ReflectedLight):
         return self.shown.info
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return the radiance of the sphere where it has some normals; see `Map.radiance`."""
         normals, views = np.broadcast_arrays(np.asarray(normals, float), np.asarray(views, float))
         points = self.place + self.radius * normals
         tangents = horizontal_tangents(normals)

@@ -42,10 +42,6 @@ class LampsOnMesh:
 
     `rays` meet the same mesh. `discs` are the lamps, world axes. `brdf` takes where parameters are
     on their ways, a tuple of float, and returns the BRDF. White and diffuse by default.
-
-    Attributes
-    ----------
-    discs : tuple of Disc
     """
 
     def __init__(
@@ -78,16 +74,11 @@ class LampsOnMesh:
     ) -> Array:
         """Return what points of the surface reflect, shape (n, 3).
 
-        Parameters
-        ----------
-        normals, views : ndarray, shape (n, 3)
-            Unit vectors in world axes; normals face the viewer.
-        tangents : ndarray, shape (n, 3), optional
-            Unit vectors at right angles to the normals; around +Y by default.
-        samples : ndarray of int, shape (n,), optional
-            The number of each point among the samples of its pixel, which share the work.
-        shares : ndarray, shape (n, parameters) or (parameters,), optional
-            Where parameters of the BRDF are on their ways, for each point or for all of them.
+        `normals`, `views`, of shape (n, 3), are unit vectors in world axes; normals face the
+        viewer. `tangents`, of shape (n, 3), are unit vectors at right angles to the normals; around
+        +Y by default. `samples`, of shape (n,), is the number of each point among the samples of
+        its pixel, which share the work. `shares`, of shape (n, parameters) or (parameters,), is
+        where parameters of the BRDF are on their ways, for each point or for all of them.
         """
         tangents = horizontal_tangents(normals) if tangents is None else tangents
         origins = smooth_points(self._mesh, *points, normals) + self._lift * normals

@@ -128,7 +128,6 @@ class MovedMap(ReflectedLight):
         tangents: ArrayLike | None = None,
         *surface: ArrayLike,
     ) -> Array:
-        """Evaluate the reflected radiance, as `Map.radiance` and `VariedSurface.radiance` do."""
         if surface:
             places = [
                 None if each is None else np.asarray(each) @ self.turn
@@ -139,7 +138,6 @@ class MovedMap(ReflectedLight):
         return self.brushed_radiance(normals, along if tangents is None else tangents, views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate it for known tangents, as `ReflectedLight.brushed_radiance` does."""
         normals, tangents, views = (
             np.asarray(each) @ self.turn for each in (normals, tangents, views)
         )
@@ -148,7 +146,6 @@ class MovedMap(ReflectedLight):
     def varied_radiance(
         self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
     ) -> Array:
-        """Evaluate it where a parameter varies, as `ReflectedLight.varied_radiance` does."""
         places = [np.asarray(each) @ self.turn for each in (normals, tangents, views)]
         return self._blend(lambda each: each.varied_radiance(*places, shares))
 

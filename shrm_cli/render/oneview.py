@@ -48,21 +48,13 @@ def one_view(
 ) -> Array:
     """Draw the light that a material reflects to a distant viewer, as a lat-long.
 
-    Parameters
-    ----------
-    view : array_like, shape (3,)
-        Unit vector V to the viewer, world axes; the same for all pixels.
-    height : int
-        Rows; there are twice as many columns.
-    by : {"reflection", "normal"}
-        What the direction d of a pixel is. ``reflection``: the mirror direction, so that the
-        normal is ``(d + V) / |d + V|``. ``normal``: the normal itself. Normals that face away
-        from the viewer are not seen: they get the light of the nearest normal on the silhouette,
-        so that filters find something sensible there.
-    everywhere : bool
-        Whether normals that face away are looked up as they are, as for `ignores_views`.
-    sampling : {"center", "border"}
-        Where the pixels at the edge of the image lie.
+    `view`, of shape (3,), is the unit vector V to the viewer, world axes; the same for all pixels.
+    `height` is the number of rows; there are twice as many columns. `by` is what the direction d of
+    a pixel is. ``reflection``: the mirror direction, so that the normal is ``(d + V) / |d + V|``.
+    ``normal``: the normal itself. Normals that face away from the viewer are not seen: they get the
+    light of the nearest normal on the silhouette, so that filters find something sensible there.
+    `everywhere` tells whether normals that face away are looked up as they are, as for
+    `ignores_views`. `sampling` is where the pixels at the edge of the image lie.
 
     Returns an array of float32 of shape (height, 2 height, 3): radiance, linear, in the primaries
     of the map: +Z in the centre, +X in the left quarter, +Y in the top row. Small negative values

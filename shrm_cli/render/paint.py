@@ -78,10 +78,7 @@ class Paint:
     `mesh` is one that has the material. `shelf` is where its textures are. `matrix`, of shape (3,
     3), leads from Rec.709 to the primaries of the light.
 
-    Attributes
-    ----------
-    normal_set : int
-        The set of texture coordinates of its normal map; -1 without any.
+    `normal_set` is the set of texture coordinates of its normal map; -1 without any.
 
     Raises MeshError if a texture cannot be read, or lies over coordinates that the mesh lacks.
     """

@@ -31,7 +31,6 @@ class Recolored(ReflectedLight):
         return replace(self.shown.info, chromaticities=self.primaries)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return reflected radiance (..., 3) for unit vectors (..., 3) in world axes."""
         return np.asarray(self.shown.radiance(normals, views) @ self.matrix.T)
 
 

@@ -8,14 +8,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.files.picture import Picture
 from shrm_cli.progress import Progress
-from shrm_cli.render.camera import (
-    Viewer,
-    background_directions,
-    pixel_centers,
-    sphere_coverage,
-    sphere_normals,
-    sphere_radius,
-)
+from shrm_cli.render import camera
 
 _PIXELS_AT_ONCE = 2**19
 """The most pixels that are drawn at a time."""
@@ -50,7 +43,7 @@ class Surroundings(Protocol):
 
 def render_sphere(
     reflecting: Reflecting,
-    viewer: Viewer,
+    viewer: camera.Viewer,
     size: int,
     background: Picture | None = None,
     progress: Progress | None = None,
@@ -76,7 +69,7 @@ def render_sphere(
     return picture
 
 
-def render_background(surroundings: Surroundings, viewer: Viewer, size: int) -> Picture:
+def render_background(surroundings: Surroundings, viewer: camera.Viewer, size: int) -> Picture:
     """Draw the surroundings behind the sphere; see `background_directions`.
 
     Returns an array of float32 of shape (size, size, 3): scene-linear.
@@ -85,19 +78,19 @@ def render_background(surroundings: Surroundings, viewer: Viewer, size: int) -> 
     rows = max(_PIXELS_AT_ONCE // size, 1)
     for start in range(0, size, rows):
         stop = min(start + rows, size)
-        directions = background_directions(viewer, size, start, stop)
+        directions = camera.background_directions(viewer, size, start, stop)
         picture[start:stop] = surroundings.radiance(directions)
     return picture
 
 
 def _draw_rows(
-    reflecting: Reflecting, viewer: Viewer, picture: Picture, start: int, stop: int
+    reflecting: Reflecting, viewer: camera.Viewer, picture: Picture, start: int, stop: int
 ) -> None:
     """Blend the sphere over the rows `start` .. `stop` - 1 of a picture, by its coverage."""
     size = len(picture)
-    radius = sphere_radius(size)
-    x, y = pixel_centers(size, start, stop)
-    coverage = sphere_coverage(size, x, y)
+    radius = camera.sphere_radius(size)
+    x, y = camera.pixel_centers(size, start, stop)
+    coverage = camera.sphere_coverage(size, x, y)
     covered = coverage > 0
     if not covered.any():
         return
@@ -106,7 +99,7 @@ def _draw_rows(
     # All samples go into one call, because a map contracts its coefficients with the view at
     # every call.
     sub_x, sub_y, weights = _rim_samples(x[rim], y[rim], radius)
-    normals = sphere_normals(
+    normals = camera.sphere_normals(
         viewer, np.concatenate([x[~rim], sub_x.ravel()]), np.concatenate([y[~rim], sub_y.ravel()])
     )
     values = reflecting.radiance(normals, viewer.direction)

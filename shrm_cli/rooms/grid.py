@@ -10,11 +10,9 @@ and, where walls are known, ``moments`` of a `ProbeGrid`, the corners of the box
 and ``settings``: one text, a JSON object with ``version`` (1), ``shape`` and ``facts``. It may come
 from anywhere. docs/grid.md has it all.
 
-References
-----------
-Majercik, Guertin, Nowrouzezahrai and McGuire 2019, Dynamic Diffuse Global Illumination with
-Ray-Traced Irradiance Fields, Journal of Computer Graphics Techniques 8(2), section 5; the moments
-are those of Donnelly and Lauritzen 2006, Variance Shadow Maps.
+References: Majercik, Guertin, Nowrouzezahrai and McGuire 2019, Dynamic Diffuse Global Illumination
+with Ray-Traced Irradiance Fields, Journal of Computer Graphics Techniques 8(2), section 5; the
+moments are those of Donnelly and Lauritzen 2006, Variance Shadow Maps.
 """
 
 import json

@@ -6,10 +6,8 @@ direction meets is found once, as the number of a patch, and then light goes alo
 needed: ``L = albedo / pi E`` of that patch. Such a mean over few directions is noisy, but it is a
 mean over patches, and a probe gathers from hundreds of them.
 
-References
-----------
-Goral, Torrance, Greenberg and Battaile 1984, Modeling the Interaction of Light Between Diffuse
-Surfaces. Keller 1997, Instant Radiosity, has the same integral by paths.
+References: Goral, Torrance, Greenberg and Battaile 1984, Modeling the Interaction of Light Between
+Diffuse Surfaces. Keller 1997, Instant Radiosity, has the same integral by paths.
 """
 
 from typing import Any
@@ -50,11 +48,7 @@ class Patches:
 
     `size` is the longest edge that a patch should have; there are `_MOST` of them at most.
 
-    Attributes
-    ----------
-    owner : ndarray of int64, shape (k,)
-        The triangle of each patch.
-    centers : ndarray, shape (k, 3)
+    `owner`, of shape (k,), is the triangle of each patch. `centers` is of shape (k, 3).
     """
 
     def __init__(self, room: Room, size: float) -> None:

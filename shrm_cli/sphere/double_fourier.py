@@ -181,11 +181,8 @@ def fourier_matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
 
     By symmetry about the equator even l only have waves of even k, and odd l those of odd k.
 
-    Returns
-    -------
-    list of (which, above, k, matrices)
-        Some m, the l - m and the k that they are about, as slices; and ndarray, shape
-        (m, k, l - m).
+    Returns matrices of shape (m, k, l - m), behind the m, the l - m and the k that they are about,
+    as slices.
     """
     found: list[tuple[slice, slice, slice, Array]] = []
     for which, matrix, tables in _make_tables(count - 1, range(count)):
@@ -209,12 +206,9 @@ def _make_tables(order: int, part: range) -> list[Tables]:
 
     `part` is some m.
 
-    Returns
-    -------
-    list of (which, matrix, (symmetric, antisymmetric))
-        One for even and one for odd m: which m these are; the transform of waves of this parity
-        of m, shape (order+1, samples); and the functions of even and odd l - m, shape
-        (m, l - m, rings), as far up as the first m reaches.
+    Returns a tuple for even and one for odd m: which m these are; the transform of waves of this
+    parity of m, shape (order+1, samples); and the functions of even and odd l - m, shape (m, l - m,
+    rings), as far up as the first m reaches.
     """
     rings = (order + 2) // 2 + 1
     intervals = 2 * (rings - 1)

@@ -6,10 +6,8 @@ Texel (row i, column j) of an image of size N has its centre at ``x = (2 j + 1) 
 (2 i + 1) / N - 1``, so that a graphics API whose first row is at v = 0 looks it up at ``(u, v) =
 ((x, y) + 1) / 2``.
 
-References
-----------
-Heidrich and Seidel 1998, "View-independent environment maps"; Kautz, Sloan and Snyder 2002,
-section 3.
+References: Heidrich and Seidel 1998, "View-independent environment maps"; Kautz, Sloan and Snyder
+2002, section 3.
 """
 
 from collections.abc import Callable

@@ -8,7 +8,6 @@ is then a few turns of pairs, and two products with matrices that are the same f
 import itertools
 import threading
 from collections.abc import Iterable, Iterator
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -320,13 +319,6 @@ def _turned(block: Array, phases: tuple[Array, Array]) -> Array:
     return result
 
 
-class _QuarterTurn(Protocol):
-    """Ry(pi/2) of one degree."""
-
-    def applied(self, block: Array, backwards: bool = False) -> Array:
-        """Turn functions, shape (2l+1, ...), or turn them back."""
-
-
 @record(eq=False)
 class _WholeTurn:
     """The matrix of Ry(pi/2) between real harmonics of one degree: one product for few of them."""
@@ -334,6 +326,7 @@ class _WholeTurn:
     matrix: Array
 
     def applied(self, block: Array, backwards: bool = False) -> Array:
+        """Turn functions, shape (2l+1, ...), or turn them back."""
         matrix = self.matrix.T if backwards else self.matrix
         return np.asarray(matrix @ block.reshape(len(block), -1)).reshape(block.shape)
 
@@ -366,7 +359,7 @@ class _SplitTurn:
         return result.reshape(block.shape)
 
 
-def _quarter_turns(order: int) -> Iterable[_QuarterTurn]:
+def _quarter_turns(order: int) -> Iterable[_WholeTurn | _SplitTurn]:
     """Yield Ry(pi/2) between real harmonics, degree by degree."""
     if order <= _CACHED_ORDER:
         return _known_turns.up_to(order)

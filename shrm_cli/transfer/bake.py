@@ -17,13 +17,14 @@ from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
+from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import brushed_tangents, perpendicular
 from shrm_cli.maps.info import spec_of
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
-from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Rays, Sent
+from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Sent
 from shrm_cli.transfer.sites import Sites, sites_of
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
@@ -182,25 +183,13 @@ def transfer_plan(
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
 
-    Parameters
-    ----------
-    mesh : Mesh or path-like
-    order : int
-        The largest degree of the light's harmonics.
-    bounces : int
-        How often light is reflected within the mesh.
-    albedo : array_like or {"vertex"}
-        What the mesh reflects, as `Plan` takes it, or the colors of its vertices.
-    samples : int
-        Rays of each vertex and bounce.
-    matrices : bool
-        Whether matrices are baked too, for glossy surfaces.
-    brush : {"uv"} or tuple of 3 float, optional
-        Tangents of the matrices, as `brushed_tangents` takes them.
-    brdf : Brdf or str, optional
-        What the mesh reflects in bounces in place of `albedo`; matrices are baked with it.
-    texture : int, optional
-        Texels along the edge of a texture for which is baked, in place of the vertices.
+    `order` is the largest degree of the light's harmonics. `bounces` says how often light is
+    reflected within the mesh. `albedo` is what the mesh reflects, as `Plan` takes it, or the colors
+    of its vertices. `samples` is the number of rays of each vertex and bounce. `matrices` tells
+    whether matrices are baked too, for glossy surfaces. `brush` says the tangents of the matrices,
+    as `brushed_tangents` takes them. `brdf` is what the mesh reflects in bounces in place of
+    `albedo`; matrices are baked with it. `texture` is the number of texels along the edge of a
+    texture for which is baked, in place of the vertices.
 
     Raises ArgumentError if an argument has a value that it cannot have, or the mesh lacks what it
     names. Raises MeshError or BrdfError if a file cannot be read.
@@ -284,9 +273,7 @@ def bake(
     """
     use = use or (lambda transfer: transfer)
     if rays is None:
-        from shrm_cli.geometry.rays import Rays as MeshRays
-
-        rays = MeshRays(plan.mesh)
+        rays = Rays(plan.mesh)
     shapes, step = plan.shapes(), plan.step
     place = (
         nullcontext(Work(shapes, step))

@@ -37,21 +37,18 @@ All vertices use the same directions of their own frames. With these the sums ov
 are products of matrices, and neighbours on a smooth surface share their errors, which are not seen
 as noise then.
 
-References
-----------
-Sloan, Kautz and Snyder 2002, Precomputed Radiance Transfer for Real-Time Rendering in Dynamic,
-Low-Frequency Lighting Environments, sections 4 and 5.
-Kautz, Sloan and Snyder 2002, Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
-Spherical Harmonics, section 5: the BRDF must be fixed for interreflection.
+References: Sloan, Kautz and Snyder 2002, Precomputed Radiance Transfer for Real-Time Rendering in
+Dynamic, Low-Frequency Lighting Environments, sections 4 and 5. Kautz, Sloan and Snyder 2002, Fast,
+Arbitrary BRDF Shading for Low-Frequency Lighting Using Spherical Harmonics, section 5: the BRDF
+must be fixed for interreflection.
 """
-
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.rays import Rays
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
@@ -62,32 +59,6 @@ from shrm_cli.transfer.sites import Sites
 
 Both = tuple[Array, Array | None]
 """Transfer vectors and matrices of some vertices."""
-
-
-class Rays(Protocol):
-    """What is asked of `geometry.rays.Rays`."""
-
-    def occluded(self, origins: Array, directions: Array) -> NDArray[np.bool_]:
-        """Whether each ray, both arrays of shape (k, 3), meets the mesh; shape (k,)."""
-
-    def first_hits(
-        self, origins: Array, directions: Array
-    ) -> tuple[NDArray[np.integer], Array, Array]:
-        """First triangle of each ray, -1 for none, its barycentric (k, 3), and the distance."""
-
-
-class Sent(Protocol):
-    """Coefficients of the radiance that the vertices of a mesh send."""
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Coefficients, and colour channels."""
-
-    def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
-        """What some vertices, shape (k,), send in world directions, shape (k, 3).
-
-        Returns an array of float32 of shape (k, coefficients * channels).
-        """
 
 
 @record(eq=False)
@@ -104,7 +75,10 @@ class DiffuseLight:
         return self.radiance.shape[1:]
 
     def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
-        """See `Sent.towards`; the direction does not matter."""
+        """What some vertices, shape (k,), send in world directions, shape (k, 3).
+
+        Returns an array of float32 of shape (k, coefficients * channels).
+        """
         return self.radiance.reshape(len(self.radiance), -1)[vertices]
 
 
@@ -127,7 +101,7 @@ class GlossyLight:
         return self.matrices.shape[2], self.channels
 
     def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
-        """See `Sent.towards`; vertices that face away send nothing."""
+        """As of `DiffuseLight.towards`; vertices that face away send nothing."""
         size = self.matrices.shape[1]
         result = np.zeros((len(vertices), *self.shape), np.float32)
         for start in range(0, len(vertices), _VERTICES_AT_ONCE):
@@ -146,6 +120,10 @@ class GlossyLight:
                 optimize=True,
             )
         return result.reshape(len(vertices), -1)
+
+
+Sent = DiffuseLight | GlossyLight
+"""Coefficients of the radiance that the vertices of a mesh send."""
 
 
 class Gathering:
@@ -175,10 +153,6 @@ class Gathering:
         self._factors = lambert_factors(order)[degrees(order)]
         self._sides = _outer_sides(sites.mesh)
 
-    def unshadowed(self, part: slice) -> Array:
-        """Transfer vectors ``A_l Y_lm(N)`` of a mesh that blocks nothing, shape (k, n)."""
-        return self._factors * real_harmonics(self.order, self._sites.normals[part])
-
     def rotations(self, part: slice) -> Array:
         """Matrices of the rotation of coefficients from world axes into the frames, (k, n, n)."""
         every = np.eye((self.order + 1) ** 2)
@@ -187,27 +161,20 @@ class Gathering:
     def transfer(self, part: slice, sent: Sent | None = None, glossy: bool = False) -> Both:
         """Transfer vectors of some vertices, and their matrices if these are asked for.
 
-        Parameters
-        ----------
-        part : slice
-            Which vertices, k in number.
-        sent : Sent, optional
-            What each vertex of the mesh sends. By default the mesh blocks light and sends none.
-        glossy : bool
-            Whether to return matrices.
+        `part` tells which vertices, k in number. `sent` is what each vertex of the mesh sends. By
+        default the mesh blocks light and sends none. `glossy` tells whether to return matrices.
 
-        Returns
-        -------
-        vectors : ndarray, shape (k, n, channels)
-            ``n = (order+1)^2``, index l(l+1)+m, world axes. One channel if nothing is sent.
-        matrices : ndarray of float32, shape (k, n, n, channels), or None
-            From coefficients in world axes (columns) to those in the vertex's frame (rows).
+        Returns vectors of shape (k, n, channels), ``n = (order+1)^2``, index l(l+1)+m, world axes,
+        of one channel if nothing is sent; and matrices of shape (k, n, n, channels), or None, from
+        coefficients in world axes (columns) to those in the vertex's frame (rows).
         """
         blocked, seen = self._look(part, sent)
         rotations = self.rotations(part)
         # The rotation is orthogonal: its transpose leads from the frame back to the world.
         shadow = np.einsum("kij,ki->kj", rotations, blocked @ self._lambert)
-        vectors = (self.unshadowed(part) - shadow)[..., None]
+        # Those of a mesh that blocks nothing are A_l Y_lm(N).
+        open_to_all = self._factors * real_harmonics(self.order, self._sites.normals[part])
+        vectors = (open_to_all - shadow)[..., None]
         matrices = self._free(blocked, rotations)[..., None] if glossy else None
         if sent is not None:
             shape = len(vectors), -1, *sent.shape

@@ -63,13 +63,9 @@ class Blocks:
         is 0 where each layer is seen by itself. Otherwise what is seen at a texel is a sum over the
         layers of a run, and `series` is the number of runs, one behind the other.
 
-        Returns
-        -------
-        dict
-            ``format``, ``width``, ``height``, ``depth`` (0 for a single picture), ``block``, and
-            of a rounded one the block of ``exponents`` and its RMS ``error``.
-
-        Raises MapError if a value is not a number.
+        Returns ``format``, ``width``, ``height``, ``depth`` (0 for a single picture), ``block``,
+        and of a rounded one the block of ``exponents`` and its RMS ``error``. Raises MapError if a
+        value is not a number.
         """
         found = np.asarray(values, dtype=np.float32)
         if np.isnan(found).any():

@@ -231,11 +231,9 @@ def _truth_pictures(
     along the square around the sphere. `brush` is a direction that tangents follow. A sphere has no
     texture coordinates to follow.
 
-    Returns
-    -------
-    list of ndarray of float32, shape (size, size, 3)
-        Linear radiance, rows from the highest. Pixels beside the silhouette hold what is on it, so
-        that pictures can be interpolated; others off the sphere are 0.
+    Returns arrays of float32 of shape (size, size, 3): linear radiance, rows from the highest.
+    Pixels beside the silhouette hold what is on it, so that pictures can be interpolated; others
+    off the sphere are 0.
     """
     across = (np.arange(size) + 0.5) * (2 / size) - 1
     x, y = np.meshgrid(across, -across)

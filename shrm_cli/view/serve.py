@@ -22,10 +22,7 @@ _TOKEN_BYTES = 24
 class PageServer(ThreadingHTTPServer):
     """Serves one page.
 
-    Attributes
-    ----------
-    url : str
-        Where the page is; whoever knows it may read the maps.
+    `url` is where the page is; whoever knows it may read the maps.
     """
 
     daemon_threads = True

@@ -165,9 +165,7 @@ def surface_nets(field: Field, box: Array, cells: int) -> tuple[Array, NDArray[n
     Returns `vertices` of shape (n, 3); and `faces` of shape (m, 3), counter-clockwise, seen from
     where the function is positive.
 
-    References
-    ----------
-    Gibson 1998, Constrained elastic surface nets.
+    References: Gibson 1998, Constrained elastic surface nets.
     """
     low, high = np.asarray(box, dtype=float)
     width = float(np.max(high - low)) / cells

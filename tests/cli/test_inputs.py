@@ -102,7 +102,7 @@ def test_python_files_are_not_overwritten(made, monkeypatch):
 def test_a_file_that_is_found_to_be_read_while_working_is_kept(made, monkeypatch):
     """Writing asks again, so that no command can forget an input."""
     monkeypatch.chdir(made)
-    monkeypatch.setattr("shrm_cli.cli.reference.check_outputs", lambda *_, **__: None)
+    monkeypatch.setattr("shrm_cli.cli.usage.check_outputs", lambda *_, **__: None)
     before = snapshot(made)
     arguments = ["reference", "light.exr", "--brdf", SUM, *QUICK, "-o", "matte.exr"]
     assert_refused(run(*arguments), 1, "matte.exr: would overwrite the input; name another output")

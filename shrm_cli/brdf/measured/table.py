@@ -20,10 +20,8 @@ OpenEXR
     ``theta_d`` and ``phi_d``, of 32 or 64-bit floats. The array ``settings`` is one string, the
     JSON object without its axes. It may be missing; the values are those of f_r then.
 
-References
-----------
-Rusinkiewicz 1998, A New Change of Variables for Efficient BRDF Representation.
-Matusik et al. 2003, A Data-Driven Reflectance Model (the square-root spacing of theta_h).
+References: Rusinkiewicz 1998, A New Change of Variables for Efficient BRDF Representation. Matusik
+et al. 2003, A Data-Driven Reflectance Model (the square-root spacing of theta_h).
 """
 
 import hashlib
@@ -78,14 +76,9 @@ _ORDINARY = TableSettings()
 class Table(MeasuredBrdf):
     """A BRDF that is interpolated linearly in each of the three angles.
 
-    Attributes
-    ----------
-    table : ndarray of float32, shape (theta_h, theta_d, phi_d, 1 or 3)
-        Values of f_r (1/sr), or of rho_hat where the settings say so; they are not negative.
-    axes : tuple of three ndarray
-        The angles of the values, radians, ascending. Beyond the ends of an axis the values at
-        its ends go on.
-    settings : TableSettings
+    `table`, of shape (theta_h, theta_d, phi_d, 1 or 3), are values of f_r (1/sr), or of rho_hat
+    where the settings say so; they are not negative. `axes` are the angles of the values, radians,
+    ascending. Beyond the ends of an axis the values at its ends go on.
     """
 
     name = "table"

@@ -9,12 +9,10 @@ mapped to the unit disk by ``r = sqrt(2) sin(theta / 2)``, which keeps areas, an
 which are orthonormal over both hemispheres in solid angle. In the disk's coordinates they are
 polynomials, so nothing is singular at the normal.
 
-References
-----------
-Koenderink and van Doorn 1998, "Phenomenological description of bidirectional surface
-reflection", J. Opt. Soc. Am. A 15(11); Germer 2018, "Full four-dimensional and reciprocal
-Mueller matrix bidirectional reflectance distribution function of sintered
-polytetrafluoroethylene", Applied Optics (the normalisation, and the files of coefficients).
+References: Koenderink and van Doorn 1998, "Phenomenological description of bidirectional surface
+reflection", J. Opt. Soc. Am. A 15(11); Germer 2018, "Full four-dimensional and reciprocal Mueller
+matrix bidirectional reflectance distribution function of sintered polytetrafluoroethylene", Applied
+Optics (the normalisation, and the files of coefficients).
 """
 
 import os
@@ -178,12 +176,9 @@ def _norm(term: Term) -> float:
 def _factors(order: int, light: Array, view: Array) -> tuple[list[Array], list[Array], list[Array]]:
     """The factors of the functions H, for each azimuthal order l.
 
-    Returns
-    -------
-    radial_i, radial_o : list of ndarray, shape (n, (order - l) // 2 + 1)
-        ``R_n^l(r) / r^l`` of the light and of the view.
-    waves : list of ndarray, shape (n,)
-        ``(r_i r_o)^l cos(l (phi_i - phi_o))``, by the recurrence for cosines of multiples.
+    Returns lists of arrays: ``R_n^l(r) / r^l`` of the light and of the view, of shape (n, (order -
+    l) // 2 + 1), and waves of shape (n,), ``(r_i r_o)^l cos(l (phi_i - phi_o))``, by the recurrence
+    for cosines of multiples.
     """
     light, view = light.astype(float), view.astype(float)
     # A direction is (x, y) / sqrt(1 + z) on the disk, and its squared radius there is 1 - z.

@@ -3,15 +3,8 @@
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf import vectors
 from shrm_cli.brdf.base import Brdf, Parameter, scaled
-from shrm_cli.brdf.vectors import (
-    GRAZING,
-    NORMAL_REFLECTANCE,
-    above_horizon,
-    cosines,
-    half_vector,
-    schlick,
-)
 
 
 class CookTorrance(Brdf):
@@ -28,18 +21,18 @@ class CookTorrance(Brdf):
     source = "Cook and Torrance 1982, A reflectance model for computer graphics; Schlick 1994"
     parameters = (
         Parameter("roughness", 0.3, 0.005, 1.0, "m: root mean square slope"),
-        NORMAL_REFLECTANCE,
+        vectors.NORMAL_REFLECTANCE,
     )
     roughness_power = 2
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        half = half_vector(light, view)
-        light_cosine, view_cosine = cosines(light, view)
+        half = vectors.half_vector(light, view)
+        light_cosine, view_cosine = vectors.cosines(light, view)
         m2 = self.number("roughness") ** 2
-        z2 = np.maximum(half.z, GRAZING) ** 2
+        z2 = np.maximum(half.z, vectors.GRAZING) ** 2
         distribution = np.exp(-half.square_sine / (z2 * m2)) / (np.pi * m2 * z2 * z2)
         larger = np.maximum(light_cosine, view_cosine)
-        cavity = 2 * half.z / (np.maximum(half.cosine, GRAZING) * larger)
+        cavity = 2 * half.z / (np.maximum(half.cosine, vectors.GRAZING) * larger)
         visibility = np.minimum(cavity, 1 / (light_cosine * view_cosine)) / 4
-        value = above_horizon(distribution * visibility, light, view)
-        return scaled(schlick(self.color("f0"), half.cosine), value)
+        value = vectors.above_horizon(distribution * visibility, light, view)
+        return scaled(vectors.schlick(self.color("f0"), half.cosine), value)

@@ -6,16 +6,9 @@ from typing import ClassVar
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf import vectors
 from shrm_cli.brdf.base import Brdf, Color, Parameter, Value, scaled
 from shrm_cli.brdf.film import FILM, film_of, film_reflectance
-from shrm_cli.brdf.vectors import (
-    NORMAL_REFLECTANCE,
-    Half,
-    above_horizon,
-    cosines,
-    half_vector,
-    schlick,
-)
 from shrm_cli.errors import BrdfError
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
@@ -60,7 +53,7 @@ class Ggx(Brdf):
         Parameter(
             "ay", 0.16, _LEAST_ALPHA, 1.0, "alpha along y, with ax", follows="ax", is_optional=True
         ),
-        NORMAL_REFLECTANCE,
+        vectors.NORMAL_REFLECTANCE,
         *FILM,
     )  # fmt: skip
 
@@ -84,19 +77,19 @@ class Ggx(Brdf):
             self.values = {"roughness": roughness, **self.values}
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        half = half_vector(light, view)
-        light_cosine, view_cosine = cosines(light, view)
+        half = vectors.half_vector(light, view)
+        light_cosine, view_cosine = vectors.cosines(light, view)
         distribution = self._distribution(half)
         masking = light_cosine * self._projected(view, view_cosine)
         shadowing = view_cosine * self._projected(light, light_cosine)
-        value = above_horizon(distribution / (2 * (masking + shadowing)), light, view)
+        value = vectors.above_horizon(distribution / (2 * (masking + shadowing)), light, view)
         return scaled(self.reflectance(half.cosine), value)
 
     def reflectance(self, cosine: Array) -> Array:
         """The reflectance of a facet that is met at an angle, shape (..., 3)."""
         if self.film:
             return film_reflectance(cosine, self.color("f0"), *self.film)
-        return schlick(self.color("f0"), cosine)
+        return vectors.schlick(self.color("f0"), cosine)
 
     @property
     def surface(self) -> tuple[float, Color] | None:
@@ -114,7 +107,7 @@ class Ggx(Brdf):
         anisotropy = 0.0 if self.isotropic else math.sqrt((ax - ay) / (1 - ay))
         return math.sqrt(ay), anisotropy, self.color("f0")
 
-    def _distribution(self, half: Half) -> Array:
+    def _distribution(self, half: vectors.Half) -> Array:
         """The distribution D of normals of facets, Heitz 2014, eq. 85."""
         if self.isotropic:
             a2 = self.number("roughness") ** 4

@@ -2,9 +2,7 @@
 
 It weighs errors as the logarithms of its own format have them, which suits light.
 
-References
-----------
-The Khronos Data Format Specification 1.3, chapter 23 (ASTC).
+References: The Khronos Data Format Specification 1.3, chapter 23 (ASTC).
 """
 
 from types import ModuleType

@@ -11,9 +11,7 @@ squares, and are written in the finest mode that holds them. Errors are weighted
 relative to the light of their texel, and bright texels of a block count more: the dark ones beside
 a lamp are outshone.
 
-References
-----------
-The Khronos Data Format Specification 1.3, section 20.2 (BPTC, "BC6H").
+References: The Khronos Data Format Specification 1.3, section 20.2 (BPTC, "BC6H").
 """
 
 import re

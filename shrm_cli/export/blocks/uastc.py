@@ -8,38 +8,16 @@ by up to 6 % within an octave. So blocks are sought whose error is least in the 
 
 Of ends and steps that are nearly as good, those are taken that a file of fewer bytes holds.
 
-References
-----------
-Binomial, basis_universal, basisu_transcoder.cpp (`astc_hdr_transcode_to_bc6h`). The Khronos Data
-Format Specification 1.3, section 23.20 (how interpolated numbers become half floats).
+References: Binomial, basis_universal, basisu_transcoder.cpp (`astc_hdr_transcode_to_bc6h`). The
+Khronos Data Format Specification 1.3, section 23.20 (how interpolated numbers become half floats).
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.export.blocks import bc6h
+from shrm_cli.export.blocks import bc6h, lines, rate
 from shrm_cli.export.blocks.lamps import STARTS, Found, best, light_error, refined
-from shrm_cli.export.blocks.lines import (
-    Floats,
-    Members,
-    Space,
-    Texels,
-    Whole,
-    balanced,
-    is_steep,
-    line,
-    relative_weights,
-    solved,
-)
-from shrm_cli.export.blocks.rate import (
-    PASSES,
-    bits_of_bytes,
-    cheap_steps,
-    mean_bits,
-    smallest,
-    starting_prices,
-)
 from shrm_cli.export.blocks.uastc_bits import PLACES, pack, read, unpack, written
 
 LARGEST = 65216.0
@@ -58,7 +36,7 @@ _DEARER = 2
 """By how many powers of 2 a bit too many makes bits dearer, at each try."""
 
 
-def _tables() -> tuple[Floats, NDArray[np.uint16]]:
+def _tables() -> tuple[lines.Floats, NDArray[np.uint16]]:
     """Return the number of each half float, and the half float of each number.
 
     Numbers have 5 bits of exponent, and 11 of a bent mantissa.
@@ -76,12 +54,12 @@ _NUMBERS, _HALVES = _tables()
 _LIGHT = _HALVES.view(np.float16).astype(np.float32)
 
 
-def _numbers(light: Floats) -> Floats:
+def _numbers(light: lines.Floats) -> lines.Floats:
     """Return what a decoder makes light of."""
     return _NUMBERS[light.astype(np.float16).view(np.uint16)]
 
 
-def _light(numbers: Floats) -> Floats:
+def _light(numbers: lines.Floats) -> lines.Floats:
     """Return the light of such numbers."""
     return _LIGHT[np.clip(numbers, 0, len(_LIGHT) - 1).astype(np.int32)]
 
@@ -89,28 +67,28 @@ def _light(numbers: Floats) -> Floats:
 _FRACTIONS = np.array(
     [0, 4, 8, 12, 17, 21, 25, 29, 35, 39, 43, 47, 52, 56, 60, 64], dtype=np.float32
 ) * np.float32(1 / 64)
-SPACE = Space(_numbers, _light, 2048, {_STEPS: _FRACTIONS})
+SPACE = lines.Space(_numbers, _light, 2048, {_STEPS: _FRACTIONS})
 """Numbers whose steps are nearly alike in all of an octave."""
 
 
-def encoded(blocks: Array, prices: Floats) -> Found:
+def encoded(blocks: Array, prices: lines.Floats) -> Found:
     """Return blocks of shape (3, 16, n), encoded.
 
     `prices`, of shape (n,), are as `prices_of` returns them.
     """
-    texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
+    texels = lines.Texels.of(np.minimum(blocks, LARGEST), SPACE)
     of_channels = texels.weights.sum(axis=1)
-    ends = line(texels, _every(texels), _STEPS)
-    ends = _fitted(texels, relative_weights(texels.light), ends, _ROUNDS)
-    prices = prices * ~is_steep(texels)  # lamps keep what they have
+    ends = lines.line(texels, _every(texels), _STEPS)
+    ends = _fitted(texels, lines.relative_weights(texels.light), ends, _ROUNDS)
+    prices = prices * ~lines.is_steep(texels)  # lamps keep what they have
     numbers = written(ends, of_channels)
     data = pack(numbers, _chosen(_relative_errors(texels, numbers), numbers, prices, 1))
-    numbers = written(ends, of_channels, prices, bits_of_bytes(data))
+    numbers = written(ends, of_channels, prices, rate.bits_of_bytes(data))
     indices = _chosen(_relative_errors(texels, numbers), numbers, prices)
-    return _found(texels, numbers, indices, np.flatnonzero(is_steep(texels)))
+    return _found(texels, numbers, indices, np.flatnonzero(lines.is_steep(texels)))
 
 
-def prices_of(blocks: Array) -> Floats:
+def prices_of(blocks: Array) -> lines.Floats:
     """Return what a bit of the file is worth in each of all blocks of a level: shape (n,).
 
     It is a squared error relative to the light of a texel, as `lines.relative_weights` has it: so
@@ -118,38 +96,40 @@ def prices_of(blocks: Array) -> Floats:
 
     `blocks` are of shape (3, 16, n).
     """
-    prices = starting_prices(blocks)
+    prices = rate.starting_prices(blocks)
     if not prices.any():
         return prices
     some = slice(None, None, max(1, prices.size // _SAMPLE))
-    texels = Texels.of(np.minimum(blocks[..., some], LARGEST), SPACE)
-    numbers = written(line(texels, _every(texels), _STEPS), texels.weights.sum(axis=1))
+    texels = lines.Texels.of(np.minimum(blocks[..., some], LARGEST), SPACE)
+    numbers = written(lines.line(texels, _every(texels), _STEPS), texels.weights.sum(axis=1))
     errors = _relative_errors(texels, numbers)
-    of_some, factor = prices[some] * ~is_steep(texels), np.float32(1)
+    of_some, factor = prices[some] * ~lines.is_steep(texels), np.float32(1)
     for _ in range(_TRIES):
         data = pack(numbers, _chosen(errors, numbers, factor * of_some))
-        factor *= np.float32(max(1.0, 2 ** (_DEARER * (mean_bits(data) - _MOST_BITS))))
+        factor *= np.float32(max(1.0, 2 ** (_DEARER * (rate.mean_bits(data) - _MOST_BITS))))
     return factor * prices
 
 
 def searched(blocks: Array) -> Found:
     """Return blocks of shape (3, 16, n) encoded as well as may be, which takes its time."""
-    texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
+    texels = lines.Texels.of(np.minimum(blocks, LARGEST), SPACE)
     count = blocks.shape[-1]
     every = texels[np.tile(np.arange(count), len(STARTS))]
-    ends = line(every, _every(every), _STEPS)
+    ends = lines.line(every, _every(every), _STEPS)
     ends = refined(every, _every(every), ends, _STEPS, np.repeat(STARTS, count))
     ends = _fitted(every.by_light(), np.ones_like(every.light[0]), ends, _MANY_ROUNDS)
     numbers = written(ends, every.weights.sum(axis=1))
-    indices = smallest(_errors(_lights(numbers), every.light))
+    indices = rate.smallest(_errors(_lights(numbers), every.light))
     return best(_found(every, numbers, indices, np.arange(indices.shape[-1])), len(STARTS))
 
 
-def _every(texels: Texels) -> Members:
+def _every(texels: lines.Texels) -> lines.Members:
     return np.ones(texels.light.shape[1:], dtype=bool)
 
 
-def _fitted(texels: Texels, weight: Floats, ends: Floats, rounds: int) -> Floats:
+def _fitted(
+    texels: lines.Texels, weight: lines.Floats, ends: lines.Floats, rounds: int
+) -> lines.Floats:
     """Return ends that suit both decoders.
 
     They are those of the best of some rounds, in each of which the line is fitted to where its
@@ -162,28 +142,30 @@ def _fitted(texels: Texels, weight: Floats, ends: Floats, rounds: int) -> Floats
         numbers = written(ends, texels.weights.sum(axis=1))
         lights = _lights(numbers)
         errors = _errors(lights, texels.light) * weight
-        indices = smallest(errors)
+        indices = rate.smallest(errors)
         error = errors.min(axis=0).sum(axis=0)
         kept, least = np.where(error < least, ends, kept), np.minimum(error, least)
         there = (16 * read(numbers)).astype(np.float32)
         at = _FRACTIONS[indices]
         middle = np.take_along_axis(lights.mean(axis=0), indices[:, None], axis=0).swapaxes(0, 1)
         gap = SPACE.numbers(middle) - there[0][:, None] - at * (there[1] - there[0])[:, None]
-        ends = solved(texels.values - gap, texels.weights, at, there)
+        ends = lines.solved(texels.values - gap, texels.weights, at, there)
     return kept
 
 
-def _relative_errors(texels: Texels, numbers: Whole) -> Floats:
+def _relative_errors(texels: lines.Texels, numbers: lines.Whole) -> lines.Floats:
     """Return by step and texel what both decoders are off, shape (16, 16, n)."""
-    return _errors(_lights(numbers), texels.light) * relative_weights(texels.light)
+    return _errors(_lights(numbers), texels.light) * lines.relative_weights(texels.light)
 
 
-def _chosen(errors: Floats, numbers: Whole, prices: Floats, passes: int = PASSES) -> Whole:
+def _chosen(
+    errors: lines.Floats, numbers: lines.Whole, prices: lines.Floats, passes: int = rate.PASSES
+) -> lines.Whole:
     """Return the steps of texels that are cheap in error and bits, shape (16, n)."""
-    return cheap_steps(errors, prices, lambda at: pack(numbers, at), PLACES, passes)
+    return rate.cheap_steps(errors, prices, lambda at: pack(numbers, at), PLACES, passes)
 
 
-def _lights(numbers: Whole) -> Floats:
+def _lights(numbers: lines.Whole) -> lines.Floats:
     """Return what ASTC's and BC6H's decoders make of each step: shape (2, 16, 3, n)."""
     ends = read(numbers)
     as_bc6h = bc6h.read_line(_as_bc6h(ends))
@@ -198,7 +180,7 @@ def _lights(numbers: Whole) -> Floats:
     )
 
 
-def _errors(lights: Floats, wanted: Floats) -> Floats:
+def _errors(lights: lines.Floats, wanted: lines.Floats) -> lines.Floats:
     """Return the squared error of each step at each texel, the mean of both decoders'.
 
     Shape (16, 16, n). It is that of the mean of what they read, and their distance from the mean.
@@ -213,25 +195,27 @@ def _errors(lights: Floats, wanted: Floats) -> Floats:
     return errors
 
 
-def _found(texels: Texels, numbers: Whole, indices: Whole, lamps: Whole) -> Found:
+def _found(
+    texels: lines.Texels, numbers: lines.Whole, indices: lines.Whole, lamps: lines.Whole
+) -> Found:
     """Return blocks, with the steps of some moved so that lamps keep their energy."""
     lights = _lights(numbers)
     wanted = np.concatenate([texels.light, texels.light])
 
-    def light(lights: Floats, at: Whole) -> Floats:
+    def light(lights: lines.Floats, at: lines.Whole) -> lines.Floats:
         chosen = np.take_along_axis(lights, at[None, :, None], axis=1)
         return chosen.swapaxes(1, 2).reshape(6, *at.shape)
 
     if lamps.size:
         there = lights[..., lamps]
-        indices[:, lamps] = balanced(
+        indices[:, lamps] = lines.balanced(
             lambda at: light(there, at), wanted[..., lamps], indices[:, lamps], _STEPS
         )
     off = light_error(light(lights, indices), wanted)
     return Found(pack(numbers, indices), off, off)
 
 
-def _as_bc6h(ends: Whole) -> Floats:
+def _as_bc6h(ends: lines.Whole) -> lines.Floats:
     """Return ends of 12 bits as BC6H interpolates them, before it rounds them."""
     halves = _HALVES[np.minimum(16 * ends, len(_HALVES) - 1)]
     return ((halves.astype(float) * 64 + 30) / 31).astype(np.float32)

@@ -6,10 +6,8 @@ trits share 8 bits. By mode 11 they hold 12 bits a channel at most: the largest 
 end whole, all else as differences from it, in eight ways that share the bits out differently; or
 all whole, with 8 bits, and 7 of blue.
 
-References
-----------
-The Khronos Data Format Specification 1.3, sections 23.9 (block modes), 23.12 (integer sequences),
-23.13 (which values there are) and 23.14 (HDR endpoint mode 11).
+References: The Khronos Data Format Specification 1.3, sections 23.9 (block modes), 23.12 (integer
+sequences), 23.13 (which values there are) and 23.14 (HDR endpoint mode 11).
 """
 
 import numpy as np

@@ -6,10 +6,9 @@ level the six faces +X -X +Y -Y +Z -Z, from the largest level down to that of on
 Level k holds ggx_alpha ``2^(k / 0.8) / size``, level 0 the light itself; every level is there down
 to one texel. Scenes look cubes up at (x, y, -z) where they are right-handed.
 
-References
-----------
-Babylon.js, ``Misc/environmentTextureTools`` (``GetEnvInfo``, ``CreateEnvTextureAsync``),
-``Maths/sphericalPolynomial`` and the shaders ``pbrIBLFunctions`` and ``harmonicsFunctions``.
+References: Babylon.js, ``Misc/environmentTextureTools`` (``GetEnvInfo``,
+``CreateEnvTextureAsync``), ``Maths/sphericalPolynomial`` and the shaders ``pbrIBLFunctions`` and
+``harmonicsFunctions``.
 """
 
 import json

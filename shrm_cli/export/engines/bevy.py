@@ -3,9 +3,7 @@
 Bevy looks cubes up at (x, y, -z), levels at ``r (K - 1)``, and multiplies the diffuse cube with
 the albedo, so that it holds E / pi.
 
-References
-----------
-Bevy, crates/bevy_pbr/src/light_probe/environment_map.wgsl.
+References: Bevy, crates/bevy_pbr/src/light_probe/environment_map.wgsl.
 """
 
 from shrm_cli.export.cubes import diffuse_cube, ktx2_file, mirrored

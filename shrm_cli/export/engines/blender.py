@@ -4,9 +4,8 @@ Blender is Z-up: its importer of glTF takes our (x, y, z) for (x, -z, y). An env
 its +X in the centre and -Y to the right of it, so that ours is turned by 90 degrees. Cycles samples
 it as it is; EEVEE filters it itself.
 
-References
-----------
-Blender, intern/cycles/kernel/camera/projection.h (`direction_to_equirectangular_range`).
+References: Blender, intern/cycles/kernel/camera/projection.h
+(`direction_to_equirectangular_range`).
 """
 
 from shrm_cli.arrays import Array

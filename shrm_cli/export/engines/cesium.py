@@ -5,11 +5,9 @@ Directions are (east, up, south) at the place of a model, cubes are looked up th
 polynomials of the coefficients make E / pi. Its reader of KTX 2 takes the bytes of a level as they
 lie in the file, so that nothing is compressed by Zstandard.
 
-References
-----------
-CesiumJS, Scene/SpecularEnvironmentCubeMap.js, Scene/Model/Model.js (`updateReferenceMatrices`),
-Workers/transcodeKTX2.js, Shaders/Model/ImageBasedLightingStageFS.glsl, and
-Shaders/Builtin/Functions/sphericalHarmonics.glsl.
+References: CesiumJS, Scene/SpecularEnvironmentCubeMap.js, Scene/Model/Model.js
+(`updateReferenceMatrices`), Workers/transcodeKTX2.js, Shaders/Model/ImageBasedLightingStageFS.glsl,
+and Shaders/Builtin/Functions/sphericalHarmonics.glsl.
 """
 
 from shrm_cli.arrays import Array

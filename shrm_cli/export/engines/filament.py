@@ -3,9 +3,8 @@
 Levels are looked up at ``(K - 1) r (2 - r)``, cubes at the world direction, and the nine
 coefficients are ready for the shader's polynomial, both in a key of the cube and in a text file.
 
-References
-----------
-Filament's tools/cmgen, libs/ktxreader (`Ktx1Reader.cpp`) and shaders/src/light_indirect.fs.
+References: Filament's tools/cmgen, libs/ktxreader (`Ktx1Reader.cpp`) and
+shaders/src/light_indirect.fs.
 """
 
 from collections.abc import Sequence

@@ -4,9 +4,8 @@ Babylon.js is what reads it. By the extension's text the levels spread evenly ov
 Babylon.js looks up level ``(K - 1) (1 + log2(ggx_alpha) / log2(size))`` instead, and that is what
 is written, because the picture on the screen decides.
 
-References
-----------
-KhronosGroup/glTF, extensions/2.0/Vendor/EXT_lights_image_based; Babylon.js' loader of that name.
+References: KhronosGroup/glTF, extensions/2.0/Vendor/EXT_lights_image_based; Babylon.js' loader of
+that name.
 """
 
 import json

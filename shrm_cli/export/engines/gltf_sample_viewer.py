@@ -4,9 +4,7 @@ The viewer's package takes a Radiance panorama alone and filters it itself; its 
 KTX 2 files is commented out. Other renderers read the sampler's KTX 2 cubes and table: they look
 cubes up at the world direction, and levels at ``r (K - 1)``.
 
-References
-----------
-@khronosgroup/gltf-viewer 1.1, `_loadEnvironmentFromPanorama`, `iblSampler`, `ibl.glsl`.
+References: @khronosgroup/gltf-viewer 1.1, `_loadEnvironmentFromPanorama`, `iblSampler`, `ibl.glsl`.
 """
 
 from functools import partial

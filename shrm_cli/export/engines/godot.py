@@ -4,9 +4,7 @@ Its sky looks up ``atan(x, -z) / 2 pi`` from the left edge: +Z is in the centre,
 quarter. It is drawn into a cube of 256 texels, of which 7 rougher ones are made: by 32 half vectors
 for each texel.
 
-References
-----------
-Godot 4, servers/rendering/renderer_rd/shaders/environment/sky.glsl and effects/
+References: Godot 4, servers/rendering/renderer_rd/shaders/environment/sky.glsl and effects/
 cubemap_roughness.glsl; the project settings of rendering/reflections/sky_reflections.
 """
 

@@ -2,10 +2,8 @@
 
 Its panoramas have +X in the centre and +Z in the right quarter: ours turned by 90 degrees.
 
-References
-----------
-three.js, ShaderChunk/common.glsl.js (`equirectUv`); @google/model-viewer, TextureUtils.ts, which
-reads Radiance files where the name ends in ``.hdr``.
+References: three.js, ShaderChunk/common.glsl.js (`equirectUv`); @google/model-viewer,
+TextureUtils.ts, which reads Radiance files where the name ends in ``.hdr``.
 """
 
 from shrm_cli.arrays import Array

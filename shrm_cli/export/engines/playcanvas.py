@@ -7,10 +7,8 @@ texture unit interpolates across the seams.
 
 The lat-longs lie as ours do: the engine looks up ``atan(-x, z) / 2 pi + 1 / 2``. Texels are RGBP.
 
-References
-----------
-PlayCanvas, scene/graphics/env-lighting.js (`generateAtlas`), and the shader chunks `envAtlas`,
-`reflectionEnv`, `ambient`, `spherical`, `encode` and `decode`.
+References: PlayCanvas, scene/graphics/env-lighting.js (`generateAtlas`), and the shader chunks
+`envAtlas`, `reflectionEnv`, `ambient`, `spherical`, `encode` and `decode`.
 """
 
 from collections.abc import Sequence

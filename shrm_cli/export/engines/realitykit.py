@@ -3,10 +3,8 @@
 A lat-long begins behind, at RealityKit's +Z, and runs clockwise along the horizon: -Z is in its
 centre and -X in the left quarter, which is ours turned by 180 degrees. Axes are those of glTF.
 
-References
-----------
-Apple's documentation of `TextureResource.init(cubeFromEquirectangular:)`, `EnvironmentResource` and
-`ImageBasedLightComponent`.
+References: Apple's documentation of `TextureResource.init(cubeFromEquirectangular:)`,
+`EnvironmentResource` and `ImageBasedLightComponent`.
 """
 
 from shrm_cli.arrays import Array

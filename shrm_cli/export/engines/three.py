@@ -8,10 +8,9 @@ The KTX2Loader of three.js makes cubes of block-compressed texels alone, and kno
 BC6H. UASTC HDR it shows everywhere. For all else a module of a few lines goes along: it reads the
 file by the parser that three.js ships, and hands the levels to a texture of three.js.
 
-References
-----------
-three.js, KTX2Loader.js, PMREMGenerator.js, PMREMNode.js, WebGLTextures.js (`uploadCubeTexture`),
-WebGLMaterials.js (`envMapRotation`), envmap_physical_pars_fragment.glsl.js, LightProbe.js.
+References: three.js, KTX2Loader.js, PMREMGenerator.js, PMREMNode.js, WebGLTextures.js
+(`uploadCubeTexture`), WebGLMaterials.js (`envMapRotation`), envmap_physical_pars_fragment.glsl.js,
+LightProbe.js.
 """
 
 from importlib.resources import files

@@ -5,9 +5,7 @@ as a cube has +Z in its centre and Unity's +X in the right quarter, which is our
 import filters is not public; its high definition pipeline filters skies, cubes of 256 texels, with
 21 to 89 half vectors for a texel.
 
-References
-----------
-`SHCoefficients` and ImageBasedLighting.hlsl (`IntegrateLD`) of Unity's package
+References: `SHCoefficients` and ImageBasedLighting.hlsl (`IntegrateLD`) of Unity's package
 com.unity.render-pipelines.core; Skybox-Panoramic.shader.
 """
 

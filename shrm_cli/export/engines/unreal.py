@@ -3,9 +3,7 @@
 Unreal's axes are left-handed with Z up: its importer of glTF exchanges y and z. A lat-long has
 Unreal's -Y in its centre and +X in the right quarter: ours turned by 180 degrees.
 
-References
-----------
-`LookupLongLat` of Unreal's texture compressor, `ConvertVec3` of its glTF importer, and
+References: `LookupLongLat` of Unreal's texture compressor, `ConvertVec3` of its glTF importer, and
 `TSHVector<3>::SHBasisFunction`, which has the Condon-Shortley phase.
 """
 

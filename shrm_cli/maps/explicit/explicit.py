@@ -78,11 +78,9 @@ class ExplicitMap(CentralMap):
         return self.count
 
     def planes(self) -> list[Array]:
-        """Return the images, shape (6N, N, 3) each."""
         return list(self.images)
 
     def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> Self:
-        """Return the same map with other images."""
         return replace(self, images=np.stack(planes), sampling=sampling, info=info)
 
     @property
@@ -168,7 +166,6 @@ class ExplicitMap(CentralMap):
         return max(10 * order_p, 1)
 
     def check_memory(self, size: int) -> None:
-        """Check that the map could be kept in memory at another size; see `check_images`."""
         self.check_images(size, self.count)
 
     @classmethod

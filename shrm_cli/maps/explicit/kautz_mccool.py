@@ -56,7 +56,6 @@ class KautzMcCool(ExplicitMap):
 
     @classmethod
     def view_count(cls, slices: int | None = None, views: int | None = None) -> int | None:
-        """Return the number of slices that is asked for."""
         super().view_count(views=views)
         return slices
 

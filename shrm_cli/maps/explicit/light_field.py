@@ -39,7 +39,6 @@ class LightField(ExplicitMap):
 
     @classmethod
     def view_count(cls, slices: int | None = None, views: int | None = None) -> int | None:
-        """Return the number T that is asked for, of a light field of T x T views."""
         super().view_count(slices=slices)
         return views
 

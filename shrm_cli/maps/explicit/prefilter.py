@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -207,29 +207,23 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
     return Prefiltered(built, {"error_bound": None, "predicted_wrong_share": None})
 
 
-class Integral(Protocol):
-    """What `tabulate` needs of an integral in the angular domain, or of another map."""
+@record(eq=False)
+class _Sum:
+    """A sum of terms as `tabulate` takes it, over the mirror direction."""
+
+    terms: SummedShrm | PrincipalMap
 
     def central_radiance(self, centers: Array, views: Array) -> Array:
-        """Evaluate the radiance for central directions and views, shape (..., 3).
-
-        `centers` and `views`, each of shape (..., 3), broadcastable, are unit vectors in world
-        axes.
-        """
+        return self.terms.central_radiance(centers, views)
 
     def zonal_radiance(self, centers: Array, view_theta: float) -> Array:
-        """Average the radiance over the azimuth of the view about central directions.
-
-        `centers`, of shape (..., 3), are unit vectors in world axes. `view_theta` is the angle
-        between the view and the central direction, radians.
-
-        Returns an array of shape (..., 3).
-        """
+        around = views_around(centers, view_theta, _AZIMUTHS)
+        return np.mean([self.central_radiance(centers, views) for views in around], axis=0)
 
 
 def tabulate(
     kind: type[Kind],
-    integral: Integral,
+    integral: Reference | _Sum,
     center: Center,
     info: MapInfo,
     size: int,
@@ -238,6 +232,7 @@ def tabulate(
 ) -> Kind:
     """Make an explicit map of a given kind, by one integral for each texel of each image.
 
+    `integral` is asked for its `central_radiance`, or its `zonal_radiance` where views are local.
     `center`, `info` and `sampling` are attributes of the map. `view_count` is the number of samples
     along an axis of the view.
 
@@ -255,20 +250,6 @@ def tabulate(
         images[index] = np.moveaxis(image, -1, 0)
         progress.report(index + 1, count)
     return kind(images.transpose(0, 2, 3, 1), center, info, sampling)
-
-
-@record(eq=False)
-class _Sum:
-    """A sum of terms as `tabulate` takes it, over the mirror direction."""
-
-    terms: SummedShrm | PrincipalMap
-
-    def central_radiance(self, centers: Array, views: Array) -> Array:
-        return self.terms.central_radiance(centers, views)
-
-    def zonal_radiance(self, centers: Array, view_theta: float) -> Array:
-        around = views_around(centers, view_theta, _AZIMUTHS)
-        return np.mean([self.central_radiance(centers, views) for views in around], axis=0)
 
 
 def tabulate_sum(

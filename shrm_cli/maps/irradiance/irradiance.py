@@ -106,7 +106,6 @@ class Irradiance(FixedMap, ReflectionMap):
 
     @property
     def harmonic_light(self) -> HarmonicLight:
-        """The light, with its window."""
         return HarmonicLight(self.coefficients)
 
     @property
@@ -138,7 +137,6 @@ class Irradiance(FixedMap, ReflectionMap):
 
     @property
     def cube_count(self) -> int:
-        """The number of cubes is 1: the one that shows E(N)."""
         return 1
 
     def planes(self) -> tuple[Array]:
@@ -167,7 +165,6 @@ class Irradiance(FixedMap, ReflectionMap):
         return replace(self, coefficients=windowed, info=info, window=window)
 
     def mixed(self, matrix: Array, info: MapInfo) -> "Irradiance":
-        """Return the map with other channels; see `maps.primaries`."""
         return replace(self, coefficients=self.coefficients @ matrix.T, info=info)
 
     def turned(self, matrix: ArrayLike) -> "Irradiance":
@@ -176,7 +173,6 @@ class Irradiance(FixedMap, ReflectionMap):
         return replace(self, coefficients=turned, info=self.info.turned(matrix))
 
     def summary(self) -> dict[str, Any]:
-        """Return what users and scripts are told of the map, without the numbers of `details`."""
         return {
             **super().summary(),
             "size": self.size,
@@ -186,7 +182,6 @@ class Irradiance(FixedMap, ReflectionMap):
         }
 
     def details(self) -> dict[str, Any]:
-        """Return the window, the coefficients, and what is known of their errors."""
         return {
             "window": self.window.summary(self.order_f),
             "minimum_irradiance": self.minimum(),

@@ -35,24 +35,13 @@ _LAST_DEGREES = 16
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Make the irradiance map of a probe, to the degree `order_f`; 2 makes nine coefficients.
 
-    Parameters
-    ----------
-    request : Request
-        Its own options are ``window``, as `make_window` takes it, and ``form``, as `in_form` does:
-        which numbers are kept of degree 2. The window ``auto`` changes nothing where nothing is
-        negative.
+    The own options of `request` are ``window``, as `make_window` takes it, and ``form``, as
+    `in_form` does: which numbers are kept of degree 2. The window ``auto`` changes nothing where
+    nothing is negative.
 
-    Returns
-    -------
-    Prefiltered
-        The map, and a warning if its irradiance is negative all the same.
-
-    Raises
-    ------
-    MapError
-        If the window is unknown, or the cube is too large.
-    ProbeError
-        If the probe cannot be read, or its light is beyond 32-bit floats.
+    Returns the map, and a warning if its irradiance is negative all the same. Raises MapError if
+    the window is unknown, or the cube is too large. Raises ProbeError if the probe cannot be read,
+    or its light is beyond 32-bit floats.
     """
     order_f = request.order_f
     assert order_f is not None  # it has a default

@@ -17,9 +17,8 @@ coefficient, the projection of its degree 2. The forms are
     ``z = L00 r (0.08 + 0.6 r)``, with r the part of the channel's degree 1 along the shared axis,
     divided by L00.
 
-References
-----------
-Roughton, Sloan, Silvennoinen, Iwanicki and Shirley 2024, ZH3: Quadratic Zonal Harmonics.
+References: Roughton, Sloan, Silvennoinen, Iwanicki and Shirley 2024, ZH3: Quadratic Zonal
+Harmonics.
 """
 
 from dataclasses import field, replace
@@ -65,7 +64,6 @@ class Zh3(Irradiance):
         return replace(made, zonal=self.zonal * window.factors[2])  # type: ignore[return-value,call-arg]
 
     def turned(self, matrix: ArrayLike) -> "Zh3":
-        """Return the map of the same light turned, exactly; see `Map.turned`."""
         return replace(super().turned(matrix), axes=self.axes @ np.asarray(matrix).T)  # type: ignore[return-value,call-arg]
 
     def mixed(self, matrix: Array, info: MapInfo) -> "Zh3":
@@ -80,7 +78,6 @@ class Zh3(Irradiance):
         return replace(made, form="zh3", zonal=matrix @ self.zonal)  # type: ignore[return-value,call-arg]
 
     def summary(self) -> dict[str, Any]:
-        """Return what users and scripts are told of the map; see `Irradiance.summary`."""
         return {**super().summary(), "form": self.form, "coefficients": self.numbers_each}
 
     @property
@@ -153,12 +150,9 @@ def form_errors(plain: Irradiance, made: Irradiance) -> dict[str, float]:
 
     `plain` and `made` are those of all nine coefficients, and in the form; both without a window.
 
-    Returns
-    -------
-    dict
-        ``four``, ``nine`` and ``form``: relative RMS errors of the irradiance over all normals and
-        channels, of the light's four and nine coefficients and of the form. ``kept``: the part
-        that the form keeps of what nine coefficients bring, as a share of the squared error.
+    Returns ``four``, ``nine`` and ``form``: relative RMS errors of the irradiance over all normals
+    and channels, of the light's four and nine coefficients and of the form; and ``kept``, the part
+    that the form keeps of what nine coefficients bring, as a share of the squared error.
     """
     missing = plain.info.predicted_error
     known = 1 - missing**2

@@ -32,14 +32,9 @@ def lamps_text(discs: Sequence[Disc], left: float, error: float) -> str:
 
 
 def read_lamps(part: StoredPart) -> tuple[tuple[Disc, ...], float, float]:
-    """Read the lamps of the first part of a map.
+    """Read the discs, `left` and `error` of a `LampMap` from the first part of its file.
 
-    Returns
-    -------
-    discs, left, error
-        As a `LampMap` has them.
-
-    Raises MapError if they are no sound discs, or too many.
+    Raises MapError if the discs are unsound, or too many.
     """
     text = part.attribute(_NAME)
     try:

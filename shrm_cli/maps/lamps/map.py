@@ -83,7 +83,6 @@ class LampMap(ReflectionMap):
 
     @property
     def stored(self) -> Map:
-        """The map within, whose cubes are stored."""
         return self.map
 
     def _scaled(self, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -109,7 +108,6 @@ class LampMap(ReflectionMap):
         return np.asarray(self.map.radiance(normals, views) + self.lamps.radiance(normals, views))
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate it for known tangents, as `ReflectedLight.brushed_radiance` does."""
         points = normals, tangents, views
         return np.asarray(
             self.map.shaded().brushed_radiance(*points) + self.lamps.brushed_radiance(*points)
@@ -122,15 +120,12 @@ class LampMap(ReflectionMap):
 
     @property
     def parts(self) -> tuple[tuple[Any, str], ...]:
-        """Those of the map within, and the lamps."""
         return (*self.map.parts, (self.lamps, self.lamps.brdf.center))
 
     def planes(self) -> Sequence[Array]:
-        """Return the cubes of the map within."""
         return self.map.planes()
 
     def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> LampMap:
-        """Return the same map with other cubes."""
         own = replace(self.map.info, chromaticities=info.chromaticities, options=info.options)
         return replace(self, map=self.map.with_planes(planes, sampling, own))
 
@@ -140,17 +135,14 @@ class LampMap(ReflectionMap):
         return replace(self, map=self.map.with_info(own))
 
     def summary(self) -> dict[str, Any]:
-        """Return what the map within says, errors relative to all light, and the lamps."""
         of_map = self.map.summary()
         lamps = {"lamps": disc_records(self.discs), "lamp_error": self.error}
         return {**of_map, **self._scaled(of_map), **lamps}
 
     def details(self) -> dict[str, Any]:
-        """Return what the map within adds to it."""
         return self.map.details()
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> LampMap:
-        """Return it with the map within `resampled`."""
         return replace(self, map=self.map.resampled(size, sampling))
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
@@ -158,7 +150,6 @@ class LampMap(ReflectionMap):
         raise MapError(f"{self.what} has lamps beside it, which an SHRM does not hold")
 
     def converted(self, to: str, *given: Any, **options: Any) -> LampMap:
-        """Return it with the map within `converted`, and the same lamps."""
         return replace(self, map=self.map.converted(to, *given, **options))
 
     def mixed(self, matrix: Array, info: MapInfo) -> LampMap:

@@ -44,12 +44,9 @@ _ALONG = 1e-12
 class BrushedLobe(Lobe):
     """The light that an anisotropic term of a BRDF reflects.
 
-    Attributes
-    ----------
-    functions : ndarray, shape (n, waves, entries, 3)
-        The amplitudes of each function's waves at even angles of the view.
-    waves : ndarray of int, shape (waves, 2)
-        The frequency f of each wave and its power k, of ``i^k exp(i f psi)``.
+    `functions`, of shape (n, waves, entries, 3), are the amplitudes of each function's waves at
+    even angles of the view. `waves`, of shape (waves, 2), is the frequency f of each wave and its
+    power k, of ``i^k exp(i f psi)``.
     """
 
     waves: Waves = field(default_factory=lambda: np.zeros((0, 2), dtype=np.intp))

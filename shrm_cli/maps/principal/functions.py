@@ -11,9 +11,8 @@ Views are weighted, too, because the same error is seen more easily where little
 It is the factorization of Kautz and McCool, made in the frequency domain and order by order, which
 section 5.8 of the thesis names as future work. The first function of q = 0 is the split sum.
 
-References
-----------
-Kautz and McCool 1999, "Interactive Rendering with Arbitrary BRDFs using Separable Approximations".
+References: Kautz and McCool 1999, "Interactive Rendering with Arbitrary BRDFs using Separable
+Approximations".
 """
 
 from collections.abc import Iterable, Iterator, Sequence

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from shrm_cli import reflected
 from shrm_cli.arrays import Array
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.principal.functions import Spectrum
@@ -26,14 +27,6 @@ from shrm_cli.plan import policy
 from shrm_cli.plan.search import Row, fewest_bytes, least_errors
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
-from shrm_cli.reflected import (
-    cube_energies,
-    energies_beyond,
-    filter_matrices,
-    filtered_parts,
-    fine_places,
-    kept_energy,
-)
 from shrm_cli.sphere.bilinear import bilinear_errors, lost_between_texels
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Sampling
 
@@ -103,7 +96,7 @@ class Planner:
 
     @cached_property
     def _beyond(self) -> tuple[float, float]:
-        return energies_beyond(self.lighting, self.spectrum.transfer)
+        return reflected.energies_beyond(self.lighting, self.spectrum.transfer)
 
     @property
     def aside(self) -> float:
@@ -119,7 +112,7 @@ class Planner:
     @cached_property
     def _places(self) -> Array | None:
         """Where on the faces of a cube the finest details of the first function are."""
-        return fine_places(self.lighting, self.spectrum.light_parts(0, 0, 1)[0])
+        return reflected.fine_places(self.lighting, self.spectrum.light_parts(0, 0, 1)[0])
 
     @cached_property
     def _forms(self) -> dict[tuple[Counts, int, bool], Form]:
@@ -154,7 +147,9 @@ class Planner:
             missing = self.spectrum.missing(counts, band.factors)
             left = missing + self.whole - self.spectrum.whole()
         else:
-            left = self.whole - float(energies[: band.last + 1] @ kept_energy(band.factors))
+            left = self.whole - float(
+                energies[: band.last + 1] @ reflected.kept_energy(band.factors)
+            )
         find = partial(self._filter_error, counts, band, size, is_exact)
         return Form(counts, size, band, self._relative(left), find)
 
@@ -172,7 +167,7 @@ class Planner:
         lost = [np.empty((count, last + 1, 3)) for count in counts]
         for p, bundles in bundle_functions(counts).items():
             parts = self.spectrum.bundle_parts(bundles, last)
-            by_order = filtered_parts(parts, self._filter(size, p)).transpose(1, 2, 0, 3)
+            by_order = reflected.filtered_parts(parts, self._filter(size, p)).transpose(1, 2, 0, 3)
             for q, used in enumerate(zip(*bundles, strict=True)):
                 lost[q][list(used)] = by_order[q]
         predicted = sum(self.spectrum.shown_energy(q, each, light) for q, each in enumerate(lost))
@@ -185,7 +180,7 @@ class Planner:
         if (size, p) not in self._filters:
             order = min(furthest_order(size, 0), self.spectrum.transfer.order_f)
             errors = bilinear_errors(order + p, size, self.sampling, self._places)
-            self._filters[size, p] = filter_matrices(np.sqrt(errors), order, p)
+            self._filters[size, p] = reflected.filter_matrices(np.sqrt(errors), order, p)
         return self._filters[size, p]
 
     def _misjudged(self, counts: Counts, band: Band, size: int) -> float:
@@ -208,7 +203,7 @@ class Planner:
             flat = found.reshape(len(found), -1)
             series[: len(flat), first : first + flat.shape[1]] = flat
             first += flat.shape[1]
-            energies = cube_energies(light * (np.arange(3) == channel), kept)
+            energies = reflected.cube_energies(light * (np.arange(3) == channel), kept)
             predicted += float(errors[: len(energies)] @ energies)
         missed = float(lost_between_texels(series, size, self.sampling).sum())
         return missed / predicted if predicted > 0 else 1.0

@@ -255,7 +255,6 @@ class PrincipalMap(ReflectionMap):
     def with_planes(
         self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
     ) -> "PrincipalMap":
-        """Return the same map with other cubes, in the form that `planes` returns."""
         lobes = tuple(
             replace(lobe, cubes=plane.reshape(*plane.shape[:2], -1, 3))
             for lobe, plane in zip(self.lobes, planes, strict=True)
@@ -263,7 +262,6 @@ class PrincipalMap(ReflectionMap):
         return PrincipalMap(lobes, info, sampling)
 
     def details(self) -> dict[str, Any]:
-        """Return what `shrm info` adds: the functions of each lobe by azimuthal order."""
         lobes = [
             {
                 "center": lobe.center,
@@ -276,7 +274,6 @@ class PrincipalMap(ReflectionMap):
         return {**super().details(), "lobes": lobes}
 
     def check_memory(self, size: int) -> None:
-        """Check that the map could be kept in memory at another size; see `check_size`."""
         check_size(self.info.order_f, int(np.ceil(np.sqrt(self.cube_count))) - 1, size)
 
     def _moved(self, size: int, sampling: Sampling) -> Map:
@@ -303,7 +300,6 @@ class PrincipalMap(ReflectionMap):
         )
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance; see `ReflectedLight.brushed_radiance`."""
         normals, tangents, views = np.broadcast_arrays(
             *(np.asarray(each, dtype=float) for each in (normals, tangents, views))
         )
@@ -338,7 +334,6 @@ class PrincipalMap(ReflectionMap):
 
     @cached_property
     def parts(self) -> tuple[tuple[Any, str], ...]:
-        """The lobes, as maps of one each, and the central direction of each."""
         return tuple((replace(self, lobes=(each,)), each.center) for each in self.lobes)
 
     @cached_property

@@ -52,14 +52,10 @@ def product_texture(
     degree of the harmonics. `texels` is their number along an edge of the parabolic map of the
     views.
 
-    Returns
-    -------
-    Prefiltered
-        Its predicted error is that under white noise: the root of the energy that is missed. The
-        fact ``residual`` is the relative RMS change of the coefficients when the nodes of their
-        quadrature are doubled.
-
-    Raises BrdfError if the BRDF is not finite; and MapError if the texture would be too large.
+    The predicted error of the map is that under white noise: the root of the energy that is missed.
+    The fact ``residual`` is the relative RMS change of the coefficients when the nodes of their
+    quadrature are doubled. Raises BrdfError if the BRDF is not finite, and MapError if the texture
+    would be too large.
     """
     return Prefiltered(*_texture(brdf, order, texels, order)[:2])
 
@@ -142,29 +138,15 @@ def _with_values(brdf: Brdf, parameters: Iterable[str], values: Sequence[float])
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Make the product texture of a BRDF that holds the light of a probe.
 
-    Parameters
-    ----------
-    request : Request
-        Its own options are ``order`` and ``texels``, as `product_texture` takes them, and
-        ``window``, as `ProductMap.window` takes it. Of so few orders a lamp may make black spots,
-        which the eye minds more than the blur: ``auto`` blurs the light as little as leaves no
-        reflected light negative, and not at all where none is.
+    The own options of `request` are ``order`` and ``texels``, as `product_texture` takes them, and
+    ``window``, as `ProductMap.window` takes it. Of so few orders a lamp may make black spots, which
+    the eye minds more than the blur: ``auto`` blurs the light as little as leaves no reflected
+    light negative, and not at all where none is.
 
-    Returns
-    -------
-    Prefiltered
-        Its predicted error is the relative RMS error of the reflected light of this probe, over
-        all orientations of the surface and all views above it, by Parseval; the added error is
-        that of the window.
-
-    Raises
-    ------
-    BrdfError
-        As `product_texture` raises it.
-    MapError
-        As `product_texture` raises it, or if the window is unknown.
-    ProbeError
-        If the probe cannot be read.
+    The predicted error of the map is the relative RMS error of the reflected light of this probe,
+    over all orientations of the surface and all views above it, by Parseval; the added error is
+    that of the window. Raises BrdfError and MapError as `product_texture` raises them, and MapError
+    if the window is unknown. Raises ProbeError if the probe cannot be read.
     """
     brdf, own = request.brdf, request.own
     order, window = own["order"], own["window"]

@@ -5,10 +5,8 @@ times the cosine. The light is a short vector of coefficients. A point turns the
 frame, looks the view up, and multiplies both: the light and the view may change in every frame, and
 the surface may have any tangents.
 
-References
-----------
-Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
-Spherical Harmonics", sections 3 and 4.
+References: Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Lighting
+Using Spherical Harmonics", sections 3 and 4.
 """
 
 from abc import abstractmethod
@@ -137,7 +135,6 @@ class ProductMap(_Parabolic, MaterialMap):
         return LitProduct(self, coefficients[:count])
 
     def window(self, spec: str, lighting: ArrayLike) -> "LightWindow":
-        """Choose the window of the light; see `product_window`."""
         from shrm_cli.maps.product.window import product_window
 
         return product_window(spec, self, lighting)
@@ -147,7 +144,6 @@ class ProductMap(_Parabolic, MaterialMap):
         raise MapError(f"{self.what} that holds no light has no primaries")
 
     def summary(self) -> dict[str, Any]:
-        """Return what users and scripts are told about the map."""
         info = self.info
         return {
             **super().summary(),
@@ -164,7 +160,6 @@ class ProductMap(_Parabolic, MaterialMap):
         }
 
     def details(self) -> dict[str, Any]:
-        """Return nothing: the `summary` tells all."""
         return {}
 
 
@@ -200,32 +195,25 @@ class LitProduct(_Parabolic, ReflectionMap):
 
     @property
     def harmonic_light(self) -> HarmonicLight:
-        """The light, and the textures that reflect it."""
         return HarmonicLight(self.lighting, self.product)
 
     @property
     def ways(self) -> Mapping[str, tuple[float, float]]:
-        """The parameters of the BRDF that vary, and the ends of their ranges."""
         return self.product.ways
 
     def with_values(self, values: Mapping[str, float]) -> "LitProduct":
-        """Return one texture under the same light; see `ReflectedLight.with_values`."""
         return replace(self, product=self.product.at(self.shares(values)))
 
     def with_info(self, info: MapInfo) -> "LitProduct":
-        """Return the same map with another record of how it was made."""
         return replace(self, product=self.product.with_info(info))
 
     def summary(self) -> dict[str, Any]:
-        """Return what users and scripts are told about the map."""
         return {**self.product.summary(), "lit": True}
 
     def details(self) -> dict[str, Any]:
-        """Return what is told of the textures, and the light's coefficients."""
         return {**self.product.details(), "lighting_coefficients": self.lighting.tolist()}
 
     def mixed(self, matrix: Array, info: MapInfo) -> "LitProduct":
-        """Return the map with other channels, if its BRDF has no colors; see `Map.mixed`."""
         if self.product.channels > 1:
             raise MapError(
                 f"{self.what} of a colored BRDF is a table of each channel's own, which cannot be "
@@ -250,7 +238,6 @@ class LitProduct(_Parabolic, ReflectionMap):
     def varied_radiance(
         self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
     ) -> Array:
-        """Evaluate the reflected radiance; see `ReflectedLight.varied_radiance`."""
         return self.product.reflected(self.lighting, (normals, tangents, views), shares)
 
 

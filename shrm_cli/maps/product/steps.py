@@ -46,16 +46,11 @@ _DECIMALS = 6
 class Steps:
     """Values of parameters, and how textures are joined at each combination of them.
 
-    Attributes
-    ----------
-    values : dict of str to tuple of float
-        Two or more rising values of each parameter.
-    weights : ndarray, shape (values of the first parameter, ..., textures)
-        What the textures are multiplied with before they are added. Between values the weights are
-        linear in each parameter. Of one parameter there is a texture for each value.
-    error : float
-        The largest relative RMS error in the middle between values, under white noise; 0 where
-        nobody has measured it.
+    `values` are two or more rising values of each parameter. `weights`, of shape (values of the
+    first parameter, ..., textures), are what the textures are multiplied with before they are
+    added. Between values the weights are linear in each parameter. Of one parameter there is a
+    texture for each value. `error` is the largest relative RMS error in the middle between values,
+    under white noise; 0 where nobody has measured it.
     """
 
     values: Mapping[str, tuple[float, ...]]

@@ -3,10 +3,8 @@
 Textures for a few values of the parameters are joined with weights that are interpolated linearly
 between these values. Those of one parameter are as the slices of a 3D texture.
 
-References
-----------
-Kautz, Sloan and Snyder 2002, section 3: "we just need a higher-dimensional c_i(v, q) table indexed
-by whichever parameters q are to be spatially varied".
+References: Kautz, Sloan and Snyder 2002, section 3: "we just need a higher-dimensional c_i(v, q)
+table indexed by whichever parameters q are to be spatially varied".
 """
 
 from collections.abc import Mapping, Sequence
@@ -63,35 +61,28 @@ class VaryingProduct(ProductMap):
 
     @property
     def ways(self) -> Mapping[str, tuple[float, float]]:
-        """The parameters, and the ends of their ranges."""
         return self.steps.ways
 
     def details(self) -> dict[str, Any]:
-        """Return the parameters, their values, and what is missed between them."""
         return {**self.steps.summary(), "textures": len(self.textures)}
 
     def with_info(self, info: MapInfo) -> "VaryingProduct":
-        """Return the same textures with another record of how they were made."""
         textures = tuple(replace(each, info=each.info.read_as(info)) for each in self.textures)
         return replace(self, textures=textures, info=info)
 
     def at(self, shares: ArrayLike) -> ProductTexture:
-        """Return the texture for values of the parameters; see `ProductMap.at`."""
         weights = self.weights(shares).tolist()
         pairs = [(w, each) for w, each in zip(weights, self.textures, strict=True) if w]
         table = sum((w * each.table for w, each in pairs), np.zeros_like(self.textures[0].table))
         return ProductTexture(table, self.info_at(shares))
 
     def weights(self, shares: ArrayLike) -> Array:
-        """Return the weights of the textures; see `ProductMap.weights`."""
         return self.steps.at(shares)
 
     def info_at(self, shares: ArrayLike) -> MapInfo:
-        """Return the record of the texture that `at` returns."""
         return replace(self.info, brdf=self.steps.recorded([self.info.brdf], shares))
 
     def values(self, local_views: ArrayLike, shares: ArrayLike = 0.5) -> Array:
-        """Look up the coefficients of views; see `ProductMap.values`."""
         views = np.asarray(local_views, dtype=float)
         flat, weights = views.reshape(-1, 3), self.weights(shares)
         weights = np.broadcast_to(weights, (*views.shape[:-1], len(self.textures)))

@@ -57,7 +57,6 @@ class LightWindow(Window):
     where both are darker."""
 
     def summary(self, order: int) -> dict[str, Any]:
-        """Return the window as JSON holds it, with a factor for each degree up to an order."""
         return {**super().summary(order), "p95_change": self.p95_change}
 
 
@@ -70,12 +69,8 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
     parameters of `product` vary, three values of each count. `series`, of shape ((order+1)^2, 3),
     are the coefficients of the light in world axes.
 
-    Returns
-    -------
-    LightWindow
-        Its `change` is that of the reflected light.
-
-    Raises MapError if the name is unknown, or the width is not a positive number.
+    The `change` of the window is that of the reflected light. Raises MapError if the name is
+    unknown, or the width is not a positive number.
     """
     series = np.asarray(series, dtype=float)
     name, _ = parse_window(spec)

@@ -95,16 +95,10 @@ _VERSIONS = {
 class Code:
     """The code of a map, and which of its functions programs call.
 
-    Attributes
-    ----------
-    text : str
-        The code; its last line ends with a newline too.
-    is_irradiance : bool
-        Whether it has ``shrm_irradiance(n)``, and no ``shrm_radiance``.
-    takes_tangent : bool
-        Whether it has ``shrm_brushed_radiance(n, t, v)`` besides ``shrm_radiance(n, v)``.
-    is_boxed : bool
-        Whether there is one that takes a point, too, whose name ends in ``_at``.
+    `text` is the code; its last line ends with a newline too. `is_irradiance` tells whether it has
+    ``shrm_irradiance(n)``, and no ``shrm_radiance``. `takes_tangent` tells whether it has
+    ``shrm_brushed_radiance(n, t, v)`` besides ``shrm_radiance(n, v)``. `is_boxed` tells whether
+    there is one that takes a point, too, whose name ends in ``_at``.
     """
 
     text: str

@@ -25,10 +25,8 @@ two:
 
 Equations here are those of Silvennoinen et al. 2025.
 
-References
-----------
-Silvennoinen, Sloan, Iwanicki and Nowrouzezahrai 2025, Spherical harmonic exponentials for
-efficient glossy reflections, eq. 5, 9-12 and 15.
+References: Silvennoinen, Sloan, Iwanicki and Nowrouzezahrai 2025, Spherical harmonic exponentials
+for efficient glossy reflections, eq. 5, 9-12 and 15.
 """
 
 from dataclasses import replace
@@ -105,7 +103,6 @@ class SphericalHarmonicExponential(LightMap):
 
     @property
     def roughness_range(self) -> tuple[float, float]:
-        """The range of perceptual roughness: the square roots of `ggx_alpha`."""
         low, high = self.ggx_alpha
         return float(np.sqrt(low)), float(np.sqrt(high))
 
@@ -127,7 +124,6 @@ class SphericalHarmonicExponential(LightMap):
         return replace(self, p_coefficients=p, q_coefficients=q, info=self.info.turned(matrix))
 
     def details(self) -> dict[str, Any]:
-        """Return the orders, the coefficients, and the range of roughness."""
         return {
             "p_order": self.order_p,
             "q_order": self.order_q,
@@ -146,7 +142,6 @@ class SphericalHarmonicExponential(LightMap):
         return np.concatenate([self.p_coefficients, self.q_coefficients])
 
     def surface(self, roughness: float, f0: Color, *brush: float) -> "ShadedExponential":
-        """Return a GGX surface of a roughness and reflectance under the light; see `Map.shaded`."""
         return ShadedExponential(self, roughness, f0)
 
 
@@ -157,7 +152,6 @@ class ShadedExponential(Shaded):
     light: SphericalHarmonicExponential
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return the reflected radiance; see `Map.radiance`."""
         normals, views = np.broadcast_arrays(
             np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
         )

@@ -97,20 +97,12 @@ class Problem:
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Fit an SH exponential to what GGX reflects of a probe, at all views and roughnesses.
 
-    Parameters
-    ----------
-    request : Request
-        Its own options are the orders ``p_order`` and ``q_order`` of the two factors, the range of
-        perceptual ``roughness`` to fit, by default that of the paper, whose alpha begins at 0.2,
-        and the ``law``: how the degrees are attenuated, and how they are fitted. ``paper`` is the
-        linear least-squares fit in log space of Silvennoinen et al. 2025.
+    The own options of `request` are the orders ``p_order`` and ``q_order`` of the two factors, the
+    range of perceptual ``roughness`` to fit, by default that of the paper, whose alpha begins at
+    0.2, and the ``law``: how the degrees are attenuated, and how they are fitted. ``paper`` is the
+    linear least-squares fit in log space of Silvennoinen et al. 2025.
 
-    Raises
-    ------
-    MapError
-        If the probe is black.
-    ProbeError
-        If the probe cannot be read.
+    Raises MapError if the probe is black. Raises ProbeError if the probe cannot be read.
     """
     p_order, q_order = request.own["p_order"], request.own["q_order"]
     law, roughness = request.own["law"], request.own["roughness"]

@@ -67,11 +67,9 @@ class CompressedShrm(CentralMap):
 
     @property
     def cube_count(self) -> int:
-        """The number K of spatial maps."""
         return len(self.matrix)
 
     def summary(self) -> dict[str, Any]:
-        """Return what every map tells, and that its cubes are components."""
         return {**super().summary(), "components": self.cube_count}
 
     @property
@@ -86,13 +84,11 @@ class CompressedShrm(CentralMap):
     def with_planes(
         self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
     ) -> "CompressedShrm":
-        """Return the same map with other components, in the form that `planes` returns."""
         (flat,) = planes
         shaped = flat.reshape(*flat.shape[:2], *self.components.shape[2:])
         return replace(self, components=shaped, sampling=sampling, info=info)
 
     def check_memory(self, size: int) -> None:
-        """Check that the expanded map could be kept in memory at another size; see `check_size`."""
         check_size(self.info.order_f, self.order_p, size)
 
     def _moved(self, size: int, sampling: Sampling) -> "CompressedShrm":
@@ -102,7 +98,6 @@ class CompressedShrm(CentralMap):
         return replace(again, info=whole.info)
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
-        """Return the SHRM of all coefficients, of a lower order P or in another frame."""
         return self.expand().to_shrm(order_p, frame)
 
     @classmethod
@@ -151,7 +146,6 @@ class CompressedShrm(CentralMap):
         return self._expanded.central_radiance(centers, views)
 
     def rough_radiance(self, reflections: Array, views: Array) -> Array:
-        """Evaluate the radiance at the nearest texels."""
         return self._expanded.rough_radiance(reflections, views)
 
     @cached_property

@@ -6,8 +6,6 @@ cubes. Both are errors of the reflected light, which are known before the map is
 best pair of the two can be chosen. What is lost is said.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

@@ -3,8 +3,6 @@
 The method is that of section 5.6.2 of Ramamoorthi's thesis.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -93,7 +93,6 @@ class Shrm(CentralMap):
         return [self.coefficients.reshape(*self.coefficients.shape[:2], -1)]
 
     def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> Shrm:
-        """Return the same map with other coefficients, in the form that `planes` returns."""
         (flat,) = planes
         shaped = flat.reshape(*flat.shape[:2], *self.coefficients.shape[2:])
         return replace(self, coefficients=shaped, sampling=sampling, info=info)
@@ -112,22 +111,12 @@ class Shrm(CentralMap):
     ) -> Shrm:
         """Make the map from the coefficients of light and BRDF.
 
-        Parameters
-        ----------
-        lighting : array_like, shape (>= (F+1)^2, 3)
-            The coefficients of the light over the real harmonics of world axes.
-        brdf : ndarray, shape (F+1, P+1, P+1, 3)
-            The coefficients rho_hat_lpq of the BRDF to exactly the orders of the map, for q >= 0.
-        center : {"reflection", "normal", "tangent"}
-            The BRDF's central direction.
-        info : MapInfo
-            How the map is made.
-        size : int, optional
-            Texels along a face's edge; `choose_size` by default.
-        frame, sampling
-            The same as the attributes.
-        dtype : float32 or float64
-            The precision in which the texels are computed.
+        `lighting`, of shape (>= (F+1)^2, 3), are the coefficients of the light over the real
+        harmonics of world axes. `brdf`, of shape (F+1, P+1, P+1, 3), are the coefficients
+        rho_hat_lpq of the BRDF to exactly the orders of the map, for q >= 0. `center` is the BRDF's
+        central direction. `info` says how the map is made. `size` is the number of texels along a
+        face's edge; `choose_size` by default. `frame` and `sampling` are the same as the
+        attributes. `dtype` is the precision in which the texels are computed.
 
         Raises MapError if the map would be too large to be kept in memory.
         """
@@ -180,7 +169,6 @@ class Shrm(CentralMap):
         return replace(self, coefficients=self.coefficients[:, :, :kept], info=info)
 
     def check_memory(self, size: int) -> None:
-        """Check that the map could be kept in memory at another size; see `check_size`."""
         check_size(self.info.order_f, self.order_p, size)
 
     def _moved(self, size: int, sampling: Sampling) -> Shrm:
@@ -207,7 +195,6 @@ class Shrm(CentralMap):
         return np.einsum("...k,...kc->...c", real_harmonics(self.order_p, views), values)
 
     def rough_radiance(self, reflections: Array, views: Array) -> Array:
-        """Evaluate the radiance at the nearest texels."""
         form = self.center, self.frame, self.size, self.sampling, self.order_p
         digests = (hashlib.sha256(each.tobytes()).digest() for each in (reflections, views))
         make = partial(_rough_terms, reflections, views, *form)

@@ -72,7 +72,6 @@ class SummedShrm(ReflectionMap):
 
     @property
     def parts(self) -> tuple[tuple[Any, str], ...]:
-        """The terms, and the central direction of each."""
         return tuple((term, term.center) for term in self.terms)
 
     @property
@@ -84,12 +83,10 @@ class SummedShrm(ReflectionMap):
         return sum(term.cube_count for term in self.terms)
 
     def summary(self) -> dict[str, Any]:
-        """Return what every map tells, and how many of the cubes are principal components."""
         held = [term.cube_count for term in self.terms if isinstance(term, CompressedShrm)]
         return {**super().summary(), **({"components": sum(held)} if held else {})}
 
     def planes(self) -> list[Array]:
-        """Return the cubes of all terms."""
         return [plane for term in self.terms for plane in term.planes()]
 
     def with_planes(
@@ -103,7 +100,6 @@ class SummedShrm(ReflectionMap):
         return replace(self, terms=terms, info=info)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> "SummedShrm":
-        """Return the map with every term on a cube of another size or sampling."""
         # What is known of the errors of a term may be those of the whole sum, as files have it, so
         # that what each term loses here is found without them.
         bare = [replace(term, info=replace(term.info, added_error=0.0)) for term in self.terms]
@@ -134,7 +130,6 @@ class SummedShrm(ReflectionMap):
         )
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance, shape (..., 3), as `Shrm.radiance` does."""
         first, *others = (term.radiance(normals, views) for term in self.terms)
         return np.asarray(sum(others, start=first))
 
@@ -144,5 +139,4 @@ class SummedShrm(ReflectionMap):
         return self.radiance(bisector(centers, views), views)
 
     def rough_radiance(self, reflections: Array, views: Array) -> Array:
-        """Evaluate the radiance at the nearest texels."""
         return np.sum([term.rough_radiance(reflections, views) for term in self.terms], axis=0)

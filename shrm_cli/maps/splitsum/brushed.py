@@ -37,12 +37,8 @@ TURNS = {"total": (-1.06, 1.354), "bias": (0.964, 0.286)}
 class BrushedSplitSum(Shaded):
     """A brushed GGX surface under the light of a split sum, as `shrm_brushed` of its code has it.
 
-    Attributes
-    ----------
-    anisotropy : float
-        That of glTF, in 0 .. 1.
-    taps : {3, 5, 8}
-        How many directions the light is looked up in.
+    `anisotropy` is that of glTF, in 0 .. 1. `taps` says how many directions the light is looked up
+    in.
     """
 
     light: "SplitSum"
@@ -56,7 +52,6 @@ class BrushedSplitSum(Shaded):
 
     @property
     def info(self) -> MapInfo:
-        """The record of how the light's map was made, with the surface as its BRDF."""
         return replace(self.light.info, brdf=record_of(self.brdf))
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
@@ -67,7 +62,6 @@ class BrushedSplitSum(Shaded):
         return self.brushed_radiance(normals, horizontal_tangents(normals), views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Return the light of a surface whose tangents are known."""
         normals, tangents, views = np.broadcast_arrays(
             *(np.asarray(each, dtype=float) for each in (normals, tangents, views))
         )

@@ -83,29 +83,17 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     the probe's pixels, and only the rest beyond an angle is expanded. The level of roughness 0 is
     the probe itself.
 
-    Parameters
-    ----------
-    request : Request
-        Its own options are ``levels``, their number or their perceptual roughnesses, by default
-        the number that `DEFAULT_LEVELS` has for the mapping; ``mapping``, which roughnesses a
-        number of levels has, and how levels are mixed; and ``mips``, whether each level is half as
-        large as the one before, as in a mip chain. The first has a power of two of texels then, and
-        by default there are all levels down to one texel.
+    The own options of `request` are ``levels``, their number or their perceptual roughnesses, by
+    default the number that `DEFAULT_LEVELS` has for the mapping; ``mapping``, which roughnesses a
+    number of levels has, and how levels are mixed; and ``mips``, whether each level is half as
+    large as the one before, as in a mip chain. The first has a power of two of texels then, and by
+    default there are all levels down to one texel. The size is that of the first level, by default
+    as many texels as the probe holds, but at most 256. That of the others follows from their
+    orders; none is larger than the one before. The error is the one that each level may have.
 
-        The size is that of the first level, by default as many texels as the probe holds, but at
-        most 256. That of the others follows from their orders; none is larger than the one before.
-        The error is the one that each level may have.
-
-    Raises
-    ------
-    MapError
-        If levels of these roughnesses, or this number of levels, cannot be made.
-    ArgumentError
-        If a mip chain is asked for whose edge texels lie on the edges.
-    BrdfError
-        If there is no split sum of the BRDF.
-    ProbeError
-        If the probe cannot be read.
+    Raises MapError if levels of these roughnesses, or this number of levels, cannot be made. Raises
+    ArgumentError if a mip chain is asked for whose edge texels lie on the edges. Raises BrdfError
+    if there is no split sum of the BRDF. Raises ProbeError if the probe cannot be read.
     """
     brdf = split_material(request.brdf)
     size, sampling, own = request.size, request.sampling, request.own
@@ -141,26 +129,14 @@ def make_levels(
 ) -> tuple[list[Array], list[MapInfo]]:
     """Make the cubes of the levels of a split sum.
 
-    Parameters
-    ----------
-    roughness : sequence of float
-        The perceptual roughness of each level: 0, or `MIN_ROUGHNESS` to 1.
-    largest : int
-        The most texels along an edge of the first level; no level is larger than the one before.
-    sampling : {"center", "border"}
-        Where the samples of the cubes lie.
-    error : float
-        Relative RMS error that each level may have, in (0, 1).
-    sizes : sequence of int, optional
-        Texels along an edge of each level, for readers that want them so, in place of what
-        `largest` and the orders of the levels ask for.
-    brdf : Brdf, optional
-        The material whose lobes the levels are of, as `split_material` returns it.
+    `roughness` is the perceptual roughness of each level: 0, or `MIN_ROUGHNESS` to 1. `largest` is
+    the most texels along an edge of the first level; no level is larger than the one before.
+    `sampling` is where the samples of the cubes lie. `error` is the relative RMS error that each
+    level may have, in (0, 1). `sizes` are the texels along an edge of each level, for readers that
+    want them so, in place of what `largest` and the orders of the levels ask for. `brdf` is the
+    material whose lobes the levels are of, as `split_material` returns it.
 
-    Returns
-    -------
-    cubes : list of ndarray, shape (6 N_k, N_k, 3)
-    infos : list of MapInfo
+    Returns the cubes, of shape (6 N_k, N_k, 3) each, and their records.
     """
     probe = fine_probe(probe)
     rows = _rows(probe)

@@ -82,28 +82,22 @@ class SplitSum(LightMap):
 
     @property
     def roughness_range(self) -> tuple[float, float]:
-        """The perceptual roughness of the first level, and of the last."""
         return self.roughness[0], self.roughness[-1]
 
     @property
     def cube_count(self) -> int:
-        """The number of cubes, one for each level."""
         return len(self.levels)
 
     def planes(self) -> tuple[Array, ...]:
-        """Return the cubes of the levels, the sharpest first."""
         return self.levels
 
     def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> "SplitSum":
-        """Return a map of the same roughnesses with other cubes."""
         return replace(self, levels=tuple(planes), sampling=sampling, info=info)
 
     def summary(self) -> dict[str, Any]:
-        """Return what users and scripts are told of the map, without the levels of `details`."""
         return {**super().summary(), "size": self.size, "sampling": self.sampling}
 
     def details(self) -> dict[str, Any]:
-        """Return how the levels are mixed, and what each of them is."""
         return {
             "mapping": self.mapping,
             "levels": self.level_rows(),
@@ -208,7 +202,6 @@ class SplitSum(LightMap):
         return ("roughness", "f0", "anisotropy") if self.is_ggx else ("roughness",)
 
     def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int) -> Shaded:
-        """Return a surface under the light; see `Map.shaded`."""
         if self.material is not None:
             return ShadedMaterial(self, float(roughness), (1.0, 1.0, 1.0))
         red, green, blue = (float(channel) for channel in f0)
@@ -259,7 +252,6 @@ class ShadedMaterial(Shaded):
 
     @property
     def info(self) -> MapInfo:
-        """The record of how the light's map was made, with the surface as its BRDF."""
         return replace(self.light.info, brdf=record_of(self._brdf))
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:

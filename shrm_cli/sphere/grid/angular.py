@@ -216,12 +216,7 @@ def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") 
 
 
 def _fold(planes: Array, half: int) -> dict[tuple[int, int], Array]:
-    """The last quarter of square images plus its mirror images, with each pair of signs.
-
-    Returns
-    -------
-    dict of (sign of the mirror image in x, in y): ndarray, shape (..., size - half, size - half)
-    """
+    """The last quarter of square images plus its mirror images, by their signs in x and in y."""
     size = planes.shape[-1]
     mirrored = slice(size - 1 - half, None, -1)
     # Where x or y is 0 a pixel is its own mirror image, and would count twice.

@@ -248,12 +248,8 @@ def analysis_waves(
 
     The parameters are those of `LatLongAnalysis`.
 
-    Returns
-    -------
-    rows : list of ndarray, shape (height, order+1)
-        The cosines and the sines.
-    columns : list of ndarray, shape (width/2, order+1)
-        The same over half of the columns, in the precision `dtype`.
+    Returns the cosines and the sines over the rows, of shape (height, order+1); and, of shape
+    (width/2, order+1), the same over half of the columns, in the precision `dtype`.
     """
     border = sampling == "border"
     # theta is a multiple of pi / rows, longitude one of pi / columns.
