@@ -73,6 +73,7 @@ def write_farm_files(
     """
     from shrm_cli.batch.farm import command_lines, openjd_template
     from shrm_cli.files.whole import check_target, write_bytes
+    from shrm_cli.maps.options import counted
 
     parts = -(-probes // chunk)
     rest = _without_own(words)
@@ -90,7 +91,7 @@ def write_farm_files(
         check_target(path)
     for path, text in texts.items():
         write_bytes(path, text.encode())
-        echo(f"{path}: {parts:,} parts of {probes:,} probes")
+        echo(f"{path}: {counted(parts, 'part')} of {counted(probes, 'probe')}")
 
 
 def named_parts(chunks: list[Chunk], share: tuple[int, int, int] | None) -> list[Chunk]:

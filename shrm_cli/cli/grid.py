@@ -144,6 +144,12 @@ def _lines(said: dict[str, Any], has_all_light: bool) -> list[str]:
             "  what comes straight from lamps changes faster than the probes lie; leave it to "
             "lights of the engine (--light reflected)"
         )
+    if said["error_reflected"] > ERROR:
+        twice = ",".join(str(2 * each) for each in said["shape"])
+        lines.append(
+            f"  light of surfaces and of the sky, too, changes faster than the probes lie; --size "
+            f"{twice} is nearer"
+        )
     if said["in_walls"]:
         lines.append(f"  {said['in_walls']:,} probes lie within walls")
     return lines

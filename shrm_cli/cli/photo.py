@@ -72,16 +72,42 @@ def brackets(
     with progress_bar("merging") as progress, using(progress):
         made = shrm.merge_brackets(photos, times, linear)
     exposures = made.exposures.tolist()
-    facts = {"exposures": exposures, "clipped": made.clipped}
-    lines = [f"  exposures      {', '.join(f'{each:.3g}' for each in exposures)} of the middle one"]
-    warnings = []
+    differences = [each if each == each else None for each in made.differences.tolist()]
+    facts = {
+        "photos": list(made.paths), "exposures": exposures, "differences": differences,
+        "clipped": made.clipped,
+    }  # fmt: skip
+    told = ", ".join("?" if each is None else f"{each:.1%}" for each in differences[1:])
+    lines = [
+        f"  exposures      {', '.join(f'{each:.3g}' for each in exposures)} of the middle one",
+        f"  differences    {told} of each from the one before, in the median",
+    ]
+    warnings = _disagreements(made.paths, differences)
     if made.clipped:
+        count = round(made.clipped * made.pixels.shape[0] * made.pixels.shape[1])
         warnings.append(
-            f"{output}: {made.clipped:.2%} of the pixels are white in the shortest exposure, too; "
-            "take a shorter one, or give a reading to shrm probe unclip"
+            f"{output}: {count:,} pixels are white in the shortest exposure, too; take a shorter "
+            "one, or give a reading to shrm probe unclip"
         )
-    recipe = {"probe": "brackets", "photos": _names(photos), "exposures": exposures}
+    recipe = {"probe": "brackets", "photos": _names(made.paths), "exposures": exposures}
     _write(output, made.pixels, precision, made.chromaticities, recipe, facts, lines, warnings)
+
+
+def _disagreements(paths: Sequence[str], differences: Sequence[float | None]) -> list[str]:
+    """Return warnings about exposures that do not show what the ones before show."""
+    warnings = []
+    for before, path, difference in zip(paths, paths[1:], differences[1:], strict=False):
+        if difference is None:
+            warnings.append(
+                f"{path}: shows next to nothing that is neither black nor white in it and in "
+                f"{before}; check the --times, or take exposures one to three stops apart"
+            )
+        elif difference > _DIFFERENT:
+            warnings.append(
+                f"{path}: differs by {difference:.0%} from {before} in the median, where neither "
+                "is black or white; check the --times, and that nothing moved"
+            )
+    return warnings
 
 
 @click.command()

@@ -226,7 +226,7 @@ def _on_mesh(
         **stage.mesh_values(drawing.subject, mesh),
         **{key: value for key, value in given.items() if value is not None},
     }
-    return replace(drawing, said=said, warnings=warnings)
+    return replace(drawing, said=said, warnings=[*warnings, *drawing.warnings])
 
 
 def _write_animation(

@@ -106,8 +106,10 @@ def unwrap_balls(
     (16, 32, 3)
     """
     stood = [(90.0 * k, 0.0) for k in range(len(paths))] if cameras is None else list(cameras)
-    if not paths or len(stood) != len(paths) or len(circles or paths) != len(paths):
-        raise ArgumentError("cameras", "must be as many as photographs, and circles, too")
+    if not paths or len(stood) != len(paths):
+        raise ArgumentError("camera", "must be given once for each photograph, or not at all")
+    if circles and len(circles) != len(paths):
+        raise ArgumentError("circle", "must be given once for each photograph, or not at all")
     if not 0 < reflectance <= 1:
         raise ArgumentError("reflectance", "must be above 0, and 1 at most")
     if not distance > LEAST_DISTANCE:

@@ -40,6 +40,10 @@ WHITE = 1 - 0.5 / (LEVELS - 1)
 _NEARLY = 0.97
 """Above it noise, and what JPEG leaves beside edges, may be all that keeps a number from white: of
 such numbers in long exposures a sun of 35 had holes of 3."""
+_DARK = 0.02
+"""Of less light than this part of white a number of 8 bits tells too little to compare it."""
+_FEWEST = 16
+"""The fewest numbers of squares by which exposures are compared."""
 
 
 @record(eq=False)
@@ -51,6 +55,11 @@ class Merged:
     is .214, as sRGB has it; with linear exposures it is what that one has."""
     exposures: Array
     """What each exposure let in, relative to that one, shortest first, shape (n,)."""
+    paths: tuple[str, ...]
+    """The photographs in that order."""
+    differences: Array
+    """How much each differs from the one before, where both are neither black nor white: the median
+    of the relative difference, 0 of the first, NaN where there are no such places, shape (n,)."""
     curve: Array | None
     """``g``, the same of red, green and blue, so that what is grey stays so; None where pixels are
     linear, shape (LEVELS,)."""
@@ -94,9 +103,8 @@ def merge_brackets(
     opened, exposures = _in_order(paths, times)
     is_linear = linear or all(each.is_float for each in opened)
     steps = len(opened) * (1 if is_linear else 2)
-    curve = None
+    curve, places = None, []
     if not is_linear:
-        places = []
         for done, each in enumerate(opened):
             report(done, steps)
             places.append(_places(pixels_of(each)))
@@ -104,9 +112,15 @@ def merge_brackets(
     total = weights = last = np.zeros((), np.float32)
     was_white = np.zeros((), bool)
     clipped = 0.0
+    differences = np.zeros(len(opened))
     for k, (each, exposure) in enumerate(zip(opened, exposures, strict=True)):
         report(steps - len(opened) + k, steps)
         values = pixels_of(each)
+        if is_linear:
+            places.append(_places(values))
+        if k:
+            step = exposure / exposures[k - 1]
+            differences[k] = _difference(places[k - 1], places[k], step, curve)
         # What is white in an exposure is so in all that let in more, whatever they say.
         was_white = was_white | (values >= _NEARLY)
         light = (_received(values, curve) / exposure).astype(np.float32)
@@ -118,7 +132,10 @@ def merge_brackets(
         clipped = float((values >= WHITE).any(axis=-1).mean()) if k == 0 else clipped
     report(steps, steps)
     pixels = np.where(weights > 0, total / np.where(weights > 0, weights, 1), last)
-    return Merged(pixels, exposures, curve, clipped, opened[0].chromaticities)
+    names = tuple(str(each.path) for each in opened)
+    return Merged(
+        pixels, exposures, names, differences, curve, clipped, opened[0].chromaticities
+    )  # fmt: skip
 
 
 def _in_order(
@@ -180,6 +197,19 @@ def _received(values: Array, curve: Array | None) -> Array:
     places = np.arange(LEVELS) / (LEVELS - 1)
     scale = srgb_to_linear(np.array(0.5)) / np.exp(np.interp(0.5, places, curve))
     return np.interp(values, places, scale * np.exp(curve))
+
+
+def _difference(shorter: Array, longer: Array, step: float, curve: Array | None) -> float:
+    """Return how much an exposure differs from a shorter one that let in 1 / `step` of its light.
+
+    Both are what `_places` returns. Returns the median of the relative difference of the squares
+    that are neither black in one nor white in the other, or NaN if there are hardly any.
+    """
+    before, after = (_received(each[0], curve) for each in (shorter, longer))
+    both = (before > _DARK) & (longer[0] + 2 * longer[1] < _NEARLY)
+    if both.sum() < _FEWEST:
+        return float(np.nan)
+    return float(np.median(np.abs(after[both] / (step * before[both]) - 1)))
 
 
 def _places(values: Array) -> Array:

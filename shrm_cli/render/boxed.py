@@ -5,6 +5,7 @@ saw in another direction C'. The surface and the viewer are turned by the least 
 C to C', and the map is asked for the light of those: all angles of the BRDF stay as they are.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.probe.proxy import carried
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import central_directions, horizontal_tangents
+
+_BEYOND = 0.01
+"""What lies less than this part of the box's edge beyond it lies at its walls."""
 
 Parts = tuple[tuple[Any, str], ...]
 Vectors = tuple[Array, Array, Array | None]
@@ -74,6 +78,29 @@ def looked_up(shown: ReflectedLight, vectors: Vectors, shares: Array | None = No
     if shares is None:
         return shown.brushed_radiance(normals, tangents, views)
     return shown.varied_radiance(normals, tangents, views, shares)
+
+
+def outside(maps: Sequence[Map], names: Sequence[str], points: Array) -> list[str]:
+    """Return a warning about each map in whose box some of what it lights is not.
+
+    `points`, of shape (n, 3), are in world axes. What lies outside is lit as at the walls, so that
+    a mesh in the axes and the unit of its own looks like a patchwork of them.
+    """
+    warnings = []
+    for made, name in zip(maps, names, strict=True):
+        box = made.info.proxy
+        if box is None:
+            continue
+        slack = _BEYOND * np.subtract(box.high, box.low)
+        share = ((points < box.low - slack) | (points > box.high + slack)).any(axis=1).mean()
+        if share > _BEYOND:
+            low, high = (",".join(f"{each:g}" for each in corner) for corner in (box.low, box.high))
+            warnings.append(
+                f"{name}: {share:.0%} of what it lights lies outside its box, which goes from "
+                f"{low} to {high}, and is lit as at the walls; move it into the box, or look light "
+                "up without one"
+            )
+    return warnings
 
 
 @record(eq=False)

@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from shrm_cli.files.picture import Picture
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
@@ -10,7 +12,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import coarse_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
-from shrm_cli.render.boxed import Placed
+from shrm_cli.render.boxed import Placed, outside
 from shrm_cli.render.camera import background_rows
 from shrm_cli.render.lit import shaded_maps
 from shrm_cli.render.mesh import MeshSubject
@@ -113,6 +115,8 @@ def on_sphere(lit: Lit, size: int, values: Mapping[str, Any]) -> Drawing:
         pairs = zip(lit.maps, drawn, lit.names, strict=True)
         placed = [Placed.of(*each, place, radius) for each in pairs]
         surface |= {"place": list(place), "radius": placed[0].radius}
+        reach = np.array([place]) + placed[0].radius * np.vstack([np.eye(3), -np.eye(3)])
+        warnings = warnings + outside(lit.maps, lit.names, reach)
         drawn = [*placed]
     become: list[Any] | None = None
     if lit.others:
@@ -146,10 +150,13 @@ def on_stage(
     aim = aimed(stage.mesh.vertices, viewers, lens, values["target"], values["distance"])
     subject = MeshSubject(stage, lens, aim, not values["no_box"])
     seen = [each.info for each in (*lit.maps, *stage.maps())]
+    warnings: list[str] = []
     if drawn is None:
         first = [stage.reflectors(each) for each in lit.maps] or [stage.reflectors(None)]
         drawn = first, [stage.reflectors(each) for each in lit.others]
+        if not values["no_box"]:
+            warnings = outside(lit.maps, lit.names, stage.mesh.vertices)
     return Drawing(
         subject, drawn[0], drawn[1] or None, seen, one_of({each.chromaticities for each in seen}),
-        subject.lens.background_rows(), {"size": list(size)}, [],
+        subject.lens.background_rows(), {"size": list(size)}, warnings,
     )  # fmt: skip

@@ -47,6 +47,9 @@ class Thumbnail:
     info: MapInfo
     bytes: int
     """Of the file."""
+    error: float | None
+    """The predicted relative RMS error; None where it is not known: that of a split sum's levels
+    says nothing of what one look-up for all views misses."""
     picture: Array
     """Linear radiance, premultiplied by the coverage of the sphere, shape (SIZE, SIZE, 3)."""
     seconds: float
@@ -143,7 +146,10 @@ def _drawn(file: str) -> Thumbnail:
         raise MapError(f"{file}: holds no light of its own, so that there is nothing to draw")
     picture = np.nan_to_num(render_sphere(shown_as(opened, ggx_surface()), _VIEWER, SIZE))
     seconds = time.perf_counter() - start
-    return Thumbnail(file, opened.representation, brdf, info, size, picture, seconds)
+    error: float | None = math.hypot(info.predicted_error, info.added_error, info.fit_residual)
+    if isinstance(opened, LightMap) and not info.fit_residual:
+        error = None
+    return Thumbnail(file, opened.representation, brdf, info, size, error, picture, seconds)
 
 
 def contact_page(
@@ -187,7 +193,7 @@ def contact_page(
         f"{bytes_text(total)}. Each "
         f"picture is a sphere seen from azimuth {_VIEWER.azimuth:g}\u00b0, elevation "
         f"{_VIEWER.elevation:g}\u00b0, at one exposure a row; the number in percent is the "
-        "predicted RMS error of the reflected light."
+        "predicted RMS error of the reflected light, which split sums do not know."
     )
     return whole_page(
         title,
@@ -225,9 +231,10 @@ def _cell(each: Thumbnail, stops: float, folder: Path) -> Html:
     colors = pictures.shown(pictures.unmultiplied(each.picture), stops, each.info.chromaticities)
     picture = pictures.image(pictures.on_sphere(colors), words.base_name(each.file))
     orders = f"F {each.info.order_f}" + (f", P {each.info.order_p}" if each.info.order_p else "")
-    error = math.hypot(each.info.predicted_error, each.info.added_error)
+    size = bytes_text(each.bytes)
+    told = size if each.error is None else f"{size}, {words.percent(each.error)}"
     return tag(
-        "a.map", picture, tag("span", f"{bytes_text(each.bytes)}, {words.percent(error)}"),
+        "a.map", picture, tag("span", told),
         tag("span", orders), href=_link(each.file, folder), title=words.base_name(each.file),
     )  # fmt: skip
 

@@ -16,6 +16,7 @@ from shrm_cli.maps.kinds import LightMap
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
+from shrm_cli.render.boxed import outside
 from shrm_cli.render.lit import lit_maps, surface_of
 from shrm_cli.view.page import page
 from shrm_cli.view.scene import TRUTH_SIZE, Scene, Start, Truth, make_scene
@@ -123,6 +124,8 @@ def view(
     scene = make_scene(
         opened, names, light, shape, start, truth, max_size, progress, is_rounded=rounded
     )
+    if shape is not None:
+        notes = [*notes, *outside(opened, names, shape.vertices)]
     warnings = [*notes, *scene.remarks]
     scene.remarks.extend(told)
     return Shown(scene, warnings, told)

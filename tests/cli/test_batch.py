@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -289,6 +290,23 @@ def test_a_farm_takes_command_lines_that_end_their_options(folder, here, form):
         assert run(*task).code == 0
     found = [line["probe"] for line in log_lines(folder / "batch.jsonl")]
     assert sorted(found) == ["--commands.exr", *(f"probes/p{k}.exr" for k in range(1, 5))]
+
+
+def test_a_folder_that_nobody_may_write_fails_before_the_work(folder, here, monkeypatch):
+    """All maps were made first, which took half a minute for three probes."""
+
+    def make(*_):
+        raise AssertionError("there is nowhere to put it")
+
+    for module, name in (("work", "make"), ("exports", "export")):
+        monkeypatch.setattr(import_module(f"shrm_cli.batch.{module}"), name, make)
+    monkeypatch.setattr("os.access", lambda path, mode: "out" not in str(path))
+    assert "p0.exr: no permission to write in out; name another" in run(*IRRADIANCE).err
+    engines = ("batch", "probes/*.exr", "--for", "three", "-o", "out/{engine}/{probe}")
+    said = run(*engines).err
+    assert "out/three/p0: no permission to write in out/three; name another" in said
+    (folder / "out/three/p0").mkdir()
+    assert "no permission to write in out/three/p0; name another" in run(*engines).err
 
 
 @pytest.mark.parametrize("option", ["--commands", "--openjd", "--log"])

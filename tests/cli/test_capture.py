@@ -200,6 +200,27 @@ def test_pictures_obey_the_box_until_told_otherwise(captured, folder):
     assert there[16, 16] == pytest.approx(pictures["box"][16, 16], rel=0.1)
 
 
+def test_what_stands_outside_the_box_is_told(captured, folder):
+    """It was a patchwork of the room's walls, without a word."""
+    done("prefilter", "p.exr", "--to", "irradiance", "-o", "m.exr")
+    vertices, faces = icosphere(1)
+    for name, place in (("in", [3, 1, 2]), ("out", [3, 1, 3])):
+        mesh = 0.3 * vertices + place, faces, vertices
+        write_gltf(folder / f"{name}.glb", [mesh], [("ball", 0.5, 0)])
+    base = ("render", "m.exr", "--size", 16, "-o", "r.png")
+    words = "m.exr: {} of what it lights lies outside its box, which goes from 0,0,0 to 4,2,3"
+    assert run(*base, "--mesh", "in.glb", "--plain").err == ""
+    half = run(*base, "--mesh", "out.glb", "--plain").err
+    assert "lies outside its box" in half
+    assert 0.3 < int(half.split("% of what")[0].split()[-1]) / 100 < 0.6
+    assert run(*base, "--mesh", "out.glb", "--plain", "--no-box").err == ""
+    assert words.format("100%") in run(*base, "--place", "9,9,9").err
+    assert run(*base, "--place", "3,1,2").err == ""
+    shown = run("view", "m.exr", "--mesh", "out.glb", "-o", "page.html")
+    assert shown.code == 0
+    assert "lies outside its box" in shown.err
+
+
 def test_places_need_a_box_and_a_sphere(captured):
     done("prefilter", "white.exr", "--to", "irradiance", "-o", "w.exr")
     done("prefilter", "p.exr", "--to", "irradiance", "-o", "m.exr")

@@ -42,6 +42,9 @@ def test_a_probe_of_photographs(folder):
         assert 0 < told["clipped"] < 0.01
         assert f"{number}.exr: " in made.err
         assert "white in the shortest exposure, too" in made.err
+        assert told["photos"] == photos
+        assert max(told["differences"]) < 0.1
+        assert "differs" not in made.err
     made = run("probe", "ball", "0.exr", "1.exr", "-o", "probe.exr", "--size", str(ROWS))
     assert made.code == 0
     assert made.err == ""
@@ -65,6 +68,21 @@ def test_a_probe_of_photographs(folder):
     np.testing.assert_allclose(irradiance(sunny, other), wanted, rtol=0.05)
     # Without the reading, surfaces that face the sun were far too dark.
     assert (irradiance(found, other) < 0.7 * wanted).all()
+
+
+def test_exposures_that_do_not_belong_together_are_told(folder):
+    """Exposures of both balls, as `*.png` names them, were merged without a word."""
+    made = run("probe", "brackets", "00.png", "11.png", "02.png", "-o", "mixed.exr")
+    assert made.code == 0
+    assert "Warning: 11.png: differs by " in made.err
+    assert "from 00.png in the median, where neither is black or white; check" in made.err
+    far = run(
+        "probe", "brackets", "00.png", "02.png", "--times", "1,1e6", "-o", "far.exr", "--json"
+    )
+    assert json.loads(far.out)["differences"] == [0, None]
+    assert (
+        "02.png: shows next to nothing that is neither black nor white in it and in 00" in far.err
+    )
 
 
 def test_a_panorama_of_eight_bits_gets_its_sun(folder):

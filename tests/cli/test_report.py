@@ -302,6 +302,21 @@ def test_contact_sheets_have_a_row_for_each_probe(folder):
     assert snapshot(folder).keys() == before.keys()
 
 
+def test_contact_sheets_say_no_error_that_is_not_the_maps(folder):
+    """SH exponentials had 0 %, whatever their fit leaves, and split sums that of their levels."""
+    for form in ("she", "splitsum"):
+        done("prefilter", "probe.exr", "--to", form, "-o", f"{form}.exr", "--quiet")
+    told = json.loads(done("info", "she.exr", "--json"))
+    done("contact", "she.exr", "splitsum.exr", "-o", "two.html")
+    _, page = read("two.html")
+    cells = [each for each in page.texts if each.endswith(("%", "B"))]
+    assert len(cells) == 2
+    assert float(cells[0].split(", ")[1].split()[0]) == pytest.approx(
+        100 * told["fit_residual"], rel=0.06
+    )
+    assert "%" not in cells[1]
+
+
 def test_batches_have_contact_sheets(folder):
     result = run("batch", "probe.exr", "note.exr", "--brdf", "phong", "--jobs", "1", "--contact",
                  "all.html", "--quiet")  # fmt: skip

@@ -130,8 +130,8 @@ def test_pixels_are_as_fine_as_those_of_the_ball(tmp_path):
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"cameras": ()}, ArgumentError, "`cameras` must be as many as photographs"),
-        ({"circles": [(8, 8, 8)] * 2}, ArgumentError, "`cameras` must be as many"),
+        ({"cameras": ()}, ArgumentError, "`camera` must be given once for each"),
+        ({"circles": [(8, 8, 8)] * 2}, ArgumentError, "`circle` must be given once"),
         ({"distance": 1.5}, ArgumentError, "`distance` must be above 2 radii of the ball"),
         ({"reflectance": 0.0}, ArgumentError, "`reflectance` must be above 0"),
         ({"distance": np.nan}, ArgumentError, "`distance` must be above 2"),

@@ -109,6 +109,32 @@ def test_aperture_and_sensitivity_are_exposure(tmp_path, scene):
     np.testing.assert_allclose(made.exposures, [0.25, 1], rtol=1e-5)
 
 
+def test_exposures_that_show_the_same_agree(tmp_path, scene):
+    paths = taken(tmp_path, scene, contrasty)
+    made = merge_brackets(paths[::-1])
+    assert made.paths == tuple(str(each) for each in paths)
+    assert (made.differences < 0.05).all()
+    assert made.differences[0] == 0
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_times_that_are_mixed_up_and_what_moved_are_told(tmp_path, scene, linear):
+    """Both were merged without a word."""
+    curve, kind = (np.asarray, {"suffix": "tif", "bits": 16}) if linear else (srgb, {})
+    paths = taken(tmp_path, scene, curve, **kind)
+    mixed = merge_brackets(paths, TIMES[[0, 2, 1, 3, 4]], linear)
+    assert np.nanmax(mixed.differences) > 0.5
+    write_exposure(paths[2], scene[:, ::-1], TIMES[2], curve, 9, bits=kind.get("bits", 8))
+    moved = merge_brackets(paths, linear=linear)
+    assert (moved.differences[[2, 3]] > 0.2).all()
+    assert moved.differences[1] < 0.05 or not linear  # of which no curve is made
+
+
+def test_exposures_too_far_apart_cannot_be_compared(tmp_path, scene):
+    paths = taken(tmp_path, scene, srgb)
+    assert np.isnan(merge_brackets([paths[0], paths[4]], [0.0001, 1]).differences[1])
+
+
 @pytest.mark.parametrize(
     ("times", "error", "words"),
     [

@@ -142,11 +142,17 @@ def _captured(order_f: int) -> float:
 def report(result: dict[str, Any]) -> list[str]:
     """Return the lines for people about irradiance, from what ``--json`` prints."""
     size, window, errors = result["size"], result["window"], result.get("form_errors")
+    missing, added = result["predicted_error"], result["added_error"]
+    # What a form and a window change is relative to the degrees that the map has.
+    whole = np.hypot(missing, np.sqrt(1 - min(missing, 1) ** 2) * added)
+    error = f"{whole:.2%} of the irradiance predicted"
+    if added >= 5e-5:
+        error += f", {missing:.2%} of degrees above {result['order_f']} alone"
     lines = [
         f"irradiance, {counted(result['coefficients'], 'coefficient')} and a cube of "
         f"6 x {size} x {size} texels",
         f"order          F = {result['order_f']}",
-        f"RMS error      {result['predicted_error']:.2%} of the irradiance predicted",
+        f"RMS error      {error}",
     ]
     if errors is not None:
         lines.append(

@@ -2,8 +2,8 @@
 
 A series of few orders is negative beside lamps. A BRDF blurs the light, so that what it reflects
 may be negative nowhere all the same, and a window would cost sharpness for nothing. So the factors
-of the degrees are sought that keep the reflected light from showing black spots, and change it
-least; the light alone may stay negative.
+of the degrees are sought that keep the reflected light from showing black spots, or spots that lack
+one of its colors, and change it least; the light alone may stay negative.
 """
 
 from dataclasses import asdict
@@ -64,7 +64,7 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
     """Make the window of the light for a product texture.
 
     `spec` is as `make_window` takes it. ``auto`` asks for the factors that change the reflected
-    light least, as RMS over orientations and views, and leave its luminance negative nowhere; of
+    light least, as RMS over orientations and views, and leave no channel negative anywhere; of
     these it takes as little as leaves no more than a thousandth of all samples negative. Where the
     parameters of `product` vary, three values of each count. `series`, of shape ((order+1)^2, 3),
     are the coefficients of the light in world axes.
@@ -83,7 +83,7 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
     seen = by_degree @ LUMINANCE
     if name == "auto":
         pictured = [_pictured(each, own if _is_isotropic(each) else series) for each in textures]
-        factors = _weakened(seen, np.concatenate(pictured))
+        factors = _weakened(by_degree, np.concatenate(pictured))
         if factors is None:
             return LightWindow()
         found = Window.least(factors, series)
@@ -158,9 +158,9 @@ def _by_degree(texture: "ProductTexture", series: Array) -> Array:
 
 
 def _pictured(texture: "ProductTexture", series: Array) -> Array:
-    """Return what each degree adds to the luminance of spheres that are brushed around +Y.
+    """Return what each degree adds to the light of spheres that are brushed around +Y.
 
-    The result has the shape (n, order+1); its samples are those of
+    The result has the shape (n, order+1, 3); its samples are those of
     `maps.prefiltered.negative_share`.
     """
     reflections, views = visible_pairs()
@@ -168,20 +168,24 @@ def _pictured(texture: "ProductTexture", series: Array) -> Array:
     frames = surface_frames(normals, horizontal_tangents(normals))
     light = np.moveaxis(rotate_into_frames(series, frames), -1, 0)
     terms = texture.values(np.einsum("nij,nj->ni", frames, views)) * light
-    return np.add.reduceat(terms @ LUMINANCE, np.arange(texture.order + 1) ** 2, axis=1)
+    return np.add.reduceat(terms, np.arange(texture.order + 1) ** 2, axis=1)
 
 
 def _weakened(seen: Array, pictured: Array) -> Array | None:
-    """Find the factors of ``auto`` from what each degree adds to samples, shape (n, order+1).
+    """Find the factors of ``auto`` from what each degree adds to samples, shape (n, order+1, 3).
 
     Those that leave no sample negative pay dearly for the last few. So they are brought nearer to 1
-    until a thousandth of the samples is negative, and of those of `_pictured`, too: all spots may
-    be on surfaces that are brushed around +Y. The result is None where that is so without factors.
+    until a thousandth of the samples of a channel is negative, and of those of `_pictured`, too:
+    all spots may be on surfaces that are brushed around +Y. The result is None where that is so
+    without factors.
     """
     both = seen, pictured
 
     def is_enough(factors: Array) -> bool:
-        return all(np.mean(each @ factors < 0) <= NEGATIVE_SHARE for each in both)
+        return all(
+            (np.mean(np.einsum("nlc,l->nc", each, factors) < 0, axis=0) <= NEGATIVE_SHARE).all()
+            for each in both
+        )
 
     if is_enough(np.ones(seen.shape[1])):
         return None
@@ -199,17 +203,19 @@ def _weakened(seen: Array, pictured: Array) -> Array | None:
 def _factors(seen: Array) -> Array:
     """Find the factors that change reflected light least, and leave no sample below 0.
 
-    They are sought for the lowest samples, and those that are low with these factors join, until
-    none is.
+    They are sought for the lowest samples, each channel beside its mean, and those that are low
+    with these factors join, until none is.
     """
-    squares = np.sum(seen**2, axis=0)
-    chosen = np.zeros(len(seen), dtype=bool)
+    squares = np.sum(seen**2, axis=(0, 2))
+    means = seen[:, 0].mean(axis=0)
+    # A color that the light lacks has no spots.
+    each = np.concatenate([seen[..., c] / means[c] for c in np.flatnonzero(means > 0)])
+    chosen = np.zeros(len(each), dtype=bool)
     factors: Array = np.ones(seen.shape[1])
-    floor = _MARGIN * float(seen[:, 0].mean())
     for _ in range(_ROUNDS):
-        low = np.flatnonzero((seen @ factors < 0) & ~chosen)
+        low = np.flatnonzero((each @ factors < 0) & ~chosen)
         if not len(low):
             break
-        chosen[low[np.argsort(seen[low] @ factors)[:_ADDED]]] = True
-        factors = least_factors(squares, seen[chosen][:, :, None], np.array([floor]))
+        chosen[low[np.argsort(each[low] @ factors)[:_ADDED]]] = True
+        factors = least_factors(squares, each[chosen][:, :, None], np.array([_MARGIN]))
     return factors
