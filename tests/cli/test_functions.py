@@ -8,6 +8,7 @@ import OpenEXR
 import pytest
 
 import shrm_cli as shrm
+from tests.batch.helpers import work_here
 from tests.cli.helpers import done
 
 
@@ -134,7 +135,8 @@ def test_view_and_lookdev_and_report(folder):
     assert made.page(shrm.Viewer(0, 0)) == (folder / "sheet.html").read_text()
 
 
-def test_batch(folder):
+def test_batch(folder, monkeypatch):
+    work_here(monkeypatch)
     entry = shrm.Entry(("probe.exr",), to=("irradiance",))
     looked = shrm.batch([entry], jobs=1, terms=shrm.Terms(only_looks=True))
     assert (looked.waiting, looked.made) == (1, 0)
