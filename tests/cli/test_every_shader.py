@@ -23,7 +23,7 @@ SMALL = {
 def making(form):
     """The command that makes a small map of a form."""
     light = ("irradiance", "splitsum", "she")
-    brdf = () if form in light else ("--brdf", "phong:exponent=4")
+    brdf = () if form in light else ("--brdf", "phong:exponent=2")
     return ("prefilter", "probe.exr", *brdf, "--to", form, *SMALL.get(form, ()))
 
 
