@@ -1,6 +1,7 @@
 """What the maps are shown on: a sphere, a figure of our own, and a mesh of the user's."""
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +121,7 @@ _BLEND = 0.055
 """How far the parts flow into each other."""
 
 
+@cache  # each page that is made shows the same one
 def figure() -> Mesh:
     """Return the figure as a mesh with smooth normals, about 2.4 high, standing on y = -1.
 

@@ -3,7 +3,9 @@
 import contextlib
 import hashlib
 import io
+import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -130,6 +132,34 @@ def process(*arguments, code=MAIN):
     with start(*arguments, code=code) as child:
         out, err = child.communicate(timeout=60)
     return Run(child.returncode, out, err)
+
+
+SEVERAL = """
+import json, sys
+from shrm_cli.cli.main import main
+for words in json.loads(sys.argv[1]):
+    try:
+        main(words)
+    except SystemExit as stop:
+        print(end=f"{stop.code or 0}\\0", flush=True)
+        print(end="\\0", file=sys.stderr, flush=True)
+"""
+
+
+def several(*commands):
+    """Run command lines one after the other in a process of their own.
+
+    What libraries print past Python is among what each has printed, and nothing is printed when the
+    process ends, as they do of errors that nobody fetched.
+    """
+    words = [[str(word) for word in command] for command in commands]
+    found = process(json.dumps(words), code=SEVERAL)
+    assert found.code == 0, found.err
+    *outs, out = found.out.split("\0")
+    *errs, err = found.err.split("\0")
+    assert (out, err, len(outs), len(errs)) == ("", "", len(commands), len(commands))
+    parts = [re.fullmatch(r"(.*?)(\d+)", each, re.S) for each in outs]
+    return [Run(int(part[2]), part[1], told) for part, told in zip(parts, errs, strict=True)]
 
 
 WRONG_PICTURE = "of the picture is predicted to be wrong by more than 5 %"

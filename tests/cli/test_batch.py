@@ -53,7 +53,7 @@ def test_a_folder_of_probes(folder):
 
 
 @pytest.fixture
-def made(folder):
+def made(folder, here):
     """The same folder with the irradiance of all probes but one, which is damaged."""
     (folder / "probes/p3.exr").write_bytes(b"damaged")
     result = run(*IRRADIANCE, "--jobs", "1", "--quiet")
@@ -98,7 +98,7 @@ def test_a_dry_run_tells_what_would_be_made_and_makes_nothing(made):
     assert result.code == 1
 
 
-def test_a_dry_run_tells_of_forms_without_texels_or_orders(folder):
+def test_a_dry_run_tells_of_forms_without_texels_or_orders(folder, here):
     names = ("--jobs", "1", "--dry-run", "-o", "out/{to}.exr")
     fitted = run("batch", "probes/p0.exr", "--to", "she", *names)
     assert "1 of she: F = 33, at most 198 bytes each (as of probes/p0.exr)" in fitted.out
@@ -108,7 +108,7 @@ def test_a_dry_run_tells_of_forms_without_texels_or_orders(folder):
 
 
 @pytest.mark.slow
-def test_predicted_sizes_and_orders_are_those_of_the_files(folder):
+def test_predicted_sizes_and_orders_are_those_of_the_files(folder, here):
     options = ("--to", "shrm", "--brdf", "microfacet:sigma=0.4", "-o", "{probe}.exr", "--jobs", "1")
     told = json.loads(run("batch", "probes/p0.exr", *options, "--dry-run", "--json").out)
     assert run("batch", "probes/p0.exr", *options, "--quiet").code == 0
@@ -145,7 +145,7 @@ def test_a_manifest(folder):
     assert_refused(run("batch", "bake.toml", "probes/p0.exr"), 2, "nothing beside it")
 
 
-def test_a_light_file_is_a_probe(folder):
+def test_a_light_file_is_a_probe(folder, here):
     (folder / "lamp.toml").write_text(
         "[[disc]]\nazimuth = 10\nelevation = 40\nradius = 20\nradiance = [1, 1, 1]\n"
     )
@@ -171,7 +171,7 @@ def test_gathered_coefficients(made):
 
 
 @pytest.mark.slow
-def test_shares_are_all_of_a_batch(folder):
+def test_shares_are_all_of_a_batch(folder, here):
     found = []
     for share in ("1/3", "2-3/3"):
         assert run(*IRRADIANCE, "--jobs", "1", "--share", share, "--log", "l.jsonl").code == 0
@@ -392,14 +392,14 @@ def test_what_cannot_be_asked_for(folder, arguments, code, said):
 
 
 @pytest.mark.slow
-def test_lines_tell_the_progress_where_there_is_no_terminal(folder, monkeypatch):
+def test_lines_tell_the_progress_where_there_is_no_terminal(folder, here, monkeypatch):
     monkeypatch.setattr("shrm_cli.cli.terminal._EVERY", 0.0)
     result = run(*IRRADIANCE, "--jobs", "1")
     assert re.search(r"baking: 3 of 5, [\d.]+ a second, \d+ s left", result.err)
     assert run(*IRRADIANCE, "--jobs", "1", "--quiet").err == ""
 
 
-def test_predictions_are_of_the_first_sound_probe(folder):
+def test_predictions_are_of_the_first_sound_probe(folder, here):
     (folder / "probes/p0.exr").write_bytes(b"damaged")
     result = run(*IRRADIANCE, "--jobs", "1", "--dry-run", "--json")
     (told,) = json.loads(result.out)["predictions"]

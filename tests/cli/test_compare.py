@@ -4,6 +4,7 @@ import json
 import math
 import os
 import re
+import shutil
 from importlib import import_module
 
 import numpy as np
@@ -38,6 +39,10 @@ from tests.render.materials import furnace
 P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
 SPEC = "phong:exponent=8"
 SMALL = ["--size", 16, "--no-picture"]
+TRUE = [*SMALL, "--view", "40,20"]
+"""One view instead of three, for truths, which are sums over all directions at each point."""
+SUMMED = [*TRUE, "--exact"]
+"""A sum over few pixels, for what does not depend on how a truth is found."""
 
 
 @pytest.fixture(scope="module")
@@ -338,11 +343,11 @@ def test_maps_of_the_same_name_have_labels_with_their_folders(folder, monkeypatc
         return np.zeros((4, 4, 3), np.float32)
 
     monkeypatch.setattr(import_module("shrm_cli.render.comparison").Comparison, "picture", note)
-    options = ["--size", 16]
+    options = ["--size", 16, "--view", "0,0", "--no-flip"]
     assert run("compare", "x/map.EXR", "y/map.EXR", *options).code == 0
     assert run("compare", "x/map.EXR", "fine.map.exr", *options).code == 0
     assert run("compare", "x/map.EXR", "x/map.EXR", *options).code == 0
-    truth = ["--probe", "room.exr", "--brdf", SPEC]
+    truth = ["--probe", "room.exr", "--brdf", SPEC, "--exact"]
     assert run("compare", "fine.map.exr", *truth, *options).code == 0
     assert found == [["x/map", "y/map"], ["map", "fine.map"], ["map", "map"], ["truth", "fine.map"]]
 
@@ -357,7 +362,7 @@ def test_same_bytes_twice_and_nothing_printed(folder):
 
 def test_truth_of_a_probe(folder):
     value = strict(
-        done("compare", "fine.map.exr", "coarse.map.exr", "--probe", "room.exr", *SMALL, "--json")
+        done("compare", "fine.map.exr", "coarse.map.exr", "--probe", "room.exr", *TRUE, "--json")
     )
     assert value["baseline"] == "truth"
     assert value["probe"] == "room.exr"
@@ -365,18 +370,18 @@ def test_truth_of_a_probe(folder):
     fine, coarse = value["summary"]
     assert fine["relative_rmse"] < 0.01
     assert coarse["relative_rmse"] > 3 * fine["relative_rmse"]
-    out = done("compare", "fine.map.exr", "--probe", "room.exr", "--brdf", SPEC, *SMALL)
+    out = done("compare", "fine.map.exr", "--probe", "room.exr", "--brdf", SPEC, *TRUE)
     first = "compared with truth of room.exr, summed adaptively, 95 % within "
     assert out.splitlines()[0].startswith(first)
     assert f"{fine['rmse']:.4g}" in out.splitlines()[-1]
 
 
 def test_truth_obeys_the_options_of_the_probe(folder):
-    yawed = told("yawed.map.exr", "--probe", "room.exr", "--yaw", 90, *SMALL)["summary"][0]
+    yawed = told("yawed.map.exr", "--probe", "room.exr", "--yaw", 90, *SUMMED)["summary"][0]
     assert yawed["relative_rmse"] < 0.01
-    wrong = told("yawed.map.exr", "--probe", "room.exr", *SMALL)["summary"][0]
+    wrong = told("yawed.map.exr", "--probe", "room.exr", *SUMMED)["summary"][0]
     assert wrong["relative_rmse"] > 0.1
-    rough = told("fine.map.exr", "--probe", "room.exr", "--source-height", 4, *SMALL)["summary"][0]
+    rough = told("fine.map.exr", "--probe", "room.exr", "--source-height", 4, *SUMMED)["summary"][0]
     assert 0.003 < rough["relative_rmse"] < 0.2
 
 
@@ -412,12 +417,12 @@ def test_unlike_maps_are_warned_of(folder):
         "Warning: matte.map.exr: its BRDF is lambertian:albedo=1, not phong:exponent=8",
     ]
     truth = ["--probe", "room.exr", "--brdf", SPEC]
-    result = run("compare", "fine.map.exr", "noisy.map.exr", "matte.map.exr", *truth, *SMALL)
+    result = run("compare", "fine.map.exr", "noisy.map.exr", "matte.map.exr", *truth, *SUMMED)
     assert result.err.splitlines() == [
         "Warning: noisy.map.exr: its probe is not room.exr",
         "Warning: matte.map.exr: its BRDF is lambertian:albedo=1, not phong:exponent=8",
     ]
-    value = told("fine.map.exr", "noisy.map.exr", *truth, *SMALL)
+    value = told("fine.map.exr", "noisy.map.exr", *truth, *SUMMED)
     assert value["warnings"] == ["noisy.map.exr: its probe is not room.exr"]
     quiet = run("compare", "fine.map.exr", "noisy.map.exr", *SMALL, "--quiet")
     assert (quiet.out, quiet.err) == ("", "")
@@ -427,7 +432,7 @@ def test_warnings_of_the_probe_are_told(folder):
     pixels = noise()
     pixels[2, 3] = -1
     write_exr("negative.exr", pixels)
-    result = run("compare", "noisy.map.exr", "--probe", "negative.exr", *SMALL)
+    result = run("compare", "noisy.map.exr", "--probe", "negative.exr", *SUMMED)
     assert result.err.startswith("Warning: negative.exr: 1 pixels with negative radiance")
 
 
@@ -445,8 +450,9 @@ def test_progress_of_the_truth(folder, monkeypatch):
             return None
 
     monkeypatch.setattr("shrm_cli.cli.compare.progress_bar", Bar)
-    done("compare", "fine.map.exr", "--probe", "room.exr", *SMALL)
-    assert bars["flipping"] == [(1, 3), (2, 3), (3, 3)]
+    views = ["--view", "0,0", "--view", "90,5"]
+    done("compare", "fine.map.exr", "--probe", "room.exr", *SMALL, *views)
+    assert bars["flipping"] == [(1, 2), (2, 2)]
     seen = bars["comparing"]
     (total,) = {total for _, total in seen}
     steps = [steps for steps, _ in seen]
@@ -552,23 +558,32 @@ def test_a_broken_picture_leaves_the_old_one(folder):
 ROUGH = ["--roughness", 0.7, "--f0", "1/0.5/0.04"]
 
 
-@pytest.fixture
-def engines(folder):
+@pytest.fixture(scope="module")
+def white(tmp_path_factory):
     """Maps of white light of radiance 2: a split sum, irradiance, and an SHRM of GGX."""
-    write_exr("white.exr", np.full((16, 32, 3), 2, np.float32))
-    probe = open_probe("white.exr")
-    prefilter_split_sum(probe, (0.5, 0.7, 1.0), size=8).map.save("white.splitsum.exr")
-    prefilter_irradiance(probe).map.save("white.irradiance.exr")
-    done("prefilter", "white.exr", "--brdf", "ggx:f0=1/0.5/0.04,roughness=0.7", "-o", "ggx.exr",
+    folder = tmp_path_factory.mktemp("white")
+    white = write_exr(folder / "white.exr", np.full((16, 32, 3), 2, np.float32))
+    probe = open_probe(white)
+    prefilter_split_sum(probe, (0.5, 0.7, 1.0), size=8).map.save(folder / "white.splitsum.exr")
+    prefilter_irradiance(probe).map.save(folder / "white.irradiance.exr")
+    done("prefilter", white, "--brdf", "ggx:f0=1/0.5/0.04,roughness=0.7", "-o", folder / "ggx.exr",
          "--order-f", 16, "--order-p", 8, "--quiet")  # fmt: skip
     return folder
+
+
+@pytest.fixture
+def engines(white, tmp_path, monkeypatch):
+    """Current folder with the maps of white light."""
+    shutil.copytree(white, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.mark.slow
 @pytest.mark.proof
 def test_the_truth_of_a_split_sum_is_ggx_of_that_surface(engines):
     """White light is prefiltered exactly: scale and bias give all that GGX reflects."""
-    truth = ["--probe", "white.exr", *SMALL]
+    truth = ["--probe", "white.exr", *TRUE]
     value = strict(done("compare", "white.splitsum.exr", *truth, *ROUGH, "--json"))
     assert value["brdf"] == {"name": "ggx", "parameters": {"roughness": 0.7, "f0": [1, 0.5, 0.04]}}
     assert (value["roughness"], value["f0"]) == (0.7, [1, 0.5, 0.04])
@@ -585,7 +600,7 @@ def test_the_truth_of_a_split_sum_is_ggx_of_that_surface(engines):
 @pytest.mark.slow
 def test_split_sums_beside_an_shrm_of_the_same_surface(engines):
     pair = ["white.splitsum.exr", "ggx.exr"]
-    value = strict(done("compare", *pair, "--probe", "white.exr", *SMALL, *ROUGH, "--json"))
+    value = strict(done("compare", *pair, "--probe", "white.exr", *SUMMED, *ROUGH, "--json"))
     assert [row["file"] for row in value["summary"]] == pair
     assert max(row["relative_rmse"] for row in value["summary"]) < 0.1
     assert value["warnings"] == []
@@ -608,9 +623,7 @@ def test_split_sums_beside_an_shrm_of_the_same_surface(engines):
 
 
 def test_the_truth_of_irradiance_is_white_and_diffuse(engines):
-    value = strict(
-        done("compare", "white.irradiance.exr", "--probe", "white.exr", *SMALL, "--json")
-    )
+    value = strict(done("compare", "white.irradiance.exr", "--probe", "white.exr", *TRUE, "--json"))
     assert value["brdf"] == {"name": "lambertian", "parameters": {"albedo": 1}}
     assert value["summary"][0]["relative_rmse"] < 0.01
     assert "roughness" not in value

@@ -1,32 +1,42 @@
 """Functions of the library do what the commands do: the same numbers, the same pixels."""
 
 import json
+import shutil
 
 import numpy as np
 import OpenEXR
 import pytest
 
 import shrm_cli as shrm
+from tests.batch.helpers import work_here
 from tests.cli.helpers import done
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
     """A folder with a probe and two maps of it."""
+    folder = tmp_path_factory.mktemp("made")
+    done("probe", "studio", "--size", "32", "-o", folder / "probe.exr")
+    probe = shrm.open_probe(folder / "probe.exr")
+    shrm.prefilter(probe, "lambertian", eps=0.01).save(folder / "white.exr")
+    shrm.prefilter(probe, to="splitsum", size=16).save(folder / "chain.exr")
+    return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    """The current folder, with the probe and its maps."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    done("probe", "studio", "--size", "32", "-o", "probe.exr")
-    probe = shrm.open_probe("probe.exr")
-    shrm.prefilter(probe, "lambertian", eps=0.01).save("white.exr")
-    shrm.prefilter(probe, to="splitsum", size=16).save("chain.exr")
     return tmp_path
 
 
 def test_compare(folder):
     told = json.loads(
-        done("compare", "white.exr", "--probe", "probe.exr", "--size", "32", "--no-flip", "--json",
+        done("compare", "white.exr", "--probe", "probe.exr", "--size", "16", "--no-flip", "--json",
              "--no-picture", "--view", "30,10")
     )  # fmt: skip
-    found = shrm.compare(["white.exr"], "probe.exr", size=32, views=[(30.0, 10.0)])
+    found = shrm.compare(["white.exr"], "probe.exr", size=16, views=[(30.0, 10.0)])
     assert found.numbers() == {"views": told["views"], "summary": told["summary"]}
     assert found.truth.error == told["truth_error"]
     with pytest.raises(shrm.ArgumentError, match="nothing to be compared with"):
@@ -120,12 +130,13 @@ def test_analyze(folder):
 def test_view_and_lookdev_and_report(folder):
     done("view", "white.exr", "--lossless", "-o", "page.html")
     assert shrm.view(["white.exr"]).html() == (folder / "page.html").read_text()
-    done("lookdev", "probe.exr", "--brdf", "lambertian", "--size", "32", "-o", "sheet.html")
-    made = shrm.lookdev(["probe.exr"], ["lambertian"], size=32)
+    done("lookdev", "probe.exr", "--brdf", "lambertian", "--size", "16", "-o", "sheet.html")
+    made = shrm.lookdev(["probe.exr"], ["lambertian"], size=16)
     assert made.page(shrm.Viewer(0, 0)) == (folder / "sheet.html").read_text()
 
 
-def test_batch(folder):
+def test_batch(folder, monkeypatch):
+    work_here(monkeypatch)
     entry = shrm.Entry(("probe.exr",), to=("irradiance",))
     looked = shrm.batch([entry], jobs=1, terms=shrm.Terms(only_looks=True))
     assert (looked.waiting, looked.made) == (1, 0)

@@ -11,7 +11,16 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from tests import oracles
 from tests.brdf.measured.goniometer_files import write_goniometer
-from tests.cli.helpers import assert_refused, done, noise, process, run, snapshot, write_exr
+from tests.cli.helpers import (
+    assert_refused,
+    done,
+    noise,
+    process,
+    run,
+    several,
+    snapshot,
+    write_exr,
+)
 from tests.fuzz.exr_header import Attribute, parse
 
 MAP_KEYS = [
@@ -209,23 +218,19 @@ def test_a_newer_map_is_not_taken_for_a_probe(folder):
     assert_refused(run("info", "new.exr"), 1, "new.exr", "newer shrm (format 9)", "update shrm")
 
 
-@pytest.mark.parametrize("kind", ["missing", "directory", "empty", "text", "cut map", "cut probe"])
-def test_bad_files(folder, kind):
+def test_bad_files(folder):
     """As a process: OpenImageIO would print what nobody fetched when it ends."""
-    bad = folder / "bad.exr"
-    if kind == "directory":
-        bad.mkdir()
-    elif kind == "empty":
-        bad.touch()
-    elif kind == "text":
-        bad.write_text("no image")
-    elif kind == "cut map":
-        done("prefilter", "probe.exr", "--brdf", "microfacet", "-o", bad)
-        bad.write_bytes(bad.read_bytes()[:-2000])
-    elif kind == "cut probe":
-        bad.write_bytes((folder / "probe.exr").read_bytes()[:-100])
+    (folder / "directory.exr").mkdir()
+    (folder / "empty.exr").touch()
+    (folder / "text.exr").write_text("no image")
+    done("prefilter", "probe.exr", "--brdf", "microfacet", "--to", "shrm", "-o", "map.exr")
+    (folder / "cut-map.exr").write_bytes((folder / "map.exr").read_bytes()[:-2000])
+    (folder / "cut-probe.exr").write_bytes((folder / "probe.exr").read_bytes()[:-100])
     before = snapshot(folder)
-    assert_refused(process("info", "bad.exr"), 1, "bad.exr: ")
+    names = [f"{kind}.exr" for kind in ("missing", "directory", "empty", "text", "cut-map",
+             "cut-probe")]  # fmt: skip
+    for name, found in zip(names, several(*(("info", name) for name in names)), strict=True):
+        assert_refused(found, 1, f"{name}: ")
     assert snapshot(folder) == before
 
 
@@ -247,7 +252,7 @@ def test_a_measured_brdf(folder):
     values = json.loads(done("info", "paint.brdf", "--json"))
     assert (values["kind"], values["format"]) == ("measured BRDF", "goniometer")
     assert values["see"] == "shrm brdf paint.brdf"
-    assert_refused(process("info", "paint.brdf", "--yaw", "5"), 2, "measured BRDF")
+    assert_refused(run("info", "paint.brdf", "--yaw", "5"), 2, "measured BRDF")
 
 
 def test_archives_that_are_no_table(folder):
@@ -261,10 +266,13 @@ def test_a_table_that_is_cut_is_told_as_such(folder, command):
     """The directory of an archive is at its end; what is left still begins as one."""
     done("brdf", "lambertian", "--save", "matte.npz")
     path = folder / "matte.npz"
+    names = []
     for kept in (path.stat().st_size // 2, 40):
-        (folder / "cut.npz").write_bytes(path.read_bytes()[:kept])
-        refused = process(*command, "cut.npz")
-        assert_refused(refused, 1, "cut.npz: a damaged or truncated archive, not an image; copy it")
+        names.append(f"cut-{kept}.npz")
+        (folder / names[-1]).write_bytes(path.read_bytes()[:kept])
+    results = several(*((*command, name) for name in names))
+    for name, refused in zip(names, results, strict=True):
+        assert_refused(refused, 1, f"{name}: a damaged or truncated archive, not an image; copy it")
         assert "--brdf" in refused.err
 
 

@@ -24,7 +24,7 @@ def folder(tmp_path, monkeypatch):
     ("command", "suffixes"),
     [
         (["prefilter", "probe.exr", "--size", "4"], [".shrm.exr"]),
-        (["reference", "probe.exr", "--size", "16", "--source-height", "4"], [".reference.exr"]),
+        (["reference", "probe.exr", "--size", "16", "--exact"], [".reference.exr"]),
         (["analyze", "--order-f", "2", "--eps", "0.5"], [".energy.png"]),
     ],
 )
@@ -58,7 +58,7 @@ def test_long_names_that_begin_alike_are_told_apart():
 # ---- files that exist --------------------------------------------------------------------------
 
 PREFILTER = ["prefilter", "probe.exr", "--brdf", "phong", "--to", "shrm"]
-REFERENCE = ["reference", "probe.exr", "--brdf", "phong", "--size", "16", "--source-height", "4"]
+REFERENCE = ["reference", "probe.exr", "--brdf", "phong", "--size", "16", "--exact"]
 CASES = {
     "tolerance": (PREFILTER, ["--eps", "0.1"], "--eps 0.03 there, 0.1 here"),
     "order": (PREFILTER, ["--order-f", "3"], "--order-f by default there, 3 here"),

@@ -227,7 +227,7 @@ def test_sampling_is_of_both_probe_and_map_unless_one_is_named(folder):
 @pytest.mark.slow
 def test_runs_are_identical_whatever_the_threads(folder):
     digests = set()
-    for options in [[], [], ["--threads", 1], ["--threads", 2], ["--threads", 7]]:
+    for options in [[], ["--threads", 1], ["--threads", 7]]:
         result = process(*COMMAND, "--quiet", *options)
         assert (result.code, result.err) == (0, "")
         digests.add(hashlib.sha256((folder / NAME).read_bytes()).hexdigest())
@@ -369,7 +369,7 @@ def test_no_line_says_that_a_picture_is_right(folder):
 def test_quiet_prints_nothing(folder):
     write_exr("black.exr", np.zeros((8, 16, 3), np.float32))
     assert "Warning" in run("prefilter", "black.exr", *COMMAND[2:]).err
-    result = process("prefilter", "black.exr", *COMMAND[2:], "--quiet", "--order-f", "2", "--force")
+    result = run("prefilter", "black.exr", *COMMAND[2:], "--quiet", "--order-f", "2", "--force")
     assert (result.code, result.out, result.err) == (0, "", "")
 
 
@@ -417,7 +417,7 @@ def test_reading_options_reach_the_probe(folder, options, in_file):
     x, y, z = np.moveaxis(oracles.latlong_pixels(64, 32), -1, 0)
     light = polynomial_light(np.stack(in_file(x, y, z), axis=-1))
     write_exr("turned.exr", light.astype(np.float32))
-    rest = ("--brdf", "microfacet", "--precision", "float", "-o")
+    rest = ("--brdf", "microfacet:sigma=0.4", "--size", 16, "--precision", "float", "-o")
     done("prefilter", "turned.exr", *rest, "by_hand.exr")
     done("prefilter", "probe.exr", *rest, "by_option.exr", *options)
     expected, found = (read_exr(name)[1] for name in ("by_hand.exr", "by_option.exr"))

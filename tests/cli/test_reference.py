@@ -26,7 +26,9 @@ from tests.cli.helpers import (
 )
 
 P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
-QUICK = ["--brdf", "microfacet:sigma=0.3", "--size", 20]
+QUICK = ["--brdf", "microfacet:sigma=0.3", "--size", 16]
+SUMMED = [*QUICK, "--exact"]
+"""A sum over few pixels, for what does not depend on how a truth is found."""
 
 
 @pytest.fixture
@@ -92,11 +94,11 @@ def test_settings_reach_the_integral(folder):
     probe = open_probe("noise.exr", ReadOptions(yaw=40))
     truth = Reference(probe, parse_spec("microfacet:sigma=0.3"), 8)
     header, pixels = picture("x.exr")
-    np.testing.assert_allclose(pixels, render_sphere(truth, Viewer(70, -20), 20) / 2, rtol=1e-6)
+    np.testing.assert_allclose(pixels, render_sphere(truth, Viewer(70, -20), 16) / 2, rtol=1e-6)
     assert value == {
         "file": "x.exr",
         "view": [70, -20],
-        "size": 20,
+        "size": 16,
         "exposure": -1,
         "brdf": {"name": "microfacet", "parameters": {"sigma": 0.3}},
         "probe": "noise.exr",
@@ -124,7 +126,7 @@ def test_bytes_depend_on_neither_threads_nor_folders(folder):
 
 
 def test_png_and_quiet(folder):
-    assert done("reference", "noise.exr", *QUICK, "-o", "x.png", "--quiet") == ""
+    assert done("reference", "noise.exr", *SUMMED, "-o", "x.png", "--quiet") == ""
     assert (folder / "x.png").read_bytes()[:4] == b"\x89PNG"
 
 
@@ -133,19 +135,19 @@ def test_points_are_counted_for_the_progress_bar(folder, monkeypatch):
     done("reference", "noise.exr", *QUICK)
     assert len(seen) > 3
     assert seen == sorted(seen)
-    assert seen[-1][0] == seen[-1][1] > 20 * 20 * np.pi / 4 * 0.81
+    assert seen[-1][0] == seen[-1][1] > 16 * 16 * np.pi / 4 * 0.81
 
 
 def test_warnings_of_the_probe_are_told(folder):
     pixels = noise()
     pixels[2, 3] = -1
     write_exr("negative.exr", pixels)
-    result = run("reference", "negative.exr", *QUICK)
+    result = run("reference", "negative.exr", *SUMMED)
     assert result.code == 0
     assert result.err.startswith("Warning: negative.exr: 1 pixels with negative radiance")
-    value = json.loads(run("reference", "negative.exr", *QUICK, "--json").out)
+    value = json.loads(run("reference", "negative.exr", *SUMMED, "--json").out)
     assert len(value["warnings"]) == 1
-    assert run("reference", "negative.exr", *QUICK, "--quiet").err == ""
+    assert run("reference", "negative.exr", *SUMMED, "--quiet").err == ""
 
 
 @pytest.mark.parametrize(
@@ -173,6 +175,6 @@ def test_failures_are_one_line_and_leave_nothing(folder, arguments, code, parts)
 
 
 def test_as_a_process(folder):
-    result = process("reference", "noise.exr", *QUICK, "-o", "x.png")
+    result = process("reference", "noise.exr", *SUMMED, "-o", "x.png")
     assert (result.code, result.err) == (0, "")
-    assert result.out.startswith("x.png: 20 x 20, 8-bit sRGB\n")
+    assert result.out.startswith("x.png: 16 x 16, 8-bit sRGB\n")

@@ -274,9 +274,9 @@ def package_path(monkeypatch):
 
 
 def test_as_a_process(package_path, folder):
-    result = process("render", "a.microfacet.shrm.exr")
+    result = process("render", "a.microfacet.shrm.exr", "--size", "32")
     assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout == "a.microfacet.shrm.png: 512 x 512, 8-bit sRGB\n"
+    assert result.stdout == "a.microfacet.shrm.png: 32 x 32, 8-bit sRGB\n"
     result = process("render", "missing.exr")
     assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr == "Error: missing.exr: no such file\n"
@@ -287,7 +287,7 @@ def test_as_a_process(package_path, folder):
 def test_full_disk_as_a_process(package_path, folder, name):
     before = files(folder)
     limited = f"{NO_MODULES}; import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (900, 900)); {MAIN}"
-    result = process("render", "a.microfacet.shrm.exr", "-o", name, code=limited)
+    result = process("render", "a.microfacet.shrm.exr", "--size", "64", "-o", name, code=limited)
     assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr.startswith(f"Error: {name}: cannot be written (")
     assert result.stderr.count("\n") == 1

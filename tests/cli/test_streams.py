@@ -46,7 +46,11 @@ def whole(prepared, tmp_path_factory):
 
     @functools.cache
     def told(name):
-        return redirected(prepared, tmp_path_factory.mktemp("whole") / "here", COMMANDS[name], "")
+        folder = tmp_path_factory.mktemp("whole") / "here"
+        shutil.copytree(prepared, folder)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(folder)
+            return run(*COMMANDS[name]), snapshot(folder)
 
     return told
 
@@ -86,8 +90,10 @@ def test_files_are_made_whatever_becomes_of_the_streams(prepared, whole, tmp_pat
     assert made == files
 
 
-@pytest.mark.parametrize("both", [False, True])
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    ("name", "both"),
+    [*((name, False) for name in COMMANDS), ("a warning", True), ("an error", True)],
+)
 @pytest.mark.slow
 def test_a_pipe_that_ends_early(prepared, whole, tmp_path, name, both):
     """Its reader has gone before the first byte, as in ``shrm ... | head -c0``."""

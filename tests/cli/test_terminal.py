@@ -35,7 +35,7 @@ def test_what_terminals_obey_becomes_an_escape(text, expected):
 
 
 @pytest.mark.slow
-@given(st.text(st.characters(exclude_categories=()), max_size=200))
+@given(st.text(st.characters(exclude_categories=()), max_size=60))
 def test_no_text_commands_a_terminal(text):
     found = escaped(text)
     assert not {unicodedata.category(c) for c in found if c != "\n"} & {"Cc", "Cf", "Cs"}
