@@ -1,6 +1,7 @@
 """What the maps are shown on: a sphere, a figure of our own, and a mesh of the user's."""
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -120,11 +121,12 @@ _BLEND = 0.055
 """How far the parts flow into each other."""
 
 
+@cache
 def figure() -> Mesh:
     """Return the figure as a mesh with smooth normals, about 2.4 high, standing on y = -1.
 
     It has long ears, hollows and edges, to see a material on more than a sphere. Its surface is
-    where a smooth union of ellipsoids and capsules is 0.
+    where a smooth union of ellipsoids and capsules is 0. All pages that a process writes share it.
     """
     vertices, faces = surface_nets(_distance, _BOX, _CELLS)
     return make_mesh("figure", vertices, faces, normals=_slopes(_distance, vertices))
