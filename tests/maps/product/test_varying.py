@@ -59,7 +59,7 @@ def test_at_its_values_it_is_the_texture_of_that_brdf(made, points, index):
 def reported(vary):
     """Textures of a range or two, and what was told of how far they were."""
     told = []
-    made = product("ward", 2, 8, vary, progress=lambda *way: told.append(np.divide(*way)))
+    made = product("ward", 1, 8, vary, progress=lambda *way: told.append(np.divide(*way)))
     return made, told
 
 
@@ -80,8 +80,8 @@ def test_choosing_values_of_two_parameters_tells_how_far_it_is(small):
 
 
 def test_layered_materials_vary_as_models_do(points):
-    spec = "openpbr:base_metalness=0.5,specular_roughness"
-    made = varying("openpbr:base_metalness=0.5", "specular_roughness", (0.4, 0.7), 6)
+    spec = "coated:roughness"
+    made = varying("coated", "roughness", (0.4, 0.7), 6)
     lit = made.lit(light())
     ends = [lit.varied_radiance(*points, share) for share in (0.0, 1.0)]
     for value, found in zip((0.4, 0.7), ends, strict=True):
@@ -167,7 +167,7 @@ BOTH = {"ax": (0.25, 0.5), "ay": (0.2, 0.6)}
 @pytest.fixture(scope="module")
 def small():
     """Small textures of two parameters, and what was told as they were made."""
-    return reported([("ax", 0.4, 0.5), ("ay", 0.4, 0.6)])
+    return reported([("ax", 0.4, 0.5), ("ay", 0.4, 0.5)])
 
 
 @pytest.fixture(scope="module")
@@ -204,12 +204,12 @@ def test_two_parameters_beside_the_integral_for_values_of_each_point(two, points
 
 def test_the_texture_of_two_values_is_that_of_the_whole(small, points):
     two, _ = small
-    lit = two.lit(light())
-    found = two.at((0.3, 0.8)).lit(light()).brushed_radiance(*points)
+    lit = two.lit(light()[:4])
+    found = two.at((0.3, 0.8)).lit(light()[:4]).brushed_radiance(*points)
     np.testing.assert_allclose(found, lit.varied_radiance(*points, (0.3, 0.8)), atol=1e-6)
-    middle = {"ax": 0.45, "ay": 0.5}
+    middle = {"ax": 0.45, "ay": 0.45}
     assert {name: two.info.brdf["parameters"][name] for name in middle} == pytest.approx(middle)
-    middle = two.at(0.5).lit(light()).brushed_radiance(*points)
+    middle = two.at(0.5).lit(light()[:4]).brushed_radiance(*points)
     np.testing.assert_allclose(lit.brushed_radiance(*points), middle, atol=1e-6)
 
 
@@ -224,7 +224,7 @@ def test_the_middle_is_recorded_where_a_texture_does_not_have_the_parameters():
 
 def test_two_parameters_are_written_and_come_back(tmp_path, small):
     two, _ = small
-    two.lit(light()).save(tmp_path / "x.exr", "float")
+    two.lit(light()[:4]).save(tmp_path / "x.exr", "float")
     found = open_map(tmp_path / "x.exr").product
     assert list(found.steps.values.items()) == list(two.steps.values.items())
     np.testing.assert_array_equal(found.steps.weights, two.steps.weights)
