@@ -130,9 +130,7 @@ def test_pixels_as_points_are_no_truth_for_lobes_narrower_than_they_are(made, pa
     assert np.percentile(np.abs(wrong - 1), 95) > 0.05
 
 
-@pytest.mark.parametrize(
-    ("rows", "roughness"), [(16, 0.3), (32, 0.3), (64, 0.3), (16, 0.8), (32, 0.5)]
-)
+@pytest.mark.parametrize(("rows", "roughness"), [(16, 0.3), (64, 0.3), (16, 0.8)])
 def test_pixels_of_coarse_probes_are_areas(pairs, rows, roughness):
     """Beside a sum over parts of them: as points, a lamp of 16 rows made errors of 38 %, and 84 %
     under wide lobes, where it crosses the horizon."""
@@ -197,7 +195,7 @@ def test_few_cells_are_enough(made, monkeypatch):
 
 
 def test_truncated_lobes_and_means_over_the_azimuth(made, pairs):
-    normals, view = pairs
+    normals, view = pairs[0][: 2 * FEW], pairs[1]
     brdf = parse_spec("microfacet:sigma=0.2")
     for tolerance in (None, 0.05):
         adaptive, exact = (

@@ -150,6 +150,7 @@ class Source:
 
     imports: frozenset
     top_imports: frozenset
+    run_time: frozenset
     docstring: str | None
     calls: frozenset
     attributes: frozenset
@@ -165,7 +166,10 @@ def source(path):
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             attributes.add((node.value.id, node.attr))
     nested, top = (frozenset(imported(path, tree, nested)) for nested in (True, False))
-    return Source(nested, top, ast.get_docstring(tree), frozenset(calls), frozenset(attributes))
+    late = frozenset(imported(path, tree, True, for_types=False))
+    return Source(
+        nested, top, late, ast.get_docstring(tree), frozenset(calls), frozenset(attributes)
+    )
 
 
 def imports(path, nested=True):
@@ -175,9 +179,7 @@ def imports(path, nested=True):
 
 def run_time(path):
     """The modules of this package that a module imports sooner or later, but not for types."""
-    tree = ast.parse(path.read_text())
-    full = imported(path, tree, True, for_types=False)
-    return {module for each in full if (module := module_of(each)) is not None}
+    return {module for each in source(path).run_time if (module := module_of(each)) is not None}
 
 
 def imported(path, tree, nested, for_types=True):

@@ -128,7 +128,7 @@ def test_forms_of_all_roughnesses(page, made, tables, scene, form, name, table, 
 
 @pytest.mark.parametrize("spec", ["ward:ax=0.5,ay=0.4", "ggx:roughness=0.6,f0=gold"])
 def test_product(page, made, spec):
-    path, shown = made("--brdf", spec, "--to", "product", "--order", 3, "--texels", 16)
+    path, shown = made("--brdf", spec, "--to", "product", "--order", 3, "--texels", 8)
     rng = np.random.default_rng(3)
     ((_, channels),) = page["parts"](path)
     size = len(next(iter(channels.values())))

@@ -90,6 +90,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(distributions):
     assert all(name.endswith(".dist-info") for name in others)
 
 
+@pytest.mark.proof
 def test_the_source_distribution_is_complete_and_clean(distributions):
     with tarfile.open(distributions[1]) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
@@ -170,6 +171,7 @@ def archive_of(tree):
     return done.stdout
 
 
+@pytest.mark.proof
 def test_a_source_distribution_knows_its_version(distributions, tmp_path):
     """It can be made again from itself, where there is no git."""
     version = "0.2.7.dev8+gabcdef0"
@@ -189,6 +191,7 @@ def extracted(path, folder):
     return folder
 
 
+@pytest.mark.proof
 def test_the_wheel_works_where_nothing_else_of_the_project_is(installed, tmp_path):
     run(installed / "shrm", "probe", "studio", "-o", "studio.exr", "--size", "32", cwd=tmp_path)
     out = run(installed / "shrm", "prefilter", "studio.exr", "--brdf", "phong", cwd=tmp_path)
@@ -202,6 +205,7 @@ def test_the_wheel_works_where_nothing_else_of_the_project_is(installed, tmp_pat
     assert run(installed / "shrm", "--version", cwd=tmp_path) == f"shrm, version {version}\n"
 
 
+@pytest.mark.proof
 def test_the_example_of_a_package_works(installed, tmp_path):
     """A BRDF, a command and an engine by entry points, in an environment of their own."""
     shutil.copytree(ROOT / "examples" / "plugin", tmp_path / "plugin")

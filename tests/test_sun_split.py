@@ -80,9 +80,9 @@ def test_brute_force(points):
     assert sizes["split"] < sizes[None] / 100
 
 
-def test_the_whole_is_what_errors_are_relative_to(points):
+def test_the_whole_is_what_errors_are_relative_to(diffuse):
     """The share of the light that is left is that of sums over evenly spread points."""
-    made = prefilter_with_facts(probe(), "shrm", {"brdf": "lambertian", "sun": "split"})
+    made = diffuse
     rng = np.random.default_rng(3)
     normals = brute_force.unit(rng, 4000)
     rest, whole = (each.radiance(normals, normals) for each in (made.map.map, made.map))
@@ -93,8 +93,14 @@ def test_the_whole_is_what_errors_are_relative_to(points):
     assert made.map.error < 0.01
 
 
-def test_the_record_is_that_of_the_probe():
-    found = shrm_cli.prefilter(probe(), "lambertian", to="shrm", sun="split")
+@pytest.fixture(scope="module")
+def diffuse():
+    """An SHRM of chalk with the sun beside it, and what is known of it."""
+    return prefilter_with_facts(probe(), "shrm", {"brdf": "lambertian", "sun": "split"})
+
+
+def test_the_record_is_that_of_the_probe(diffuse):
+    found = diffuse.map
     assert found.info.probe == "room"
     assert found.info.probe_sha256 == probe().digest()
     assert found.info.options["sun"] == "split"

@@ -220,7 +220,9 @@ def test_a_sum_has_no_parameters_to_change():
     [
         "0.5*ggx:roughness=0.3+0.5*blinn-phong",
         "fuzzy:base=(coated:base=(0.7*lambertian+0.2*ggx:f0=gold+0.3*phong))",
-        "openpbr:base_metalness=0.3,coat_weight=0.5,fuzz_weight=0.5",
+        pytest.param(
+            "openpbr:base_metalness=0.3,coat_weight=0.5,fuzz_weight=0.5", marks=pytest.mark.proof
+        ),
     ],
 )
 def test_what_terms_share_is_what_each_finds_alone(spec, pairs, monkeypatch):

@@ -202,11 +202,18 @@ def snapshot(folder):
 
 def write_package(site, name, group, points, code):
     """Make a package of one module with entry points importable, as an installer would."""
-    information = site / f"{name}-1.0.dist-info"
-    information.mkdir(parents=True)
+    write_information(site, name, {group: points})
     (site / f"{name}.py").write_text(code)
+
+
+def write_information(site, name, groups):
+    """Write what an installer notes of a package: its name, and entry points by their groups."""
+    information = site / f"{name.replace('-', '_')}-1.0.dist-info"
+    information.mkdir(parents=True)
     (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    lines = [f"[{group}]", *(f"{key} = {value}" for key, value in points.items())]
+    lines = []
+    for group, points in groups.items():
+        lines += [f"[{group}]", *(f"{key} = {value}" for key, value in points.items())]
     (information / "entry_points.txt").write_text("\n".join(lines) + "\n")
 
 

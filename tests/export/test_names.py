@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+from functools import cache
 from urllib.parse import unquote
 
 import pytest
@@ -36,13 +37,23 @@ def test_every_form_stands_for_the_name(name):
     assert shown == name.replace("\n", "?").replace("\u2028", "?")
 
 
-def exported(tmp_path, monkeypatch, name, engine):
-    """The folder of an export of a probe of some name, and the file names below it."""
-    monkeypatch.chdir(tmp_path)
-    write_exr(tmp_path / f"{name}.exr", noise(8, 16))
-    found = run("export", f"{name}.exr", "--for", engine, "--size", "32", "-o", "out")
-    assert found.code == 0, found.err
-    return {path.name: path for path in (tmp_path / "out").iterdir()}
+HARD = 'my 50% "a`b" #1?x&y ${x}\nz'
+"""What breaks lines, quotes, addresses and templates, in one name."""
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """What exports a probe of some name, once for all tests: file names, and their paths."""
+
+    @cache
+    def files(engine, name=HARD):
+        folder = tmp_path_factory.mktemp("export")
+        probe = write_exr(folder / f"{name}.exr", noise(8, 16))
+        found = run("export", probe, "--for", engine, "--size", "32", "-o", folder / "out")
+        assert found.code == 0, found.err
+        return {path.name: path for path in (folder / "out").iterdir()}
+
+    return files
 
 
 def strings(code):
@@ -52,10 +63,9 @@ def strings(code):
     return [json.loads(text) for text in found if text != '""']
 
 
-@pytest.mark.parametrize("name", ["my probe", 'a"b`c', "50% #1?x&y", "a\nb"])
 @pytest.mark.parametrize("engine", ENGINES)
-def test_files_are_named_so_that_they_are_found(tmp_path, monkeypatch, engine, name):
-    files = exported(tmp_path, monkeypatch, name, engine)
+def test_files_are_named_so_that_they_are_found(exported, engine):
+    files = exported(engine)
     (readme,) = (path for file, path in files.items() if file.endswith("_README.md"))
     text = readme.read_text()
     assert text.count("\n") == len(text.splitlines())
@@ -79,8 +89,8 @@ def test_files_are_named_so_that_they_are_found(tmp_path, monkeypatch, engine, n
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="node parses the lines of JavaScript")
 @pytest.mark.parametrize("engine", ["three", "babylon", "gltf", "cesium", "playcanvas"])
-def test_lines_of_javascript_are_javascript(tmp_path, monkeypatch, engine):
-    files = exported(tmp_path, monkeypatch, 'a"b`c ${x}', engine)
+def test_lines_of_javascript_are_javascript(exported, tmp_path, engine):
+    files = exported(engine)
     (readme,) = (path for file, path in files.items() if file.endswith("_README.md"))
     code = readme.read_text().partition("\n\n")[2]
     (tmp_path / "code.mjs").write_text(code)

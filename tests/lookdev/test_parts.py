@@ -58,7 +58,7 @@ def test_a_lamp_counts_as_what_it_lights():
     pixels = oracles.latlong_pixels(128, 64)
     light = np.repeat(np.maximum(pixels[..., 1:2], 0), 3, axis=-1).astype(np.float32)
     rng = np.random.default_rng(2)
-    normals = rng.normal(size=(4000, 3))
+    normals = rng.normal(size=(1500, 3))
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     solid = np.sin((np.arange(64) + 0.5) / 64 * np.pi)[:, None] * (np.pi / 64) ** 2
     weights = (light[..., 0] * solid).ravel()

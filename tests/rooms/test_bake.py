@@ -50,7 +50,7 @@ def test_patches_are_found_by_their_points(rng):
 def test_a_furnace_is_equally_bright_everywhere(rng):
     """Walls that send e and reflect a of all light: L = e / (1 - a)."""
     room = shapes.room([shapes.box([-1, -1, -1], [1, 1, 1])], [[0.6, 0.3, 0.9]], [[1, 2, 3]])
-    grid = bake(room, Lattice(*room.mesh.bounds, (3, 3, 3)), 2)
+    grid = bake(room, Lattice(*room.mesh.bounds, (2, 2, 2)), 2)
     expected = np.pi * np.array([1, 2, 3]) / (1 - np.array([0.6, 0.3, 0.9]))
     points, normals = points_of(room, 100, rng)
     found = grid.irradiance(points, normals)
@@ -70,7 +70,7 @@ def rectangle_factor(point, normal, corners):
     return abs(total @ normal) / 2
 
 
-@pytest.mark.parametrize("half", [0.02, 0.5, 1.4])
+@pytest.mark.parametrize("half", [0.02, 1.4])
 def test_light_straight_from_a_lamp_is_that_of_lamberts_formula(rng, half):
     parts = [shapes.box([0, 0, 0], [4, 3, 4]), shapes.ceiling_lamp(2, half=half)]
     room = shapes.room(parts, [[0] * 3] * 2, [[0] * 3, [3, 2, 1]])

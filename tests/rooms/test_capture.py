@@ -33,7 +33,7 @@ def test_a_furnace_is_equally_bright_everywhere(few_patches):
     assert found.noise < 0.01
 
 
-def test_lamps_and_the_sky_are_seen_as_they_are():
+def test_lamps_and_the_sky_are_seen_as_they_are(few_patches):
     """Outside, beside a black box that faces away: all of the sky, and black where the box is."""
     room = shapes.room([shapes.box([0, 0, 0], [2, 2, 2], inward=False)], [[0] * 3], [[5, 0, 1]])
     sky = np.zeros((16, 32, 3), np.float32)
@@ -53,7 +53,7 @@ def test_lamps_and_the_sky_are_seen_as_they_are():
     np.testing.assert_allclose(found.pixels[-4:], 0, atol=1e-5)
 
 
-def test_the_sun_of_a_sky_shines_in():
+def test_the_sun_of_a_sky_shines_in(few_patches):
     """A floor under a disc of light overhead, and nothing else: its radiance is a / pi E."""
     points, faces, normals = shapes.box([-9, 0, -9], [9, 3, 9])
     floor = (points[faces][..., 1] < 0.1).all(axis=1)
@@ -70,7 +70,7 @@ def test_the_sun_of_a_sky_shines_in():
 
 def test_the_stated_noise_is_that_of_another_run(few_patches):
     room = shapes.two_rooms()
-    rough, fine = (captured(room, AT, 16, count) for count in (8, 256))
+    rough, fine = (captured(room, AT, 16, count) for count in (8, 128))
     weights = np.sin((np.arange(16) + 0.5) * np.pi / 16)[:, None, None]
     whole = (weights * fine.pixels**2).sum()
     missed = np.sqrt((weights * (rough.pixels - fine.pixels) ** 2).sum() / whole)

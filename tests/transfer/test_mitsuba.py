@@ -34,7 +34,7 @@ def light():
     return coefficients
 
 
-def environment(mitsuba, radiance, height=256):
+def environment(mitsuba, radiance, height=128):
     """A lat-long image of radiance by direction, as Mitsuba lays it out.
 
     The middles of its first and last rows lie on the poles.
@@ -144,7 +144,7 @@ def relative_error(mitsuba, mesh, chosen, light, bounces, material=GREY, **of_pl
 @pytest.mark.parametrize("bounces", [0, 1])
 def test_a_made_mesh(mitsuba, light, bounces):
     mesh = meshes.bumps(24)
-    chosen = np.arange(0, len(mesh.vertices), 13)
+    chosen = np.arange(0, len(mesh.vertices), 31)
     error = relative_error(mitsuba, mesh, chosen, light, bounces)
     assert error < 0.03, error
 

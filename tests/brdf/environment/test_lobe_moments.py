@@ -21,9 +21,7 @@ GRAZING, ALONG = 0.02, 1.0
     ("roughness", "cosines"),
     [
         (0.05, [GRAZING, 0.6]),
-        (0.1, [0.1, ALONG]),
         (0.3, [GRAZING, 0.35]),
-        (0.6, [0.06, 0.8]),
         (1.0, [GRAZING, 0.4, ALONG]),
     ],
 )

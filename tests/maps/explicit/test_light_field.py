@@ -140,9 +140,9 @@ def test_radiance_is_the_bilinear_mean_of_the_images():
 
 @pytest.mark.slow
 def test_errors_fall_with_the_square_of_the_views():
-    shrm = make_shrm(order_p=2, size=16, dtype=np.float32)
+    shrm = make_shrm(order_p=2, size=8, dtype=np.float32)
     rng = np.random.default_rng(35)
-    centers, views = unit(rng, 2000), unit(rng, 2000)
+    centers, views = unit(rng, 1000), unit(rng, 1000)
     normals = normals_of(centers, views)
     truth = shrm.radiance(normals, views)
     errors = [

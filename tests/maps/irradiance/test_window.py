@@ -164,7 +164,7 @@ def test_values_by_degree(rng):
 
 
 def test_lowest_of_order_2_is_that_of_the_secular_equation(rng):
-    for _ in range(40):
+    for _ in range(12):
         made = Irradiance(rng.normal(size=(9, 3)), INFO)
         directions, found = lowest(made.series)
         expected = [sphere_minimum(matrix) for matrix in made.matrices()]
@@ -209,6 +209,9 @@ LIGHTS = {
 }
 
 
+REST = (1, 0.0), (4, 0.0), (5, 0.0), (1, 0.003), (2, 0.003), (5, 0.003)
+
+
 def damped(series, directions):
     """What each degree adds, shape (F+1, n, 3), by scipy's harmonics."""
     order = math.isqrt(len(series)) - 1
@@ -223,10 +226,11 @@ def change_of(factors, series):
     return math.sqrt(np.sum((taken[:, None] * series) ** 2) / np.sum(series**2))
 
 
-@pytest.mark.parametrize("order", [1, 2, 4, 5])
 @pytest.mark.parametrize("name", LIGHTS)
-@pytest.mark.parametrize("fill", [0.0, 0.003])
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("order", "fill"),
+    [(2, 0.0), (4, 0.003), *(pytest.param(*each, marks=pytest.mark.proof) for each in REST)],
+)
 def test_no_side_is_negative_and_less_change_would_not_do(rng, order, name, fill):
     """Against scipy's programming over a dense sphere, and windows of both families."""
     series = ambient(order, (fill, 2 * fill, 0)) + series_of(order, LIGHTS[name])

@@ -16,7 +16,6 @@ from tests.maps.shader.test_code import in_c
 from tests.oracles import disc_rule
 
 METAL = "coated:roughness=0.3,ior=1.4,color=0.9/0.6/0.3,base=(ggx:roughness=0.4,f0=gold)"
-PLASTIC = "coated:roughness=0.4,base=(lambertian:albedo=0.5/0.1/0.4)"
 PAINT = (
     "coated:roughness=0.3,base=(0.7*lambertian:albedo=0.6/0.05/0.03+0.3*ggx:roughness=0.5,f0=0.9)"
 )
@@ -25,27 +24,36 @@ BRUSHED = (
     "base_color=0.9/0.5/0.2,specular_color=0.9/0.95/1,coat_weight=0.5,coat_roughness=0.3"
 )
 LAYERS = [
-    METAL,
-    PLASTIC,
-    PAINT,
+    pytest.param(METAL, marks=pytest.mark.proof),
     "coated:weight=0.4,roughness=0.4,film=350,base=(blinn-phong:exponent=40,color=0.9/0.8/0.7)",
-    "coated:ior=1,base=(0.4*phong:exponent=40+0.2*microfacet:sigma=0.2)",
-    "openpbr:base_color=0.7/0.3/0.1",
+    pytest.param(
+        "coated:ior=1,base=(0.4*phong:exponent=40+0.2*microfacet:sigma=0.2)",
+        marks=pytest.mark.proof,
+    ),
+    pytest.param("openpbr:base_color=0.7/0.3/0.1", marks=pytest.mark.proof),
     "openpbr:base_metalness=1,base_color=0.9/0.5/0.2,specular_color=0.7/0.9/1,specular_weight=0.8",
     "openpbr:base_color=0.6/0.1/0.05,base_diffuse_roughness=0.7,specular_ior=1.3,coat_weight=0.6,"
     "coat_roughness=0.4,coat_color=0.9/0.7/0.4,fuzz_weight=0.5,fuzz_color=0.3/0.6/0.9",
-    "fuzzy:roughness=0.3,color=0.5,base=(coated:roughness=0.5,base=(coated:roughness=0.4))",
+    pytest.param(
+        "fuzzy:roughness=0.3,color=0.5,base=(coated:roughness=0.5,base=(coated:roughness=0.4))",
+        marks=pytest.mark.proof,
+    ),
     "0.3*charlie:roughness=0.4,visibility=neubelt+0.5*eon:roughness=1,albedo=0.9/0.6/0.2",
     f"0.4*{PAINT}+0.5*ggx:roughness=0.4,f0=0.04/0.1/0.3,film=500",
 ]
-"""Metal, plastic and paint under coats; what OpenPBR has; layers over layers; a sum of some."""
+"""Metal and paint under coats; what OpenPBR has; layers over layers; a sum of some."""
+
+
+def some(points):
+    """Every second point, those that mirror the discs among them: layers take long to evaluate."""
+    return tuple(each[::2] for each in points)
 
 
 def summed(made, points):
     """What the BRDF itself reflects of the discs, as a sum over directions in them."""
     expected, brdf = np.zeros((len(points[0]), 3)), made.lamps.brdf
     for disc in made.discs:
-        light, areas = disc_rule(disc.direction, disc.radius, 30)
+        light, areas = disc_rule(disc.direction, disc.radius)
         for k, (n, t, v) in enumerate(zip(*points, strict=True)):
             axes = np.stack([t, np.cross(n, t), n], axis=1)
             values = brdf.transfer(light @ axes, (v @ axes)[None])
@@ -58,7 +66,7 @@ def test_c_reflects_discs_as_the_brdf_does(tmp_path, monkeypatch, spec):
     """As `radiance` does, but for rounding, and as a sum over the discs."""
     cases.filter_bilinearly(monkeypatch)
     made = cases.lamps(spec, make_shrm(1, 0, 2))
-    normals, tangents, views = frames(60)
+    normals, tangents, views = some(frames(60))
     found = in_c(tmp_path, made, normals, views, 0.5, (1.0, 1.0, 1.0))
     whole = made.radiance(normals, views)
     np.testing.assert_allclose(found, whole, rtol=0, atol=2e-7 * np.abs(whole).max())
@@ -69,9 +77,10 @@ def test_c_reflects_discs_as_the_brdf_does(tmp_path, monkeypatch, spec):
     np.testing.assert_allclose(lamps, expected, rtol=0, atol=2e-3 * expected.max())
 
 
+@pytest.mark.proof
 def test_c_reflects_discs_in_brushed_layers(tmp_path, monkeypatch):
     cases.filter_bilinearly(monkeypatch)
-    made, points = cases.lamps(BRUSHED, cases.FORMS["principal brushed"]()), frames(60)
+    made, points = cases.lamps(BRUSHED, cases.FORMS["principal brushed"]()), some(frames(60))
     found = brushed_in_c(tmp_path, made, points, "shrm_brushed_radiance({})")
     lamps, expected = found - made.map.brushed_radiance(*points), summed(made, points)
     np.testing.assert_allclose(lamps, expected, rtol=0, atol=2e-3 * expected.max())
@@ -80,10 +89,8 @@ def test_c_reflects_discs_in_brushed_layers(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "spec",
     [
-        "oren-nayar",
         "0.5*lambertian+0.5*ward",
-        "coated:base=(lambertian+0.1*oren-nayar)",
-        "fuzzy:base=(coated:base=(cook-torrance))",
+        "fuzzy:base=(coated:base=(lambertian+0.1*oren-nayar))",
     ],
 )
 def test_what_there_is_no_code_of(spec):
@@ -103,6 +110,6 @@ def test_a_class_that_is_derived_from_one_may_be_another_brdf():
 
 def test_what_is_under_two_layers_is_written_once():
     """And what lies under a coat lies beside it, too, where that has a weight."""
-    made = cases.lamps("coated:weight=0.4,base=(coated:base=(eon))", make_shrm(1, 0, 2))
+    made = cases.lamps("coated:weight=0.4,base=(fuzzy:base=(eon))", make_shrm(1, 0, 2))
     code = look_up_code(made, "c")
     assert code.count("double lit = ") == 1

@@ -141,7 +141,7 @@ def test_nodes_cover_the_hemisphere(along, width):
 def test_lobes_that_are_far_longer_than_wide():
     """Sums over even slopes of the half vector; views along both axes crowd where others do not."""
     ax, ay = 0.8, 0.01
-    theta, phi = np.radians([[5, 30, 60, 80, 45, 70], [20, 200, 95, 140, 0, 90]])
+    theta, phi = np.radians([[30, 45, 80], [200, 0, 90]])
     sine = np.sin(theta)
     views = np.stack([sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)], axis=1)
     steps = [np.linspace(-end * a, end * a, n) for end, a, n in ((40, ax, 8001), (6, ay, 121))]
@@ -263,7 +263,7 @@ def test_energy_of_high_degrees_is_no_noise_of_the_nodes(hemisphere):
     """Poulin and Fournier's cylinders have kinks, for which nodes are few."""
     brdf = parse_spec("poulin-fournier")
     functions = ProductFunctions.of(brdf, ORDER, 1e-2)
-    views = np.concatenate([scouts[::4] for scouts in scout_views()])
+    views = np.concatenate([scouts[::8] for scouts in scout_views()])
     directions, weights = hemisphere
     squares = np.array([brdf.transfer(directions, view)[:, 0] ** 2 @ weights for view in views])
     for order in (ORDER, 16):

@@ -319,11 +319,13 @@ def expected(made, normals, views, roughness=0.5, f0=(1.0, 1.0, 1.0)):
 
 @cache
 def albedos(name):
-    """The table of another BRDF, each entry integrated on its own."""
+    """The table of another BRDF, each entry integrated on its own; rows beside no surface are 0."""
     centers = (np.arange(64) + 0.5) / 64
     color = [0.9, 0.6, 0.2] if name == "charlie" else 1.0
     brdf = find_model(name)(color=color)
-    return np.stack([material_albedo(brdf.at_roughness(p), centers) for p in centers.tolist()])
+    beside = {k for p, _ in SURFACES for k in range(64) if abs(64 * p - 0.5 - k) < 2}
+    rows = {k: material_albedo(brdf.at_roughness(float(centers[k])), centers) for k in beside}
+    return np.stack([rows.get(k, np.zeros_like(rows[min(rows)])) for k in range(64)])
 
 
 def tables():

@@ -27,8 +27,11 @@ def frames(count):
     return normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True), views
 
 
-def in_c(folder, made, points, call, taps=None):
-    """What the code computes for each point; `call` begins a call, whose arguments follow."""
+def in_c(folder, made, points, call, taps=None, given=()):
+    """What the code computes for each point; `call` has a place for its first arguments.
+
+    Its others may be GIVEN(1) and so on, the numbers that are given.
+    """
     load = "double g, h, i;\n"
     for texture in pack(made):
         texture.values.astype(np.float32).tofile(folder / texture.name)
@@ -39,11 +42,15 @@ def in_c(folder, made, points, call, taps=None):
     program = program.replace("%lf %lf %lf %lf %lf %lf", "%lf " * 9).replace(
         "&e, &f) == 6", "&e, &f, &g, &h, &i) == 9"
     )
-    (folder / "main.c").write_text(program, encoding="ascii")
-    done = run([compiler_of_c(), *STRICT, folder / "main.c", "-o", folder / "main", "-lm"])
-    assert (done.returncode, done.stderr) == (0, "")
+    source = folder / "main.c"
+    if not source.exists() or source.read_text(encoding="ascii") != program:
+        source.write_text(program, encoding="ascii")
+        done = run([compiler_of_c(), *STRICT, source, "-o", folder / "main", "-lm"])
+        assert (done.returncode, done.stderr) == (0, "")
     lines = "".join(" ".join(map(repr, row)) + "\n" for row in np.hstack(points).tolist())
-    return np.array(run([folder / "main"], lines).stdout.split(), dtype=float).reshape(-1, 3)
+    return np.array(
+        run([folder / "main", *map(str, given)], lines).stdout.split(), dtype=float
+    ).reshape(-1, 3)
 
 
 @pytest.mark.parametrize("taps", TAP_COUNTS)
@@ -55,8 +62,8 @@ def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name, taps):
         roughness, anisotropy, f0 = surface
         shown = BrushedSplitSum(made, roughness, f0, anisotropy, taps)
         truth = shown.brushed_radiance(*points)
-        call = f"shrm_brushed({{}}, {roughness}, {anisotropy}, shrm_vec{f0})"
-        found = in_c(tmp_path, made, points, call, taps)
+        call = "shrm_brushed({}, GIVEN(1), GIVEN(2), shrm_vec(GIVEN(3), GIVEN(4), GIVEN(5)))"
+        found = in_c(tmp_path, made, points, call, taps, (roughness, anisotropy, *f0))
         np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
 
 

@@ -53,7 +53,7 @@ def ducc_map(image, sampling):
 
 
 @pytest.mark.parametrize("sampling", ["center", "border"])
-@pytest.mark.parametrize("height", [1, 2, 3, 8, 17, 40, 41])
+@pytest.mark.parametrize("height", [1, 2, 3, 8, 17, 24])
 def test_band_limited_images_are_analysed_exactly(rng, height, sampling):
     if sampling == "border":
         height += 1
