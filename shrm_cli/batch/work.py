@@ -21,7 +21,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
-from shrm_cli.files.whole import check_target, kept, protecting
+from shrm_cli.files.whole import check_place, kept, protecting
 from shrm_cli.maps import registry
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.stored import store
@@ -171,10 +171,12 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
         told = exported(job, probe, fingerprint())
         warnings = [*probe.report.warnings(), *told["warnings"]]
         return {"status": "made", "why": found.why, **told, "warnings": warnings}
-    if not messages.is_remote(job.output):
-        Path(job.output).parent.mkdir(parents=True, exist_ok=True)
-        check_target(job.output)  # a map may take minutes, and there may be many
+    is_local = not messages.is_remote(job.output)
+    if is_local:
+        check_place(job.output)  # a map may take minutes, and there may be many
     made = make(probe, request)
+    if is_local:
+        Path(job.output).parent.mkdir(parents=True, exist_ok=True)
     with remote.written(job.output) as target:
         stored = store(target, made.map, job.recipe.precision)
         size = os.path.getsize(target)

@@ -124,6 +124,19 @@ def check_target(target: str | os.PathLike[str], suffixes: tuple[str, ...] = ())
         raise OutputError(f"{target}: what is written is {', '.join(suffixes)}; name it so")
 
 
+def check_place(target: str | os.PathLike[str]) -> None:
+    """Check, before the work begins, an output whose folder may have to be made for it.
+
+    Raises OutputError if neither the target nor, where it is missing, its folder can be written.
+    """
+    if Path(target).parent.is_dir():
+        check_target(target)
+        return
+    above = next((each for each in Path(target).parents if each.exists()), None)
+    if above is not None and not os.access(above, os.W_OK | os.X_OK):
+        raise OutputError(f"{target}: no permission to write in {above}; name another output")
+
+
 def fault_of_name(path: str | os.PathLike[str]) -> str:
     """Say why image libraries, which take UTF-8, cannot take a name, and what to do.
 

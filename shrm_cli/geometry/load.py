@@ -128,8 +128,9 @@ def _check_text(name: str, data: bytes) -> None:
 Parts = list[SurfaceMaterial | None]
 
 SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb")
-_CHECKS: Mapping[str, Callable[[str, bytes], None]] = {".ply": check_ply, ".stl": check_stl}
 """The suffixes of meshes, in lower case."""
+_CHECKS: Mapping[str, Callable[[str, bytes], None]] = {".ply": check_ply, ".stl": check_stl}
+"""What looks at files of a suffix before trimesh reads them."""
 
 _MOST_STEPS = 64
 """The most nodes of a scene on the way from its root to a mesh."""

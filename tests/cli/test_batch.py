@@ -301,11 +301,13 @@ def test_a_folder_that_nobody_may_write_fails_before_the_work(folder, here, monk
     for module, name in (("work", "make"), ("exports", "export")):
         monkeypatch.setattr(import_module(f"shrm_cli.batch.{module}"), name, make)
     monkeypatch.setattr("os.access", lambda path, mode: "out" not in str(path))
+    (folder / "out").mkdir()
     assert "p0.exr: no permission to write in out; name another" in run(*IRRADIANCE).err
     engines = ("batch", "probes/*.exr", "--for", "three", "-o", "out/{engine}/{probe}")
     said = run(*engines).err
-    assert "out/three/p0: no permission to write in out/three; name another" in said
-    (folder / "out/three/p0").mkdir()
+    assert "out/three/p0: no permission to write in out; name another" in said
+    assert not any((folder / "out").iterdir())
+    (folder / "out/three/p0").mkdir(parents=True)
     assert "no permission to write in out/three/p0; name another" in run(*engines).err
 
 
