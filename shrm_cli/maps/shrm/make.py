@@ -241,7 +241,7 @@ def shortfall(
     is_known = wanted.captured >= 1 - kept.eps
     if brdf.zonal and not is_known:
         why = f"most beside lamps: {brdf!r} is sharper than cubes of any size can show"
-        return wrong_light(error, why, "take the lamps out with `shrm sun`")
+        return wrong_light(error, why, "put the lamps beside the map (`sun` split)")
     where = "where it changes with the view" if wanted.order_p > kept.order_p else "beside lamps"
     why = f"most {where}: {bytes_text(max_size)} before packing hold too little of it"
     needed = stored_bytes(choose_size(wanted.order_f), form.images(wanted.order_p))
