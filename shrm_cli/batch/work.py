@@ -21,7 +21,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
-from shrm_cli.files.whole import check_place, kept, protecting
+from shrm_cli.files.whole import check_target, kept, protecting
 from shrm_cli.maps import registry
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.stored import store
@@ -173,7 +173,7 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
         return {"status": "made", "why": found.why, **told, "warnings": warnings}
     is_local = not messages.is_remote(job.output)
     if is_local:
-        check_place(job.output)  # a map may take minutes, and there may be many
+        check_target(job.output, makes_folder=True)  # a map may take minutes, and there may be many
     made = make(probe, request)
     if is_local:
         Path(job.output).parent.mkdir(parents=True, exist_ok=True)

@@ -104,16 +104,20 @@ _together: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("together", d
 """The temporary files and the targets that wait for the end of a block of `together`."""
 
 
-def check_target(target: str | os.PathLike[str], suffixes: tuple[str, ...] = ()) -> None:
+def check_target(
+    target: str | os.PathLike[str], suffixes: tuple[str, ...] = (), makes_folder: bool = False
+) -> None:
     """Check, before the work begins, that an output can be written and is none of the inputs.
 
     `suffixes` are the suffixes that the target's name may have, in lower case; by default any.
+    `makes_folder` tells whether a folder that is missing will be made for it.
+
     Raises OutputError if the target cannot be written, is one of the inputs, or has another suffix.
     """
     if os.fspath(target).endswith((os.sep, os.altsep or os.sep)):  # which a Path forgets
         raise OutputError(f"{target}: a directory; name a file to write")
     try:
-        _check_target(Path(target))
+        _check_target(Path(target), makes_folder)
     except OSError as error:  # a name may be too long, for example
         raise OutputError(
             f"{target}: cannot be written ({error.strerror}); name another output"
@@ -122,19 +126,6 @@ def check_target(target: str | os.PathLike[str], suffixes: tuple[str, ...] = ())
         raise OutputError(f"{target}: {fault_of_name(target)}, or name another output") from error
     if suffixes and Path(target).suffix.lower() not in suffixes:
         raise OutputError(f"{target}: what is written is {', '.join(suffixes)}; name it so")
-
-
-def check_place(target: str | os.PathLike[str]) -> None:
-    """Check, before the work begins, an output whose folder may have to be made for it.
-
-    Raises OutputError if neither the target nor, where it is missing, its folder can be written.
-    """
-    if Path(target).parent.is_dir():
-        check_target(target)
-        return
-    above = next((each for each in Path(target).parents if each.exists()), None)
-    if above is not None and not os.access(above, os.W_OK | os.X_OK):
-        raise OutputError(f"{target}: no permission to write in {above}; name another output")
 
 
 def fault_of_name(path: str | os.PathLike[str]) -> str:
@@ -151,11 +142,13 @@ def fault_of_name(path: str | os.PathLike[str]) -> str:
     return f"its name has letters that the locale's encoding, {encoding}, lacks; set LC_ALL=C.UTF-8"
 
 
-def _check_target(target: Path) -> None:
+def _check_target(target: Path, makes_folder: bool) -> None:
     str(target).encode()  # image libraries take UTF-8 names only
     if not target.name:
         raise OutputError(f"{target}: a directory; name a file to write")
     folder = target.parent
+    if makes_folder:
+        folder = next((each for each in target.parents if each.exists()), folder)
     if target.is_dir():
         raise OutputError(f"{target}: a directory; name a file to write")
     if folder.exists() and not folder.is_dir():
