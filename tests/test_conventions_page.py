@@ -263,7 +263,7 @@ def test_product(made, spec):
 
 def test_products_of_two_parameters_that_vary(made):
     two = ("--vary", "ax=0.3..0.5", "--vary", "ay=0.2..0.5", "--steps", 3)
-    parts, map_ = made("product", "ward", *two, "--order", 2, "--size", 12)
+    parts, map_ = made("product", "ward", *two, "--order", 2, "--size", 8)
     told = json.loads(parts[0][0]["shrm:varying"])
     assert told["parameters"] == ["ax", "ay"]
     (first, second), shares = told["values"], []
@@ -282,14 +282,14 @@ def test_products_of_two_parameters_that_vary(made):
 
 def test_products_of_a_parameter_that_varies(made):
     parts, map_ = made(
-        "product", "ward:ax=0.5", "--vary", "ay=0.4..0.5", "--order", 2, "--size", 12
+        "product", "ward:ax=0.5", "--vary", "ay=0.45..0.5", "--order", 2, "--size", 8
     )
     told = json.loads(parts[0][0]["shrm:varying"])
     assert [header["name"] for header, _ in parts] == [f"value{k:02d}" for k in range(len(parts))]
     assert told["parameter"] == "ay"
     assert told["values"] == sorted(told["values"])
     series = np.random.default_rng(2).normal(size=(9, 3))
-    share = (0.3 * told["values"][0] + 0.7 * told["values"][1] - 0.4) / 0.1
+    share = (0.3 * told["values"][0] + 0.7 * told["values"][1] - 0.45) / 0.05
     joined = {name: 0.3 * first + 0.7 * parts[1][1][name] for name, first in parts[0][1].items()}
     lit = map_.at(share).lit(series)
     found, expected = product_light(joined, series, lit.brushed_radiance)

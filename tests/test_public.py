@@ -85,9 +85,14 @@ EXAMPLES = {
     )
     if each.examples
 }
+LONG = {"report"}
+"""Functions whose examples take seconds, with tests of their own that do not."""
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.proof) if name in LONG else name for name in EXAMPLES],
+)
 def test_examples_hold(name, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "probes").symlink_to(ROOT / "probes")

@@ -121,7 +121,7 @@ def test_an_existing_cluster_is_used_and_refused_for_other_versions(monkeypatch)
             assert workers.workers == 1
             assert workers.submit(operator.add, 1, 1).result(60) == 2
             assert set(workers.submit(threads).result(60)[0]) == {1}
-            waiting = [workers.submit(time.sleep, 2) for _ in range(3)]
+            waiting = [workers.submit(time.sleep, 0.5) for _ in range(3)]
         assert not wait(waiting, 30).not_done
         assert all(future.cancelled() for future in waiting)  # with the end of the block
         monkeypatch.setattr(cluster, "__version__", "9.9")

@@ -114,7 +114,7 @@ def test_the_jobs_of_a_worker_that_was_killed_are_done_again(folder):
     assert len(found) == 8
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_a_crash_in_a_library_costs_one_job(folder):
     """The process of a real pool crashes, again and again; all other outputs are made."""
     (folder / "mine.py").write_text(CRASHING)

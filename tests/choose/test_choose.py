@@ -99,7 +99,7 @@ def test_exact_errors_are_found_only_where_enough_pixels_are_right(monkeypatch):
         return joint(self, forms, is_exact)
 
     monkeypatch.setattr(Sharing, "joint", recorded)
-    (choice,) = shrm.choose(light(1, 30), "ggx:roughness=0.5")
+    (choice,) = shrm.choose(light(1, 30), "oren-nayar")
     offered = {each.bytes for each in choice.offers if each.form == "principal"}
     assert len(looked_at) > len(offered)
     assert [each for each in looked_at if each[0] not in offered and each[1] > 0.05] == []
@@ -190,12 +190,13 @@ def test_diffuse_surfaces_need_nothing_but_irradiance():
 
 
 def test_budgets_bound_what_is_recommended():
-    probe, spec = light(1, 20), "ggx:roughness=0.7,f0=1"
-    (bound,) = shrm.choose(probe, [spec], budget="20kB")
-    assert bound.budget == 20_000
-    assert bound.recommended.bytes <= 20_000 < max(each.bytes for each in bound.offers)
+    probe, spec = light(1, 20), "ggx:roughness=1,f0=1"
+    (bound,) = shrm.choose(probe, [spec], budget="6kB")
+    assert bound.budget == 6000
+    assert bound.recommended.bytes <= 6000 < max(each.bytes for each in bound.offers)
     assert not bound.is_kept
-    shares = [each.wrong_share for each in bound.offers if each.bytes <= 20_000]
+    shares = [each.wrong_share for each in bound.offers if each.bytes <= 6000]
+    assert len(shares) > 1
     assert bound.recommended.wrong_share <= 1.1 * min(shares)
 
 
@@ -209,7 +210,8 @@ def test_what_is_no_number_is_refused(wrong):
 
 def test_progress_never_falls():
     told = []
-    shrm.choose(light(0, 1), ["lambertian", "oren-nayar"], progress=lambda a, b: told.append(a / b))
+    brdfs = ["lambertian", "phong:exponent=8"]
+    shrm.choose(light(0, 1), brdfs, progress=lambda a, b: told.append(a / b))
     assert told == sorted(told)
     assert told[-1] == 1
 

@@ -1,11 +1,14 @@
 """Every form with every kind of code: it is made, or refused in one line."""
 
+from importlib import import_module
+
 import pytest
 
 from shrm_cli.maps.shader.language import LANGUAGES
 from shrm_cli.vocabulary import REPRESENTATIONS
 from tests.cli.helpers import noise, run, write_exr
 
+PREFILTER = import_module("shrm_cli.prefilter")  # `shrm_cli` has a function of that name
 REFUSED = {"irradiance": "has no textures"}
 """Forms without layers, and what is said of them."""
 
@@ -58,11 +61,25 @@ def test_layers(folder, monkeypatch, form, code):
     assert "internal error" not in found.err
 
 
+@pytest.fixture(scope="module")
+def once():
+    """What makes the map of each form a single time: it is the same for all that is printed."""
+    make, made = PREFILTER.make, {}
+
+    def known(probe, request, progress):
+        if request.to not in made:
+            made[request.to] = make(probe, request, progress)
+        return made[request.to]
+
+    return known
+
+
 @pytest.mark.parametrize("code", LANGUAGES)
 @pytest.mark.parametrize("form", REPRESENTATIONS)
 @pytest.mark.parametrize("textures", [None, "cube-array", "layers"])
-def test_code(folder, monkeypatch, form, code, textures):
+def test_code(folder, once, monkeypatch, form, code, textures):
     monkeypatch.chdir(folder)
+    monkeypatch.setattr(PREFILTER, "make", once)
     given = () if textures is None else ("--textures", textures)
     found = run(*making(form), "--shader", code, *given, "-o", "made.exr")
     assert "internal error" not in found.err

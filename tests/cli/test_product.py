@@ -146,7 +146,7 @@ def test_a_parameter_that_varies(tmp_path, probe, monkeypatch):
     assert_refused(run(*varied[:4], "--steps", "2", *SMALL), 1, "another range")
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_two_parameters_that_vary(tmp_path, probe, monkeypatch):
     monkeypatch.chdir(tmp_path)
     varied = ("product", "ward", "--vary", "ax=0.3..0.4", "--vary", "ay=0.3..0.4", *SMALL)

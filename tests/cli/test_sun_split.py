@@ -88,10 +88,10 @@ def test_maps_of_light_alone_take_none(to):
 
 
 def test_auto_names_it_where_it_helps():
-    """In a coat that shows the sun so sharply that no map of some kilobytes keeps it, over a base
-    of whose lamps shaders have no code.
+    """In a gloss that shows the sun so sharply that no map of some kilobytes keeps it, beside what
+    shaders have no code for lamps in.
     """
-    spec = "coated:roughness=.15,base=(oren-nayar:albedo=.5)"
+    spec = "0.5*oren-nayar+0.5*ggx:roughness=0.1"
     asked = ("--brdf", spec, "-o", "coat.exr", "--max-size")
     write_exr("fine.exr", sky(128, 45, 35))
     found = run("prefilter", "fine.exr", *asked, "100kB")

@@ -34,7 +34,7 @@ def test_it_is_what_random_pixels_of_spheres_show(lamp, to, given):
     orders = {} if "split" in given else {"order_f": 5, "order_p": 2}
     made = make(lamp, to, **{**orders, **given}).map
     rng = np.random.default_rng(3)
-    mirrored, views = rng.normal(size=(2, 30_000, 3))
+    mirrored, views = rng.normal(size=(2, 10_000, 3))
     mirrored /= np.linalg.norm(mirrored, axis=1, keepdims=True)
     views /= np.linalg.norm(views, axis=1, keepdims=True)
     normals = mirrored + views

@@ -56,8 +56,9 @@ def proof(*values):
 @pytest.mark.parametrize(
     ("spec", "form", "options"),
     [
-        ("ggx:roughness=0.25,f0=1", "shrm", {"eps": 0.02}),
-        ("0.1*lambertian+0.9*ggx:roughness=0.25", "shrm", {"eps": 0.02}),
+        proof("ggx:roughness=0.25,f0=1", "shrm", {"eps": 0.02}),
+        proof("0.1*lambertian+0.9*ggx:roughness=0.25", "shrm", {"eps": 0.02}),
+        ("0.1*lambertian+0.9*microfacet:sigma=0.15", "shrm", {"eps": 0.05}),
         (None, "splitsum", {}),
         proof("ggx:roughness=0.25,f0=1", "shrm", {"eps": 0.02, "frame": "local"}),
         proof("ggx:roughness=0.25,f0=1", "principal", {}),

@@ -122,7 +122,7 @@ def ball(request):
     colors = np.random.default_rng(4).random((len(mesh.vertices), 3))
     colored = make_mesh("ball", mesh.vertices, mesh.faces, mesh.normals, colors=colors)
     baked = bake(Plan(colored, 4, samples=4096, glossy=True))
-    return colored, baked, product("ward:ax=0.5", 4, 12, request.param, steps=3)
+    return colored, baked, product("ward:ax=0.5", 4, 8, request.param, steps=3)
 
 
 def corners(mesh, eye):

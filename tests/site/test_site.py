@@ -83,7 +83,7 @@ def test_figures_are_all_on_a_page():
     assert drawn == {f"{name}.svg" for name in FIGURES}
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_a_short_gallery(tmp_path, monkeypatch):
     monkeypatch.setattr(gallery, "SHORT", gallery.Extent(("chalk",), 32))
     monkeypatch.setattr(gallery, "PROBES", {"studio": "0"})

@@ -32,8 +32,12 @@ LAYERS = [
     ),
     pytest.param("openpbr:base_color=0.7/0.3/0.1", marks=pytest.mark.proof),
     "openpbr:base_metalness=1,base_color=0.9/0.5/0.2,specular_color=0.7/0.9/1,specular_weight=0.8",
-    "openpbr:base_color=0.6/0.1/0.05,base_diffuse_roughness=0.7,specular_ior=1.3,coat_weight=0.6,"
-    "coat_roughness=0.4,coat_color=0.9/0.7/0.4,fuzz_weight=0.5,fuzz_color=0.3/0.6/0.9",
+    pytest.param(
+        "openpbr:base_color=0.6/0.1/0.05,base_diffuse_roughness=0.7,specular_ior=1.3,"
+        "coat_weight=0.6,coat_roughness=0.4,coat_color=0.9/0.7/0.4,fuzz_weight=0.5,"
+        "fuzz_color=0.3/0.6/0.9",
+        marks=pytest.mark.proof,  # "lamps of layers" of cases.py is as deep
+    ),
     pytest.param(
         "fuzzy:roughness=0.3,color=0.5,base=(coated:roughness=0.5,base=(coated:roughness=0.4))",
         marks=pytest.mark.proof,
