@@ -1,20 +1,21 @@
 """What shells complete: commands, options, BRDFs, their parameters and the values of these."""
 
 import pytest
+from click.testing import CliRunner
 
 from shrm_cli.brdf.library import model_names
 from shrm_cli.brdf.vectors import METALS
+from shrm_cli.cli.main import cli
 from tests.cli.helpers import process
 
 
-def completed(monkeypatch, line):
+def completed(line):
     """What zsh is told about the last word of a line: kinds and values."""
-    monkeypatch.setenv("_SHRM_COMPLETE", "zsh_complete")
-    monkeypatch.setenv("COMP_WORDS", line)
-    monkeypatch.setenv("COMP_CWORD", str(line.count(" ")))
-    result = process()
-    assert (result.code, result.err) == (0, "")
-    lines = result.out.splitlines()
+    words = {"_SHRM_COMPLETE": "zsh_complete", "COMP_WORDS": line}
+    words["COMP_CWORD"] = str(line.count(" "))
+    result = CliRunner().invoke(cli, env=words, prog_name="shrm")
+    assert (result.exit_code, result.stderr) == (0, "")
+    lines = result.output.splitlines()
     return list(zip(lines[::3], lines[1::3], strict=True))
 
 
@@ -40,20 +41,20 @@ def completed(monkeypatch, line):
     ],
 )
 @pytest.mark.slow
-def test_values(monkeypatch, line, values):
-    assert completed(monkeypatch, line) == [("plain", value) for value in values]
+def test_values(line, values):
+    assert completed(line) == [("plain", value) for value in values]
 
 
-def test_every_model_and_every_metal_is_offered(monkeypatch):
-    found = {value for _, value in completed(monkeypatch, "shrm brdf ")}
+def test_every_model_and_every_metal_is_offered():
+    found = {value for _, value in completed("shrm brdf ")}
     assert set(model_names()) <= found
-    found = {value for _, value in completed(monkeypatch, "shrm brdf ggx:f0=")}
+    found = {value for _, value in completed("shrm brdf ggx:f0=")}
     assert found == {f"ggx:f0={metal}" for metal in METALS}
 
 
 @pytest.mark.parametrize("word", ["paint.bi", "nothing:k", "ggx:roughness=0.", "x/"])
-def test_what_no_model_continues_may_be_a_file(monkeypatch, word):
-    assert completed(monkeypatch, f"shrm brdf {word}") == [("file", word)]
+def test_what_no_model_continues_may_be_a_file(word):
+    assert completed(f"shrm brdf {word}") == [("file", word)]
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

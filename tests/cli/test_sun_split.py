@@ -93,7 +93,7 @@ def test_auto_names_it_where_it_helps():
     """
     spec = "0.5*oren-nayar+0.5*ggx:roughness=0.1"
     asked = ("--brdf", spec, "-o", "coat.exr", "--max-size")
-    write_exr("fine.exr", sky(128, 45, 35))
+    write_exr("fine.exr", sky(64, 45, 35))
     found = run("prefilter", "fine.exr", *asked, "100kB")
     assert "take them out with --sun split, as discs, or dim them by --clamp" in found.err
     write_exr("noise.exr", noise(64, 128))

@@ -116,7 +116,7 @@ def test_maps_that_fade_out_do_not_ring(monkeypatch, to):
     probe = Probe.from_array(pixels)
     radiance = pixels.reshape(-1, 3).astype(float)
     rng = np.random.default_rng(3)
-    reflections, views = brute_force.unit(rng, 1500), brute_force.unit(rng, 1500)
+    reflections, views = brute_force.unit(rng, 600), brute_force.unit(rng, 600)
     normals = reflections + views
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     kept = np.sum(normals * views, axis=1) > 0.3  # others are hardly lit by this lobe

@@ -121,8 +121,8 @@ def ball(request):
     mesh = meshes.sphere(2)
     colors = np.random.default_rng(4).random((len(mesh.vertices), 3))
     colored = make_mesh("ball", mesh.vertices, mesh.faces, mesh.normals, colors=colors)
-    baked = bake(Plan(colored, 4, samples=4096, glossy=True))
-    return colored, baked, product("ward:ax=0.5", 4, 8, request.param, steps=3)
+    baked = bake(Plan(colored, 2, samples=4096, glossy=True))
+    return colored, baked, product("ward:ax=0.5", 2, 8, request.param, steps=3)
 
 
 def corners(mesh, eye):
@@ -138,7 +138,7 @@ def corners(mesh, eye):
 def test_with_its_own_shadows_each_point_has_its_own_parameters(ball):
     """At vertices of a ball, which hides nothing from itself, they are those without a transfer."""
     mesh, baked, textures = ball
-    lit = textures.lit(np.random.default_rng(5).normal(size=(25, 3)) + np.eye(25, 3) * 9)
+    lit = textures.lit(np.random.default_rng(5).normal(size=(9, 3)) + np.eye(9, 3) * 9)
     points, normals, views, own = corners(mesh, np.array([0.0, 3.0, 6.0]))
     shown = vertex_colors(mesh, baked, lit, variation=Variation())
     found = shown.radiance(np.array([0.0, 3.0, 6.0]), points, normals, views)
@@ -160,7 +160,7 @@ def test_lamps_are_reflected_by_the_parameters_of_each_point(ball):
     seen = np.flatnonzero(normals @ disc.direction > 0.3)
     points = points[0][seen], points[1][seen]
     normals, views, own = normals[seen], views[seen], own[seen]
-    dark = textures.lit(np.zeros((25, 3)))
+    dark = textures.lit(np.zeros((9, 3)))
     shown = vertex_colors(mesh, baked, dark, [disc], variation=Variation())
     found = shown.radiance(np.array([0.0, 3.0, 6.0]), points, normals, views)
     shares = (
