@@ -130,7 +130,9 @@ def test_pixels_as_points_are_no_truth_for_lobes_narrower_than_they_are(made, pa
     assert np.percentile(np.abs(wrong - 1), 95) > 0.05
 
 
-@pytest.mark.parametrize(("rows", "roughness"), [(16, 0.3), (64, 0.3), (16, 0.8)])
+@pytest.mark.parametrize(
+    ("rows", "roughness"), [(16, 0.3), pytest.param(64, 0.3, marks=pytest.mark.proof), (16, 0.8)]
+)
 def test_pixels_of_coarse_probes_are_areas(pairs, rows, roughness):
     """Beside a sum over parts of them: as points, a lamp of 16 rows made errors of 38 %, and 84 %
     under wide lobes, where it crosses the horizon."""

@@ -385,6 +385,7 @@ def test_batches_choose_too_and_know_what_they_chose(folder):
     assert (folder / "probe.lambertian.shrm.exr").exists()
 
 
+@pytest.mark.proof
 def test_forms_that_are_named_keep_what_is_seen_too(pixels, probe):
     rho_hat = brute_force.microfacet(0.4)
     sizes = {}

@@ -87,6 +87,7 @@ def test_no_other_form_keeps_the_goal_in_far_fewer_bytes(seed, lamp, spec):
     assert choice.recommended.bytes <= least
 
 
+@pytest.mark.proof
 def test_exact_errors_are_found_only_where_enough_pixels_are_right(monkeypatch):
     """They take ten times as long as the share of wrong pixels, and were found of all maps."""
     looked_at = []

@@ -7,6 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from shrm_cli.analysis import plots
 from shrm_cli.analysis.analyze import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.files.png import encode_srgb
@@ -48,6 +49,12 @@ def without_matplotlib(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
 
 
+@pytest.fixture
+def blank(monkeypatch):
+    """Charts are laid out and their files are there, but not drawn, which takes half a second."""
+    monkeypatch.setattr(plots, "_save", lambda figure, path: open(path, "x").close())
+
+
 def analyzed(*arguments):
     return json.loads(done("analyze", *arguments, "--json"))
 
@@ -61,7 +68,7 @@ def read(path):
 
 
 @pytest.mark.slow
-def test_energies_without_a_probe(folder):
+def test_energies_without_a_probe(folder, blank):
     result = analyzed("--brdf", "microfacet:sigma=0.2")
     assert list(result) == KEYS
     assert result["brdf"] == {"name": "microfacet", "parameters": {"sigma": 0.2}}
@@ -145,14 +152,14 @@ def test_report_for_people(folder):
 
 
 @pytest.mark.slow
-def test_lambert(folder):
+def test_lambert(folder, blank):
     result = analyzed("--brdf", "lambertian", "--probe", "probe.exr", "--eps", 0.05, *SMALL)
     assert [(row["order_f"], row["order_p"]) for row in result["orders"]] == [(2, 0)]
     assert len(result["pictures"]["orders"]) == 1
     assert max(result["pictures"]["orders"][0]["errors"]) < 0.01
 
 
-def test_orders_asked_for(folder):
+def test_orders_asked_for(folder, blank):
     result = analyzed("--brdf", "microfacet", "--order-f", 6, "--order-p", 3, "--probe",
                       "probe.exr", *SMALL)  # fmt: skip
     assert np.shape(result["brdf_energy_captured"]) == (7, 4)
@@ -170,7 +177,7 @@ def test_order_p_of_a_zonal_brdf_is_zero(folder):
 
 
 @pytest.mark.slow
-def test_black_probe(folder):
+def test_black_probe(folder, blank):
     write_exr(folder / "black.exr", np.zeros((16, 32, 3), dtype=np.float32))
     options = ("--order-f", 6, "--eps", 0.3, *SMALL)
     result = run("analyze", "--brdf", "microfacet", "--probe", "black.exr", *options, "--json")
@@ -197,7 +204,7 @@ def test_fine_probes_are_averaged_for_the_exact_pictures(folder):
 
 
 @pytest.mark.slow
-def test_prefix_and_folder(folder):
+def test_prefix_and_folder(folder, blank):
     (folder / "charts").mkdir()
     quick = ("--brdf", "phong:exponent=2", "--eps", 0.1, "--order-f", 6)
     for prefix, stem in (

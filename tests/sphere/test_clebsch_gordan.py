@@ -21,7 +21,7 @@ def integral(degree, m, small, s, total):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("small", [0, 1, 2, 6])
-@pytest.mark.parametrize("degree", [0, 1, 5, 17])
+@pytest.mark.parametrize("degree", [0, 1, 5, pytest.param(17, marks=pytest.mark.proof)])
 def test_products_of_harmonics(degree, small):
     """Their integrals are products of two coefficients (Varshalovich et al. 5.9.1 (4))."""
     for total in range(abs(degree - small), degree + small + 1):

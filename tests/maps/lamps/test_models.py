@@ -43,7 +43,9 @@ LAYERS = [
         marks=pytest.mark.proof,
     ),
     "0.3*charlie:roughness=0.4,visibility=neubelt+0.5*eon:roughness=1,albedo=0.9/0.6/0.2",
-    f"0.4*{PAINT}+0.5*ggx:roughness=0.4,f0=0.04/0.1/0.3,film=500",
+    pytest.param(
+        f"0.4*{PAINT}+0.5*ggx:roughness=0.4,f0=0.04/0.1/0.3,film=500", marks=pytest.mark.proof
+    ),
 ]
 """Metal and paint under coats; what OpenPBR has; layers over layers; a sum of some."""
 

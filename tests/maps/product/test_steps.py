@@ -150,7 +150,7 @@ def test_textures_between_miss_what_is_stated(chosen):
     assert np.linalg.norm(even - truth) > 0.1 * np.linalg.norm(truth)
 
 
-@pytest.mark.parametrize("more", [{}, {"nu": (4.0, 40.0)}])
+@pytest.mark.parametrize("more", [{}, pytest.param({"nu": (4.0, 40.0)}, marks=pytest.mark.proof)])
 def test_a_range_that_needs_too_many_is_refused(monkeypatch, more):
     for name in ("MOST_STEPS", "_MOST_OF_TWO"):
         monkeypatch.setattr(f"shrm_cli.maps.product.steps.{name}", 3)

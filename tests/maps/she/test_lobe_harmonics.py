@@ -46,7 +46,9 @@ def index(order, m):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("roughness", "order"), [(0.45, 10), (0.8, 8)])
+@pytest.mark.parametrize(
+    ("roughness", "order"), [pytest.param(0.45, 10, marks=pytest.mark.proof), (0.8, 8)]
+)
 def test_they_are_integrals_over_the_light(roughness, order):
     brdf = Ggx(roughness=roughness, f0=(1.0, 0.0, 0.0))
     found = lobe_harmonics(brdf, ANGLES, order, order, SAMPLES)

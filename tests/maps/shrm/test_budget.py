@@ -131,7 +131,8 @@ def test_where_no_map_keeps_the_error_the_best_is_made(probe):
 
 
 @pytest.mark.parametrize(("brdf", "most"), [
-    ("phong:exponent=30", 12_000), ("phong:exponent=200", 100_000), (GLOSSY, 200_000),
+    ("phong:exponent=30", 12_000), ("phong:exponent=200", 100_000),
+    pytest.param(GLOSSY, 200_000, marks=pytest.mark.proof),
 ])  # fmt: skip
 def test_within_few_bytes_look_ups_count(probe, brdf, most):
     """Against making all that fit. A tolerance asks for orders only, and small cubes hold them."""

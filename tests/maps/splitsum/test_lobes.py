@@ -112,7 +112,7 @@ def test_levels_are_sums_over_the_pixels_by_the_lobe(name):
         np.testing.assert_allclose(level.reshape(-1, 3)[texels], expected, rtol=1e-3)
 
 
-@pytest.mark.parametrize("name", ["cook-torrance", "ward"])
+@pytest.mark.parametrize("name", ["cook-torrance", pytest.param("ward", marks=pytest.mark.proof)])
 def test_sharp_lobes_are_integrated_by_their_core(name):
     p = 0.085
     made = prefilter(Probe.from_array(lit(256)), [p], size=16, brdf=parse_spec(name))
