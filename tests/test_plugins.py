@@ -25,6 +25,7 @@ from shrm_cli.errors import ArgumentError, PluginError
 from shrm_cli.export.engine import engine
 from shrm_cli.maps import installed, registry
 from shrm_cli.probe.open import open_probe
+from tests.batch.helpers import work_here
 from tests.cli.helpers import (
     MAIN,
     ROOT,
@@ -209,7 +210,8 @@ def test_the_form_of_the_example(call, tmp_path):
 
 
 @pytest.mark.slow
-def test_batches_make_the_form_of_the_example(call, tmp_path):
+def test_batches_make_the_form_of_the_example(call, tmp_path, monkeypatch):
+    work_here(monkeypatch)
     (tmp_path / "bake.toml").write_text(
         'probes = ["dawn.exr"]\nto = ["ambient-cube", "irradiance"]\n'
         'output = "{probe}.{to}.exr"\n[ambient-cube]\nfit = "least"\n'
@@ -794,6 +796,7 @@ def test_a_batch_with_a_form_that_fails_is_one_line(forms, tmp_path, monkeypatch
     done("probe", "furnace", "-o", "white.exr", "--size", 16)
     (tmp_path / "bake.toml").write_text(f'probes = ["white.exr"]\nto = ["{name}"]\n')
     words = BROKEN_FORMS.get(name, ("", "is none of shrm, cabral"))[1]
+    work_here(monkeypatch)
     found = run("batch", "bake.toml", "--jobs", 1)
     assert found.code == 1
     assert words in found.err

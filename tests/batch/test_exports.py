@@ -5,12 +5,14 @@ import json
 import numpy as np
 import pytest
 
+from tests.batch.helpers import work_here
 from tests.cli.helpers import assert_refused, done, run, write_exr
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Current folder with two probes."""
+    """Current folder with two probes; batches work in this process."""
+    work_here(monkeypatch)
     for seed, name in enumerate(("a", "b")):
         image = np.random.default_rng(seed).random((16, 32, 3), np.float32)
         write_exr(tmp_path / f"{name}.exr", image)

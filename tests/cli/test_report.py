@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.render.flip import can_flip
+from tests.batch.helpers import work_here
 from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 
 SMALL = ["--view", "10,20", "--picture-size", "16", "--truth-height", "16"]
@@ -330,7 +331,8 @@ def test_contact_sheets_say_no_error_that_is_not_the_maps(folder):
     assert "%" not in cells[1]
 
 
-def test_batches_have_contact_sheets(folder):
+def test_batches_have_contact_sheets(folder, monkeypatch):
+    work_here(monkeypatch)
     result = run("batch", "probe.exr", "note.exr", "--brdf", "phong", "--jobs", "1", "--contact",
                  "all.html", "--quiet")  # fmt: skip
     assert result.code == 1
