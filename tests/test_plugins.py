@@ -19,6 +19,7 @@ import pytest
 from click.testing import CliRunner
 
 from shrm_cli import plugins
+from shrm_cli.analysis import representations
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.cli.main import cli
 from shrm_cli.errors import ArgumentError, PluginError
@@ -271,7 +272,7 @@ def test_batches_notice_that_the_code_of_a_brdf_has_changed(site, shell, tmp_pat
 
 
 @pytest.mark.slow
-def test_what_takes_no_form_of_a_package_says_so(call, tmp_path):
+def test_what_takes_no_form_of_a_package_says_so(call, tmp_path, monkeypatch):
     call("prefilter", "dawn.exr", "--to", "ambient-cube", "--quiet", "-o", "cube.exr")
     line = "ambient-cube is not what engines read; export its probe, a split sum or an irradiance"
     assert line in run("export", "cube.exr", "--for", "three").err
@@ -279,6 +280,7 @@ def test_what_takes_no_form_of_a_package_says_so(call, tmp_path):
     line = (
         "Without ambient-cube of installed packages; shrm choose measures those that are offered."
     )
+    monkeypatch.setattr(representations, "COMPARED", ("shrm",))
     options = "--representations", "--roughness", "1..1", "--eps", 0.2, "--size", 16
     found = run("compare", "dawn.exr", *options)
     assert line in found.out + found.err
