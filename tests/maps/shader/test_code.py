@@ -243,13 +243,13 @@ def test_c_that_nothing_calls_is_no_warning(tmp_path, name):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("roughness", np.linspace(0.06, 0.2, 5))
-def test_exponentials_are_numbers_where_half_loses_the_tail(tmp_path, roughness):
+def test_exponentials_are_numbers_where_half_loses_the_tail(tmp_path):
     """Of a surface of f0 = 0 that faces the viewer; smaller halves than 6e-8 are 0."""
     made, (normals, _) = cases.FORMS["she lobe"](), cases.points(20)
-    found = in_c(tmp_path, made, normals, normals, roughness, (0.0, 0.0, 0.0), np.float16)
-    assert np.isfinite(found).all()
-    assert np.abs(found).max() < 1e-5
+    for roughness in np.linspace(0.06, 0.2, 5):  # a single program for all of them
+        found = in_c(tmp_path, made, normals, normals, roughness, (0.0, 0.0, 0.0), np.float16)
+        assert np.isfinite(found).all(), roughness
+        assert np.abs(found).max() < 1e-5, roughness
 
 
 def is_proof(head, name):
