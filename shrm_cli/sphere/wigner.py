@@ -1,7 +1,8 @@
 """Wigner's small-d matrices, and Clebsch-Gordan coefficients.
 
-The matrices are made by one recurrence in the degree that is stable to order 512, the coefficients
-by a sum where one of the degrees is small, and else from J^2.
+The matrices are made by recurrences that are stable to order 512: in the degree, and for right
+angles in m. The coefficients are made by a sum where one of the degrees is small, and else from
+J^2.
 
 Convention: ``d^1_10(b) = -sin(b) / sqrt(2)``, so that ``D^l_mn(a, b, c) =
 exp(-i m a) d^l_mn(b) exp(-i n c)`` rotates complex harmonics with Condon-Shortley phase.
@@ -14,6 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, Memo, kept_order
+
+_KEPT_ORDER = 96
+"""The largest order to which values at right angles are computed and kept at once."""
+_known_rows = Memo(2**24)
+"""Values at right angles of some orders, of which order 96 takes 7 MB."""
+_VALUES_AT_ONCE = 2**22
+"""Values at right angles of higher degrees that are computed at a time."""
 
 
 def small_d_degrees(
@@ -46,65 +54,59 @@ def small_d_degrees(
         before, previous = previous, current
 
 
-def right_angle_degrees(order: int) -> Iterator[Array]:
-    """Yield ``d^l_mn(pi/2)``, m, n = 0 .. l, for l = 0 .. order.
+def right_angle_rows(order: int, first: int = 0) -> Array:
+    """Return ``d^l_mn(pi/2)``, m, n >= 0, for l = first .. order at once.
+
+    From the row m = l on down to m = 0, a recurrence in m takes all degrees in one step. It is
+    stable in that direction, also at order 512. The values of one quadrant are all that there are,
+    ``d_m,-n = (-1)^(l+m) d_mn``.
+
+    Returns an array of shape (order+1, order+1-first, order+1), indexed [l - m, l - first, n]; zero
+    where n or l - m are larger than l. As for all l it takes memory with the third power of the
+    order, `right_angle_degrees` is for high ones.
+
+    References: Trapani & Navaza 2006, Calculation of spherical harmonics and Wigner d functions by
+    FFT, Acta Cryst. A62, section 3.
+    """
+    if first == 0 and order <= _KEPT_ORDER:
+        kept = kept_order(order)
+        rows = _known_rows.get(kept, lambda: _falling_rows(kept, 0))
+        return rows[: order + 1, : order + 1, : order + 1]
+    return _falling_rows(order, first)
+
+
+def _falling_rows(order: int, first: int) -> Array:
+    """Compute what `right_angle_rows` returns."""
+    degree, n = np.arange(first, order + 1.0)[:, None], np.arange(order + 1.0)
+    result = np.zeros((order + 1, len(degree), order + 1))
+    even = 2 * n[1:]
+    result[0, :, 0] = np.cumprod(np.append(1.0, -np.sqrt((even - 1) / even)))[first:]
+    result[0, :, 1:] = -np.sqrt(np.maximum(degree - n[:-1], 0.0) / (degree + n[:-1] + 1))
+    np.cumprod(result[0], axis=1, out=result[0])
+    above = np.arange(float(order))  # l - m, to which the factors of the next row belong
+    scale = 1 / np.sqrt((above + 1) * np.maximum(2 * degree - above, 1)).T[..., None]
+    back = scale * np.sqrt(above * np.maximum(2 * degree - above + 1, 0)).T[..., None]
+    for row in range(order):
+        some = slice(max(row + 1 - first, 0), None)
+        lower = result[row + 1, some]
+        np.multiply(result[row, some], scale[row, some], out=lower)
+        lower *= 2 * n
+        if row:
+            lower -= back[row, some] * result[row - 1, some]
+    return result
+
+
+def right_angle_degrees(order: int, first: int = 0) -> Iterator[Array]:
+    """Yield ``d^l_mn(pi/2)``, m, n = 0 .. l, for l = first .. order.
 
     Yields `d` of shape (l+1, l+1).
     """
-    for degree, blocks in enumerate(right_angle_blocks(order)):
-        quadrant = np.empty((degree + 1, degree + 1))
-        for rows, columns in np.ndindex(2, 2):
-            quadrant[rows::2, columns::2] = blocks[rows][columns]
-        yield quadrant
-
-
-def right_angle_blocks(order: int) -> Iterator[tuple[tuple[Array, Array], tuple[Array, Array]]]:
-    """Yield the values of `right_angle_degrees`, those of even and of odd m and n apart.
-
-    The same recurrence where it is simplest: the cosine is 0, and one quadrant holds all values,
-    ``d_m,-n = (-1)^(l+m) d_mn``. It never mixes values of different m or n, and those of odd m
-    and even n follow by ``d_nm = (-1)^(m-n) d_mn``.
-
-    Yields `blocks`, ``blocks[i][j]`` has m = i, i + 2 .. and n = j, j + 2 .. in its rows and
-    columns.
-    """
-    m = np.arange(order + 1.0)
-    pairs = (0, 0), (0, 1), (1, 1)
-    before = {pair: np.zeros((0, 0)) for pair in pairs}
-    previous = {(0, 0): np.ones((1, 1)), (0, 1): np.zeros((1, 0)), (1, 1): np.zeros((0, 0))}
-    side = np.zeros(0)  # sqrt(l^2 - m^2) of the degree below, m = 0 .. l - 1
-    edge = np.ones(1)  # d^l_ln, n = 0 .. l
-    for degree in range(order + 1):
-        if degree:
-            k, root = degree - 1, side
-            side = np.sqrt(degree**2 - m[:degree] ** 2)
-            ratio = np.sqrt(2 * degree * (2 * degree - 1)) / side
-            edge = np.append(-ratio / 2 * edge, 0.5**degree)
-            column = (-1.0) ** (degree - m[: degree + 1]) * edge
-            ahead, behind = m[:degree] / side, root / side[:k]
-            current = {}
-            for i, j in pairs:
-                size = len(m[i : degree + 1 : 2]), len(m[j : degree + 1 : 2])
-                block = current[i, j] = np.zeros(size)
-                if k > 0:
-                    steps = -(2 * k + 1) / k * ahead[i::2], ahead[j::2]
-                    _add_scaled(block, previous[i, j], *steps)
-                    steps = -degree / k * behind[i::2], behind[j::2]
-                    _add_scaled(block, before[i, j], *steps)
-                if degree % 2 == i:
-                    block[-1] = edge[j::2]
-                if degree % 2 == j:
-                    block[:, -1] = column[i::2]
-            before, previous = previous, current
-        mixed = previous[0, 1]
-        yield (previous[0, 0], mixed), (-mixed.T, previous[1, 1])
-
-
-def _add_scaled(target: Array, values: Array, rows: Array, columns: Array) -> None:
-    """Add values times factors of their rows and columns, into the corner of a larger array."""
-    scaled = values * rows[:, None]
-    scaled *= columns
-    target[: len(rows), : len(columns)] += scaled
+    while first <= order:
+        last = min(max(first + _VALUES_AT_ONCE // (order + 1) ** 2, _KEPT_ORDER), order)
+        rows = right_angle_rows(last, first)
+        for degree in range(first, last + 1):
+            yield rows[degree::-1, degree - first, : degree + 1]
+        first = last + 1
 
 
 def _next_edge(edge: Array, degree: int, width: int, half_cos: Array, half_sin: Array) -> Array:

@@ -163,6 +163,15 @@ def test_right_angles(order):
         )
 
 
+@pytest.mark.parametrize(("first", "order"), [(96, 99), (97, 97), (0, 130)])
+def test_right_angles_of_some_degrees(first, order):
+    """Degrees that are kept for all orders, and those above, which are made some at a time."""
+    quadrants = list(right_angle_degrees(order, first))
+    assert [len(each) for each in quadrants] == list(range(first + 1, order + 2))
+    expected = oracles.small_d_by_eigenvectors(order, np.pi / 2)[order:, order:]
+    np.testing.assert_allclose(quadrants[-1], expected, rtol=0, atol=tolerance(order))
+
+
 @pytest.mark.proof
 def test_right_angles_at_order_512(eigenvectors_512):
     (quadrant,) = deque(right_angle_degrees(512), maxlen=1)
