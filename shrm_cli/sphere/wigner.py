@@ -25,15 +25,16 @@ _VALUES_AT_ONCE = 2**22
 
 
 def small_d_degrees(
-    order: int, theta: ArrayLike, max_spin: int | None = None
+    order: int, theta: ArrayLike, max_spin: int | None = None, min_spin: int | None = None
 ) -> Iterator[tuple[int, Array]]:
     """Yield ``(l, d^l)`` for l = 0 .. order.
 
-    `order` is the largest degree. `theta` holds angles in radians, any shape. `max_spin` keeps only
-    the columns ``|n| <= max_spin``; all of them by default.
+    `order` is the largest degree. `theta` holds angles in radians, any shape. `max_spin` and
+    `min_spin` keep only the columns ``min_spin <= n <= max_spin``; all of them by default, and
+    those from ``-max_spin`` on, which is the least, if `max_spin` alone is given.
 
-    Yields `l`; and `d` of shape (2l+1, 2 min(l, max_spin) + 1, *theta.shape), ``d[m + l, n + min(l,
-    max_spin)] = d^l_mn(theta)``.
+    Yields `l`; and `d` of shape (2l+1, columns, *theta.shape), ``d[m + l, n - k] = d^l_mn(theta)``
+    where k is the larger of -l and `min_spin`.
 
     References: Varshalovich, Moskalev & Khersonskii 1988, 4.8.2 (14) for the recurrence, 4.17 for
     the edges.
@@ -42,14 +43,16 @@ def small_d_degrees(
     spins = order if max_spin is None else min(max_spin, order)
     half_cos, half_sin = np.cos(theta / 2), np.sin(theta / 2)
     cosine = np.cos(theta)
+    lowest = -spins if min_spin is None else min_spin
     edge = np.ones((1, *theta.shape))  # d^l_{l,n} for n = -min(l, spins) .. min(l, spins)
-    previous = before = np.ones((1, 1, *theta.shape))
+    previous = before = np.ones((1, int(lowest <= 0), *theta.shape))
     yield 0, previous
     for degree in range(1, order + 1):
         edge = _next_edge(edge, degree, min(degree, spins), half_cos, half_sin)
-        current = np.empty((2 * degree + 1, 2 * min(degree, spins) + 1, *theta.shape))
-        _recur(current, previous, before, degree, cosine)
-        _set_edges(current, edge, degree)
+        columns = max(min(degree, spins) + 1 - max(lowest, -degree), 0)
+        current = np.empty((2 * degree + 1, columns, *theta.shape))
+        _recur(current, previous, before, degree, lowest, cosine)
+        _set_edges(current, edge, degree, lowest)
         yield degree, current
         before, previous = previous, current
 
@@ -122,35 +125,40 @@ def _next_edge(edge: Array, degree: int, width: int, half_cos: Array, half_sin: 
     return np.concatenate([first[None], grown, last[None]])
 
 
-def _recur(current: Array, previous: Array, before: Array, degree: int, cosine: Array) -> None:
-    """Fill |m|, |n| < l from the two degrees below."""
+def _recur(
+    current: Array, previous: Array, before: Array, degree: int, lowest: int, cosine: Array
+) -> None:
+    """Fill |m| < l of the columns that the two degrees below have; the first is `lowest` or -l."""
     k = degree - 1
-    width, inner = (current.shape[1] - 1) // 2, (previous.shape[1] - 1) // 2
+    first = max(lowest, -k)
     tail = [1] * cosine.ndim
     m = np.arange(-k, k + 1).reshape(-1, 1, *tail)
-    n = np.arange(-inner, inner + 1).reshape(1, -1, *tail)
+    n = np.arange(first, first + previous.shape[1]).reshape(1, -1, *tail)
     scale = 1 / np.sqrt(float(degree**2) - m**2) / np.sqrt(float(degree**2) - n**2)
-    target = current[1:-1, width - inner : width + inner + 1]
+    new = first - max(lowest, -degree)
+    target = current[1:-1, new : new + previous.shape[1]]
     if k == 0:
         target[...] = cosine
         return
     np.multiply(degree * cosine - m * n / k, previous, out=target)
     target *= scale * (2 * k + 1)
-    lower = (before.shape[1] - 1) // 2
     weight = (degree / k) * np.sqrt((k**2 - m**2) * np.maximum(k**2 - n**2, 0.0)) * scale
-    keep = slice(inner - lower, inner + lower + 1)
+    new = max(lowest, 1 - k) - first
+    keep = slice(new, new + before.shape[1])
     target[1:-1, keep] -= weight[1:-1, keep] * before
 
 
-def _set_edges(current: Array, edge: Array, degree: int) -> None:
+def _set_edges(current: Array, edge: Array, degree: int, lowest: int) -> None:
     """Fill m = +-l, and n = +-l where it is kept, by d_mn = (-1)^(m-n) d_nm = d_-n,-m."""
     width = (len(edge) - 1) // 2
     signs = (-1.0) ** (degree - np.arange(-width, width + 1))
-    signs = signs.reshape(-1, *[1] * (edge.ndim - 1))
-    current[-1] = edge
-    current[0] = (signs * edge)[::-1]
-    if width == degree:
-        current[:, -1] = signs * edge
+    mirrored = signs.reshape(-1, *[1] * (edge.ndim - 1)) * edge
+    kept = slice(max(lowest, -degree) + width, None)
+    current[-1] = edge[kept]
+    current[0] = mirrored[::-1][kept]
+    if width == degree >= lowest:
+        current[:, -1] = mirrored
+    if width == degree <= -lowest:
         current[:, 0] = edge[::-1]
 
 
