@@ -6,10 +6,13 @@ simplest; a map of principal functions otherwise, which keeps it in the fewest b
 map keeps, or only one of megabytes, are lamps in sharp lobes, which then go beside it, as discs.
 """
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 
 from shrm_cli.brdf.sums import split
+from shrm_cli.maps.expansion import beside_lamps
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered, Truth, examined, truth_of
 from shrm_cli.maps.principal.proposal import Proposals
@@ -44,14 +47,7 @@ def automatic_choice(probe: Probe, request: Request) -> str:
 
     It leaves out whether the map would be negative anywhere, for which one of more bytes is made.
     """
-    asked = _Asked.of(probe, request)
-    best = asked.of_single_cubes()
-    if best is None:
-        tried, is_kept = first_kept(asked.proposals.candidate, asked.goal)
-        best = tried[-1] if is_kept else least_wrong(tried, asked.goal)
-        is_small = is_kept and best.bytes <= policy.LARGE
-        apart = None if is_small else asked.of_lamps_apart(best, is_kept)
-        best = apart or (asked.simple_shrm(best) if is_kept else None) or best
+    best = _Asked.of(probe, request).foreseen()
     return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
 
@@ -90,8 +86,19 @@ class _Asked:
         """Make the map."""
         return self.made_of_single_cubes() or self.of_functions()
 
-    def of_single_cubes(self) -> Candidate[Prefiltered] | None:
-        """Return the SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
+    def foreseen(self) -> Candidate[Prefiltered]:
+        """Return what would be made, if it is negative nowhere, for which one of more bytes is."""
+        if self.single_cubes is not None:
+            return self.single_cubes
+        tried, is_kept = first_kept(self.propose, self.goal)
+        best = tried[-1] if is_kept else least_wrong(tried, self.goal)
+        is_small = is_kept and best.bytes <= policy.LARGE
+        apart = None if is_small else self.of_lamps_apart(best, is_kept)
+        return apart or (self.simple_shrm(best) if is_kept else None) or best
+
+    @cached_property
+    def single_cubes(self) -> Candidate[Prefiltered] | None:
+        """The SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
 
         Its size is that which the tolerance asks for: fewer texels would save no kilobytes.
         """
@@ -104,7 +111,7 @@ class _Asked:
 
     def made_of_single_cubes(self) -> Prefiltered | None:
         """Make that SHRM, if there is one and it shows nothing negative."""
-        found = self.of_single_cubes()
+        found = self.single_cubes
         if found is None:
             return None
         why = f"SHRM, which keeps {goal_text(self.goal)}"
@@ -119,8 +126,7 @@ class _Asked:
         """Make a map of principal functions, or an SHRM where it does as well."""
         most = self.request.allowed
         ways = self._made_instead, self.made_of_lamps_apart
-        propose = self.proposals.candidate
-        made = kept_or_best(propose, self.goal, most, *ways, self.truth, self.left)
+        made = kept_or_best(self.propose, self.goal, most, *ways, self.truth, self.left)
         if _FORM in dict(made.notes):
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
@@ -128,7 +134,7 @@ class _Asked:
     def of_lamps_apart(
         self, whole: Candidate[Prefiltered], is_kept: bool = False
     ) -> Candidate[Prefiltered] | None:
-        """Make the map of the light without its lamps, with these beside it, where that is better.
+        """Foresee the map of the light without its lamps, with these beside it, where it is better.
 
         Discs need no bytes, and are as sharp as the lobe. But a program that knows nothing of them
         shows no lamps at all, so that they have to be worth it.
@@ -144,7 +150,9 @@ class _Asked:
         if not has_code(self.request.brdf):  # shaders and pages could not show the map
             return None
         beside = split_for(self.probe, self.request.brdf)
-        if not beside.split.discs or (is_kept and beside.error > self.goal.error):
+        # No map makes up for what discs change, so that most searches in vain end here.
+        most = 1.0 if is_kept else max(policy.MISSED * whole.badness(self.goal), 1.0)
+        if not beside.split.discs or beside.error > most * self.goal.error:
             return None
         asked = replace(self.request, sun="split")
         if self.goal.wrong_share is not None:
@@ -152,25 +160,42 @@ class _Asked:
             # nothing, the share of wrong pixels keeps what is seen.
             error = self.goal.error / max(beside.left, self.goal.error)
             asked = replace(asked, error=error, seen=self.goal.wrong_share)
-        with beside.shown(self.request.brdf):
-            rest = _Asked.of(beside.split.residual_probe, asked, beside.left).made()
-        found = as_candidate(with_lamps(rest, beside, self.request.brdf), beside.error)
+        rest = _Asked.of(beside.split.residual_probe, asked, beside.left)
+        lamps = beside.lamps(self.request.brdf)
+
+        def make() -> Prefiltered:
+            with beside_lamps(lamps):
+                return with_lamps(rest.made(), beside, self.request.brdf)
+
+        with beside_lamps(lamps):
+            found = rest.foreseen()
+            share = found.wrong_share
+        error = math.hypot(beside.left * found.total_error, beside.error)
+        found = replace(found, total_error=error, find_wrong_share=lambda: share, make=make)
+        return found if self._is_worth_lamps(found, whole, is_kept) else None
+
+    def _is_worth_lamps(
+        self, found: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
+    ) -> bool:
+        """Tell whether a map with lamps beside it is better than that of all light."""
         is_far_smaller = found.bytes <= policy.FAR_SMALLER * whole.bytes
         if found.keeps(self.goal):
-            return found if is_far_smaller or not is_kept else None
+            return is_far_smaller or not is_kept
         times = found.badness(self.goal) / whole.badness(self.goal)
         is_better = found.bytes <= policy.WORTH_LAMPS * whole.bytes and times < 1
-        is_worth = is_better or (is_far_smaller and times <= policy.MISSED)
-        return found if is_worth and not is_kept else None
+        return not is_kept and (is_better or (is_far_smaller and times <= policy.MISSED))
 
     def made_of_lamps_apart(
         self, whole: Candidate[Prefiltered], is_kept: bool = False
     ) -> Prefiltered | None:
         """Make that map, if there is one, and say what one with the lamps in it would be."""
-        found = self.of_lamps_apart(whole, is_kept)
-        if found is None:
+        foreseen = self.of_lamps_apart(whole, is_kept)
+        if foreseen is None:
             return None
-        made = found.make()
+        made = foreseen.make()
+        found = as_candidate(made)
+        if not self._is_worth_lamps(found, whole, is_kept):  # more bytes than foreseen
+            return None
         notes = dict(made.notes)
         # What the note tells of the goal is about the light that is left.
         form = notes.pop(_FORM).partition(":")[0].partition(",")[0]
@@ -180,6 +205,11 @@ class _Asked:
         )
         made = replace(judged(made, found), notes=tuple(notes.items()))
         return _noted(examined(made, self.truth), why)
+
+    @cached_property
+    def propose(self) -> Callable[[float], Candidate[Prefiltered]]:
+        """From errors to maps of principal functions, which remember what is predicted of them."""
+        return cache(self.proposals.candidate)
 
     @cached_property
     def proposals(self) -> Proposals:
@@ -207,11 +237,21 @@ class _Asked:
             return None  # each term would want an SHRM of its own, with a shader of many look-ups
         # Whoever asks for an error alone asks for the fewest bytes, and not for a picture.
         times = 1 if self.goal.wrong_share is None else policy.SIMPLE_TIMES
-        most = min(times * kept.bytes, self.request.allowed)
-        if not self.shrms.fits(most):
-            return None
-        tried, is_kept = first_kept(self.shrms.proposing(most, policy.SIMPLE_ORDER_P), self.goal)
-        return tried[-1] if is_kept else None
+        return self._simple_shrm_of(min(times * kept.bytes, self.request.allowed))
+
+    @cached_property
+    def _simple_shrm_of(self) -> Callable[[int], Candidate[Prefiltered] | None]:
+        """From the most bytes to that SHRM, which remembers what is predicted of it."""
+
+        def find(most: int) -> Candidate[Prefiltered] | None:
+            if not self.shrms.fits(most):
+                return None
+            tried, is_kept = first_kept(
+                self.shrms.proposing(most, policy.SIMPLE_ORDER_P), self.goal
+            )
+            return tried[-1] if is_kept else None
+
+        return cache(find)
 
     def _made_instead(self, kept: Candidate[Prefiltered]) -> Prefiltered | None:
         """Make what is better than a map that keeps what is asked for, if there is anything."""

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from shrm_cli import automatic
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import prefiltered
 from shrm_cli.maps.lamps.map import LampMap
@@ -329,6 +330,21 @@ def test_nothing_is_found_out_twice(probe, monkeypatch):
     assert found.map.representation == "principal"
     assert found.summary()["predicted_wrong_share"] <= policy.WRONG_SHARE
     assert (len(dark), len(wrong), len(expanded)) == (1, judged, 1)
+
+
+def test_no_map_is_made_beside_lamps_in_vain(rng, monkeypatch):
+    """Discs in place of a square box miss more than the map; that of a pixel misses nothing."""
+    for name in ("WORTH_LAMPS", "FAR_SMALLER"):
+        monkeypatch.setattr(policy, name, 0.0)
+    makes = counting(monkeypatch, principal_proposal, "lobe_of")
+    foreseen = counting(monkeypatch, automatic._Asked, "foreseen")
+    for rows, columns, times in ((slice(20, 34), slice(40, 60), 0), (20, 40, 1)):
+        light = rng.uniform(0.2, 0.8, (64, 128, 3)).astype(np.float32)
+        light[rows, columns] = 300
+        asked = {"brdf": "ggx:roughness=0.3", "max_size": "20kB", "seen": 1e-3}
+        found = made(Probe.from_array(light), **asked)
+        assert not isinstance(found.map, LampMap)
+        assert (len(makes), len(foreseen)) == (1 + times, times)
 
 
 def test_pixels_are_read_once(probe, monkeypatch):

@@ -1,6 +1,5 @@
 """Maps of what is left of a probe without its lamps, and these beside it: `sun` split."""
 
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,7 @@ from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import LampSplit, split_lamps
-from shrm_cli.maps.expansion import beside_lamps
+from shrm_cli.maps.expansion import LampsBeside
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.discs import LitDiscs
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
@@ -54,12 +53,12 @@ class Beside:
     """The coefficients of the light of these pixels without that of the discs, world axes, shape
     (n, 3)."""
 
-    def shown(self, brdf: Brdf) -> AbstractContextManager[None]:
-        """Return within what the wrong pixels of maps are those of maps beside these lamps."""
+    def lamps(self, brdf: Brdf) -> LampsBeside | None:
+        """Return the lamps as the wrong pixels of maps are counted beside them, where they are."""
         if not brdf.isotropic:  # the lobes for views have tangents of their own
-            return nullcontext()
+            return None
         flux = sum((lamp.light.flux for lamp in self.split.lamps), np.zeros(3))
-        return beside_lamps(flux, self.wrong, LitDiscs(brdf, self.split.discs).radiance)
+        return LampsBeside(flux, self.wrong, LitDiscs(brdf, self.split.discs).radiance)
 
 
 def split_for(probe: Probe, brdf: Brdf) -> Beside:

@@ -161,5 +161,5 @@ def _made(probe: Probe, wanted: Wanted, spec: str, progress: Progress) -> Prefil
     if found.keeps(goal):
         return made
     apart = prefilter_with_facts(probe, AUTO, given | {"sun": "split"})
-    split = as_candidate(apart, apart.map.error if isinstance(apart.map, LampMap) else 0.0)
+    split = as_candidate(apart)
     return min(found, split, key=lambda each: each.badness(goal)).make()

@@ -232,15 +232,20 @@ def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
 
 
 @record(eq=False)
-class _LampsBeside:
+class LampsBeside:
     """Lamps beside a map, whose light hides errors of the map, and has errors of its own."""
 
-    first: Array
-    """Their light's coefficients of degree 0, shape (1, 3)."""
+    flux: Array
+    """The integral of their radiance, shape (3,)."""
     wrong: Array
-    """The coefficients of what is wrong with it: true light less that of the lamps."""
+    """The coefficients of what is wrong with it: true light less that of the lamps, (n, 3)."""
     radiance: Callable[[Array, Array], Array]
     """From normals and views to what is reflected of them, shape (..., 3)."""
+
+    @property
+    def first(self) -> Array:
+        """Their light's coefficients of degree 0, shape (1, 3)."""
+        return self.flux[None] / np.sqrt(4 * np.pi)
 
     @cached_property
     def _known(self) -> dict[Center, Array]:
@@ -267,20 +272,13 @@ class _LampsBeside:
         return self._known[center]
 
 
-_lamps_beside: ContextVar[_LampsBeside | None] = ContextVar("_lamps_beside", default=None)
+_lamps_beside: ContextVar[LampsBeside | None] = ContextVar("_lamps_beside", default=None)
 
 
 @contextmanager
-def beside_lamps(
-    flux: Array, wrong: Array, radiance: Callable[[Array, Array], Array]
-) -> Iterator[None]:
-    """Count wrong pixels of maps as they are seen together with lamps that lie beside them.
-
-    `flux`, of shape (3,), is the integral of the lamps' radiance. `wrong`, of shape (n, 3), are the
-    coefficients of the light that they stand for, without theirs. `radiance` returns what is
-    reflected of them, of shape (..., 3), for normals and views.
-    """
-    token = _lamps_beside.set(_LampsBeside(flux[None] / np.sqrt(4 * np.pi), wrong, radiance))
+def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
+    """Count wrong pixels of maps as they are seen together with lamps that lie beside them."""
+    token = _lamps_beside.set(lamps)
     try:
         yield
     finally:

@@ -37,6 +37,9 @@ _known_rings = Memo(2**25)
 """The functions on the rings, up to some orders of the light; those of order 96 take 5 to 9 MB."""
 _AT_ONCE = 16
 """The degrees that are computed together, because small products take long to start."""
+_ORDERS_AT_ONCE = 7
+"""The azimuthal orders q for which light is computed together. Lobes have as many at first, and
+more where these do not suffice."""
 _kept_light: ContextVar[Memo | None] = ContextVar("_kept_light", default=None)
 _LIGHT_BYTES = 2**27
 """The most bytes of `keeping_light`. The light to order 512 takes 14 to 77 MB."""
@@ -248,23 +251,27 @@ def _about_own(light: Array, lobes: Lobes) -> Array:
     if kept is None:
         whole = _reflected(local, lobes.whole)
     else:  # the maps that are compared have the same whole lobes, and errors of their own
-        key = (*(blake2b(each.tobytes()).digest() for each in (light, lobes.whole)), local.shape)
+        key = tuple((blake2b(each.tobytes()).digest(), each.shape) for each in (light, lobes.whole))
         whole = kept.get(key, lambda: _reflected(local, lobes.whole))
     return np.stack([whole, _reflected(local, lobes.error)])
 
 
-def _reflected(local: Array, lobes: Array) -> Array:
+def _reflected(local: Sequence[Array], lobes: Array) -> Array:
     """Reflect the light about central directions by lobes, (directions, views, azimuths)."""
     max_q, views = len(lobes) - 1, lobes.shape[2]
     if not lobes.any():
-        return np.zeros((local.shape[-1], views, _AZIMUTHS))
+        return np.zeros((local[0].shape[-1], views, _AZIMUTHS))
     flat = lobes.transpose(0, 2, 1, 3).reshape(max_q + 1, views, -1)
-    if np.iscomplexobj(flat):
-        product = flat.astype(np.complex64) @ (local[0] + 1j * local[1])
-        by_q = np.stack([product.real, product.imag])
-    else:
-        by_q = flat.astype(local.dtype) @ local
-    by_q = by_q.reshape(2 * (max_q + 1), -1)
+    flat = flat.astype(np.complex64 if np.iscomplexobj(flat) else np.float32)
+    parts, first = [], 0
+    for light in local:
+        some, first = flat[first : first + light.shape[1]], first + light.shape[1]
+        if np.iscomplexobj(some):
+            product = some @ (light[0] + 1j * light[1])
+            parts.append(np.stack([product.real, product.imag]))
+        else:
+            parts.append(some @ light)
+    by_q = np.concatenate(parts, axis=1).reshape(2 * (max_q + 1), -1)
     # The sum over both signs of q is twice the real part of that over q > 0. Lobes lack Condon and
     # Shortley's signs, which the light has.
     q, azimuths = np.arange(max_q + 1), 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
@@ -274,21 +281,27 @@ def _reflected(local: Array, lobes: Array) -> Array:
     return np.asarray(values.reshape(views, -1, _AZIMUTHS).swapaxes(0, 1))
 
 
-def _local_light(light: Array, lobes: Lobes) -> Array:
+def _local_light(light: Array, lobes: Lobes) -> list[Array]:
     """Expand the light about central directions that are spread evenly.
 
     `light`, of shape ((order+1)^2, channels), holds the coefficients over the real harmonics of
     world axes. `lobes` tell the largest l and q.
 
-    Returns an array of shape (2, max_q+1, (order+1) channels, directions), of single precision:
-    the real and the imaginary part of ``A_lq(C)``, zero where q > l.
+    Returns arrays of shape (2, orders q, (order+1) channels, directions), of single precision, for
+    some of the orders q = 0 .. max_q each: the real and the imaginary part of ``A_lq(C)``, zero
+    where q > l.
     """
-    order, max_q = lobes.order, lobes.max_q
-    kept = _kept_light.get()
-    if kept is None:
-        return _make_local_light(light, order, max_q)
-    key = blake2b(light.tobytes()).digest(), light.shape, order, max_q
-    return kept.get(key, lambda: _make_local_light(light, order, max_q))
+    kept, order, count = _kept_light.get(), lobes.order, lobes.max_q + 1
+    digest = None if kept is None else blake2b(light.tobytes()).digest()
+
+    def make(first: int) -> Array:
+        orders = range(first, min(first + _ORDERS_AT_ONCE, count))
+        if kept is None:
+            return _make_local_light(light, order, orders)
+        key = digest, light.shape, order, orders
+        return kept.get(key, lambda: _make_local_light(light, order, orders))
+
+    return [make(first) for first in range(0, count, _ORDERS_AT_ONCE)]
 
 
 @contextmanager
@@ -301,8 +314,8 @@ def keeping_light() -> Iterator[None]:
         _kept_light.reset(token)
 
 
-def _make_local_light(light: Array, order: int, max_q: int) -> Array:
-    """Compute what `_local_light` returns.
+def _make_local_light(light: Array, order: int, orders: range) -> Array:
+    """Compute what `_local_light` returns for some orders q.
 
     As ``d^l_mq(pi - theta) = (-1)^(l+q) d^l_-mq(theta)`` and the light is real, its ``A_lq`` on a
     southern ring follow from the northern ring of the same latitude: they are the conjugates half a
@@ -318,11 +331,11 @@ def _make_local_light(light: Array, order: int, max_q: int) -> Array:
     phases = np.exp(1j * m[:, None, None] * starts).astype(np.complex64)
     waves = np.exp(2j * np.pi / _AROUND * np.outer(np.arange(_AROUND), np.arange(_AROUND)))
     waves = waves.astype(np.complex64)
-    q = np.arange(max_q + 1)[:, None]
+    q = np.array(orders)[:, None]
     twists = np.exp(1j * q * _TWISTS).astype(np.complex64).reshape(-1, 1, 1, _RINGS, _AROUND)
-    result = np.empty((2, max_q + 1, order + 1, channels, _RINGS, _AROUND), np.float32)
+    result = np.empty((2, len(orders), order + 1, channels, _RINGS, _AROUND), np.float32)
     first = 0
-    for functions in _ring_functions(order, max_q):
+    for functions in _ring_functions(order, orders):
         count, *_, blocks = functions.shape
         some = slice(first, first + count)
         rows = slice(middle - blocks // 2 * _AROUND, middle + (blocks // 2 + 1) * _AROUND)
@@ -338,31 +351,31 @@ def _make_local_light(light: Array, order: int, max_q: int) -> Array:
         both = np.concatenate([north, south * signs.astype(np.float32)], axis=-2) * twists
         result[0, :, some], result[1, :, some] = both.real, both.imag
         first += count
-    return result.reshape(2, max_q + 1, (order + 1) * channels, -1)
+    return result.reshape(2, len(orders), (order + 1) * channels, -1)
 
 
-def _ring_functions(order: int, max_q: int) -> Iterable[Array]:
+def _ring_functions(order: int, orders: range) -> Iterable[Array]:
     """Return what `_make_ring_functions` yields, kept for the next call unless it is large."""
     if order > _KEPT_ORDER:
-        return _make_ring_functions(order, max_q)
+        return _make_ring_functions(order, orders)
     make = _make_ring_functions
-    return _known_rings.get((order, max_q), lambda: list(make(order, max_q)))
+    return _known_rings.get((order, orders), lambda: list(make(order, orders)))
 
 
-def _make_ring_functions(order: int, max_q: int) -> Iterator[Array]:
+def _make_ring_functions(order: int, orders: range) -> Iterator[Array]:
     """Yield ``d^l_mq(theta)`` on the northern rings, for some degrees at a time.
 
-    Yields arrays of single precision, of shape (degrees, `_AROUND`, rings / 2, q+1, blocks), with
-    ``m = k + _AROUND (b - blocks // 2)`` at k and b, zero where ``|m|`` or q are beyond the degree.
+    Yields arrays of single precision, of shape (degrees, `_AROUND`, rings / 2, orders q, blocks),
+    with ``m = k + _AROUND (b - blocks // 2)`` at k and b, zero where ``|m|`` or q are beyond the
+    degree.
     """
     theta = np.arccos(1 - (2 * np.arange(_RINGS // 2) + 1) / _RINGS)
-    degrees = small_d_degrees(order, theta, max_spin=max_q)
+    degrees = small_d_degrees(order, theta, orders[-1], orders[0])
     while some := list(islice(degrees, _AT_ONCE)):
         half = -(-some[-1][0] // _AROUND)
         middle, blocks = half * _AROUND, 2 * half + 1
-        result = np.zeros((len(some), blocks * _AROUND, len(theta), max_q + 1), np.float32)
+        result = np.zeros((len(some), blocks * _AROUND, len(theta), len(orders)), np.float32)
         for (degree, d), own in zip(some, result, strict=True):
-            spin, rows = d.shape[1] // 2, slice(middle - degree, middle + degree + 1)
-            own[rows, :, : spin + 1] = d[:, spin:].swapaxes(1, 2)
-        result = result.reshape(len(some), blocks, _AROUND, len(theta), max_q + 1)
+            own[middle - degree : middle + degree + 1, :, : d.shape[1]] = d.swapaxes(1, 2)
+        result = result.reshape(len(some), blocks, _AROUND, len(theta), len(orders))
         yield np.ascontiguousarray(result.transpose(0, 2, 3, 4, 1))

@@ -16,6 +16,7 @@ import numpy as np
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
+from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import SHARED, bytes_text
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, Truth, examined
@@ -79,13 +80,10 @@ def kept_or_best(
     return replace(made, warnings=(*made.warnings, _missed(best, goal, max_size, left)))
 
 
-def as_candidate(made: Prefiltered, lamp_error: float = 0.0) -> Candidate[Prefiltered]:
-    """Return what is predicted to be seen of a map that is made already.
-
-    `lamp_error` is what discs in place of lamps change of the reflected light, as a relative RMS
-    error.
-    """
+def as_candidate(made: Prefiltered) -> Candidate[Prefiltered]:
+    """Return what is predicted to be seen of a map that is made already."""
     map_, find = made.map, made.further["predicted_wrong_share"]
+    lamp_error = map_.error if isinstance(map_, LampMap) else 0.0
     error = math.hypot(total_error(map_.info.predicted_error, map_.info.filter_error), lamp_error)
     bytes_, count = stored_bytes(map_.size, map_.cube_count), map_.cube_count
     return Candidate(map_.representation, bytes_, count, error, find, lambda: made)

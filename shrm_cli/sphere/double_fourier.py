@@ -22,6 +22,7 @@ need no table of their own. That takes ``3/4 N^2 (F+1)^2`` steps a map. The meri
 that most of the time is not arithmetic.
 """
 
+from collections.abc import Iterator
 from functools import cache, lru_cache
 
 import numpy as np
@@ -32,6 +33,7 @@ from shrm_cli.progress import at_once
 from shrm_cli.sphere.cube import face_axes
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, legendre_columns, order_of
 from shrm_cli.sphere.quadrature import nodes
+from shrm_cli.sphere.wigner import right_angle_rows
 from shrm_cli.vocabulary import FACES, Sampling
 
 _known_places = Memo(2**20)
@@ -41,9 +43,7 @@ Tables = tuple[slice, Array, tuple[Array, Array]]
 """Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
 
 _KEPT_ORDER = 96
-"""The largest order whose tables and matrices are kept."""
-_known_tables = Memo(2**24)
-"""The tables of each order. Probes need those of one or two, of which order 96 takes 4 MB."""
+"""The largest order whose matrices are kept. Tables of higher orders are made part by part."""
 _known_matrices = Memo(2**24)
 """The matrices of each order. Maps need those of two or three, of which order 96 takes 4 MB."""
 _TABLE_BYTES = 2**25
@@ -71,11 +71,10 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     # Where the k lie side by side, syntheses take less time to sort them.
     result = np.empty((count, 2 * maps, count))
     if count <= _KEPT_ORDER + 1:
-        kept = kept_order(count - 1) + 1
-        for which, above, k, matrices in _known_matrices.get(kept, lambda: fourier_matrices(kept)):
-            chosen, target = flat[which, above].transpose(0, 2, 1), result[which, :, k]
-            size = len(target), target.shape[2], chosen.shape[2]
-            target[...] = chosen @ matrices[: size[0], : size[1], : size[2]].transpose(0, 2, 1)
+        for which, above, k, matrices in _kept_matrices(count):
+            result[which, :, k] = flat[which, above].transpose(0, 2, 1) @ matrices.transpose(
+                0, 2, 1
+            )
     else:
         flat[1:] *= np.sqrt(2)
         _transform_circles(flat, result.transpose(0, 2, 1))
@@ -108,26 +107,35 @@ def harmonics_from_moments(moments: Array) -> Array:
     _, count, _, maps = moments.shape
     flat = moments.transpose(1, 2, 0, 3).reshape(count, count, 2 * maps)
     series = np.zeros_like(flat)
-
-    def transform(part: range) -> None:
-        for which, matrix, (symmetric, antisymmetric) in _tables(count - 1, part):
-            circle = matrix.T @ flat[which]
-            rings = symmetric.shape[-1]
-            north = circle[:, :rings]
-            south = np.zeros_like(north)
-            south[:, :-1] = circle[:, :-rings:-1]
-            chosen = series[which, : symmetric.shape[1] + antisymmetric.shape[1]]
-            chosen[:, 0::2] = symmetric @ (north + south)
-            chosen[:, 1::2] = antisymmetric @ (north - south)
-
-    at_once(transform, _parts(count - 1), _is_large(flat))
+    if count <= _KEPT_ORDER + 1:
+        for which, above, k, matrices in _kept_matrices(count):
+            series[which, above] = matrices.transpose(0, 2, 1) @ flat[which, k]
+    else:
+        _transform_moments(flat, series)
+        series[1:] *= np.sqrt(2)
     columns = series.reshape(count * count, 2, maps)
-    columns[count:] *= np.sqrt(2)
     result = np.empty((count**2, maps))
     place, cosine, sine = places_by_m(count)
     result[cosine] = columns[place, 0]
     result[sine[count:]] = columns[place[count:], 1]
     return result
+
+
+def _transform_moments(flat: Array, result: Array) -> None:
+    """Transform moments [m, k, map] to [m, l - m, map] by their values on circles."""
+
+    def transform(part: range) -> None:
+        for which, matrix, (symmetric, antisymmetric) in _make_tables(len(flat) - 1, part):
+            circle = matrix.T @ flat[which]
+            rings = symmetric.shape[-1]
+            north = circle[:, :rings]
+            south = np.zeros_like(north)
+            south[:, :-1] = circle[:, :-rings:-1]
+            chosen = result[which, : symmetric.shape[1] + antisymmetric.shape[1]]
+            chosen[:, 0::2] = symmetric @ (north + south)
+            chosen[:, 1::2] = antisymmetric @ (north - south)
+
+    at_once(transform, _parts(len(flat) - 1), _is_large(flat))
 
 
 def places_by_m(count: int) -> tuple[Indices, Indices, Indices]:
@@ -149,8 +157,6 @@ def _make_places(count: int) -> tuple[Indices, Indices, Indices]:
 
 def _parts(order: int) -> list[range]:
     """Split m = 0 .. order into parts of which each has little memory for its tables."""
-    if order <= _KEPT_ORDER:
-        return [range(order + 1)]
     rings, parts, start = (order + 2) // 2 + 1, [], 0
     while start <= order:
         fitting = _TABLE_BYTES // (8 * rings * (order + 1 - start))
@@ -167,13 +173,6 @@ def _is_large(series: Array) -> bool:
     return count**2 * (columns + count / 2) > _LARGE
 
 
-def _tables(order: int, part: range) -> list[Tables]:
-    """What `_make_tables` makes, kept from one call to the next unless it is large."""
-    if order > _KEPT_ORDER:
-        return _make_tables(order, part)
-    return _known_tables.get((order, part), lambda: _make_tables(order, part))
-
-
 def fourier_matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
     """The whole transform from coefficients of one m to Fourier coefficients, for all m.
 
@@ -182,19 +181,34 @@ def fourier_matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
     By symmetry about the equator even l only have waves of even k, and odd l those of odd k.
 
     Returns matrices of shape (m, k, l - m), behind the m, the l - m and the k that they are about,
-    as slices.
+    as slices. What stands where l > order means nothing.
+
+    References: Trapani & Navaza 2006, Acta Cryst. A62: ``d^l_m0(theta)`` is the sum of ``i^m
+    d^l_km(pi/2) d^l_k0(pi/2) exp(-i k theta)`` over k = -l .. l, whose terms of -k are those of k
+    times (-1)^m.
     """
+    rows, at = right_angle_rows(count - 1), np.arange(count)
+    zonal = rows[at, at] * np.where(at > 0, 2.0, 1.0)  # d^l_0k
+    zonal *= np.sqrt((2 * at[:, None] + 1) / (4 * np.pi))
+    signs = np.where(at > 0, np.sqrt(2), 1.0) * (-1.0) ** (at // 2)  # of m
     found: list[tuple[slice, slice, slice, Array]] = []
-    for which, matrix, tables in _make_tables(count - 1, range(count)):
-        parity, rings = which.start % 2, tables[0].shape[-1]
-        for above, sign in enumerate((1.0, -1.0)):
-            k = slice((parity + above) % 2, None, 2)
-            both = matrix[k, :rings].copy()
-            both[:, :-1] += sign * matrix[k, :-rings:-1]
-            matrices = both @ tables[above].transpose(0, 2, 1)
-            matrices[which.start == 0 :] *= np.sqrt(2)  # not those of m = 0
-            found.append((which, slice(above, None, 2), k, matrices))
+    for parity, above in np.ndindex(2, 2):
+        which, some = slice(parity, None, 2), slice(above, None, 2)
+        k = slice((parity + above) % 2, None, 2)
+        degree = np.minimum(at[which, None] + at[some], count - 1)
+        matrices = rows[at[some], degree, k] * zonal[degree, k]
+        matrices *= signs[which, None, None]
+        # Products of many series are twice as fast with the l - m side by side.
+        found.append((which, some, k, np.ascontiguousarray(matrices.transpose(0, 2, 1))))
     return found
+
+
+def _kept_matrices(count: int) -> Iterator[tuple[slice, slice, slice, Array]]:
+    """Yield what `fourier_matrices` returns, which is kept for the next time."""
+    kept = kept_order(count - 1) + 1
+    for which, above, k, matrices in _known_matrices.get(kept, lambda: fourier_matrices(kept)):
+        sizes = (slice(len(range(count)[each])) for each in (which, k, above))
+        yield which, above, k, matrices[tuple(sizes)]
 
 
 def _make_tables(order: int, part: range) -> list[Tables]:

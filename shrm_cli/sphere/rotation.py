@@ -5,7 +5,6 @@ of them and of one fixed rotation, a quarter turn, whose matrices are kept: the 
 is then a few turns of pairs, and two products with matrices that are the same for all of them.
 """
 
-import itertools
 import threading
 from collections.abc import Iterable, Iterator
 
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array, Memo, kept_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, order_of
-from shrm_cli.sphere.wigner import right_angle_blocks, right_angle_degrees
+from shrm_cli.sphere.wigner import right_angle_degrees
 
 _CACHED_ORDER = 96
 _REPEATED_ORDER = 64
@@ -335,8 +334,8 @@ class _WholeTurn:
 class _SplitTurn:
     """The same by the parts of that matrix that are not zero, a quarter of it."""
 
-    blocks: tuple[tuple[Array, Array], tuple[Array, Array]]
-    """As `right_angle_blocks` yields them."""
+    blocks: list[list[Array]]
+    """``blocks[i][j]`` has the ``d_mn`` of m = i, i + 2 .. and n = j, j + 2 .."""
     weights: Array
     """The factors between ``d_mn`` and real harmonics, of m and of n alike, shape (l+1, 1)."""
 
@@ -364,8 +363,13 @@ def _quarter_turns(order: int) -> Iterable[_WholeTurn | _SplitTurn]:
     if order <= _CACHED_ORDER:
         return _known_turns.up_to(order)
     weights = _turn_weights(order)[:, None]
-    blocks = enumerate(right_angle_blocks(order))
-    return (_SplitTurn(each, weights[: degree + 1]) for degree, each in blocks)
+    return (
+        _SplitTurn(
+            [[np.ascontiguousarray(each[i::2, j::2]) for j in (0, 1)] for i in (0, 1)],
+            weights[: len(each)],
+        )
+        for each in right_angle_degrees(order)
+    )
 
 
 def _turn_weights(order: int) -> Array:
@@ -374,8 +378,10 @@ def _turn_weights(order: int) -> Array:
     return np.where(m == 0, 1.0, np.sqrt(2)) * (-1.0) ** m
 
 
-def _right_angle_turns(order: int) -> Iterator[_WholeTurn]:
+def _right_angle_turns(order: int, first: int = 0) -> Iterator[_WholeTurn]:
     """Yield the matrices of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
+
+    They are those of the degrees from the first to the order.
 
     Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
     """
@@ -384,7 +390,7 @@ def _right_angle_turns(order: int) -> Iterator[_WholeTurn]:
     weights = factor[:, None] * factor
     odd = (m[:, None] + m) % 2
     by_parity = weights * (1 - odd), weights * odd
-    for degree, quadrant in enumerate(right_angle_degrees(order)):
+    for degree, quadrant in enumerate(right_angle_degrees(order, first), first):
         size = degree + 1
         cosine, sine = by_parity[degree % 2], by_parity[1 - degree % 2]
         result = np.zeros((2 * degree + 1, 2 * degree + 1))
@@ -403,12 +409,12 @@ class _KnownTurns:
 
     def __init__(self) -> None:
         self._found: list[_WholeTurn] = []
-        self._more = _right_angle_turns(_CACHED_ORDER)
         self._lock = threading.Lock()
 
     def up_to(self, order: int) -> list[_WholeTurn]:
         with self._lock:
-            self._found += itertools.islice(self._more, max(order + 1 - len(self._found), 0))
+            if order >= len(self._found):
+                self._found += _right_angle_turns(kept_order(order), len(self._found))
         return self._found[: order + 1]
 
 

@@ -1,7 +1,8 @@
 """Wigner's small-d matrices, and Clebsch-Gordan coefficients.
 
-The matrices are made by one recurrence in the degree that is stable to order 512, the coefficients
-by a sum where one of the degrees is small, and else from J^2.
+The matrices are made by recurrences that are stable to order 512: in the degree, and for right
+angles in m. The coefficients are made by a sum where one of the degrees is small, and else from
+J^2.
 
 Convention: ``d^1_10(b) = -sin(b) / sqrt(2)``, so that ``D^l_mn(a, b, c) =
 exp(-i m a) d^l_mn(b) exp(-i n c)`` rotates complex harmonics with Condon-Shortley phase.
@@ -15,17 +16,25 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, Memo, kept_order
 
+_KEPT_ORDER = 96
+"""The largest order to which values at right angles are computed and kept at once."""
+_known_rows = Memo(2**24)
+"""Values at right angles of some orders, of which order 96 takes 7 MB."""
+_VALUES_AT_ONCE = 2**22
+"""Values at right angles of higher degrees that are computed at a time."""
+
 
 def small_d_degrees(
-    order: int, theta: ArrayLike, max_spin: int | None = None
+    order: int, theta: ArrayLike, max_spin: int | None = None, min_spin: int | None = None
 ) -> Iterator[tuple[int, Array]]:
     """Yield ``(l, d^l)`` for l = 0 .. order.
 
-    `order` is the largest degree. `theta` holds angles in radians, any shape. `max_spin` keeps only
-    the columns ``|n| <= max_spin``; all of them by default.
+    `order` is the largest degree. `theta` holds angles in radians, any shape. `max_spin` and
+    `min_spin` keep only the columns ``min_spin <= n <= max_spin``; all of them by default, and
+    those from ``-max_spin`` on, which is the least, if `max_spin` alone is given.
 
-    Yields `l`; and `d` of shape (2l+1, 2 min(l, max_spin) + 1, *theta.shape), ``d[m + l, n + min(l,
-    max_spin)] = d^l_mn(theta)``.
+    Yields `l`; and `d` of shape (2l+1, columns, *theta.shape), ``d[m + l, n - k] = d^l_mn(theta)``
+    where k is the larger of -l and `min_spin`.
 
     References: Varshalovich, Moskalev & Khersonskii 1988, 4.8.2 (14) for the recurrence, 4.17 for
     the edges.
@@ -34,77 +43,73 @@ def small_d_degrees(
     spins = order if max_spin is None else min(max_spin, order)
     half_cos, half_sin = np.cos(theta / 2), np.sin(theta / 2)
     cosine = np.cos(theta)
+    lowest = -spins if min_spin is None else min_spin
     edge = np.ones((1, *theta.shape))  # d^l_{l,n} for n = -min(l, spins) .. min(l, spins)
-    previous = before = np.ones((1, 1, *theta.shape))
+    previous = before = np.ones((1, int(lowest <= 0), *theta.shape))
     yield 0, previous
     for degree in range(1, order + 1):
         edge = _next_edge(edge, degree, min(degree, spins), half_cos, half_sin)
-        current = np.empty((2 * degree + 1, 2 * min(degree, spins) + 1, *theta.shape))
-        _recur(current, previous, before, degree, cosine)
-        _set_edges(current, edge, degree)
+        columns = max(min(degree, spins) + 1 - max(lowest, -degree), 0)
+        current = np.empty((2 * degree + 1, columns, *theta.shape))
+        _recur(current, previous, before, degree, lowest, cosine)
+        _set_edges(current, edge, degree, lowest)
         yield degree, current
         before, previous = previous, current
 
 
-def right_angle_degrees(order: int) -> Iterator[Array]:
-    """Yield ``d^l_mn(pi/2)``, m, n = 0 .. l, for l = 0 .. order.
+def right_angle_rows(order: int, first: int = 0) -> Array:
+    """Return ``d^l_mn(pi/2)``, m, n >= 0, for l = first .. order at once.
+
+    From the row m = l on down to m = 0, a recurrence in m takes all degrees in one step. It is
+    stable in that direction, also at order 512. The values of one quadrant are all that there are,
+    ``d_m,-n = (-1)^(l+m) d_mn``.
+
+    Returns an array of shape (order+1, order+1-first, order+1), indexed [l - m, l - first, n]; zero
+    where n or l - m are larger than l. As for all l it takes memory with the third power of the
+    order, `right_angle_degrees` is for high ones.
+
+    References: Trapani & Navaza 2006, Calculation of spherical harmonics and Wigner d functions by
+    FFT, Acta Cryst. A62, section 3.
+    """
+    if first == 0 and order <= _KEPT_ORDER:
+        kept = kept_order(order)
+        rows = _known_rows.get(kept, lambda: _falling_rows(kept, 0))
+        return rows[: order + 1, : order + 1, : order + 1]
+    return _falling_rows(order, first)
+
+
+def _falling_rows(order: int, first: int) -> Array:
+    """Compute what `right_angle_rows` returns."""
+    degree, n = np.arange(first, order + 1.0)[:, None], np.arange(order + 1.0)
+    result = np.zeros((order + 1, len(degree), order + 1))
+    even = 2 * n[1:]
+    result[0, :, 0] = np.cumprod(np.append(1.0, -np.sqrt((even - 1) / even)))[first:]
+    result[0, :, 1:] = -np.sqrt(np.maximum(degree - n[:-1], 0.0) / (degree + n[:-1] + 1))
+    np.cumprod(result[0], axis=1, out=result[0])
+    above = np.arange(float(order))  # l - m, to which the factors of the next row belong
+    scale = 1 / np.sqrt((above + 1) * np.maximum(2 * degree - above, 1)).T[..., None]
+    back = scale * np.sqrt(above * np.maximum(2 * degree - above + 1, 0)).T[..., None]
+    for row in range(order):
+        some = slice(max(row + 1 - first, 0), None)
+        lower = result[row + 1, some]
+        np.multiply(result[row, some], scale[row, some], out=lower)
+        lower *= 2 * n
+        if row:
+            lower -= back[row, some] * result[row - 1, some]
+    return result
+
+
+def right_angle_degrees(order: int, first: int = 0) -> Iterator[Array]:
+    """Yield ``d^l_mn(pi/2)``, m, n = 0 .. l, for l = first .. order.
 
     Yields `d` of shape (l+1, l+1).
     """
-    for degree, blocks in enumerate(right_angle_blocks(order)):
-        quadrant = np.empty((degree + 1, degree + 1))
-        for rows, columns in np.ndindex(2, 2):
-            quadrant[rows::2, columns::2] = blocks[rows][columns]
-        yield quadrant
-
-
-def right_angle_blocks(order: int) -> Iterator[tuple[tuple[Array, Array], tuple[Array, Array]]]:
-    """Yield the values of `right_angle_degrees`, those of even and of odd m and n apart.
-
-    The same recurrence where it is simplest: the cosine is 0, and one quadrant holds all values,
-    ``d_m,-n = (-1)^(l+m) d_mn``. It never mixes values of different m or n, and those of odd m
-    and even n follow by ``d_nm = (-1)^(m-n) d_mn``.
-
-    Yields `blocks`, ``blocks[i][j]`` has m = i, i + 2 .. and n = j, j + 2 .. in its rows and
-    columns.
-    """
-    m = np.arange(order + 1.0)
-    pairs = (0, 0), (0, 1), (1, 1)
-    before = {pair: np.zeros((0, 0)) for pair in pairs}
-    previous = {(0, 0): np.ones((1, 1)), (0, 1): np.zeros((1, 0)), (1, 1): np.zeros((0, 0))}
-    side = np.zeros(0)  # sqrt(l^2 - m^2) of the degree below, m = 0 .. l - 1
-    edge = np.ones(1)  # d^l_ln, n = 0 .. l
-    for degree in range(order + 1):
-        if degree:
-            k, root = degree - 1, side
-            side = np.sqrt(degree**2 - m[:degree] ** 2)
-            ratio = np.sqrt(2 * degree * (2 * degree - 1)) / side
-            edge = np.append(-ratio / 2 * edge, 0.5**degree)
-            column = (-1.0) ** (degree - m[: degree + 1]) * edge
-            ahead, behind = m[:degree] / side, root / side[:k]
-            current = {}
-            for i, j in pairs:
-                size = len(m[i : degree + 1 : 2]), len(m[j : degree + 1 : 2])
-                block = current[i, j] = np.zeros(size)
-                if k > 0:
-                    steps = -(2 * k + 1) / k * ahead[i::2], ahead[j::2]
-                    _add_scaled(block, previous[i, j], *steps)
-                    steps = -degree / k * behind[i::2], behind[j::2]
-                    _add_scaled(block, before[i, j], *steps)
-                if degree % 2 == i:
-                    block[-1] = edge[j::2]
-                if degree % 2 == j:
-                    block[:, -1] = column[i::2]
-            before, previous = previous, current
-        mixed = previous[0, 1]
-        yield (previous[0, 0], mixed), (-mixed.T, previous[1, 1])
-
-
-def _add_scaled(target: Array, values: Array, rows: Array, columns: Array) -> None:
-    """Add values times factors of their rows and columns, into the corner of a larger array."""
-    scaled = values * rows[:, None]
-    scaled *= columns
-    target[: len(rows), : len(columns)] += scaled
+    while first <= order:
+        last = min(max(first + _VALUES_AT_ONCE // (order + 1) ** 2, _KEPT_ORDER), order)
+        rows = right_angle_rows(last, first)
+        for degree in range(first, last + 1):
+            yield rows[degree::-1, degree - first, : degree + 1]
+        first = last + 1
 
 
 def _next_edge(edge: Array, degree: int, width: int, half_cos: Array, half_sin: Array) -> Array:
@@ -120,35 +125,40 @@ def _next_edge(edge: Array, degree: int, width: int, half_cos: Array, half_sin: 
     return np.concatenate([first[None], grown, last[None]])
 
 
-def _recur(current: Array, previous: Array, before: Array, degree: int, cosine: Array) -> None:
-    """Fill |m|, |n| < l from the two degrees below."""
+def _recur(
+    current: Array, previous: Array, before: Array, degree: int, lowest: int, cosine: Array
+) -> None:
+    """Fill |m| < l of the columns that the two degrees below have; the first is `lowest` or -l."""
     k = degree - 1
-    width, inner = (current.shape[1] - 1) // 2, (previous.shape[1] - 1) // 2
+    first = max(lowest, -k)
     tail = [1] * cosine.ndim
     m = np.arange(-k, k + 1).reshape(-1, 1, *tail)
-    n = np.arange(-inner, inner + 1).reshape(1, -1, *tail)
+    n = np.arange(first, first + previous.shape[1]).reshape(1, -1, *tail)
     scale = 1 / np.sqrt(float(degree**2) - m**2) / np.sqrt(float(degree**2) - n**2)
-    target = current[1:-1, width - inner : width + inner + 1]
+    new = first - max(lowest, -degree)
+    target = current[1:-1, new : new + previous.shape[1]]
     if k == 0:
         target[...] = cosine
         return
     np.multiply(degree * cosine - m * n / k, previous, out=target)
     target *= scale * (2 * k + 1)
-    lower = (before.shape[1] - 1) // 2
     weight = (degree / k) * np.sqrt((k**2 - m**2) * np.maximum(k**2 - n**2, 0.0)) * scale
-    keep = slice(inner - lower, inner + lower + 1)
+    new = max(lowest, 1 - k) - first
+    keep = slice(new, new + before.shape[1])
     target[1:-1, keep] -= weight[1:-1, keep] * before
 
 
-def _set_edges(current: Array, edge: Array, degree: int) -> None:
+def _set_edges(current: Array, edge: Array, degree: int, lowest: int) -> None:
     """Fill m = +-l, and n = +-l where it is kept, by d_mn = (-1)^(m-n) d_nm = d_-n,-m."""
     width = (len(edge) - 1) // 2
     signs = (-1.0) ** (degree - np.arange(-width, width + 1))
-    signs = signs.reshape(-1, *[1] * (edge.ndim - 1))
-    current[-1] = edge
-    current[0] = (signs * edge)[::-1]
-    if width == degree:
-        current[:, -1] = signs * edge
+    mirrored = signs.reshape(-1, *[1] * (edge.ndim - 1)) * edge
+    kept = slice(max(lowest, -degree) + width, None)
+    current[-1] = edge[kept]
+    current[0] = mirrored[::-1][kept]
+    if width == degree >= lowest:
+        current[:, -1] = mirrored
+    if width == degree <= -lowest:
         current[:, 0] = edge[::-1]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import sph_harm_y
 
-from shrm_cli.maps.expansion import beside_lamps, wrong_share
+from shrm_cli.maps.expansion import LampsBeside, beside_lamps, wrong_share
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.lobes_lit import Lobes, lit, points, sample_views
 from shrm_cli.prefilter import prefilter_with_facts
@@ -174,7 +174,7 @@ def test_lamps_beside_a_map_hide_its_errors_and_have_their_own():
     lobes = Lobes(whole, 0.5 * whole * [[[0]], [[1]]])
 
     def beside(wrong, light):
-        with beside_lamps(np.zeros(3), wrong, light):
+        with beside_lamps(LampsBeside(np.zeros(3), wrong, light)):
             return wrong_share(lighting, [lobes])
 
     def none(normals, views):

@@ -144,6 +144,17 @@ def test_max_spin_keeps_the_middle_columns(max_spin):
         np.testing.assert_allclose(matrix, kept, rtol=0, atol=tolerance(degree))
 
 
+@pytest.mark.parametrize(("lowest", "highest"), [(0, 3), (2, 5), (4, 9), (-2, 3)])
+def test_some_columns_are_kept(lowest, highest):
+    theta = np.array([0.2, 1.3, 2.9])
+    whole = dict(small_d_degrees(9, theta))
+    for degree, matrix in small_d_degrees(9, theta, highest, lowest):
+        n = np.arange(max(lowest, -degree), min(highest, degree) + 1)
+        kept = whole[degree][:, n + degree]
+        assert matrix.shape == kept.shape
+        np.testing.assert_allclose(matrix, kept, rtol=0, atol=tolerance(degree))
+
+
 @pytest.mark.parametrize("order", [0, 1, 40])
 def test_right_angles(order):
     """The quadrant m, n >= 0 of d(pi/2); the rest of it by the symmetry that comes with it."""
@@ -161,6 +172,15 @@ def test_right_angles(order):
             rtol=0,
             atol=tolerance(degree) + 8 * EPS,
         )
+
+
+@pytest.mark.parametrize(("first", "order"), [(96, 99), (97, 97), (0, 130)])
+def test_right_angles_of_some_degrees(first, order):
+    """Degrees that are kept for all orders, and those above, which are made some at a time."""
+    quadrants = list(right_angle_degrees(order, first))
+    assert [len(each) for each in quadrants] == list(range(first + 1, order + 2))
+    expected = oracles.small_d_by_eigenvectors(order, np.pi / 2)[order:, order:]
+    np.testing.assert_allclose(quadrants[-1], expected, rtol=0, atol=tolerance(order))
 
 
 @pytest.mark.proof
