@@ -8,16 +8,16 @@ map keeps, or only one of megabytes, are lamps in sharp lobes, which then go bes
 
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from shrm_cli.brdf.sums import split
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered, Truth, examined, truth_of
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best
+from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best, known_error
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
-from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, first_kept, least_wrong
 from shrm_cli.probe.lighting import Projection
@@ -25,6 +25,9 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
 from shrm_cli.vocabulary import COARSE_ROWS, NEGATIVE_SHARE
+
+if TYPE_CHECKING:
+    from shrm_cli.lights.beside import Beside
 
 _FORM = "form"
 """The heading of the note that says which form was taken and why."""
@@ -36,7 +39,27 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     Notes say which form was taken and why. Where no form keeps what is asked for, it is the best
     one, and a warning that says by how much and what would.
     """
-    return _Asked.of(probe, request).made()
+    if not request.splits:
+        return _Asked.of(probe, request).made()
+    from shrm_cli.lights.beside import split_for
+
+    return _beside(split_for(probe, request.brdf), request)
+
+
+def _beside(beside: "Beside", request: Request) -> Prefiltered:
+    """Make the map of the light without its lamps, with these beside it."""
+    from shrm_cli.lights.beside import with_lamps
+
+    asked, goal = replace(request, sun="split"), Goal.of(request.error, request.seen)
+    if goal.wrong_share is not None:
+        # The RMS error is of all light, of which this map has a part. Where lamps light nothing,
+        # the share of wrong pixels keeps what is seen.
+        error = goal.error / max(beside.left, goal.error)
+        asked = replace(asked, error=error, seen=goal.wrong_share)
+    light = beside.split.residual_probe if beside.split.discs else beside.split.probe
+    with beside.shown(request.brdf):
+        rest = _Asked.of(light, asked, beside.left).made()
+    return with_lamps(rest, beside, request.brdf)
 
 
 def automatic_choice(probe: Probe, request: Request) -> str:
@@ -138,7 +161,7 @@ class _Asked:
         """
         if self.request.sun is not None:
             return None
-        from shrm_cli.lights.beside import split_for, with_lamps
+        from shrm_cli.lights.beside import split_for
         from shrm_cli.maps.lamps.models import has_code
 
         if not has_code(self.request.brdf):  # shaders and pages could not show the map
@@ -146,15 +169,7 @@ class _Asked:
         beside = split_for(self.probe, self.request.brdf)
         if not beside.split.discs or (is_kept and beside.error > self.goal.error):
             return None
-        asked = replace(self.request, sun="split")
-        if self.goal.wrong_share is not None:
-            # The RMS error is of all light, of which this map has a part. Where lamps light
-            # nothing, the share of wrong pixels keeps what is seen.
-            error = self.goal.error / max(beside.left, self.goal.error)
-            asked = replace(asked, error=error, seen=self.goal.wrong_share)
-        with beside.shown(self.request.brdf):
-            rest = _Asked.of(beside.split.residual_probe, asked, beside.left).made()
-        found = as_candidate(with_lamps(rest, beside, self.request.brdf), beside.error)
+        found = as_candidate(_beside(beside, self.request), beside.error)
         is_far_smaller = found.bytes <= policy.FAR_SMALLER * whole.bytes
         if found.keeps(self.goal):
             return found if is_far_smaller or not is_kept else None
@@ -235,8 +250,7 @@ class _Asked:
             return "an SHRM knows no tangent"
         if len(self.proposals.parts) > 1:
             return "an SHRM would hold every term with harmonics of its own"
-        error = total_error(made.map.info.predicted_error, made.map.info.filter_error)
-        found = self.shrms.least(error, self.request.allowed)
+        found = self.shrms.least(known_error(made), self.request.allowed)
         if found is None:
             return "no SHRM fits"
         best, is_kept = found
