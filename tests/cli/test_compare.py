@@ -442,7 +442,8 @@ def test_logs_tell_of_long_work(folder, monkeypatch):
     assert "comparing" not in run(*asked).err
     monkeypatch.setattr("shrm_cli.cli.terminal._LONG_SILENCE", 0.0)
     lines = run(*asked).err.splitlines()
-    assert all(re.fullmatch(r"comparing: \d+% after \d+ s, about \d+ s left", each) for each in lines)
+    said = re.compile(r"comparing: \d+% after \d+ s, about \d+ s left")
+    assert all(map(said.fullmatch, lines))
     parts = [int(re.search(r"\d+", each)[0]) for each in lines]
     assert parts == sorted(parts)
     assert parts[0] < 50

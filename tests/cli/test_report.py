@@ -348,6 +348,17 @@ def test_contact_sheets_say_no_error_that_is_not_the_maps(folder):
     assert "%" not in cells[1]
 
 
+def test_contact_sheets_say_what_look_ups_add(folder):
+    """Which is most of the error of a map with few texels, and was left out."""
+    asked = ["--brdf", "phong:exponent=8", "--to", "principal", "--size", "8", "-o", "small.exr"]
+    made = json.loads(run("prefilter", "probe.exr", *asked, "--json").out)
+    whole = np.hypot(made["predicted_error"], made["filter_error"])
+    assert whole > 1.2 * made["predicted_error"]
+    done("contact", "small.exr", "-o", "one.html")
+    (cell,) = [each for each in read("one.html")[1].texts if each.endswith(" %")]
+    assert float(cell.split(", ")[1].split()[0]) == pytest.approx(100 * whole, rel=0.06)
+
+
 def test_batches_have_contact_sheets(folder):
     result = run("batch", "probe.exr", "note.exr", "--brdf", "phong", "--jobs", "1", "--contact",
                  "all.html", "--quiet")  # fmt: skip
