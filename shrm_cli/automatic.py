@@ -10,17 +10,17 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, cached_property
+from typing import TYPE_CHECKING
 
 from shrm_cli.brdf.sums import split
-from shrm_cli.maps.expansion import beside_lamps
+from shrm_cli.maps.expansion import LampsBeside, beside_lamps
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered, Truth, examined, truth_of
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best
+from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best, known_error
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
-from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, first_kept, least_wrong
 from shrm_cli.probe.lighting import Projection
@@ -28,6 +28,9 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
 from shrm_cli.vocabulary import COARSE_ROWS, NEGATIVE_SHARE
+
+if TYPE_CHECKING:
+    from shrm_cli.lights.beside import Beside
 
 _FORM = "form"
 """The heading of the note that says which form was taken and why."""
@@ -39,7 +42,11 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     Notes say which form was taken and why. Where no form keeps what is asked for, it is the best
     one, and a warning that says by how much and what would.
     """
-    return _Asked.of(probe, request).made()
+    if not request.splits:
+        return _Asked.of(probe, request).made()
+    from shrm_cli.lights.beside import split_for
+
+    return _Apart.of(split_for(probe, request.brdf), request).made()
 
 
 def automatic_choice(probe: Probe, request: Request) -> str:
@@ -144,7 +151,7 @@ class _Asked:
         """
         if self.request.sun is not None:
             return None
-        from shrm_cli.lights.beside import split_for, with_lamps
+        from shrm_cli.lights.beside import split_for
         from shrm_cli.maps.lamps.models import has_code
 
         if not has_code(self.request.brdf):  # shaders and pages could not show the map
@@ -154,24 +161,7 @@ class _Asked:
         most = 1.0 if is_kept else max(policy.MISSED * whole.badness(self.goal), 1.0)
         if not beside.split.discs or beside.error > most * self.goal.error:
             return None
-        asked = replace(self.request, sun="split")
-        if self.goal.wrong_share is not None:
-            # The RMS error is of all light, of which this map has a part. Where lamps light
-            # nothing, the share of wrong pixels keeps what is seen.
-            error = self.goal.error / max(beside.left, self.goal.error)
-            asked = replace(asked, error=error, seen=self.goal.wrong_share)
-        rest = _Asked.of(beside.split.residual_probe, asked, beside.left)
-        lamps = beside.lamps(self.request.brdf)
-
-        def make() -> Prefiltered:
-            with beside_lamps(lamps):
-                return with_lamps(rest.made(), beside, self.request.brdf)
-
-        with beside_lamps(lamps):
-            found = rest.foreseen()
-            share = found.wrong_share
-        error = math.hypot(beside.left * found.total_error, beside.error)
-        found = replace(found, total_error=error, find_wrong_share=lambda: share, make=make)
+        found = _Apart.of(beside, self.request).foreseen()
         return found if self._is_worth_lamps(found, whole, is_kept) else None
 
     def _is_worth_lamps(
@@ -275,14 +265,53 @@ class _Asked:
             return "an SHRM knows no tangent"
         if len(self.proposals.parts) > 1:
             return "an SHRM would hold every term with harmonics of its own"
-        error = total_error(made.map.info.predicted_error, made.map.info.filter_error)
-        found = self.shrms.least(error, self.request.allowed)
+        found = self.shrms.least(known_error(made), self.request.allowed)
         if found is None:
             return "no SHRM fits"
         best, is_kept = found
         if is_kept:
             return f"an SHRM of its error takes {bytes_text(best.bytes)}"
         return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
+
+
+@record(eq=False)
+class _Apart:
+    """The light without its lamps, which lie beside its map, and what is asked of that."""
+
+    rest: _Asked
+    beside: "Beside"
+    lamps: LampsBeside | None
+
+    @classmethod
+    def of(cls, beside: "Beside", request: Request) -> "_Apart":
+        """Return what is left of a probe's light for a request about all of it."""
+        asked, goal = replace(request, sun="split"), Goal.of(request.error, request.seen)
+        if goal.wrong_share is not None:
+            # The RMS error is of all light, of which this map has a part. Where lamps light
+            # nothing, the share of wrong pixels keeps what is seen.
+            error = goal.error / max(beside.left, goal.error)
+            asked = replace(asked, error=error, seen=goal.wrong_share)
+        light = beside.split.residual_probe if beside.split.discs else beside.split.probe
+        rest = _Asked.of(light, asked, beside.left)
+        return cls(rest, beside, beside.lamps(request.brdf))
+
+    def made(self) -> Prefiltered:
+        """Make the map."""
+        from shrm_cli.lights.beside import with_lamps
+
+        with beside_lamps(self.lamps):
+            return with_lamps(self.rest.made(), self.beside, self.rest.request.brdf)
+
+    def foreseen(self) -> Candidate[Prefiltered]:
+        """Return what the map would be."""
+        with beside_lamps(self.lamps):
+            found = self.rest.foreseen()
+            share = found.wrong_share
+        error = math.hypot(self.beside.left * found.total_error, self.beside.error)
+        # What is predicted here holds beside the lamps alone.
+        return replace(
+            found, total_error=error, find_wrong_share=lambda: share, make=self.made
+        )  # fmt: skip
 
 
 def _noted(made: Prefiltered, why: str) -> Prefiltered:

@@ -97,9 +97,10 @@ def prefilter(
     sun : {"split", "keep"}, optional
         Take the lamps out of the light as `shrm_cli.lights.split.split_lamps` does, and make the
         map of what is left. They are kept beside it as discs, whose reflection `radiance` adds.
-        What is asked of the map is asked of what is left; the errors that it states are relative
-        to all of the reflected light. ``keep`` leaves them in the map. By default ``auto`` takes
-        them out where no map keeps what is asked otherwise, and other forms keep them.
+        What is asked of the map is asked of what is left, of ``auto`` with `seen` or the defaults
+        of all light; the errors that it states are relative to all of the reflected light. ``keep``
+        leaves them in the map. By default ``auto`` takes them out where no map keeps what is asked
+        otherwise, and other forms keep them.
     progress : callable, optional
         Called with the amount of work done and the amount in all. What is done never falls.
     **own
@@ -181,7 +182,7 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
 
 def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:
     """Return the light that the map is made of, and the lamps if they are to be beside it."""
-    if not request.splits:
+    if not request.splits or request.to == AUTO:  # which does it by itself
         return probe, None
     from shrm_cli.lights.beside import split_for
 
@@ -209,7 +210,8 @@ def _finished(
     made: Prefiltered, probe: Probe, lamps: "Beside | None", request: Request
 ) -> Prefiltered:
     """Put the lamps beside the map, or say where that would help."""
-    if lamps is None and not any(REMEDY in line for line in made.warnings):
+    is_plain = request.splits or not any(REMEDY in line for line in made.warnings)
+    if lamps is None and is_plain:
         return made
     from shrm_cli.lights.beside import MUCH, lamps_share, with_lamps
     from shrm_cli.maps.lamps.models import has_code

@@ -71,8 +71,6 @@ EXPANDED = "shrm"
 """The representation that ``auto`` is where orders are given, or the energy they are chosen by."""
 COMPARED = ("shrm", "principal", "splitsum", "she", "cabral")
 """The representations that `shrm compare --representations` compares."""
-REPORTED = ("principal",)
-"""The representations that `shrm report` makes where none is given."""
 
 CONTAINERS: dict[str, str] = {".exr": "exr"}
 """Each suffix of files that hold maps, and the module of `shrm_cli.files` that writes them."""

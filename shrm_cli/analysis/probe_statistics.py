@@ -13,7 +13,8 @@ from shrm_cli.lights.beside import MUCH, SMALL
 from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
 from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
-from shrm_cli.probe.lighting import PolarRows
+from shrm_cli.probe.coarse import fine_probe
+from shrm_cli.probe.lighting import PolarRows, project
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -163,6 +164,8 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     temperature = None if point is None else color_temperature(*point)
     direction, directionality = _direction(light @ to_xyz[1])
     found = split_lamps(probe).lamps if lamps and mean.any() else ()
+    fine = fine_probe(probe)  # horizons cut large pixels, which are no points
+    of_normals = light if fine is probe else project(fine, _ORDER).coefficients
     whole, stated = 4 * np.pi * float(to_xyz[1] @ mean), probe.chromaticities
     return ProbeStatistics(
         minimum=gathered.low,
@@ -171,7 +174,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         mean_luminance=float(to_xyz[1] @ mean),
         stops=gathered.stops(),
         stops_whole=gathered.stops_whole(),
-        irradiance=_irradiance(light, found),
+        irradiance=_irradiance(of_normals, found),
         chromaticity=point,
         temperature=temperature,
         duv=None if point is None or temperature is None else blackbody_distance(*point),

@@ -181,10 +181,6 @@ def main(arguments: list[str] | None = None) -> None:
         if stop.number == signal.SIGTERM:
             echo_message("Error: stopped by SIGTERM")
         sys.exit(stop.code)
-    except BrokenPipeError:
-        # The process that reads the output has gone, so there is nobody left to tell.
-        tell_nobody()
-        sys.exit(1)
     except Exception as error:
         if "--debug" in arguments:
             raise

@@ -14,7 +14,7 @@ from shrm_cli.cli.terminal import progress_bar
 from shrm_cli.cli.types import BYTES, STOPS, Named
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.registry import installed_names
-from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPORTED, REPRESENTATIONS
+from shrm_cli.vocabulary import AUTO, MAX_SOURCE_HEIGHT, REPRESENTATIONS
 
 if TYPE_CHECKING:
     from shrm_cli.report.measure import Measured
@@ -39,12 +39,13 @@ _UNSAID = ("probe", "output")
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @options.brdfs_option
 @click.option(
-    "--to", type=Named(list(REPRESENTATIONS), installed_names), multiple=True, default=REPORTED,
-    show_default=True, help="A representation to make. May be repeated.",
+    "--to", type=Named([AUTO, *REPRESENTATIONS], installed_names), multiple=True, default=[AUTO],
+    show_default=True,
+    help="A representation to make, or auto, as shrm prefilter has it. May be repeated.",
 )  # fmt: skip
-@options.shared_options("eps", "error", "order_f", "order_p", "center")
+@options.shared_options("eps", "error", "seen", "order_f", "order_p", "center")
 @options.representation_options(lambda option: not option.prints)
-@options.shared_options("domain", "source_height", "frame", "size", "max_size")
+@options.shared_options("domain", "source_height", "frame", "size", "max_size", "sun")
 @click.option("-o", "--output", required=True, type=click.Path(), help="HTML to write, one file.")
 @options.views_option("angles")
 @click.option(

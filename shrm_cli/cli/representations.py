@@ -56,6 +56,7 @@ def print_representations(
         table_layout,
     )
     from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.render.image import expose, exposure_advice
     from shrm_cli.render.lit import ggx_surface, reflectance
 
     if shrm.is_map(path):
@@ -88,6 +89,7 @@ def print_representations(
         attributes = _attributes({**result, "exposure": exposure}, source.chromaticities)
         pixel_type = write_picture(output, pixels, attributes=attributes)
         report.append(f"{output}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
+        warnings += exposure_advice(output, expose(table.truth[:, 0], exposure), exposure)
     conclude(result, report, warnings)
 
 

@@ -169,6 +169,8 @@ _BEAT = 0.25
 """Seconds between two drawings of a bar that nothing is reported to."""
 _LONG = 3.0
 """The least seconds of work left that a line tells of; what takes less is hardly waited for."""
+_LONG_SILENCE = 30.0
+"""Seconds between two lines about long work where there is no terminal."""
 _EVERY = 10.0
 """Seconds between two lines about many jobs."""
 
@@ -177,11 +179,15 @@ _EVERY = 10.0
 def progress_bar(label: str) -> Iterator[Progress | None]:
     """Yield a callable (done, all) that shows progress on a terminal, after the first second.
 
-    It is None if there is no terminal, or with --quiet. The bar shows the time that passes
-    while nothing is reported, too, so that nobody takes long steps for a process that hangs.
+    It is None with --quiet. The bar shows the time that passes while nothing is reported, too, so
+    that nobody takes long steps for a process that hangs. Where there is no terminal, long work
+    prints a line now and then.
     """
-    if usage.is_quiet() or not has_terminal():
+    if usage.is_quiet() or sys.stderr is None:
         yield None
+        return
+    if not has_terminal():
+        yield _LongWork(label)
         return
     from tqdm import tqdm
 
@@ -215,6 +221,24 @@ def _own_stderr() -> Iterator[TextIO]:
         return
     with open(number, "w", encoding=sys.stderr.encoding, errors="replace") as stream:
         yield stream
+
+
+class _LongWork:
+    """A line about work that takes long, and others while it does, for logs."""
+
+    def __init__(self, label: str) -> None:
+        self._label = label
+        self._begun = self._told = time.monotonic()
+
+    def __call__(self, done: int, total: int) -> None:
+        now = time.monotonic()
+        if now - self._told < _LONG_SILENCE or not 0 < done < total:
+            return
+        self._told, spent = now, now - self._begun
+        echo_message(
+            f"{self._label}: {done / total:.0%} after {_duration(spent)}, about "
+            f"{_duration(spent / done * (total - done))} left"
+        )
 
 
 class _Bar:

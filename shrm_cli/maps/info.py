@@ -3,6 +3,7 @@
 Maps that are compared or joined must agree in what they were made of, which is told here too.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
@@ -92,6 +93,13 @@ class MapInfo:
     def order_carried(self) -> int:
         """The largest order of the light that the map keeps."""
         return self.order_f if self.carried is None else self.carried
+
+    @property
+    def stated_error(self) -> float:
+        """The relative RMS error of all causes that are known, but for half precision."""
+        return math.hypot(
+            self.predicted_error, self.added_error, self.fit_residual, self.filter_error
+        )
 
     @property
     def proxy(self) -> "ProxyBox | None":

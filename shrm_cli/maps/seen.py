@@ -12,8 +12,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
-
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.lamps.map import LampMap
@@ -21,7 +19,7 @@ from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import SHARED, bytes_text
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, Truth, examined
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.size import HALF_ERROR, stored_bytes, total_error
+from shrm_cli.maps.size import HALF_ERROR, stored_bytes
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising
 from shrm_cli.probe.probe import Probe
@@ -84,7 +82,7 @@ def as_candidate(made: Prefiltered) -> Candidate[Prefiltered]:
     """Return what is predicted to be seen of a map that is made already."""
     map_, find = made.map, made.further["predicted_wrong_share"]
     lamp_error = map_.error if isinstance(map_, LampMap) else 0.0
-    error = math.hypot(total_error(map_.info.predicted_error, map_.info.filter_error), lamp_error)
+    error = math.hypot(known_error(made), lamp_error)
     bytes_, count = stored_bytes(map_.size, map_.cube_count), map_.cube_count
     return Candidate(map_.representation, bytes_, count, error, find, lambda: made)
 
@@ -172,9 +170,7 @@ def _candidate(made: Prefiltered) -> Candidate[Prefiltered]:
 
 def known_error(made: Prefiltered) -> float:
     """Return the relative RMS error that is predicted of a map, all causes together."""
-    info = made.map.info
-    parts = info.predicted_error, info.added_error, info.fit_residual, info.filter_error
-    return float(np.linalg.norm([*parts, HALF_ERROR]))
+    return math.hypot(made.map.info.stated_error, HALF_ERROR)
 
 
 def _unkept(best: Candidate[Prefiltered], goal: Goal) -> str:

@@ -155,7 +155,7 @@ def on_stage(
         first = [stage.reflectors(each) for each in lit.maps] or [stage.reflectors(None)]
         drawn = first, [stage.reflectors(each) for each in lit.others]
         if not values["no_box"]:
-            warnings = outside(lit.maps, lit.names, stage.mesh.vertices)
+            warnings = stage.outside_boxes(lit.maps, lit.names)
     return Drawing(
         subject, drawn[0], drawn[1] or None, seen, one_of({each.chromaticities for each in seen}),
         subject.lens.background_rows(), {"size": list(size)}, warnings,

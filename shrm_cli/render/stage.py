@@ -15,7 +15,7 @@ from shrm_cli.geometry.tangents import UvTangents, brushed_tangents
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.records import record
-from shrm_cli.render.boxed import Vectors, reflected, seen_from
+from shrm_cli.render.boxed import Vectors, outside, reflected, seen_from
 from shrm_cli.render.lit import ggx_surface, outside_range, shown_as
 from shrm_cli.render.paint import Paint, Painted
 from shrm_cli.render.variation import Variation, VariedSurface
@@ -259,6 +259,21 @@ class Stage:
         sets = {look.paint.normal_set for look in self.looks if look.paint is not None}
         first, second = (UvTangents(self.mesh, k) if k in sets else None for k in (0, 1))
         return first, second
+
+    def outside_boxes(self, maps: Sequence[Map], names: Sequence[str]) -> list[str]:
+        """Return the warnings of `outside` about the maps, and those that looks name."""
+        own = {id(each): each for each in self.maps()}.values()
+        lights: list[tuple[Map, str, Map | None]] = [
+            *((each, name, None) for each, name in zip(maps, names, strict=True)),
+            *((each, f"{each.what} of {each.info.probe}", each) for each in own),
+        ]
+        warnings = []
+        for made, name, named in lights:
+            lit = [k for k, look in enumerate(self.looks) if look.map is named]
+            corners = np.unique(self.mesh.faces[np.isin(self.face_looks, lit)])
+            if corners.size:
+                warnings += outside([made], [name], self.mesh.vertices[corners])
+        return warnings
 
     def _used(self) -> set[int]:
         return {int(k) for k in np.unique(self.face_looks)}

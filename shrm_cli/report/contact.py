@@ -1,6 +1,5 @@
 """A page over many maps: a grid of probes and materials with small pictures."""
 
-import math
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -146,9 +145,9 @@ def _drawn(file: str) -> Thumbnail:
         raise MapError(f"{file}: holds no light of its own, so that there is nothing to draw")
     picture = np.nan_to_num(render_sphere(shown_as(opened, ggx_surface()), _VIEWER, SIZE))
     seconds = time.perf_counter() - start
-    error: float | None = math.hypot(info.predicted_error, info.added_error, info.fit_residual)
-    if isinstance(opened, LightMap) and not info.fit_residual:
-        error = None
+    # Levels of a split sum state errors of their own, and nothing of the model's.
+    is_known = bool(info.fit_residual) or not isinstance(opened, LightMap)
+    error = info.stated_error if is_known else None
     return Thumbnail(file, opened.representation, brdf, info, size, error, picture, seconds)
 
 

@@ -28,6 +28,7 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
 from shrm_cli.render.flip import FlipError, can_flip
 from shrm_cli.render.lit import ggx_surface, outside_range
+from shrm_cli.vocabulary import AUTO
 
 
 @record
@@ -37,7 +38,7 @@ class Plan:
     brdfs: tuple[str, ...]
     """Specifications."""
     forms: tuple[str, ...]
-    """Representations."""
+    """Representations, or ``auto``."""
     arguments: Mapping[str, Any] = field(default_factory=dict)
     """Arguments of `shrm_cli.prefilter.prefilter` for all forms that obey them."""
     views: tuple[tuple[float, float], ...] = ((0.0, 0.0), (120.0, 20.0), (240.0, -20.0))
@@ -65,7 +66,7 @@ class Made:
     """A map that was made, as it was read from its file."""
 
     form: str
-    """The representation."""
+    """The representation, and that it was chosen where it was."""
     file: str
     """The name that `shrm prefilter` would give its file."""
     map: Map
@@ -188,8 +189,10 @@ def _made(probe: Probe, recipe: Recipe, path: Path, progress: Progress) -> Made:
         "precision": stored.pixel_type,
     }
     label = [] if recipe.brdf is None else [brdf_label(recipe.brdf)]
-    file = ".".join([probe_stem(probe.name), *label, recipe.to, "exr"])
-    return Made(recipe.to, file, open_map(path), summary, made.notes, made.warnings, seconds)
+    form = made.map.representation
+    file = ".".join([probe_stem(probe.name), *label, form, "exr"])
+    shown = f"{form} ({AUTO})" if recipe.to == AUTO else form
+    return Made(shown, file, open_map(path), summary, made.notes, made.warnings, seconds)
 
 
 def _joined(found: Measured, probe: Probe, spec: str, made: Made) -> None:

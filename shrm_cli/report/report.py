@@ -22,7 +22,7 @@ from shrm_cli.report.probe_part import preview, probe_part
 from shrm_cli.view.page import page as view_page
 from shrm_cli.view.page import sources
 from shrm_cli.view.scene import Start, Truth, make_scene
-from shrm_cli.vocabulary import REPORTED
+from shrm_cli.vocabulary import AUTO
 
 _LEAST_VIEW = 10**6
 """The fewest bytes that are left for a view; the page has none where there is less room."""
@@ -333,7 +333,7 @@ class ProbeReport:
 def report(
     probe: AnyProbe,
     brdfs: Sequence[str],
-    to: Sequence[str] = REPORTED,
+    to: Sequence[str] = (AUTO,),
     *,
     angles: Sequence[tuple[float, float]] = Plan.views,
     picture_size: int = 256,
@@ -350,7 +350,7 @@ def report(
     ----------
     probe : Probe, path-like or array
     brdfs, to : sequence of str
-        Specifications and representations; each pair that there is makes a map.
+        Specifications and representations, or ``auto``; each pair that there is makes a map.
     angles : sequence of 2 float
         Azimuth and elevation of the viewers, degrees.
     picture_size : int

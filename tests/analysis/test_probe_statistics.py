@@ -65,6 +65,19 @@ def test_a_sun_lights_nothing_behind_it():
             np.testing.assert_allclose(value, truth, rtol=0.01, atol=1e-3)
 
 
+@pytest.mark.parametrize("height", [2, 8])
+def test_large_pixels_are_no_points(rng, height):
+    """Of 4 x 2 pixels the irradiance of the ground was off by a tenth, as that of eight points."""
+    image = rng.uniform(0, 1, (height, 2 * height, 3)).astype(np.float32)
+    found = probe_statistics(Probe.from_array(image), lamps=0)
+    directions, areas = pixels_of(256)
+    times = 256 // height
+    light = image.repeat(times, axis=0).repeat(times, axis=1).reshape(-1, 3).astype(float)
+    for name, value in zip(AXES, found.irradiance, strict=True):
+        cosines = np.maximum(directions @ np.array(NORMALS[name]), 0)
+        np.testing.assert_allclose(value, (cosines * areas) @ light, rtol=0.01)
+
+
 def test_light_of_one_kind():
     """A white furnace: no range, no direction, the white of its primaries, E = pi."""
     found = probe_statistics(Probe.from_array(np.ones((32, 64, 3), np.float32)))

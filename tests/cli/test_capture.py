@@ -214,6 +214,18 @@ def test_what_stands_outside_the_box_is_told(captured, folder):
     assert "lies outside its box" in half
     assert 0.3 < int(half.split("% of what")[0].split()[-1]) / 100 < 0.6
     assert run(*base, "--mesh", "out.glb", "--plain", "--no-box").err == ""
+    objects = [f'[[objects]]\nmesh = "{name}.glb"\nplain = true\n' for name in ("in", "out")]
+    scene = "".join(objects)
+    (folder / "s.toml").write_text(scene)
+    part = run(*base, "--mesh", "s.toml").err
+    assert part.startswith("Warning: m.exr: ")
+    shares = [float(each.split("% of what")[0].split()[-1]) for each in (half, part)]
+    assert shares[1] == pytest.approx(shares[0] / 2, abs=1)
+    (folder / "s.toml").write_text(scene + 'map = "m.exr"\n')
+    own = run(*base, "--mesh", "s.toml").err
+    assert own.count("lies outside its box") == 1
+    assert own.startswith("Warning: a map of representation irradiance of p.exr: ")
+    assert own.split(": ")[2] == half.split(": ")[2]
     assert words.format("100%") in run(*base, "--place", "9,9,9").err
     assert run(*base, "--place", "3,1,2").err == ""
     shown = run("view", "m.exr", "--mesh", "out.glb", "-o", "page.html")

@@ -150,6 +150,24 @@ def test_the_numbers_are_those_of_prefilter_and_compare(folder):
         assert f">{expected['relative_rmse'] * 100:.2g} %<" in text
 
 
+def test_maps_are_those_that_the_shortest_command_makes(folder):
+    """They were made by another form and another tolerance, which no other default is."""
+    light = np.ones((32, 64, 3), dtype=np.float32) + np.arange(64)[None, :, None] / 8
+    light[8, 18] = 300
+    write_exr("probe.exr", light.astype(np.float32))
+    asked = ["--brdf", "ggx:roughness=0.3", "--max-size", "40kB"]
+    made = json.loads(done("prefilter", "probe.exr", *asked, "--json"))
+    out = done("report", "probe.exr", *asked, *SUMMED, "--no-view", "-o", "a.html", "--json")
+    (found,) = json.loads(out)["maps"]
+    assert found["file"] == made["file"]
+    assert {key: found[key] for key in made.keys() - {"warnings"}} == {
+        key: made[key] for key in made.keys() - {"warnings"}
+    }
+    _, page = read("a.html")
+    assert f"{made['representation']} (auto)" in page.texts
+    assert any("lamps beside it: with them in the map (--sun keep)" in each for each in page.texts)
+
+
 def test_pictures_and_the_view_are_in_the_page(folder):
     done("report", "probe.exr", "--brdf", "phong:exponent=8", *SMALL, "-o", "a.html")
     text, page = read("a.html")
@@ -195,9 +213,9 @@ def test_a_brdf_that_fails_is_said_and_the_others_are_there(folder):
     brdfs = "--brdf", "bad.binary", "--brdf", "phong"
     result = run("report", "probe.exr", *brdfs, *SUMMED, "-o", "a.html")
     assert result.code == 1
-    assert re.fullmatch(r"Failed: bad.binary, principal: [^\n]*\n", result.err)
+    assert re.fullmatch(r"Failed: bad.binary, auto: [^\n]*\n", result.err)
     text, page = read("a.html")
-    assert "bad.binary, principal" in page.texts
+    assert "bad.binary, auto" in page.texts
     assert html.escape("phong") in text
     assert len(page.all("iframe")) == 1
 
@@ -329,6 +347,17 @@ def test_contact_sheets_say_no_error_that_is_not_the_maps(folder):
         100 * told["fit_residual"], rel=0.06
     )
     assert "%" not in cells[1]
+
+
+def test_contact_sheets_say_what_look_ups_add(folder):
+    """Which is most of the error of a map with few texels, and was left out."""
+    asked = ["--brdf", "phong:exponent=8", "--to", "principal", "--size", "8", "-o", "small.exr"]
+    made = json.loads(run("prefilter", "probe.exr", *asked, "--json").out)
+    whole = np.hypot(made["predicted_error"], made["filter_error"])
+    assert whole > 1.2 * made["predicted_error"]
+    done("contact", "small.exr", "-o", "one.html")
+    (cell,) = [each for each in read("one.html")[1].texts if each.endswith(" %")]
+    assert float(cell.split(", ")[1].split()[0]) == pytest.approx(100 * whole, rel=0.06)
 
 
 def test_batches_have_contact_sheets(folder, monkeypatch):

@@ -1,6 +1,7 @@
 """`shrm compare PROBE --representations`: the table, the JSON, the sheet, and bad input."""
 
 import json
+import re
 import sys
 from dataclasses import replace
 
@@ -260,6 +261,14 @@ def test_probes_options_are_obeyed_and_warnings_told(folder, only_shrm):
     )
 
 
+def test_sheets_that_show_nothing_say_which_exposure_does(folder, only_shrm):
+    asked = ["compare", "room.exr", *SUMMED, "--roughness", 0.8, "-o", "sheet.png"]
+    assert "--exposure" not in run(*asked).err
+    line = run(*asked, "--exposure", -12).err
+    better = re.search(r"sheet.png: all but black at an exposure of -12; --exposure (\S+)", line)[1]
+    assert "--exposure" not in run(*asked, "--exposure", better).err
+
+
 def test_progress(folder, only_shrm, monkeypatch):
     seen = told_to_bars(monkeypatch, "representations")
     done("compare", "room.exr", *TWO)
@@ -353,7 +362,8 @@ def test_what_will_be_made_is_said_on_a_terminal_before_it_begins(folder, monkey
         "of 1.07 GB allowed",
     ]
     assert progress is not None
-    assert quiet[1:] == elsewhere[1:] == (None, "")
+    assert quiet[1:] == (None, "")
+    assert elsewhere[2] == ""
 
 
 def test_memory_is_in_the_json_and_limits_maps(folder, only_shrm, monkeypatch):

@@ -68,13 +68,24 @@ def test_the_sun_of_a_sky_shines_in(few_patches):
     assert found.pixels[:7].max() == 0
 
 
-def test_the_stated_noise_is_that_of_another_run(few_patches):
-    room = shapes.two_rooms()
-    rough, fine = (captured(room, AT, 16, count) for count in (8, 128))
+def test_the_stated_noise_is_that_of_independent_runs(few_patches, monkeypatch):
+    """Their spread about their mean, pixel by pixel: twice as much or half would be seen."""
+    room, half, runs = shapes.two_rooms(), capture._Paths.half, []
+    for run in range(6):
+        monkeypatch.setattr(
+            capture._Paths, "half",
+            lambda paths, samples, number, progress, run=run: half(
+                paths, samples, 2 * run + number, progress
+            ),
+        )  # fmt: skip
+        runs.append(captured(room, AT, 16, 8))
+    images = np.array([each.pixels for each in runs], dtype=float)
     weights = np.sin((np.arange(16) + 0.5) * np.pi / 16)[:, None, None]
-    whole = (weights * fine.pixels**2).sum()
-    missed = np.sqrt((weights * (rough.pixels - fine.pixels) ** 2).sum() / whole)
-    assert 0.6 * rough.noise < missed < 1.6 * rough.noise
+    whole = (weights * images.mean(axis=0) ** 2).sum()
+    spread = np.sqrt((weights * images.var(axis=0, ddof=1)).sum() / whole)
+    stated = np.sqrt(np.mean([each.noise**2 for each in runs]))
+    assert stated == pytest.approx(spread, rel=0.2)
+    assert runs[0].noise == pytest.approx(spread, rel=0.4)
 
 
 def test_backs_are_black_and_told(few_patches):

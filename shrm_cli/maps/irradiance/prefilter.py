@@ -5,6 +5,7 @@ Section 4.3.1 of Ramamoorthi's thesis, "A Signal-Processing Framework for Forwar
 Rendering" (2002), describes the method. Eq. 5.18 is one of its chapter 5.
 """
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import provenance
 from shrm_cli.maps.irradiance.irradiance import Irradiance, irradiance_energies, lambert_factors
 from shrm_cli.maps.irradiance.window import make_window, parse_window
-from shrm_cli.maps.irradiance.zh3 import form_errors, in_form
+from shrm_cli.maps.irradiance.zh3 import form_errors, in_form, with_change
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.registry import unconverted
@@ -83,8 +84,7 @@ def _windowed(whole: Irradiance, spec: str) -> Prefiltered:
     before = least = whole.minimum()
     made, window = whole, make_window(spec, whole.series)
     if window.factors:
-        added = float(np.hypot(whole.info.added_error, window.change))
-        made = whole.windowed(window, replace(whole.info, added_error=added))
+        made = whole.windowed(window, with_change(whole.info, window.change))
         least = made.minimum()
     facts = {
         "brdf_energy_captured": made.info.captured,
@@ -143,9 +143,7 @@ def report(result: dict[str, Any]) -> list[str]:
     """Return the lines for people about irradiance, from what ``--json`` prints."""
     size, window, errors = result["size"], result["window"], result.get("form_errors")
     missing, added = result["predicted_error"], result["added_error"]
-    # What a form and a window change is relative to the degrees that the map has.
-    whole = np.hypot(missing, np.sqrt(1 - min(missing, 1) ** 2) * added)
-    error = f"{whole:.2%} of the irradiance predicted"
+    error = f"{math.hypot(missing, added):.2%} of the irradiance predicted"
     if added >= 5e-5:
         error += f", {missing:.2%} of degrees above {result['order_f']} alone"
     lines = [

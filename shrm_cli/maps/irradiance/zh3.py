@@ -21,6 +21,7 @@ References: Roughton, Sloan, Silvennoinen, Iwanicki and Shirley 2024, ZH3: Quadr
 Harmonics.
 """
 
+import math
 from dataclasses import field, replace
 from typing import Any
 
@@ -130,10 +131,19 @@ def in_form(source: Irradiance, form: str) -> Irradiance:
         zonal = np.einsum("cm,mc->c", zonal_harmonics(axes), coefficients[_QUADRATIC])
     made = np.concatenate([coefficients[:4], (zonal[:, None] * zonal_harmonics(axes)).T])
     change = _change(plain, replace(plain, coefficients=made))
-    info = replace(source.info, added_error=float(np.hypot(source.info.added_error, change)))
+    info = with_change(source.info, change)
     return Zh3(
         made, info, source.size, source.sampling, source.window, form, axes, zonal
     )  # fmt: skip
+
+
+def with_change(info: MapInfo, change: float) -> MapInfo:
+    """Return the record of irradiance that was changed by a part of the degrees that it has.
+
+    Its errors are relative to the irradiance of all degrees.
+    """
+    kept = math.sqrt(max(1 - info.predicted_error**2, 0.0))
+    return replace(info, added_error=math.hypot(info.added_error, kept * change))
 
 
 def zonal_harmonics(axes: Array) -> Array:

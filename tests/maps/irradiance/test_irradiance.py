@@ -303,7 +303,9 @@ def test_the_summary(tmp_path):
     assert (window["asked"], window["name"], window["width"]) == ("hann:4", "hann", 4.0)
     assert window["factors"] == pytest.approx(factors.tolist())
     assert 0 < window["energy_lost"] < 1
-    assert summary["added_error"] == window["change"] > 0
+    kept = np.sqrt(1 - summary["predicted_error"] ** 2)  # of all that is lit
+    assert summary["added_error"] == pytest.approx(kept * window["change"])
+    assert window["change"] > 0
     assert summary["minimum_without_window"] == plain.facts["minimum_irradiance"]
     assert summary["probe"] == "probe.exr"
     assert summary["probe_sha256"] == probe.digest()
