@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from shrm_cli.cli import terminal
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import announce
 from shrm_cli.progress import report
@@ -155,3 +156,17 @@ def test_the_bar_of_scripts_shows_what_it_is_told_and_what_is_reported(capsys):
     printed = capsys.readouterr().err
     assert "lacquer:  25%" in printed
     assert "lacquer:  75%" in printed
+
+
+def test_logs_tell_of_long_work(monkeypatch, capsys):
+    """Polished metals took minutes, in which nothing was said where stderr is no terminal."""
+    now = 0.0
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now)
+    with terminal.progress_bar("comparing") as progress:
+        for now in range(0, 121, 7):
+            progress(now, 120)
+    assert capsys.readouterr().err.splitlines() == [
+        "comparing: 29% after 35 s, about 85 s left",
+        "comparing: 58% after 70 s, about 50 s left",
+        "comparing: 88% after 2 min, about 15 s left",
+    ]

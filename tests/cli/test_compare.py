@@ -436,20 +436,6 @@ def test_warnings_of_the_probe_are_told(folder):
     assert result.err.startswith("Warning: negative.exr: 1 pixels with negative radiance")
 
 
-def test_logs_tell_of_long_work(folder, monkeypatch):
-    """Polished metals took minutes, in which nothing was said where stderr is no terminal."""
-    asked = ["compare", "fine.map.exr", "--probe", "room.exr", *SMALL, "--no-flip"]
-    assert "comparing" not in run(*asked).err
-    monkeypatch.setattr("shrm_cli.cli.terminal._LONG_SILENCE", 0.0)
-    lines = run(*asked).err.splitlines()
-    said = re.compile(r"comparing: \d+% after \d+ s, about \d+ s left")
-    assert all(map(said.fullmatch, lines))
-    parts = [int(re.search(r"\d+", each)[0]) for each in lines]
-    assert parts == sorted(parts)
-    assert parts[0] < 50
-    assert run(*asked, "--quiet").err == ""
-
-
 def test_progress_of_the_truth(folder, monkeypatch):
     bars = {}
 
