@@ -69,7 +69,7 @@ def right_angle_rows(order: int, first: int = 0) -> Array:
     order, `right_angle_degrees` is for high ones.
 
     References: Trapani & Navaza 2006, Calculation of spherical harmonics and Wigner d functions by
-    FFT, Acta Cryst. A62, section 3.
+    FFT, Acta Cryst. A62.
     """
     if first == 0 and order <= _KEPT_ORDER:
         kept = kept_order(order)
