@@ -227,18 +227,18 @@ class _LongWork:
     """A line about work that takes long, and others while it does, for logs."""
 
     def __init__(self, label: str) -> None:
-        self._label = label
+        self._label, self._share = label, 0.0
         self._begun = self._told = time.monotonic()
 
     def __call__(self, done: int, total: int) -> None:
         now = time.monotonic()
         if now - self._told < _LONG_SILENCE or not 0 < done < total:
             return
-        self._told, spent = now, now - self._begun
-        echo_message(
-            f"{self._label}: {done / total:.0%} after {_duration(spent)}, about "
-            f"{_duration(spent / done * (total - done))} left"
-        )
+        self._told, spent, share = now, now - self._begun, done / total
+        # A step that takes long tells nothing of the rest.
+        is_known, self._share = share > self._share, share
+        left = f", about {_duration(spent / share - spent)} left" if is_known else ""
+        echo_message(f"{self._label}: {share:.0%} after {_duration(spent)}{left}")
 
 
 class _Bar:

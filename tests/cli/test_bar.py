@@ -164,9 +164,9 @@ def test_logs_tell_of_long_work(monkeypatch, capsys):
     monkeypatch.setattr(terminal.time, "monotonic", lambda: now)
     with terminal.progress_bar("comparing") as progress:
         for now in range(0, 121, 7):
-            progress(now, 120)
+            progress(min(now, 35) if now < 100 else now, 120)
     assert capsys.readouterr().err.splitlines() == [
         "comparing: 29% after 35 s, about 85 s left",
-        "comparing: 58% after 70 s, about 50 s left",
+        "comparing: 29% after 70 s",
         "comparing: 88% after 2 min, about 15 s left",
     ]
