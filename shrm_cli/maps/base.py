@@ -305,6 +305,11 @@ class Map(Displayed, ABC):
         """What it is the sum of, and the central direction by which each of it is looked up."""
         return ((self, self.center),)
 
+    @property
+    def stated_error(self) -> float:
+        """The relative RMS error of all causes that are known, but for half precision."""
+        return self.info.stated_error
+
     def summary(self) -> dict[str, Any]:
         """Return what users and scripts are told about every map, by the names used in JSON."""
         info = self.info

@@ -14,7 +14,6 @@ from functools import cache
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
-from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import SHARED, bytes_text
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, Truth, examined
@@ -81,10 +80,8 @@ def kept_or_best(
 def as_candidate(made: Prefiltered) -> Candidate[Prefiltered]:
     """Return what is predicted to be seen of a map that is made already."""
     map_, find = made.map, made.further["predicted_wrong_share"]
-    lamp_error = map_.error if isinstance(map_, LampMap) else 0.0
-    error = math.hypot(known_error(made), lamp_error)
     bytes_, count = stored_bytes(map_.size, map_.cube_count), map_.cube_count
-    return Candidate(map_.representation, bytes_, count, error, find, lambda: made)
+    return Candidate(map_.representation, bytes_, count, known_error(made), find, lambda: made)
 
 
 def judged(made: Prefiltered, candidate: Candidate[Prefiltered]) -> Prefiltered:
@@ -170,7 +167,7 @@ def _candidate(made: Prefiltered) -> Candidate[Prefiltered]:
 
 def known_error(made: Prefiltered) -> float:
     """Return the relative RMS error that is predicted of a map, all causes together."""
-    return math.hypot(made.map.info.stated_error, HALF_ERROR)
+    return math.hypot(made.map.stated_error, HALF_ERROR)
 
 
 def _unkept(best: Candidate[Prefiltered], goal: Goal) -> str:

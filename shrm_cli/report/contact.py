@@ -147,7 +147,7 @@ def _drawn(file: str) -> Thumbnail:
     seconds = time.perf_counter() - start
     # Levels of a split sum state errors of their own, and nothing of the model's.
     is_known = bool(info.fit_residual) or not isinstance(opened, LightMap)
-    error = info.stated_error if is_known else None
+    error = opened.stated_error if is_known else None
     return Thumbnail(file, opened.representation, brdf, info, size, error, picture, seconds)
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from shrm_cli.render.flip import can_flip
 from tests.batch.helpers import work_here
-from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
+from tests.cli.helpers import assert_refused, done, noise, run, snapshot, write_exr
 
 SMALL = ["--view", "10,20", "--picture-size", "16", "--truth-height", "16"]
 SUMMED = [*SMALL, "--exact", "--no-flip"]
@@ -357,6 +357,20 @@ def test_contact_sheets_say_what_look_ups_add(folder):
     assert whole > 1.2 * made["predicted_error"]
     done("contact", "small.exr", "-o", "one.html")
     (cell,) = [each for each in read("one.html")[1].texts if each.endswith(" %")]
+    assert float(cell.split(", ")[1].split()[0]) == pytest.approx(100 * whole, rel=0.06)
+
+
+def test_contact_sheets_say_what_discs_change(folder):
+    """They lie beside the map in place of lamps, and their error was left out."""
+    pixels = noise(64, 128) / 4
+    pixels[20, 40:44] = 300
+    write_exr(folder / "tube.exr", pixels)
+    asked = "--brdf", "phong:exponent=32", "--sun", "split", "--to", "shrm", "-o", "discs.exr"
+    made = json.loads(run("prefilter", "tube.exr", *asked, "--json").out)
+    assert made["lamp_error"] > 0.5 * made["predicted_error"] > 0
+    done("contact", "discs.exr", "-o", "one.html")
+    (cell,) = [each for each in read("one.html")[1].texts if each.endswith(" %")]
+    whole = np.linalg.norm([made[f"{each}_error"] for each in ("lamp", "predicted", "filter")])
     assert float(cell.split(", ")[1].split()[0]) == pytest.approx(100 * whole, rel=0.06)
 
 

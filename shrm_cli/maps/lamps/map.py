@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -80,6 +81,10 @@ class LampMap(ReflectionMap):
     def info(self) -> MapInfo:
         """How it was made, with errors relative to all of the reflected light."""
         return replace(self.map.info, **self._scaled(vars(self.map.info)))
+
+    @property
+    def stated_error(self) -> float:
+        return math.hypot(self.info.stated_error, self.error)
 
     @property
     def stored(self) -> Map:
