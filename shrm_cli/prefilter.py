@@ -210,8 +210,7 @@ def _finished(
     made: Prefiltered, probe: Probe, lamps: "Beside | None", request: Request
 ) -> Prefiltered:
     """Put the lamps beside the map, or say where that would help."""
-    is_plain = request.splits or not any(REMEDY in line for line in made.warnings)
-    if lamps is None and is_plain:
+    if lamps is None and (request.splits or not any(REMEDY in line for line in made.warnings)):
         return made
     from shrm_cli.lights.beside import MUCH, lamps_share, with_lamps
     from shrm_cli.maps.lamps.models import has_code

@@ -255,7 +255,7 @@ def _measured(
     error, share = truth.errors(shown, brdf.color("albedo") if made.is_white else 1.0)
     measured: tuple[str, ...] = ("error", "wrong_share")
     if not isinstance(made, LightMap):
-        error, measured = total_error(made.stated_error, 0.0), ("wrong_share",)
+        error, measured = total_error(made.stated_error), ("wrong_share",)
     form, cost = made.representation, look_up.cost
     return Offer(
         form, look_up.what, look_up.bytes, error, share, measured, cost.look_ups,

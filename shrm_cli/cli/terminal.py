@@ -223,22 +223,35 @@ def _own_stderr() -> Iterator[TextIO]:
         yield stream
 
 
-class _LongWork:
-    """A line about work that takes long, and others while it does, for logs."""
+class _Lines:
+    """Lines about long work now and then, for logs."""
 
     def __init__(self, label: str) -> None:
-        self._label, self._share = label, 0.0
+        self.label = label
         self._begun = self._told = time.monotonic()
 
-    def __call__(self, done: int, total: int) -> None:
+    def spent(self, seconds: float) -> float | None:
+        """Return the seconds since the work began, if the last line was told so long ago."""
         now = time.monotonic()
-        if now - self._told < _LONG_SILENCE or not 0 < done < total:
+        if now - self._told < seconds:
+            return None
+        self._told = now
+        return now - self._begun
+
+
+class _LongWork(_Lines):
+    """Lines about how far work is, and how long the rest of it will take."""
+
+    _share = 0.0
+
+    def __call__(self, done: int, total: int) -> None:
+        if not 0 < done < total or (spent := self.spent(_LONG_SILENCE)) is None:
             return
-        self._told, spent, share = now, now - self._begun, done / total
+        share = done / total
         # A step that takes long tells nothing of the rest.
         is_known, self._share = share > self._share, share
         left = f", about {_duration(spent / share - spent)} left" if is_known else ""
-        echo_message(f"{self._label}: {share:.0%} after {_duration(spent)}{left}")
+        echo_message(f"{self.label}: {share:.0%} after {_duration(spent)}{left}")
 
 
 class _Bar:
@@ -289,26 +302,21 @@ def ticking(label: str, total: int) -> Iterator[Callable[[Totals], None]]:
 
             yield show
     else:
-        yield _Lines(label)
+        yield _Jobs(label)
 
 
-class _Lines:
-    """A line every few seconds, for logs of farms."""
-
-    def __init__(self, label: str) -> None:
-        self._label = label
-        self._begun = self._told = time.monotonic()
+class _Jobs(_Lines):
+    """Lines about many jobs, for logs of farms."""
 
     def __call__(self, totals: Totals) -> None:
-        now = time.monotonic()
-        if now - self._told < _EVERY:
+        spent = self.spent(_EVERY)
+        if spent is None:
             return
-        self._told = now
-        rate = totals.done / (now - self._begun)
+        rate = totals.done / spent
         left = (totals.jobs - totals.done) / max(rate, 1e-9)
         failed = f", {totals.failed:,} failed" if totals.failed else ""
         echo_message(
-            f"{self._label}: {totals.done:,} of {totals.jobs:,}{failed}, {rate:.3g} a second, "
+            f"{self.label}: {totals.done:,} of {totals.jobs:,}{failed}, {rate:.3g} a second, "
             f"{_duration(left)} left"
         )
 

@@ -263,9 +263,9 @@ def _reflected(local: Sequence[Array], lobes: Array) -> Array:
         return np.zeros((local[0].shape[-1], views, _AZIMUTHS))
     flat = lobes.transpose(0, 2, 1, 3).reshape(max_q + 1, views, -1)
     flat = flat.astype(np.complex64 if np.iscomplexobj(flat) else np.float32)
-    parts, first = [], 0
-    for light in local:
-        some, first = flat[first : first + light.shape[1]], first + light.shape[1]
+    parts = []
+    for light, first in zip(local, range(0, max_q + 1, _ORDERS_AT_ONCE), strict=True):
+        some = flat[first : first + _ORDERS_AT_ONCE]
         if np.iscomplexobj(some):
             product = some @ (light[0] + 1j * light[1])
             parts.append(np.stack([product.real, product.imag]))

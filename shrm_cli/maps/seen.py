@@ -7,7 +7,6 @@ asked, as where a form has a fixed number of views, the best one is made, and a 
 misses.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -18,7 +17,7 @@ from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import SHARED, bytes_text
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, Truth, examined
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.size import HALF_ERROR, stored_bytes
+from shrm_cli.maps.size import stored_bytes, total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising
 from shrm_cli.probe.probe import Probe
@@ -167,7 +166,7 @@ def _candidate(made: Prefiltered) -> Candidate[Prefiltered]:
 
 def known_error(made: Prefiltered) -> float:
     """Return the relative RMS error that is predicted of a map, all causes together."""
-    return math.hypot(made.map.stated_error, HALF_ERROR)
+    return total_error(made.map.stated_error)
 
 
 def _unkept(best: Candidate[Prefiltered], goal: Goal) -> str:

@@ -79,7 +79,7 @@ def furthest_order(size: int, order_p: int = 1) -> int:
     return int((_FADING_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
 
 
-def total_error(error: float, filter_error: float) -> float:
+def total_error(error: float, filter_error: float = 0.0) -> float:
     """Combine a relative RMS error with those of bilinear look-ups and of half precision."""
     return float(np.linalg.norm([error, filter_error, HALF_ERROR]))
 

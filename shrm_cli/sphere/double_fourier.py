@@ -33,7 +33,7 @@ from shrm_cli.progress import at_once
 from shrm_cli.sphere.cube import face_axes
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, legendre_columns, order_of
 from shrm_cli.sphere.quadrature import nodes
-from shrm_cli.sphere.wigner import right_angle_rows
+from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_rows
 from shrm_cli.vocabulary import FACES, Sampling
 
 _known_places = Memo(2**20)
@@ -42,8 +42,6 @@ _known_places = Memo(2**20)
 Tables = tuple[slice, Array, tuple[Array, Array]]
 """Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
 
-_KEPT_ORDER = 96
-"""The largest order whose matrices are kept. Tables of higher orders are made part by part."""
 _known_matrices = Memo(2**24)
 """The matrices of each order. Maps need those of two or three, of which order 96 takes 4 MB."""
 _TABLE_BYTES = 2**25
@@ -70,11 +68,9 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     flat = columns.reshape(count, count, 2 * maps)
     # Where the k lie side by side, syntheses take less time to sort them.
     result = np.empty((count, 2 * maps, count))
-    if count <= _KEPT_ORDER + 1:
+    if count <= KEPT_ORDER + 1:
         for which, above, k, matrices in _kept_matrices(count):
-            result[which, :, k] = flat[which, above].transpose(0, 2, 1) @ matrices.transpose(
-                0, 2, 1
-            )
+            result[which, :, k] = flat[which, above].transpose(0, 2, 1) @ matrices
     else:
         flat[1:] *= np.sqrt(2)
         _transform_circles(flat, result.transpose(0, 2, 1))
@@ -107,9 +103,9 @@ def harmonics_from_moments(moments: Array) -> Array:
     _, count, _, maps = moments.shape
     flat = moments.transpose(1, 2, 0, 3).reshape(count, count, 2 * maps)
     series = np.zeros_like(flat)
-    if count <= _KEPT_ORDER + 1:
+    if count <= KEPT_ORDER + 1:
         for which, above, k, matrices in _kept_matrices(count):
-            series[which, above] = matrices.transpose(0, 2, 1) @ flat[which, k]
+            series[which, above] = matrices @ flat[which, k]
     else:
         _transform_moments(flat, series)
         series[1:] *= np.sqrt(2)
@@ -204,11 +200,11 @@ def fourier_matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
 
 
 def _kept_matrices(count: int) -> Iterator[tuple[slice, slice, slice, Array]]:
-    """Yield what `fourier_matrices` returns, which is kept for the next time."""
+    """Yield what `fourier_matrices` returns, transposed, which is kept for the next time."""
     kept = kept_order(count - 1) + 1
     for which, above, k, matrices in _known_matrices.get(kept, lambda: fourier_matrices(kept)):
         sizes = (slice(len(range(count)[each])) for each in (which, k, above))
-        yield which, above, k, matrices[tuple(sizes)]
+        yield which, above, k, matrices[tuple(sizes)].transpose(0, 2, 1)
 
 
 def _make_tables(order: int, part: range) -> list[Tables]:

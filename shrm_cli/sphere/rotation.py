@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array, Memo, kept_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, order_of
-from shrm_cli.sphere.wigner import right_angle_degrees
+from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_degrees
 
-_CACHED_ORDER = 96
 _REPEATED_ORDER = 64
 _known_blocks = Memo(2**24)
 """The matrices of rotations that are needed again and again. Those of order 64 take 3 MB."""
@@ -96,7 +95,7 @@ def rotation_blocks(order: int, rotation: Array) -> list[Array]:
     back, between, after = (
         _phases(order, np.array([each])) for each in (-gamma - quarter, beta, alpha - quarter)
     )
-    is_known = order <= _CACHED_ORDER
+    is_known = order <= KEPT_ORDER
     blocks = []
     for quarter_turn in _known_turns.up_to(order) if is_known else _right_angle_turns(order):
         matrix = quarter_turn.matrix
@@ -360,7 +359,7 @@ class _SplitTurn:
 
 def _quarter_turns(order: int) -> Iterable[_WholeTurn | _SplitTurn]:
     """Yield Ry(pi/2) between real harmonics, degree by degree."""
-    if order <= _CACHED_ORDER:
+    if order <= KEPT_ORDER:
         return _known_turns.up_to(order)
     weights = _turn_weights(order)[:, None]
     return (

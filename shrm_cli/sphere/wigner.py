@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, Memo, kept_order
 
-_KEPT_ORDER = 96
-"""The largest order to which values at right angles are computed and kept at once."""
+KEPT_ORDER = 96
+"""The largest order to which values at right angles, and what is made of them, are kept."""
 _known_rows = Memo(2**24)
 """Values at right angles of some orders, of which order 96 takes 7 MB."""
 _VALUES_AT_ONCE = 2**22
@@ -71,7 +71,7 @@ def right_angle_rows(order: int, first: int = 0) -> Array:
     References: Trapani & Navaza 2006, Calculation of spherical harmonics and Wigner d functions by
     FFT, Acta Cryst. A62.
     """
-    if first == 0 and order <= _KEPT_ORDER:
+    if first == 0 and order <= KEPT_ORDER:
         kept = kept_order(order)
         rows = _known_rows.get(kept, lambda: _falling_rows(kept, 0))
         return rows[: order + 1, : order + 1, : order + 1]
@@ -105,7 +105,7 @@ def right_angle_degrees(order: int, first: int = 0) -> Iterator[Array]:
     Yields `d` of shape (l+1, l+1).
     """
     while first <= order:
-        last = min(max(first + _VALUES_AT_ONCE // (order + 1) ** 2, _KEPT_ORDER), order)
+        last = min(max(first + _VALUES_AT_ONCE // (order + 1) ** 2, KEPT_ORDER), order)
         rows = right_angle_rows(last, first)
         for degree in range(first, last + 1):
             yield rows[degree::-1, degree - first, : degree + 1]

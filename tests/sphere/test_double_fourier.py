@@ -82,7 +82,7 @@ def test_kept_and_fresh_tables_agree(rng):
 def small_blocks(request, monkeypatch):
     """Tables of few m at a time, made anew for each call."""
     monkeypatch.setattr(double_fourier, "_TABLE_BYTES", request.param)
-    monkeypatch.setattr(double_fourier, "_KEPT_ORDER", -1)
+    monkeypatch.setattr(double_fourier, "KEPT_ORDER", -1)
 
 
 @pytest.mark.parametrize("order", [0, 1, 6, 21])

@@ -72,7 +72,7 @@ class Form:
     @property
     def least_error(self) -> float:
         """The error without what bilinear look-ups add."""
-        return total_error(self.error, 0.0)
+        return total_error(self.error)
 
     @cached_property
     def total_error(self) -> float:
