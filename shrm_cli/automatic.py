@@ -152,9 +152,9 @@ class _Asked:
         if self.request.sun is not None:
             return None
         from shrm_cli.lights.beside import split_for
-        from shrm_cli.maps.lamps.models import has_code
+        from shrm_cli.maps.lamps.models import has_code_or_table
 
-        if not has_code(self.request.brdf):  # shaders and pages could not show the map
+        if not has_code_or_table(self.request.brdf):  # shaders and pages could not show the map
             return None
         beside = split_for(self.probe, self.request.brdf)
         # No map makes up for what discs change, so that most searches in vain end here.
@@ -168,6 +168,8 @@ class _Asked:
         self, found: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
     ) -> bool:
         """Tell whether a map with lamps beside it is better than that of all light."""
+        if found.bytes > self.request.allowed:  # with a table of the BRDF
+            return False
         is_far_smaller = found.bytes <= policy.FAR_SMALLER * whole.bytes
         if found.keeps(self.goal):
             return is_far_smaller or not is_kept
@@ -293,14 +295,14 @@ class _Apart:
             asked = replace(asked, error=error, seen=goal.wrong_share)
         light = beside.split.residual_probe if beside.split.discs else beside.split.probe
         rest = _Asked.of(light, asked, beside.left)
-        return cls(rest, beside, beside.lamps(request.brdf))
+        return cls(rest, beside, beside.lamps())
 
     def made(self) -> Prefiltered:
         """Make the map."""
         from shrm_cli.lights.beside import with_lamps
 
         with beside_lamps(self.lamps):
-            return with_lamps(self.rest.made(), self.beside, self.rest.request.brdf)
+            return with_lamps(self.rest.made(), self.beside)
 
     def foreseen(self) -> Candidate[Prefiltered]:
         """Return what the map would be."""
@@ -310,7 +312,8 @@ class _Apart:
         error = math.hypot(self.beside.left * found.total_error, self.beside.error)
         # What is predicted here holds beside the lamps alone.
         return replace(
-            found, total_error=error, find_wrong_share=lambda: share, make=self.made
+            found, bytes=found.bytes + self.beside.bytes, total_error=error,
+            find_wrong_share=lambda: share, make=self.made,
         )  # fmt: skip
 
 

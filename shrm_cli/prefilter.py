@@ -213,14 +213,14 @@ def _finished(
     if lamps is None and (request.splits or not any(REMEDY in line for line in made.warnings)):
         return made
     from shrm_cli.lights.beside import MUCH, lamps_share, with_lamps
-    from shrm_cli.maps.lamps.models import has_code
+    from shrm_cli.maps.lamps.models import has_code_or_table
 
     brdf = request.brdf
     if lamps is not None:
-        return with_lamps(made, lamps, brdf)
+        return with_lamps(made, lamps)
     if brdf.center == "tangent" or lamps_share(probe) <= MUCH:
         return made
-    if request.to == AUTO and request.sun is None and has_code(brdf):  # that was tried
+    if request.to == AUTO and request.sun is None and has_code_or_table(brdf):  # that was tried
         better = f"discs in their place (`sun` split) miss as much; {REMEDY}"
     else:
         better = f"take them out with `sun` split, as discs, or {REMEDY}"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import shrm_cli
+from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ArgumentError, ShrmWarning
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.prefilter import prefilter_with_facts
@@ -55,6 +56,34 @@ def points():
     mirrored[:60] = near / np.linalg.norm(near, axis=1, keepdims=True)
     normals = mirrored + views
     return normals / np.linalg.norm(normals, axis=1, keepdims=True), views
+
+
+class Unknown(Ggx):
+    """A BRDF of a class that shaders have no code of."""
+
+    name = "unknown"
+
+
+def asked(max_size):
+    """A map of such a BRDF in so many bytes."""
+    brdf = Unknown(roughness=0.3, f0=0.04)
+    return prefilter_with_facts(probe(), "auto", {"brdf": brdf, "max_size": max_size})
+
+
+def test_what_has_no_code_is_shown_by_a_table(tmp_path, points):
+    """By default, in a file that needs no BRDF beside it, as the BRDF itself shows the sun."""
+    made = asked(1_400_000)
+    assert "lamps beside it" in dict(made.notes)["form"]
+    made.map.save(tmp_path / "map.exr")
+    found = shrm_cli.open_map(tmp_path / "map.exr").radiance(*points)
+    expected = truth(0.3, *points, 0.04)
+    error = np.sqrt(np.sum((found - expected) ** 2) / np.sum(expected**2))
+    assert error < 0.02
+    assert made.map.error > error  # uniformly over views, of which these have few at the horizon
+
+
+def test_no_table_is_made_that_does_not_fit():
+    assert "lamps" not in dict(asked(1_100_000).notes)
 
 
 @pytest.mark.proof

@@ -130,6 +130,19 @@ class StoredFile(ABC):
         """All parts, in the file's order."""
 
 
+class WithoutLast(StoredFile):
+    """A file as it would be without its last part."""
+
+    def __init__(self, file: StoredFile) -> None:
+        self.path, self.first = file.path, file.first
+        self.part_count = file.part_count - 1
+        self._parts = file.parts[:-1]
+
+    @property
+    def parts(self) -> tuple[StoredPart, ...]:
+        return self._parts
+
+
 def write_parts(
     path: str | os.PathLike[str], parts: Sequence[Part], precision: Precision = "auto"
 ) -> PixelType:

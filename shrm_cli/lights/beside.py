@@ -1,5 +1,6 @@
 """Maps of what is left of a probe without its lamps, and these beside it: `sun` split."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,9 @@ from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.expansion import LampsBeside
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.discs import LitDiscs
+from shrm_cli.maps.lamps.lobe import LobeTable
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
+from shrm_cli.maps.lamps.models import has_code, has_code_or_table
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, negative_warnings
 from shrm_cli.plan import policy
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
@@ -52,13 +55,20 @@ class Beside:
     wrong: Array
     """The coefficients of the light of these pixels without that of the discs, world axes, shape
     (n, 3)."""
+    brdf: Brdf
+    """What reflects the discs: the BRDF of the map, or a table of it, which `error` counts."""
 
-    def lamps(self, brdf: Brdf) -> LampsBeside | None:
+    @property
+    def bytes(self) -> int:
+        """The bytes that the file of the map takes for that."""
+        return self.brdf.bytes if isinstance(self.brdf, LobeTable) else 0
+
+    def lamps(self) -> LampsBeside | None:
         """Return the lamps as the wrong pixels of maps are counted beside them, where they are."""
-        if not brdf.isotropic:  # the lobes for views have tangents of their own
+        if not self.brdf.isotropic:  # the lobes for views have tangents of their own
             return None
         flux = sum((lamp.light.flux for lamp in self.split.lamps), np.zeros(3))
-        return LampsBeside(flux, self.wrong, LitDiscs(brdf, self.split.discs).radiance)
+        return LampsBeside(flux, self.wrong, LitDiscs(self.brdf, self.split.discs).radiance)
 
 
 def split_for(probe: Probe, brdf: Brdf) -> Beside:
@@ -71,7 +81,7 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
         raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")
     split = _split_of(probe)
     if not split.discs:
-        return Beside(split, 1.0, 0.0, np.zeros((1, 3)))
+        return Beside(split, 1.0, 0.0, np.zeros((1, 3)), brdf)
     order, max_q = _ORDERS
     max_q = 0 if brdf.zonal else max_q
     compute = compute_transfer if brdf.isotropic else compute_brushed_transfer
@@ -79,7 +89,7 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     order = transfer.order_f
     whole = reflected_rms(project(probe, order), transfer)
     if whole == 0:
-        return Beside(split, 1.0, 0.0, np.zeros((1, 3)))
+        return Beside(split, 1.0, 0.0, np.zeros((1, 3)), brdf)
     wrong = np.zeros(((order + 1) ** 2, 3))
     found = _wrong(split, min(order, split.grid.resolved_order))
     wrong[: len(found)] = found
@@ -87,7 +97,13 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     energy = np.maximum(sum(map(_wrong_energy, split.lamps)), (wrong**2).sum(axis=0))
     error = reflected_rms(Lighting(wrong, energy), transfer)
     residual = reflected_rms(project(split.residual_probe, order), transfer)
-    return Beside(split, min(residual / whole, 1.0), error / whole, wrong)
+    shown = brdf
+    if not has_code(brdf) and has_code_or_table(brdf):
+        shown = LobeTable.of(brdf)
+        energy = np.sum([disc.energy for disc in split.discs], axis=0)
+        lit = Lighting(disc_coefficients(split.discs, order), energy)
+        error = math.hypot(error, shown.error(brdf) * reflected_rms(lit, transfer))
+    return Beside(split, min(residual / whole, 1.0), error / whole, wrong, shown)
 
 
 def _split_of(probe: Probe) -> LampSplit:
@@ -131,11 +147,10 @@ def _wrong_energy(lamp: Lamp) -> Array:
     return np.asarray(light.areas @ rest**2 + outside)
 
 
-def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
+def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
     """Put the lamps of a probe beside the map of the rest; errors become relative to all.
 
-    `made` is the map of the residual. Where there are no lamps, it is of the probe. `brdf` is what
-    the map was made for.
+    `made` is the map of the residual. Where there are no lamps, it is of the probe.
     """
     split, left = beside.split, beside.left
     info = replace(made.map.info, probe=probe_name(split.probe), probe_sha256=split.probe.digest())
@@ -169,7 +184,7 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
             f"discs in place of the lamps' pixels change {beside.error:.1%} (RMS) of the reflected "
             "light: their shapes, or those of the pixels, show in so sharp a lobe"
         )
-    lit = LampMap(inner, split.discs, left, beside.error, brdf)
+    lit = LampMap(inner, split.discs, left, beside.error, beside.brdf)
     return replace(
         made, map=lit, facts=facts, notes=(*made.notes, note), warnings=tuple(told),
         further=further,

@@ -20,13 +20,14 @@ from shrm_cli.maps.info import MapInfo
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
 
-VERSION = 6
+VERSION = 7
 """The newest version of the format of files that this version of `shrm` reads.
 
 Compressed maps, sums of terms and other layouts than OpenEXR's cube are written as version 2, and
 irradiance, split sums and SH exponentials as version 3, principal functions as version 4, and
-product textures as version 5. Maps with lamps beside them are written as version 6. All other maps
-are written as version 1, which earlier versions of `shrm` read too.
+product textures as version 5. Maps with lamps beside them are written as version 6, and as
+version 7 with a table of what their BRDF reflects of these. All other maps are written as version
+1, which earlier versions of `shrm` read too.
 """
 
 COLORS = "RGB"

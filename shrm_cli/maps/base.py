@@ -150,6 +150,8 @@ class Map(Displayed, ABC):
         Whether it is of a white diffuse surface, whose color is that of the light.
     against_negatives : str
         What a user can do where the map is negative.
+    table_bytes : int
+        The bytes of a table that its file holds of its lamps' BRDF.
     """
 
     representation: ClassVar[str]
@@ -160,6 +162,7 @@ class Map(Displayed, ABC):
     texels_are_series: ClassVar[bool] = False
     is_white: ClassVar[bool] = False
     against_negatives: ClassVar[str] = "take `to` auto without `eps` or orders"
+    table_bytes: int = 0
 
     if TYPE_CHECKING:
         # Subclasses define these as fields, class attributes or properties. Properties of this

@@ -1,9 +1,10 @@
 """What the file of a map holds, whatever its representation: the map, and how it was made."""
 
 import os
+from collections.abc import Callable
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.parts import StoredFile, open_file, peek
+from shrm_cli.files.parts import StoredFile, WithoutLast, open_file, peek
 from shrm_cli.maps import registry
 from shrm_cli.maps.attributes import has_map_attributes, map_info, read_attributes
 from shrm_cli.maps.base import Map
@@ -36,14 +37,18 @@ def open_map(path: str | os.PathLike[str]) -> Map:
         raise MapError(
             f"{path}: a {name} map is never laid out as {attributes['layout']}; make it again"
         )
-    found: Map = registry.module(name, "file").decode(file)
+    decode: Callable[[StoredFile], Map] = registry.module(name, "file").decode
     if file.first.attribute("shrm:lamps") is None:
-        return found
+        return decode(file)
     # Few maps have lamps beside them; others are spared these modules.
     from shrm_cli.maps.lamps.attribute import read_lamps
+    from shrm_cli.maps.lamps.lobe import LobeTable, lobe_part
     from shrm_cli.maps.lamps.map import LampMap
 
-    return LampMap(found, *read_lamps(file.first), path=os.fspath(path))
+    lamps, table = read_lamps(file.first), lobe_part(file.parts)
+    if table is None:
+        return LampMap(decode(file), *lamps, path=os.fspath(path))
+    return LampMap(decode(WithoutLast(file)), *lamps, LobeTable.read(table))
 
 
 @record

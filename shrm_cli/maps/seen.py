@@ -79,7 +79,8 @@ def kept_or_best(
 def as_candidate(made: Prefiltered) -> Candidate[Prefiltered]:
     """Return what is predicted to be seen of a map that is made already."""
     map_, find = made.map, made.further["predicted_wrong_share"]
-    bytes_, count = stored_bytes(map_.size, map_.cube_count), map_.cube_count
+    count = map_.cube_count
+    bytes_ = stored_bytes(map_.size, count) + map_.table_bytes
     return Candidate(map_.representation, bytes_, count, known_error(made), find, lambda: made)
 
 

@@ -108,7 +108,11 @@ class LampsOnMesh:
         # One rule for all, as it takes longer to find than pictures: the finest at the ends.
         ends = product((0.0, 1.0), repeat=shares.shape[1])
         rules = [LitDiscs(brdf_at(end), (disc,)).rule for end in ends]
-        rule = DiscRule(min(each.width for each in rules), max(each.steps for each in rules))
+        rule = DiscRule(
+            min(each.width for each in rules),
+            max(each.steps for each in rules),
+            max(each.reach for each in rules),
+        )
 
         def of_node(node: tuple[float, ...], own: NDArray[np.int64]) -> Array:
             where = normals[own], views[own], disc.direction, disc.radius

@@ -14,8 +14,9 @@ from shrm_cli.maps.shader.file import pack
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.vocabulary import DEFAULT_TAPS
 
-_LIGHT = ("shrm_layers", "shrm_product")
-"""The textures of light, for which half precision will do; tables of numbers stay 32 bits."""
+_LIGHT = ("shrm_layers", "shrm_product", "shrm_lobe")
+"""The textures of light and of a BRDF, for which half precision will do; other tables stay 32
+bits."""
 
 
 def described_map(

@@ -43,7 +43,7 @@ from shrm_cli.brdf.vectors import from_half_angles, half_angles
 from shrm_cli.errors import BrdfError, MapError, OutputError
 from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.parts import Part, peek, write_parts
+from shrm_cli.files.parts import Part, StoredPart, peek, write_parts
 from shrm_cli.files.whole import replacing
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Center
@@ -189,12 +189,8 @@ def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
     if not brdf.isotropic:
         raise BrdfError(f"{brdf!r}: anisotropic; a table holds isotropic BRDFs only")
     cut = cuts_horizon(brdf)
-    # A BRDF that goes on below the horizon has half vectors there too. The peak of a fiber is not
-    # at theta_h = 0 but at the side, so its nodes have equal steps.
-    end, power = (np.pi / 2 if cut else np.pi), (1 if brdf.center == "tangent" else 2)
-    steps = [np.linspace(0, 1, count) for count in shape]
-    spaced = end * steps[0] ** power, np.pi / 2 * np.sin(np.pi / 2 * steps[1]), np.pi * steps[2]
-    axes = tuple(np.round(axis, 9) for axis in spaced)  # because files hold decimals
+    # Files hold decimals.
+    axes = tuple(np.round(axis, 9) for axis in table_axes(shape, cut, brdf.center))
     values = np.empty((*shape, 3), dtype=np.float32)
     for row, theta_h in enumerate(axes[0]):
         light, view = from_half_angles(theta_h, axes[1][:, None], axes[2])
@@ -205,6 +201,18 @@ def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
         raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
     settings = TableSettings(brdf.center, brdf.includes_cosine, brdf.has_horizon, repr(brdf))
     return Table(values, axes, settings)
+
+
+def table_axes(shape: tuple[int, ...], cut: bool, center: Center) -> tuple[Array, ...]:
+    """Return the nodes that `sample_table` takes, but for its rounding, radians.
+
+    `shape` holds their numbers. `cut` tells whether the BRDF ends at the horizon.
+    """
+    # A BRDF that goes on below the horizon has half vectors there too. The peak of a fiber is not
+    # at theta_h = 0 but at the side, so its nodes have equal steps.
+    end, power = (np.pi / 2 if cut else np.pi), (1 if center == "tangent" else 2)
+    steps = [np.linspace(0, 1, count) for count in shape]
+    return end * steps[0] ** power, np.pi / 2 * np.sin(np.pi / 2 * steps[1]), np.pi * steps[2]
 
 
 def _lifted(directions: Array) -> Array:
@@ -291,12 +299,17 @@ def is_table(path: str | os.PathLike[str]) -> bool:
 
 
 def _write_exr(path: str | os.PathLike[str], table: Table) -> None:
+    write_parts(path, [table_part(table)], "float")
+
+
+def table_part(table: Table, scale: float = 1.0) -> Part:
+    """Return a table as a part of an OpenEXR file, its values times `scale`."""
     rows = table.table.shape[0]
-    planes = table.table.reshape(rows, -1, table.table.shape[-1])
+    planes = scale * table.table.reshape(rows, -1, table.table.shape[-1])
     channels = {name: planes[..., k % planes.shape[-1]] for k, name in enumerate("RGB")}
     axes = {name: axis.tolist() for name, axis in zip(AXES, table.axes, strict=True)}
     settings = json.dumps({**_settings_object(table.settings), "axes": axes})
-    write_parts(path, [Part(channels, {ATTRIBUTE: settings})], "float")
+    return Part(channels, {ATTRIBUTE: settings})
 
 
 def _write_npz(path: str | os.PathLike[str], table: Table) -> None:
@@ -315,10 +328,17 @@ def _read_exr(path: Path) -> Stored:
     found = peek(path)
     if found is None:
         raise BrdfError(f"{path}: damaged or truncated; copy it, or {_AGAIN}")
-    part = found.first
-    text = part.text(ATTRIBUTE)
-    if not text:
+    if not found.first.text(ATTRIBUTE):
         raise BrdfError(f"{path}: an image, but not a table of a BRDF; shrm brdf --save makes one")
+    return stored_table(found.first)
+
+
+def stored_table(part: StoredPart) -> Stored:
+    """Read a part that `table_part` made, as `read_table` returns it, its values times the scale.
+
+    Raises BrdfError if it is damaged.
+    """
+    path, text = Path(part.path), part.text(ATTRIBUTE)
     held = _json_object(path, text)
     listed = held.pop("axes", None)
     if not isinstance(listed, dict) or not all(isinstance(listed.get(k), list) for k in AXES):

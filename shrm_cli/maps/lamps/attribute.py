@@ -15,6 +15,8 @@ from shrm_cli.sphere.directions import normalize
 
 FORMAT = 6
 """The version of files with lamps, which readers that know none of them must refuse."""
+FORMAT_WITH_TABLE = 7
+"""The version of those that hold a table of the BRDF, too."""
 MOST_DISCS = 128
 """The most discs of a map: those of eight lamps, which may be of 16 each."""
 _NAME = "shrm:lamps"

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
-from shrm_cli.maps.lamps.rule import DiscRule, integrals
+from shrm_cli.maps.lamps.lobe import TABLE_EXACT, LobeTable
+from shrm_cli.maps.lamps.rule import EXACT, DiscRule, integrals
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents
@@ -28,7 +29,8 @@ class LitDiscs:
     def rule(self) -> DiscRule:
         """How all of them are integrated: as the largest one needs it."""
         radius = max(disc.radius for disc in self.discs)
-        make = partial(DiscRule.of, self.brdf, radius)
+        exact = TABLE_EXACT if isinstance(self.brdf, LobeTable) else EXACT
+        make = partial(DiscRule.of, self.brdf, radius, exact)
         return remembered(self.brdf, ("disc rule", radius), make)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:

@@ -17,8 +17,9 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo, common_brdf
 from shrm_cli.maps.kinds import ReflectionMap
-from shrm_cli.maps.lamps.attribute import FORMAT, lamps_text
+from shrm_cli.maps.lamps.attribute import FORMAT, FORMAT_WITH_TABLE, lamps_text
 from shrm_cli.maps.lamps.discs import LitDiscs, disc_records
+from shrm_cli.maps.lamps.lobe import LobeTable
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
@@ -58,7 +59,8 @@ class LampMap(ReflectionMap):
     """What discs in place of the lamps' pixels change of the reflected light, as its RMS over that
     of all."""
     known: Brdf | None = None
-    """The BRDF, where it is at hand. It is found by the record of the map otherwise."""
+    """The BRDF, where it is at hand, or a `LobeTable` of it, which the file of the map holds. It is
+    found by the record of the map otherwise."""
     path: str = ""
     """The file of the map, beside which a measured BRDF is looked for."""
 
@@ -164,10 +166,33 @@ class LampMap(ReflectionMap):
             "prefilter its probe with `working`"
         )
 
+    @property
+    def table(self) -> LobeTable | None:
+        """The table of the BRDF, where the file holds one."""
+        return self.known if isinstance(self.known, LobeTable) else None
+
+    @property
+    def table_bytes(self) -> int:  # type: ignore[override]
+        return 0 if self.table is None else self.table.bytes
+
     def encode(self) -> list[Part]:
-        """Return the parts of the map within, the first of which says what lamps there are."""
-        parts = self.map.encode()
+        """Return the parts of the map within, the first of which says what lamps there are.
+
+        A table of the BRDF follows them.
+        """
+        parts, table = self.map.encode(), self.table
         for part in parts:
-            part.header["shrm:version"] = FORMAT
+            part.header["shrm:version"] = FORMAT if table is None else FORMAT_WITH_TABLE
         parts[0].header["shrm:lamps"] = lamps_text(self.discs, self.left, self.error)
-        return parts
+        return parts if table is None else _on_one_canvas([*parts, table.part()])
+
+
+def _on_one_canvas(parts: Sequence[Part]) -> list[Part]:
+    """Name the first of several parts, and give all of them the canvas that they have to share."""
+    parts[0].header.setdefault("name", "map")
+    shapes = [next(iter(part.channels.values())).shape for part in parts]
+    given = [part.header.get("displayWindow", (0, 0)) for part in parts]
+    height, width = np.max([*shapes, *(each[::-1] for each in given)], axis=0).tolist()
+    for part in parts:
+        part.header["displayWindow"] = width, height
+    return list(parts)

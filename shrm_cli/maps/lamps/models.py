@@ -26,6 +26,7 @@ from shrm_cli.brdf.models.microfacet import Microfacet
 from shrm_cli.brdf.models.phong import Phong
 from shrm_cli.brdf.sums import weighted_terms
 from shrm_cli.errors import MapError
+from shrm_cli.maps.lamps.lobe import LobeTable
 from shrm_cli.maps.shader.language import Language
 
 _SUM = """\
@@ -119,6 +120,11 @@ class Functions:
 def has_code(brdf: Brdf) -> bool:
     """Tell whether there is code of what a BRDF reflects of lamps."""
     return all(_is_known(term) for _, term in weighted_terms(brdf))
+
+
+def has_code_or_table(brdf: Brdf) -> bool:
+    """Tell whether shaders can show what a BRDF reflects of lamps: others have tables of it."""
+    return has_code(brdf) or (brdf.isotropic and brdf.center != "tangent")
 
 
 def _is_known(brdf: Brdf) -> bool:
@@ -373,8 +379,9 @@ _WRITERS: dict[type[Brdf], Callable[..., list[str]]] = {
     UnderCoat: _under_coat,
     UnderBorder: _under_border,
     UnderFuzz: _under_fuzz,
+    LobeTable: lambda table, functions: table.code(functions.language),
 }
-"""The models and the terms of layers that there is code of. A class that is derived from one may be
-another BRDF."""
+"""The models, the terms of layers and the tables that there is code of. A class that is derived
+from one may be another BRDF."""
 _WITHIN: dict[type[Brdf], str] = {UnderCoat: "part", UnderBorder: "diffuse", UnderFuzz: "term"}
 """What lies under a layer."""

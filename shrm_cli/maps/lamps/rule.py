@@ -16,6 +16,9 @@ Integrals over y vanish as square roots where the great circles touch the disc; 
 the second kind takes them as they are. Where one of them is the horizon instead, x is a sine of
 evenly spread angles, and Gauss's rule in these takes both ends. Small angles are told by their
 sines, which keep their digits in 32-bit floats, too.
+
+Most points mirror no lamp: beyond some distance from C a disc meets the smooth side of the lobe,
+and a few steps do.
 """
 
 from functools import cache
@@ -41,8 +44,16 @@ _SIZES = 2, 3, 4, 6, 8, 12, 16, 24, 32, 48
 """Steps in each direction, of which the fewest are taken that are exact enough."""
 _MORE = 3
 """Steps more where it does: it takes so many for a rule that is good at both kinds of ends."""
-_EXACT = 1e-3
+EXACT = 1e-3
 """The part of the largest value for a view that a rule may miss."""
+FEW = 4
+"""Steps where a disc is beyond reach of the lobe."""
+_REACH = 10.0
+"""Widths of the peak and radii of the disc together that are within its reach."""
+_BEYOND = 1.0, 1.4, 2.0, 3.0, 5.0
+"""Distances of C from the middle of the disc, in reaches, for which that is looked at."""
+_MOST_REACH = 1.5
+"""The largest reach, radians, beyond which there are few points."""
 _TRUTH = 72
 """Steps of the rule that the others are compared with."""
 _VIEWS = 1.0, 0.8, 0.5, 0.2
@@ -66,27 +77,43 @@ class DiscRule:
     """w, radians."""
     steps: int
     """Longitudes where the horizon does not cut the disc, and latitudes on each of them."""
+    reach: float = np.pi
+    """The distance of C from the middle of a disc, radians, from which on `FEW` steps do."""
 
     def longitudes(self, is_cut: bool) -> int:
         """Return how many there are: more where the horizon cuts the disc."""
         return self.steps + _MORE if is_cut else self.steps
 
+    @property
+    def beyond(self) -> "DiscRule":
+        """The rule for what is beyond reach."""
+        return DiscRule(self.width, min(self.steps, FEW))
+
     @classmethod
-    def of(cls, brdf: Brdf, radius: float) -> "DiscRule":
+    def of(cls, brdf: Brdf, radius: float, exact: float = EXACT) -> "DiscRule":
         """Choose the rule of the fewest steps that is exact enough for discs of up to a radius."""
         width = float(Core.of(brdf).widths[0])
         normals, views, axes = _trials(brdf, radius)
-        truth, *others = (
-            integrals(
-                cls(width, steps), brdf, normals, views, axes, radius, horizontal_tangents(normals)
-            ).sum(axis=-1)
-            for steps in (_TRUTH, *_SIZES)
-        )
+        tangents = horizontal_tangents(normals)
+
+        def values(steps: int, axes: Array) -> Array:
+            rule = cls(width, steps)
+            return integrals(rule, brdf, normals, views, axes, radius, tangents).sum(axis=-1)
+
+        truth = values(_TRUTH, axes)
         largest = np.maximum(truth.max(axis=(1, 2), keepdims=True), _TINY)
-        for steps, values in zip(_SIZES, others, strict=True):
-            if np.max(np.abs(values - truth) / largest) <= _EXACT:
-                return cls(width, steps)
-        return cls(width, _SIZES[-1])
+        good = (n for n in _SIZES if np.max(np.abs(values(n, axes) - truth) / largest) <= exact)
+        steps = next(good, _SIZES[-1])
+        reach = _REACH * (width + radius)
+        if steps <= FEW or reach > _MOST_REACH:
+            return cls(width, steps)
+        far = _beside(brdf, normals, views, np.minimum(reach * np.array(_BEYOND), np.pi))
+        # Some BRDFs have a second peak towards the view.
+        aside = np.sum(_centers(brdf, normals, views) * views, axis=-1, keepdims=True)
+        backwards = np.where(aside < np.cos(reach), views, far[:, :1])
+        far = np.concatenate([far, backwards], axis=1)
+        missed = np.max(np.abs(values(FEW, far) - values(steps, far)) / largest)
+        return cls(width, steps, reach if missed <= exact else np.pi)
 
 
 def integrals(
@@ -114,14 +141,26 @@ def integrals(
     if not cuts_horizon(brdf):
         heights = np.ones_like(heights)
     edge = np.sin(radius)
+    is_far = np.zeros(len(result), dtype=bool)
+    if rule.reach < np.pi:
+        centers = _centers(brdf, *points[:2])
+        is_far = np.sum(centers * points[2], axis=-1) < np.cos(rule.reach)
     for is_cut, there in ((False, heights >= edge), (True, np.abs(heights) < edge)):
-        found = np.flatnonzero(there)
-        step = max(_SAMPLES_AT_ONCE // (rule.longitudes(is_cut) * rule.steps), 1)
-        for start in range(0, len(found), step):
-            some = found[start : start + step]
-            n, v, a, t = (each[some] for each in points)
-            result[some] = _over(rule, brdf, n, v, a, radius, is_cut, t)
+        for own, found in (
+            (rule, np.flatnonzero(there & ~is_far)),
+            (rule.beyond, np.flatnonzero(there & is_far)),
+        ):
+            step = max(_SAMPLES_AT_ONCE // (own.longitudes(is_cut) * own.steps), 1)
+            for start in range(0, len(found), step):
+                some = found[start : start + step]
+                n, v, a, t = (each[some] for each in points)
+                result[some] = _over(own, brdf, n, v, a, radius, is_cut, t)
     return result.reshape(shape)
+
+
+def _centers(brdf: Brdf, normals: Array, views: Array) -> Array:
+    """Return the directions about which a BRDF has its peak."""
+    return reflect(views, normals) if brdf.center == "reflection" else normals
 
 
 def _over(
@@ -135,7 +174,7 @@ def _over(
     tangents: Array,
 ) -> Array:
     """Integrate over a disc that the horizon cuts, or one that it does not, for points (n, 3)."""
-    centers = reflect(views, normals) if brdf.center == "reflection" else normals
+    centers = _centers(brdf, normals, views)
     frame = _frames(centers, views, axes)
     a_x, a_y, a_z = np.einsum("nij,nj->in", frame, axes)
     low, high = _span(a_x, a_y, a_z, radius)
@@ -232,13 +271,17 @@ def _trials(brdf: Brdf, radius: float) -> tuple[Array, Array, Array]:
     cosines = np.array(_VIEWS)[:, None, None]
     views = from_angles(np.arccos(cosines), 0.0)
     normals = np.broadcast_to(np.eye(3)[2], views.shape)
-    centers = reflect(views, normals) if brdf.center == "reflection" else normals
-    frame = _frames(centers, views, np.eye(3)[0])
-    beside = from_angles(radius * np.array(_BESIDE)[:, None], np.array(_AROUND))
-    axes = np.einsum("...j,...ji->...i", beside, frame)
+    axes = _beside(brdf, normals, views, radius * np.array(_BESIDE))
     heights = radius * np.array(_HEIGHTS)[:, None]
     low = np.broadcast_to(
         from_angles(np.pi / 2 - heights, np.array(_AROUND)),
         (*axes.shape[:1], len(_HEIGHTS), len(_AROUND), 3),
     )
-    return normals, views, np.concatenate([normalize(axes), low], axis=1)
+    return normals, views, np.concatenate([axes, low], axis=1)
+
+
+def _beside(brdf: Brdf, normals: Array, views: Array, distances: Array) -> Array:
+    """Return axes of discs at some distances from C, shape (views, distances, azimuths, 3)."""
+    frame = _frames(_centers(brdf, normals, views), views, np.eye(3)[0])
+    beside = from_angles(distances[:, None], np.array(_AROUND))
+    return normalize(np.einsum("...j,...ji->...i", beside, frame))

@@ -1,7 +1,7 @@
 """The lamps beside a map as source code: the same rule, over the same discs, as `rule` has."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.maps.lamps.discs import LitDiscs
 from shrm_cli.maps.lamps.models import Functions
-from shrm_cli.maps.lamps.rule import LEAST_COSINE, chebyshev, gauss, sines
+from shrm_cli.maps.lamps.rule import LEAST_COSINE, DiscRule, chebyshev, gauss, sines
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import central_direction, tangent_function
 
@@ -79,7 +79,7 @@ vec3 shrm_lamp(vec3 n, SIDEvec3 v, vec3 c, vec3 a, float radius)
     float span = shrm_asin(min(sine / max(wide, sine), 1.0));
     float wy = WIDTH * max(dot(n, v), LEAST);
     float low, high, step, x, over, turn, b, reach, above, y, weight;
-    int i, j, count = STEPSBOOL;
+    int SKIPPEDi, j, count = STEPSBOOL;
     if (abs(ay) >= shrm_cos(radius)) {
         span = PI;
     }
@@ -104,9 +104,9 @@ CUT
         last = shrm_asinh(min(atan(ay, b) + span, 0.5 * PI) / wy);
         for (j = 0; j < STEPS; j++) {
             vec3 l;
-            step = 0.5 * (first + last) + 0.5 * (last - first) * shrm_lamp_nodes[j].x;
+            step = 0.5 * (first + last) + 0.5 * (last - first) * shrm_lamp_nodes[SKIPj].x;
             y = wy * sinh(step);
-            weight = shrm_lamp_nodes[j].y * 0.5 * (last - first) * wy * cosh(step);
+            weight = shrm_lamp_nodes[SKIPj].y * 0.5 * (last - first) * wy * cosh(step);
             weight = weight * over * shrm_cos(y);
             l = LIGHT;
             l = vec3(dot(l, s), dot(l, t), dot(l, n));
@@ -177,9 +177,12 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
     discs, rule = lamps.discs, lamps.rule
     is_brushed = not lamps.brdf.isotropic
     radii = np.array([disc.radius for disc in discs])
+    reaches = rule.reach < math.pi
+    rules = [rule, rule.beyond] if reaches else [rule]
+    many = [each.longitudes(is_cut=True) for each in rules]
     tables = {
-        "shrm_lamp_whole": _rows(*chebyshev(rule.steps)),
-        "shrm_lamp_nodes": _rows(*gauss(rule.steps)),
+        "shrm_lamp_whole": _one_by_one(chebyshev, [each.steps for each in rules]),
+        "shrm_lamp_nodes": _one_by_one(gauss, [each.steps for each in rules]),
         "shrm_lamp_axes": np.array([disc.direction for disc in discs]),
         "shrm_lamp_sizes": _rows(radii, np.sin(radii)),
         "shrm_lamp_lights": np.array([disc.radiance for disc in discs]),
@@ -188,7 +191,7 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
     reflected = functions.total(lamps.brdf, "l", "vec3(dot(v, s), dot(v, t), dot(v, n))")
     cuts = cuts_horizon(lamps.brdf)
     if cuts:
-        tables["shrm_lamp_cut"] = _rows(*sines(rule.longitudes(is_cut=True)))
+        tables["shrm_lamp_cut"] = _one_by_one(sines, many)
     light = language.combined(
         ["shrm_sin(x) * shrm_cos(y)", "shrm_sin(y)", "shrm_cos(x) * shrm_cos(y)"], ["e", "f", "c"]
     )
@@ -200,15 +203,18 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
         "WIDTH": language.number(rule.width),
         "LEAST": language.number(LEAST_COSINE),
         "PI": language.number(math.pi),
-        "MANY": str(rule.longitudes(is_cut=True)),
-        "STEPS": str(rule.steps),
+        "SKIPPED": _skipped(rule, language) if reaches else "",
+        "MANY": f"steps + {many[0] - rule.steps}" if reaches else str(many[0]),
+        "STEPS": "steps" if reaches else str(rule.steps),
         "COUNT": str(len(discs)),
         "CENTER": central_direction(lamps.brdf.center, language),
         "LIGHT": light,
         "GROW": language.grow("total", language.scale("weight", reflected)),
-        "RULE": "is_cut == 1 ? shrm_lamp_cut[i] : shrm_lamp_whole[i]"
+        "RULE": "is_cut == 1 ? shrm_lamp_cut[PASTi] : shrm_lamp_whole[SKIPi]"
         if cuts
-        else "shrm_lamp_whole[i]",
+        else "shrm_lamp_whole[SKIPi]",
+        "PAST": f"skip / {rule.steps} * {many[0]} + " if reaches else "",
+        "SKIP": "skip + " if reaches else "",
         "BOOL": ", is_cut = 0" if cuts else "",
         "LOWEST": "-shrm_lamp_sizes[k].y" if cuts else "-2.0",
         "ADD": language.grow("total", added),
@@ -222,6 +228,18 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
     text = text.replace("\n\n", "\n")
     arrays = [line for name, rows in tables.items() for line in language.colors(name, rows)]
     return [*arrays, *_FRAME.split("\n"), *functions.lines, *text.split("\n")]
+
+
+def _skipped(rule: DiscRule, language: Language) -> str:
+    """Declare how many steps there are for a disc, and how many nodes lie before its own."""
+    is_far = f"dot(a, c) < {language.number(math.cos(rule.reach))}"
+    few = rule.beyond.steps
+    return f"skip = {is_far} ? {rule.steps} : 0, steps = skip > 0 ? {few} : {rule.steps}, "
+
+
+def _one_by_one(make: Callable[[int], tuple[Array, Array]], counts: Sequence[int]) -> Array:
+    """Return the nodes and weights of rules of some counts, one rule behind the other."""
+    return np.concatenate([_rows(*make(count)) for count in counts])
 
 
 def _rows(first: Array, second: Array) -> Array:

@@ -12,8 +12,9 @@ from shrm_cli.maps.shader.pages import Pages, Run, arrange
 from shrm_cli.maps.shader.source import Source, Table, Words
 from shrm_cli.records import record
 
-_MOST_SAMPLERS = 15
-"""The most arrays of cubes; a table may be one more sampler, of the 16 that all devices have."""
+_MOST_SAMPLERS = 14
+"""The most arrays of cubes; a table and one of lamps' BRDF may be two more samplers, of the 16 that
+all devices have."""
 
 # Functions of the layout `layers`, in GLSL. A place is column and row in the face with its rim,
 # from 0.5 to size + 1.5, and the number of the face.
@@ -146,6 +147,8 @@ def written_code(
     write = _with_layers if chosen == "layers" else _with_cube_arrays
     head, words, comment = write(source, speech)
     comment += [*_declare_own(source, speech, head), *source.notes]
+    if (lobe := lobe_of(made)) is not None:
+        comment += _declare_table("shrm_lobe", "shrm_of_lobe", lobe, speech, head)
     functions = source.functions(words)
     if taps is not None:
         functions += _brushed(made, taps, speech)
@@ -211,6 +214,16 @@ def _brushed(made: Map, taps: int, language: Language) -> list[str]:
     if "anisotropy" not in made.surface_arguments:
         raise MapError(f"{made.what}: only split sums of GGX have code for `anisotropy`")
     return brushed_functions(taps, language)
+
+
+def lobe_of(made: Map) -> Table | None:
+    """Return the table of what the BRDF of lamps beside a map reflects, where there is one."""
+    if made.stored is made:
+        return None
+    from shrm_cli.maps.lamps.map import LampMap
+
+    assert isinstance(made, LampMap)
+    return None if made.table is None else made.table.texture()
 
 
 def source_of(made: Map, textures: str) -> Source:

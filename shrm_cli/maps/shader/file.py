@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, peek, write_parts
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.shader.code import source_of, whole_code
+from shrm_cli.maps.shader.code import lobe_of, source_of, whole_code
 from shrm_cli.maps.shader.language import harmless
 from shrm_cli.maps.shader.pages import arrange, drawn
 from shrm_cli.maps.stored import image_channels
@@ -25,9 +25,9 @@ class PackedTexture:
     """An array of images, as graphics APIs take it."""
 
     name: str
-    """What the code calls it: the cubes or functions of the view, which half precision holds as
-    well as the map's file does, or numbers that want 32-bit floats. One of "shrm_layers",
-    "shrm_product" and "shrm_table"."""
+    """What the code calls it: cubes, functions of the view or a table of a BRDF, which half
+    precision holds as well as the map's file does, or numbers that want 32-bit floats. One of
+    "shrm_layers", "shrm_product", "shrm_lobe" and "shrm_table"."""
     values: NDArray[np.float32]
     """RGB, the top row first, shape (layers, height, width, 3)."""
 
@@ -47,7 +47,8 @@ def pack(made: Map) -> tuple[PackedTexture, ...]:
     if source.stacks:
         pages = arrange([(stack.shape[2], stack.shape[1]) for stack in source.stacks])
         found.append(PackedTexture("shrm_layers", drawn(pages, source.stacks, source.sampling)))
-    for name, table in (("shrm_table", source.table), ("shrm_product", source.images)):
+    tables = {"shrm_table": source.table, "shrm_product": source.images, "shrm_lobe": lobe_of(made)}
+    for name, table in tables.items():
         if table is not None:
             with np.errstate(over="ignore"):
                 found.append(PackedTexture(name, table.make().astype(np.float32)))

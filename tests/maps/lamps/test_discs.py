@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.lamps.discs import LitDiscs
+from shrm_cli.maps.lamps.rule import DiscRule
 from shrm_cli.probe.disc import Disc
 from tests import brute_force, ggx
 from tests.oracles import disc_rule
@@ -49,6 +51,50 @@ def test_ggx(roughness, degrees):
             found.append(LitDiscs(brdf, (disc,)).radiance(normal, view))
         error = np.abs(np.array(found) - expected).max(axis=0) / np.max(expected, axis=0)
         assert error.max() < 2e-3
+
+
+@pytest.mark.parametrize("spec", ["ggx:roughness=0.1", "0.9*lambertian+0.1*ggx:roughness=0.1"])
+def test_few_steps_beyond_reach(spec):
+    """There the same as elsewhere: within .2 % of the largest value for each view."""
+    rng, radius = np.random.default_rng(5), 0.05
+    brdf = parse_spec(spec)
+    rule = DiscRule.of(brdf, radius)
+    assert rule.beyond.steps <= rule.steps / 3
+    assert rule.reach < 1
+    (normal,) = brute_force.unit(rng, 1)
+    for view in views_of(normal, (0.97, 0.6, 0.2), rng):
+        mirror = 2 * (normal @ view) * normal - view
+        found, expected = [], []
+        for distance in [0.0, *rule.reach * np.array([0.9, 1.01, 1.3, 2.0, 3.5])]:
+            for around in (0.4, 2.0, 3.6, 5.0):
+                disc = Disc(towards(mirror, distance, around), radius, np.ones(3))
+                light, areas = disc_rule(disc.direction, radius, 60)
+                side = np.cross(normal, [0.1, 0.9, 0.2])
+                side /= np.linalg.norm(side)
+                other = np.cross(normal, side)
+                axes = np.stack([side, other, normal], axis=1)
+                expected.append(areas @ brdf.transfer(light @ axes, (view @ axes)[None]))
+                found.append(LitDiscs(brdf, (disc,)).radiance(normal, view))
+        error = np.abs(np.array(found) - expected).max(axis=0) / np.max(expected, axis=0)
+        assert error.max() < 2e-3
+
+
+def test_a_peak_beyond_reach_counts():
+    """A lobe that has another peak far from its center is never summed up by few steps."""
+
+    class Backwards(Brdf):
+        """Sharp lobes about the mirror direction and, as of a retroreflector, about the view."""
+
+        name, includes_cosine, has_horizon = "backwards", True, False
+
+        def evaluate(self, light, view):
+            mirrored = view * [-1.0, -1.0, 1.0]
+            cosines = [np.sum(light * each, axis=-1) for each in (mirrored, view)]
+            value = sum(np.exp(2000 * (each - 1)) for each in cosines)
+            return np.broadcast_to(value[..., None], (*value.shape, 3))
+
+    assert DiscRule.of(parse_spec("phong:exponent=2000"), 0.05).reach < 1
+    assert DiscRule.of(Backwards(), 0.05).reach == np.pi
 
 
 def test_lambert_sets_smoothly():

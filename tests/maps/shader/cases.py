@@ -16,6 +16,7 @@ from shrm_cli.brdf.library import find_model
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.explicit import explicit
 from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.lamps.lobe import LobeTable
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.principal import principal
 from shrm_cli.maps.principal.brushed import BrushedLobe
@@ -179,6 +180,11 @@ def lamps(spec, within):
     return LampMap(within, discs, 0.5, 0.0, parsed(spec))
 
 
+def lamps_of_table(spec, within):
+    """A map whose lamps are reflected as a table of a BRDF says."""
+    return replace(lamps(spec, within), known=LobeTable.of(parsed(spec)))
+
+
 def product(channels, order, size=9):
     rng = np.random.default_rng(order)
     count = (order + 1) ** 2
@@ -271,6 +277,10 @@ FORMS = {
     "lamps of a coat": lambda: lamps(
         "coated:roughness=0.4,color=0.9/0.6/0.3,base=(0.4*ggx:roughness=0.5,f0=gold+lambertian)",
         make_shrm(2, 2, 4),
+    ),
+    "lamps of a table": lambda: lamps_of_table("lafortune:fit=primer", make_shrm(2, 2, 4)),
+    "lamps of a table beside the normal": lambda: lamps_of_table(
+        "oren-nayar:sigma=0.5", make_shrm(2, 0, 4, "normal", seed=2)
     ),
     "lamps of layers": lambda: lamps(
         "openpbr:base_diffuse_roughness=0.6,base_metalness=0.4,specular_color=0.9/1/0.8,"
