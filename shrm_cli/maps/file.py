@@ -40,8 +40,7 @@ def open_map(path: str | os.PathLike[str]) -> Map:
     if file.first.attribute("shrm:lamps") is None:
         return found
     # Few maps have lamps beside them; others are spared these modules.
-    from shrm_cli.maps.lamps.attribute import read_lamps
-    from shrm_cli.maps.lamps.map import LampMap
+    from shrm_cli.maps.lamps.map import LampMap, read_lamps
 
     return LampMap(found, *read_lamps(file.first), path=os.fspath(path))
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.geometry.normals import smooth_points
+from shrm_cli.geometry.mesh import Mesh, smooth_points
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.maps.lamps.discs import LitDiscs
 from shrm_cli.maps.lamps.rule import DiscRule, integrals

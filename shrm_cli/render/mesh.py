@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.files.picture import Picture
-from shrm_cli.geometry.normals import face_normals
+from shrm_cli.geometry.mesh import face_normals
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.progress import Progress

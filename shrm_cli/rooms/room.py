@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
-from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.geometry.normals import face_normals
+from shrm_cli.geometry.mesh import Mesh, face_normals
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.disc import Disc, disc_directions
 from shrm_cli.probe.probe import Probe

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError, MapError
-from shrm_cli.geometry.mesh import make_mesh
-from shrm_cli.geometry.normals import face_normals
+from shrm_cli.geometry.mesh import face_normals, make_mesh
 from shrm_cli.maps.explicit import shader
 from shrm_cli.probe.probe import Probe
 from shrm_cli.view.blocks import Blocks
