@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.convert.made import Converted, Written, kept_precision
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.files.image import without_negative, write_image
@@ -215,17 +215,15 @@ def one_view(
     width = 2 * height
     across, down = nodes(width, sampling), nodes(height, sampling)
     picture = np.empty((height, width, 3), dtype=np.float32)
-    rows = max(_PIXELS_AT_ONCE // width, 1)
-    for start in range(0, height, rows):
-        stop = min(start + rows, height)
-        normals = latlong_points(across, down[start:stop, None])
+    for rows in slices(height, _PIXELS_AT_ONCE // width):
+        normals = latlong_points(across, down[rows, None])
         if by == "reflection":
             normals = bisector(normals, toward)
         if not (everywhere and by == "normal"):
             normals = _seen(normals, toward)
-        picture[start:stop] = reflecting.radiance(normals, toward)
+        picture[rows] = reflecting.radiance(normals, toward)
         if progress is not None:
-            progress(stop, height)
+            progress(rows.stop, height)
     return picture
 
 

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.lights.lamp import Lamp, Light, clipping, disc_of
 from shrm_cli.lights.pixels import Indices, SpherePixels, near
 from shrm_cli.lights.search import find_regions
@@ -313,9 +313,7 @@ def irradiance_rms(coefficients: Array) -> float:
 def light_coefficients(light: Light, order: int) -> Array:
     """Coefficients of light at points, shape ((order+1)^2, 3), as sums over them."""
     result = np.zeros(((order + 1) ** 2, 3))
-    step = max(_VALUES_AT_ONCE // len(result), 1)
-    for start in range(0, len(light.areas), step):
-        some = slice(start, start + step)
+    for some in slices(len(light.areas), _VALUES_AT_ONCE // len(result)):
         weighted = light.radiance[some] * light.areas[some, None]
         result += real_harmonics(order, light.directions[some]).T @ weighted
     return result
@@ -412,10 +410,8 @@ def _interpolated(pixels: SpherePixels, place: Indices, ring: Indices, values: A
     sources, weights = pixels.directions(ring), pixels.areas(ring)
     targets = pixels.directions(place)
     result = np.empty((len(place), 3))
-    step = max(_PAIRS_AT_ONCE // len(ring), 1)
-    for start in range(0, len(place), step):
-        some = targets[start : start + step]
-        squares = np.maximum(2 - 2 * (some @ sources.T), (pixels.pitch / 4) ** 2)
+    for part in slices(len(place), _PAIRS_AT_ONCE // len(ring)):
+        squares = np.maximum(2 - 2 * (targets[part] @ sources.T), (pixels.pitch / 4) ** 2)
         shares = weights * squares ** (-_POWER / 2)
-        result[start : start + step] = shares @ values / shares.sum(axis=1, keepdims=True)
+        result[part] = shares @ values / shares.sum(axis=1, keepdims=True)
     return result

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
@@ -51,11 +51,10 @@ def bake(
     stages.done(1, 3)
     longest = float(np.linalg.norm(lattice.spacing))
     points = lattice.points()
-    step = max(_RAYS_AT_ONCE // samples, 1)
     found = []
-    for start in range(0, len(points), step):
-        found.append(gathering.probe(points[start : start + step], start, longest))
-        stages.within(min(start + step, len(points)), len(points))
+    for part in slices(len(points), _RAYS_AT_ONCE // samples):
+        found.append(gathering.probe(points[part], part.start, longest))
+        stages.within(part.stop, len(points))
     stages.done(2, 3)
     reflected, direct, moments, behind = (
         np.concatenate(each)
@@ -73,10 +72,9 @@ def _proven(grid: ProbeGrid, gathering: "Gathering", stages: Stages) -> dict[str
     points = lattice.low + (order + 0.5) / _PROOFS * (lattice.high - lattice.low)
     normals = spiral_directions(_PROOFS)[scrambled(_PROOFS)]
     truths = []
-    for start in range(0, _PROOFS, 50):
-        part = slice(start, start + 50)
-        truths.append(gathering.irradiance(points[part], normals[part], start))
-        stages.within(start + 50, _PROOFS)
+    for part in slices(_PROOFS, 50):
+        truths.append(gathering.irradiance(points[part], normals[part], part.start))
+        stages.within(part.stop, _PROOFS)
     reflected, direct, behind = (np.concatenate(each) for each in zip(*truths, strict=True))
     free = behind < IN_WALLS
     found = {}

@@ -7,7 +7,7 @@ bounces.
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages
@@ -87,9 +87,8 @@ class _Paths:
         height, width = self._height, 2 * self._height
         random = np.random.Generator(np.random.PCG64(number))
         image, behind = np.empty((height * width, 3)), np.empty(height * width)
-        step = max(_PATHS_AT_ONCE // samples, 1)
-        for start in range(0, len(image), step):
-            pixels = np.arange(start, min(start + step, len(image)))
+        for part in slices(len(image), _PATHS_AT_ONCE // samples):
+            pixels = np.arange(part.start, part.stop)
             shifts = random.random((len(pixels), 1, 4))
             # Each pixel has the same even sequence, shifted by other amounts.
             steps = np.arange(samples)[:, None] / _PLASTIC ** np.arange(1, 5)
@@ -102,7 +101,7 @@ class _Paths:
             light, back = self._seen(ways, chances[:, 2:], of_lamps)
             image[pixels] = light.reshape(-1, samples, 3).mean(axis=1)
             behind[pixels] = back.reshape(-1, samples).mean(axis=1)
-            progress(int(pixels[-1]) + 1, len(image))
+            progress(part.stop, len(image))
         weights = np.broadcast_to(LatLong(height).weights(), (height, width)).ravel()
         return image.reshape(height, width, 3), float(weights @ behind / weights.sum())
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
@@ -115,8 +115,7 @@ class Brightness:
         emitters = Emitters(room, rays, _SAMPLES)
         met = np.empty((len(patches), _DIRECTIONS), np.int64)
         lit = np.empty((len(patches), 3))
-        for start in range(0, len(patches), _AT_ONCE):
-            part = slice(start, min(start + _AT_ONCE, len(patches)))
+        for part in slices(len(patches), _AT_ONCE):
             of = normals[part]
 
             def cosine(directions: Array, of: Array = of) -> Array:
@@ -125,9 +124,9 @@ class Brightness:
             def dense(directions: Array, cosine: Any = cosine) -> Array:
                 return cosine(directions) * (_DIRECTIONS / np.pi)
 
-            directions, light = emitters.arriving(origins[part], start, dense)
+            directions, light = emitters.arriving(origins[part], part.start, dense)
             lit[part] = np.einsum("ns,nsc->nc", cosine(directions), light)
-            ways = _above(of, start)
+            ways = _above(of, part.start)
             starts = np.repeat(origins[part], _DIRECTIONS, axis=0)
             seen = self.look(starts, ways.reshape(-1, 3), emitters, dense(ways).reshape(-1))
             met[part] = seen.patches.reshape(-1, _DIRECTIONS)
@@ -145,8 +144,7 @@ class Brightness:
         total = sent.copy()
         for _ in range(_BOUNCES):
             arriving = np.empty_like(lit)
-            for start in range(0, len(met), _AT_ONCE):
-                part = slice(start, start + _AT_ONCE)
+            for part in slices(len(met), _AT_ONCE):
                 arriving[part] = sent[met[part]].mean(axis=1)
             sent[:-1] = albedo * arriving
             total += sent

@@ -28,7 +28,7 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, Indices, Memo, kept_order
+from shrm_cli.arrays import Array, Indices, Memo, kept_order, slices
 from shrm_cli.progress import at_once
 from shrm_cli.sphere.cube import face_axes
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, legendre_columns, order_of
@@ -273,9 +273,7 @@ def synthesize_octants(coefficients: Array, size: int, sampling: Sampling, dtype
     tables = _known_octants.get(key, lambda: _octant_tables(kept, size, sampling, dtype))
     half = (size + 1) // 2
     result: Array = np.empty((maps, len(FACES), size, size), dtype=dtype)
-    step = max(1, _CACHED_BYTES // (8 * 3 * half**2 * result.itemsize))
-    for start in range(0, maps, step):
-        part = slice(start, start + step)
+    for part in slices(maps, _CACHED_BYTES // (8 * 3 * half**2 * result.itemsize)):
         _fill(_class_values(coefficients[:, part], tables, half, dtype), result[part])
     return result.reshape(maps, 6 * size, size)
 

@@ -46,7 +46,7 @@ must be fixed for interreflection.
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
@@ -104,8 +104,7 @@ class GlossyLight:
         """As of `DiffuseLight.towards`; vertices that face away send nothing."""
         size = self.matrices.shape[1]
         result = np.zeros((len(vertices), *self.shape), np.float32)
-        for start in range(0, len(vertices), _VERTICES_AT_ONCE):
-            part = slice(start, start + _VERTICES_AT_ONCE)
+        for part in slices(len(vertices), _VERTICES_AT_ONCE):
             some = vertices[part]
             local = np.einsum("kij,kj->ki", self.frames[some], directions[part])
             facing = np.flatnonzero(local[:, 2] > 0)
@@ -113,7 +112,7 @@ class GlossyLight:
             matrices = self.matrices[some[facing]]
             # Matrices of one channel serve all colours of the BRDF, and the other way round.
             shape = len(facing), size, self.channels
-            result[start + facing] = np.einsum(
+            result[part.start + facing] = np.einsum(
                 "kic,kijc->kjc",
                 np.broadcast_to(values, shape),
                 np.broadcast_to(matrices, (*shape[:2], size, self.channels)),

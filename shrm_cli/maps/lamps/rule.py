@@ -22,7 +22,7 @@ from functools import cache
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.core import Core
 from shrm_cli.brdf.lobe import cuts_horizon
@@ -116,9 +116,8 @@ def integrals(
     edge = np.sin(radius)
     for is_cut, there in ((False, heights >= edge), (True, np.abs(heights) < edge)):
         found = np.flatnonzero(there)
-        step = max(_SAMPLES_AT_ONCE // (rule.longitudes(is_cut) * rule.steps), 1)
-        for start in range(0, len(found), step):
-            some = found[start : start + step]
+        for part in slices(len(found), _SAMPLES_AT_ONCE // (rule.longitudes(is_cut) * rule.steps)):
+            some = found[part]
             n, v, a, t = (each[some] for each in points)
             result[some] = _over(rule, brdf, n, v, a, radius, is_cut, t)
     return result.reshape(shape)

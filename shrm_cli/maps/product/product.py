@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
@@ -112,8 +112,7 @@ class ProductMap(_Parabolic, MaterialMap):
         shares = shares if count > 1 else shares[..., None]
         spread = np.broadcast_to(shares, (*normals.shape[:-1], count)).reshape(-1, count)
         result = np.empty_like(flat[0])
-        for start in range(0, len(result), _POINTS_AT_ONCE):
-            part = slice(start, start + _POINTS_AT_ONCE)
+        for part in slices(len(result), _POINTS_AT_ONCE):
             normal, tangent, view = (each[part] for each in flat)
             frames = surface_frames(normal, tangent)
             light = rotate_into_frames(lighting, frames)
