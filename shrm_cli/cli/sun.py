@@ -156,7 +156,6 @@ def _doubts(split: LampSplit) -> list[str]:
 
 
 def _lines(probe: str, split: LampSplit, written: dict[str, Any]) -> list[str]:
-    """Return the report."""
     lines = [f"{probe}: {len(split.lamps)} lamp{'s' if len(split.lamps) != 1 else ''}"]
     if not split.lamps and not split.left:
         lines.append("  nothing compact gives as much irradiance and is as bright beside the rest")

@@ -38,7 +38,6 @@ class Asset:
 
     @property
     def scenes(self) -> int:
-        """How many scenes it has."""
         return len(self.tree["scenes"])
 
     def lit(self, light: gltf.Json, pictures: list[bytes]) -> bytes:

@@ -71,7 +71,6 @@ class LampSplit:
 
     @property
     def discs(self) -> tuple[Disc, ...]:
-        """The discs of all lamps."""
         return tuple(disc for lamp in self.lamps for disc in lamp.discs)
 
     @cached_property

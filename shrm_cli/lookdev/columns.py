@@ -56,11 +56,9 @@ class Wanted:
     specs: Sequence[str]
     """The materials."""
     to: str
-    """The representation of the maps."""
     arguments: Mapping[str, Any]
     """The other arguments of `shrm_cli.prefilter.prefilter`."""
     size: int
-    """Width and height of a cell, pixels."""
     exposure: float | None = None
     """Stops; by default each probe has its own, see `metered`."""
 

@@ -26,11 +26,9 @@ class Lookdev:
     specs: tuple[str, ...]
     """The materials."""
     to: str
-    """The representation of the maps."""
     arguments: Mapping[str, Any]
     """The other arguments that they were made with."""
     size: int
-    """Width and height of a cell, pixels."""
 
     @property
     def grid(self) -> Grid:

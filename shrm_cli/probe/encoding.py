@@ -360,7 +360,6 @@ def _colors(channels: dict[str, int]) -> tuple[int, int, int] | None:
 
 
 def _named(path: Path, found: list[Layer], name: str) -> Layer:
-    """The layer of a name."""
     same = [each for each in found if each.layer == name]
     same = same or [each for each in found if each.layer.lower() == name.lower()]
     if not same:

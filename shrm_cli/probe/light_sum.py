@@ -215,7 +215,6 @@ class LightSum(Probe):
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """The probes."""
         return self.image_of_sum.terms
 
     @property

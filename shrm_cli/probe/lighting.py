@@ -242,7 +242,6 @@ def _project(probe: Probe, order: int) -> Lighting:
 
 
 def _project_image(probe: Probe, order: int) -> Lighting:
-    """Project the pixels of a probe."""
     energy = np.zeros(3)
     resolved = min(order, probe.grid.resolved_order)
     analysis = probe.grid.analysis(resolved)

@@ -43,7 +43,6 @@ class SheetLayout:
 
     @property
     def tile_height(self) -> int:
-        """Height of a tile."""
         return self.tile if self.tall is None else self.tall
 
     @property

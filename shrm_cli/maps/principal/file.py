@@ -110,7 +110,6 @@ def _decode_lobe(image: StoredImage, table: StoredPart | None) -> Lobe:
 
 
 def _waves(path: str, text: str) -> Waves:
-    """Read the waves of a lobe."""
     found = _json(path, "waves", text)
     is_sound = isinstance(found, list) and 1 <= len(found) <= _MOST_WAVES
     if not is_sound or not all(

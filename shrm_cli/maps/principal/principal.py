@@ -202,9 +202,7 @@ class PrincipalMap(ReflectionMap):
     lobes: tuple[Lobe, ...]
     """Their light adds up. They may differ in center, size and number of functions."""
     info: MapInfo
-    """How the map was made."""
     sampling: Sampling = "center"
-    """Where the edge texels of the cubes lie."""
 
     representation = "principal"
     texels_are_series = True

@@ -46,7 +46,6 @@ def source(made: PrincipalMap, textures: str) -> Source:
 
 
 def _rows(lobe: Lobe) -> int:
-    """Return the rows of a lobe in the table."""
     return brushed_shader.rows(lobe) if isinstance(lobe, BrushedLobe) else len(lobe.functions)
 
 
@@ -80,7 +79,6 @@ def _numbers(lobes: Sequence[Lobe], shape: tuple[int, int, int]) -> Array:
 
 
 def _functions(lobes: Sequence[Lobe], entries: int, words: Words) -> list[str]:
-    """Write the functions of all lobes, and their sum."""
     is_brushed = any(lobe.is_brushed for lobe in lobes)
     centers = ["tangent"] if is_brushed else [lobe.center for lobe in lobes]
     lines = [*tangent_function(centers), *pair_function()]

@@ -248,7 +248,6 @@ class ProductTexture(ProductMap):
     """``c_i(v)``, index l(l+1)+m, in the parabolic map of `sphere.parabolic`; one channel for a
     grey BRDF, else three, shape (N, N, (order+1)^2, channels)."""
     info: MapInfo
-    """How the map was made."""
 
     def __post_init__(self) -> None:
         shape, count = self.table.shape, (self.order + 1) ** 2
@@ -257,7 +256,6 @@ class ProductTexture(ProductMap):
 
     @property
     def textures(self) -> "tuple[ProductTexture]":
-        """The texture itself."""
         return (self,)
 
     def at(self, shares: ArrayLike) -> "ProductTexture":

@@ -54,7 +54,6 @@ class Source:
     """Cubes in OpenEXR's orientation, which are filtered in world axes, of shape (6N, N, K, 3)
     each."""
     sampling: Sampling = "center"
-    """Where the edge texels of the cubes lie."""
     table: Table | None = None
     images: Table | None = None
     """Further numbers, which half precision holds as well as the map's file does."""

@@ -46,9 +46,7 @@ class Shrm(CentralMap):
     center: Center
     """What the central direction is."""
     info: MapInfo
-    """How the map was made."""
     sampling: Sampling = "center"
-    """Where the edge texels of the cube lie."""
 
     representation = "shrm"
     texels_are_series = True

@@ -118,7 +118,6 @@ def _written(text: str, words: dict[str, str]) -> list[str]:
 
 
 def _all_taps(count: int, language: Language) -> list[str]:
-    """Write the lines of each tap."""
     numbers = {
         kind: [_polynomial(row, language) for row in rows.tolist()]
         for kind, rows in polynomials(count).items()

@@ -249,7 +249,6 @@ class _Folded:
 
 
 def _fold(directions: Array) -> _Folded:
-    """Fold unit directions, shape (directions, 3)."""
     x, y, z = directions.T
     across, along = np.minimum(np.abs(x), np.abs(z)), np.maximum(np.abs(x), np.abs(z))
     polar, turn = np.arctan2(np.hypot(across, along), np.abs(y)), np.arctan2(across, along)
