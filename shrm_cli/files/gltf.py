@@ -6,7 +6,9 @@ Only files in the folder of a glTF file are opened for it.
 
 import base64
 import binascii
-from collections.abc import Callable
+import json
+import struct
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -61,6 +63,18 @@ def _chunks(name: str, data: bytes) -> tuple[bytes, bytes | None]:
     if JSON not in found:
         raise MeshError(f"{name}: it has no JSON; export it again")
     return found[JSON], found.get(BIN)
+
+
+def glb(tree: Json, buffers: Sequence[bytes | bytearray]) -> bytes:
+    """Return a GLB of version 2, with the JSON and a binary chunk for each buffer."""
+    texts = [_chunk(json.dumps(tree).encode(), JSON, b" ")]
+    whole = b"".join(texts + [_chunk(each, BIN, b"\0") for each in buffers])
+    return struct.pack("<4sII", GLB_HEAD, 2, 12 + len(whole)) + whole
+
+
+def _chunk(data: bytes | bytearray, kind: bytes, filling: bytes) -> bytes:
+    rest = -len(data) % 4
+    return struct.pack("<I4s", len(data) + rest, kind) + data + rest * filling
 
 
 def buffers_of(name: str, tree: Json, chunk: bytes | None) -> list[bytes]:

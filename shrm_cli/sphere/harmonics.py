@@ -28,6 +28,12 @@ def degrees(order: int) -> NDArray[np.intp]:
     return np.repeat(np.arange(order + 1), 2 * np.arange(order + 1) + 1)
 
 
+def degrees_and_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Degree l and order m of every linear index up to a degree, shape ((order+1)^2,) each."""
+    degree = degrees(order)
+    return degree, np.arange(len(degree)) - degree * (degree + 1)
+
+
 def legendre_degrees(
     order: int, z: ArrayLike, max_m: int | None = None, sine: ArrayLike | None = None
 ) -> Iterator[tuple[int, Array]]:
