@@ -9,8 +9,7 @@ from shrm_cli.errors import ArgumentError, PluginError, ShrmError
 from shrm_cli.export.blocks import astc, bc6h, uastc
 from shrm_cli.export.blocks.lamps import Found, with_lamps
 from shrm_cli.export.engine import Engine, Light, Package
-from shrm_cli.export.loss import Loss
-from shrm_cli.export.pixels import FORMATS, TexelFormat, Words
+from shrm_cli.export.pixels import FORMATS, Loss, TexelFormat, Words
 from shrm_cli.messages import explained
 from shrm_cli.progress import in_order
 from shrm_cli.vocabulary import ENGINES

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError, ProbeError
-from shrm_cli.photo.photograph import open_photograph, pixels_of
+from shrm_cli.photo.brackets import open_photograph, pixels_of
 from shrm_cli.probe.image_file import ImageFile
 from shrm_cli.progress import report
 from shrm_cli.records import record

@@ -14,6 +14,7 @@ SIGGRAPH 1997, eq. 3, 4 and 6.
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.color import srgb_to_linear
 from shrm_cli.errors import ArgumentError, ProbeError
-from shrm_cli.photo.photograph import open_photograph, pixels_of
+from shrm_cli.probe.encoding import Encoding
 from shrm_cli.probe.image_file import ImageFile
 from shrm_cli.progress import report
 from shrm_cli.records import record
@@ -231,3 +232,39 @@ def _exposure(opened: ImageFile) -> float:
         raise ProbeError(f"{opened.path}: its Exif does not say its exposure time; give `times`")
     aperture = opened.number("FNumber") or 1.0
     return time * (opened.number("Exif:PhotographicSensitivity") or 1.0) / aperture**2
+
+
+# ---- photographs, opened and read whole ----------------------------------------------------------
+
+MOST_PIXELS = 2**26
+"""The most pixels of a photograph: sums and weights of several take 1.6 GB."""
+
+
+def open_photograph(
+    path: str | os.PathLike[str], linearize: bool = False, as_stored: bool = False
+) -> ImageFile:
+    """Open a photograph.
+
+    `linearize` tells whether to decode integers; they are refused otherwise. `as_stored` tells
+    whether to leave all numbers as they are stored, integers as parts of the largest.
+
+    Raises ProbeError if there is no such image, it is turned, or too large.
+    """
+    opened = ImageFile.open(path, linearize or as_stored)
+    if opened.width * opened.height > MOST_PIXELS:
+        raise ProbeError(
+            f"{path}: {opened.width} x {opened.height} pixels are more than {MOST_PIXELS:,}; "
+            "scale it down"
+        )
+    return replace(opened, encoding=Encoding()) if as_stored else opened
+
+
+def pixels_of(opened: ImageFile) -> Array:
+    """Return the pixels of a photograph, shape (H, W, 3).
+
+    Raises ProbeError if one is not finite, or the file is damaged.
+    """
+    pixels = opened.read(0, opened.height)
+    if not np.isfinite(pixels).all():
+        raise ProbeError(f"{opened.path}: it holds numbers that are not finite; export it again")
+    return pixels

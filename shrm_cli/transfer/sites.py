@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.geometry.charts import charted
 from shrm_cli.geometry.mesh import Mesh, smooth_points
-from shrm_cli.geometry.texels import Texels
+from shrm_cli.geometry.texels import Texels, charted
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
 
