@@ -15,8 +15,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.geometry.mesh import Mesh, smooth_points
 from shrm_cli.geometry.rays import Rays
-from shrm_cli.maps.lamps.discs import LitDiscs
-from shrm_cli.maps.lamps.rule import DiscRule, integrals
+from shrm_cli.maps.lamps.rule import DiscRule, LitDiscs, integrals
 from shrm_cli.probe.disc import Disc, disc_directions
 from shrm_cli.render.variation import between_steps
 from shrm_cli.sphere.directions import horizontal_tangents

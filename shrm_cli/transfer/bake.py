@@ -24,8 +24,7 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
-from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Sent
-from shrm_cli.transfer.sites import Sites, sites_of
+from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Sent, Sites, sites_of
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES

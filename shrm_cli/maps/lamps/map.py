@@ -20,7 +20,7 @@ from shrm_cli.files.parts import StoredPart
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo, common_brdf
 from shrm_cli.maps.kinds import ReflectionMap
-from shrm_cli.maps.lamps.discs import LitDiscs, disc_records
+from shrm_cli.maps.lamps.rule import LitDiscs, disc_records
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, normalize

@@ -7,9 +7,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.lobe import cuts_horizon
-from shrm_cli.maps.lamps.discs import LitDiscs
 from shrm_cli.maps.lamps.models import Functions
-from shrm_cli.maps.lamps.rule import LEAST_COSINE, chebyshev, gauss, sines
+from shrm_cli.maps.lamps.rule import LEAST_COSINE, LitDiscs, chebyshev, gauss, sines
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import central_direction, tangent_function
 

@@ -18,9 +18,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.product.product import LitProduct, ProductMap
+from shrm_cli.maps.product.product import LitProduct, ProductMap, VaryingProduct
 from shrm_cli.maps.product.steps import Steps
-from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.shader.language import Language, harmless
 from shrm_cli.maps.shader.pages import MAX_EDGE, MAX_LAYERS
 from shrm_cli.maps.shader.source import Source, Table, Words, tangent_function

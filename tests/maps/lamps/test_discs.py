@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.lamps.discs import LitDiscs
+from shrm_cli.maps.lamps.rule import LitDiscs
 from shrm_cli.probe.disc import Disc
 from tests import brute_force, ggx
 from tests.oracles import disc_rule

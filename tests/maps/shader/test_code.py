@@ -10,7 +10,7 @@ import pytest
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.principal.principal import PrincipalMap
-from shrm_cli.maps.product.varying import VaryingProduct
+from shrm_cli.maps.product.product import VaryingProduct
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.shrm.shrm import Shrm
