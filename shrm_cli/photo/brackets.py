@@ -14,7 +14,6 @@ SIGGRAPH 1997, eq. 3, 4 and 6.
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +21,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.color import srgb_to_linear
 from shrm_cli.errors import ArgumentError, ProbeError
-from shrm_cli.probe.encoding import Encoding
-from shrm_cli.probe.image_file import ImageFile
+from shrm_cli.probe.image_file import ImageFile, open_picture
 from shrm_cli.progress import report
 from shrm_cli.records import record
 
@@ -108,7 +106,7 @@ def merge_brackets(
     if not is_linear:
         for done, each in enumerate(opened):
             report(done, steps)
-            places.append(_places(pixels_of(each)))
+            places.append(_places(each.whole()))
         curve = response(np.stack(places), np.log(exposures))
     total = weights = last = np.zeros((), np.float32)
     was_white = np.zeros((), bool)
@@ -116,7 +114,7 @@ def merge_brackets(
     differences = np.zeros(len(opened))
     for k, (each, exposure) in enumerate(zip(opened, exposures, strict=True)):
         report(steps - len(opened) + k, steps)
-        values = pixels_of(each)
+        values = each.whole()
         if is_linear:
             places.append(_places(values))
         if k:
@@ -145,7 +143,7 @@ def _in_order(
     """Open exposures, and sort them by what they let in, relative to the one in the middle."""
     if len(paths) < 2 or (times is not None and len(times) != len(paths)):
         raise ArgumentError("times", "must be as many as exposures, which must be two at least")
-    opened = [open_photograph(path, as_stored=True) for path in paths]
+    opened = [open_picture(path, as_stored=True) for path in paths]
     found = np.array([_exposure(each) for each in opened] if times is None else times, dtype=float)
     if not (np.isfinite(found).all() and found.min() > 0 and found.max() > found.min()):
         raise ArgumentError("times", "must be positive, and not all the same")
@@ -232,39 +230,3 @@ def _exposure(opened: ImageFile) -> float:
         raise ProbeError(f"{opened.path}: its Exif does not say its exposure time; give `times`")
     aperture = opened.number("FNumber") or 1.0
     return time * (opened.number("Exif:PhotographicSensitivity") or 1.0) / aperture**2
-
-
-# ---- photographs, opened and read whole ----------------------------------------------------------
-
-MOST_PIXELS = 2**26
-"""The most pixels of a photograph: sums and weights of several take 1.6 GB."""
-
-
-def open_photograph(
-    path: str | os.PathLike[str], linearize: bool = False, as_stored: bool = False
-) -> ImageFile:
-    """Open a photograph.
-
-    `linearize` tells whether to decode integers; they are refused otherwise. `as_stored` tells
-    whether to leave all numbers as they are stored, integers as parts of the largest.
-
-    Raises ProbeError if there is no such image, it is turned, or too large.
-    """
-    opened = ImageFile.open(path, linearize or as_stored)
-    if opened.width * opened.height > MOST_PIXELS:
-        raise ProbeError(
-            f"{path}: {opened.width} x {opened.height} pixels are more than {MOST_PIXELS:,}; "
-            "scale it down"
-        )
-    return replace(opened, encoding=Encoding()) if as_stored else opened
-
-
-def pixels_of(opened: ImageFile) -> Array:
-    """Return the pixels of a photograph, shape (H, W, 3).
-
-    Raises ProbeError if one is not finite, or the file is damaged.
-    """
-    pixels = opened.read(0, opened.height)
-    if not np.isfinite(pixels).all():
-        raise ProbeError(f"{opened.path}: it holds numbers that are not finite; export it again")
-    return pixels
