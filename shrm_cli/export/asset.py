@@ -78,11 +78,8 @@ def open_asset(path: str) -> Asset:
         raise MapError(f"{path}: cannot be read ({error.strerror}); name a glTF file") from error
     note(path)
     tree, chunk = gltf.read_tree(path, content)
-    try:
+    with gltf.damage(path, MapError):
         return _opened(path, tree, chunk)
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        why = " ".join(str(error).split())[:80]
-        raise MapError(f"{path}: its glTF is damaged ({why}); export it again") from error
 
 
 def _opened(path: str, tree: gltf.Json, chunk: bytes | None) -> Asset:

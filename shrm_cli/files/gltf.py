@@ -8,12 +8,13 @@ import base64
 import binascii
 import json
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from shrm_cli.errors import MeshError
+from shrm_cli.errors import MeshError, ShrmError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.texture import beside
 from shrm_cli.files.whole import note
@@ -46,6 +47,16 @@ def read_tree(name: str, data: bytes) -> tuple[Json, bytes | None]:
     if not version.startswith("2"):
         raise MeshError(f"{name}: glTF of version {version[:10]!r}; export it as glTF 2")
     return tree, chunk
+
+
+@contextmanager
+def damage(name: str, error: type[ShrmError]) -> Iterator[None]:
+    """Raise an error that names the file for whatever its JSON makes Python raise."""
+    try:
+        yield
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as found:
+        why = " ".join(str(found).split())[:80]
+        raise error(f"{name}: its glTF is damaged ({why}); export it again") from found
 
 
 def _chunks(name: str, data: bytes) -> tuple[bytes, bytes | None]:

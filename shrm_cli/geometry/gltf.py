@@ -194,11 +194,8 @@ def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial 
     Raises MeshError if it is damaged, claims more than is there, or needs what is not read.
     """
     tree, chunk = gltf.read_tree(name, data)
-    try:
+    with gltf.damage(name, MeshError):
         return _rewritten(name, tree, chunk)
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        why = " ".join(str(error).split())[:80]
-        raise MeshError(f"{name}: its glTF is damaged ({why}); export it again") from error
 
 
 def _rewritten(

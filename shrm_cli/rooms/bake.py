@@ -11,7 +11,7 @@ from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, octahedral_directions
 from shrm_cli.rooms.radiosity import Brightness
-from shrm_cli.rooms.room import Emitters, Room
+from shrm_cli.rooms.room import Emitters, Room, cosines
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 
@@ -133,11 +133,11 @@ class Gathering:
     ) -> tuple[Array, Array, Array]:
         """Return the irradiance of surfaces at points: reflected, direct, and back faces' share."""
         reflected, lamps, _, behind = self._look(points)
-        cosines = np.maximum(normals @ self._directions.T, 0) * self._area
+        facing = np.maximum(normals @ self._directions.T, 0) * self._area
         directions, light = self._arriving(points, number)
-        others = np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0)
-        direct = np.einsum("nd,ndc->nc", cosines, lamps) + np.einsum("ns,nsc->nc", others, light)
-        return np.einsum("nd,ndc->nc", cosines, reflected), direct, behind.mean(axis=1)
+        others = cosines(directions, normals)
+        direct = np.einsum("nd,ndc->nc", facing, lamps) + np.einsum("ns,nsc->nc", others, light)
+        return np.einsum("nd,ndc->nc", facing, reflected), direct, behind.mean(axis=1)
 
     def _arriving(self, points: Array, number: int) -> tuple[Array, Array]:
         """Return the light of lamps that is looked for, as `Emitters.arriving` does."""

@@ -13,7 +13,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.rooms.radiosity import LIFT, Brightness
-from shrm_cli.rooms.room import Emitters, Room
+from shrm_cli.rooms.room import Emitters, Room, cosines
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.grid.latlong import LatLong, latlong_points
 
@@ -127,11 +127,10 @@ class _Paths:
         origins = points + LIFT * self._brightness.room.size * normals
 
         def dense(directions: Array) -> Array:
-            return np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0) / np.pi
+            return cosines(directions, normals) / np.pi
 
         directions, lamps = self._emitters.arriving(origins, number, dense)
-        cosines = np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0)
-        found: Array = np.einsum("ns,nsc->nc", cosines, lamps)
+        found: Array = np.einsum("ns,nsc->nc", cosines(directions, normals), lamps)
         height, around = np.sqrt(chances[:, 0]), 2 * np.pi * chances[:, 1]
         flat = np.sqrt(1 - chances[:, 0])
         local = np.stack([flat * np.cos(around), flat * np.sin(around), height], axis=-1)

@@ -10,8 +10,6 @@ References: Goral, Torrance, Greenberg and Battaile 1984, Modeling the Interacti
 Diffuse Surfaces. Keller 1997, Instant Radiosity, has the same integral by paths.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +17,7 @@ from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
-from shrm_cli.rooms.room import Emitters, Room
+from shrm_cli.rooms.room import Emitters, Room, cosines
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 
@@ -118,14 +116,11 @@ class Brightness:
         for part in slices(len(patches), _AT_ONCE):
             of = normals[part]
 
-            def cosine(directions: Array, of: Array = of) -> Array:
-                return np.maximum(np.einsum("nsv,nv->ns", directions, of), 0)
-
-            def dense(directions: Array, cosine: Any = cosine) -> Array:
-                return cosine(directions) * (_DIRECTIONS / np.pi)
+            def dense(directions: Array, of: Array = of) -> Array:
+                return cosines(directions, of) * (_DIRECTIONS / np.pi)
 
             directions, light = emitters.arriving(origins[part], part.start, dense)
-            lit[part] = np.einsum("ns,nsc->nc", cosine(directions), light)
+            lit[part] = np.einsum("ns,nsc->nc", cosines(directions, of), light)
             ways = _above(of, part.start)
             starts = np.repeat(origins[part], _DIRECTIONS, axis=0)
             seen = self.look(starts, ways.reshape(-1, 3), emitters, dense(ways).reshape(-1))

@@ -106,6 +106,11 @@ _SHORT = 1e-4
 """How much of the way to a lamp is left out at both ends, so as not to meet what is there."""
 
 
+def cosines(directions: Array, normals: Array) -> Array:
+    """Return the cosines of directions (n, s, 3) to normals (n, 3); 0 below the horizon."""
+    return np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0)
+
+
 class Emitters:
     """Triangles that send light, and discs of light outside, as points of equal power.
 

@@ -211,7 +211,7 @@ def read_lamps(part: StoredPart) -> tuple[tuple[Disc, ...], float, float]:
             raise ValueError("no shares")
         return tuple(map(_disc, discs)), left, error
     except (ValueError, TypeError, OverflowError):
-        raise MapError(f"{part.path}: its attribute {_NAME} is wrong; make it again") from None
+        raise MapError.of_attribute(part.path, "lamps") from None
 
 
 def _disc(values: object) -> Disc:

@@ -111,9 +111,7 @@ def _steps(parts: list[StoredPart]) -> Steps:
             raise ValueError
         return Steps(values, np.stack(weights, axis=-1), error)
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
-        raise MapError(
-            f"{parts[0].path}: its attribute shrm:{_VARYING} is missing or wrong"
-        ) from None
+        raise MapError.of_attribute(parts[0].path, _VARYING) from None
 
 
 def _number(value: Any) -> float:
@@ -147,8 +145,5 @@ def _lighting(part: StoredPart, order: int) -> Array | None:
     count = (order + 1) ** 2
     lighting = read_numbers(part, _LIGHTING, (count, 3))
     if lighting is None:
-        raise MapError(
-            f"{part.path}: its attribute shrm:{_LIGHTING} is not {count} x 3 finite numbers; make "
-            "it again"
-        )
+        raise MapError.of_attribute(part.path, _LIGHTING, f"is not {count} x 3 finite numbers")
     return lighting
