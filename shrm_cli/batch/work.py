@@ -29,7 +29,7 @@ from shrm_cli.prefilter import make
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.sources import fingerprint
 from shrm_cli.vocabulary import EXPORT
@@ -306,8 +306,7 @@ def predictions(chunks: Sequence[Chunk], progress: Progress | None = None) -> li
     found = []
     for alike in jobs.values():
         found.append({**_first_sound(alike), "outputs": len(alike)})
-        if progress is not None:
-            progress(len(found), len(jobs))
+        tell(progress, len(found), len(jobs))
     return found
 
 

@@ -19,7 +19,7 @@ from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.kinds import MaterialMap
 from shrm_cli.maps.splitsum.mips import cube_mips, latlong_mips, mip_chain
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.lit import shaded_maps
@@ -222,8 +222,7 @@ def one_view(
         if not (everywhere and by == "normal"):
             normals = _seen(normals, toward)
         picture[rows] = reflecting.radiance(normals, toward)
-        if progress is not None:
-            progress(rows.stop, height)
+        tell(progress, rows.stop, height)
     return picture
 
 

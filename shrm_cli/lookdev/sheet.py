@@ -32,7 +32,7 @@ from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import coarse_probe
 from shrm_cli.probe.shared import shared
-from shrm_cli.progress import Progress, Stages
+from shrm_cli.progress import Progress, Stages, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, background_rows
 from shrm_cli.render.image import expose, weighted_quantiles
@@ -237,8 +237,7 @@ class Lookdev:
         for index, column in enumerate(self.columns):
             for row, tile in enumerate(column.tiles(viewer, self.size)):
                 yield row, index, tile
-            if progress is not None:
-                progress(index + 1, len(self.columns))
+            tell(progress, index + 1, len(self.columns))
 
 
 def lookdev(

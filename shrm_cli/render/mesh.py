@@ -16,7 +16,7 @@ from shrm_cli.files.picture import Picture
 from shrm_cli.geometry.mesh import face_normals
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import perpendicular
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.paint import Points
@@ -121,8 +121,7 @@ class MeshSubject:
             rows[inside] = self._shaded(reflectors, viewer, _picked(hits, inside))
             edge = np.flatnonzero(edges)
             rows[edge] = self._sampled(reflectors, viewer, x[edge], y[edge], rows[edge])
-            if progress is not None:
-                progress(block.stop, self.lens.height)
+            tell(progress, block.stop, self.lens.height)
         return picture
 
     def _row_blocks(self) -> Iterator[slice]:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, slices
 from shrm_cli.files.picture import Picture
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.render import camera
 
 _PIXELS_AT_ONCE = 2**19
@@ -62,8 +62,7 @@ def render_sphere(
         picture[:] = background
     for rows in slices(size, _PIXELS_AT_ONCE // size):
         _draw_rows(reflecting, viewer, picture, rows.start, rows.stop)
-        if progress is not None:
-            progress(rows.stop, size)
+        tell(progress, rows.stop, size)
     return picture
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.rooms.room import Emitters, Room, cosines
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
@@ -127,8 +127,7 @@ class Brightness:
             met[part] = seen.patches.reshape(-1, _DIRECTIONS)
             straight = (seen.sky + seen.lamps).reshape(-1, _DIRECTIONS, 3)
             lit[part] += np.pi * straight.mean(axis=1)
-            if progress is not None:
-                progress(part.stop, len(patches))
+            tell(progress, part.stop, len(patches))
         self.radiance = self._settled(lit, met)
 
     def _settled(self, lit: Array, met: NDArray[np.int64]) -> Array:

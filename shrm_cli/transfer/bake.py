@@ -20,7 +20,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import brushed_tangents, perpendicular
 from shrm_cli.maps.info import spec_of
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
@@ -305,8 +305,7 @@ def _fill(work: Work, plan: Plan, rays: Rays, progress: Progress | None) -> None
             work.put(_stage(bounce), part, vectors.astype(np.float32))
 
         for done, _ in enumerate(_in_threads(one, pending), start=1):
-            if progress is not None:
-                progress(finished + done, total)
+            tell(progress, finished + done, total)
 
 
 def _sent(work: Work, plan: Plan, bounce: int) -> Sent:

@@ -24,7 +24,7 @@ from shrm_cli.maps.shader.code import Code, written_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer, sphere_normals
@@ -249,8 +249,7 @@ def _truth_pictures(
     pictures: list[Array] = []
 
     def counted(done: int, total: int) -> None:
-        if progress is not None:
-            progress(len(pictures) * total + done, len(views) * total)
+        tell(progress, len(pictures) * total + done, len(views) * total)
 
     source.progress = counted
     for azimuth, elevation in views:

@@ -19,7 +19,16 @@ from shrm_cli.maps.principal.about_center import cone_rule, plane_rule
 from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.shader.harmonics import pair_function
-from shrm_cli.maps.shader.source import Source, Table, Words, central_direction, tangent_function
+from shrm_cli.maps.shader.source import (
+    BRUSHED_BY_TANGENT,
+    CROSS,
+    Source,
+    Table,
+    Words,
+    central_direction,
+    tangent_function,
+    view_angle,
+)
 
 
 def source(made: PrincipalMap, textures: str) -> Source:
@@ -79,7 +88,7 @@ def _functions(lobes: Sequence[Lobe], entries: int, words: Words) -> list[str]:
     is_brushed = any(lobe.is_brushed for lobe in lobes)
     centers = ["tangent"] if is_brushed else [lobe.center for lobe in lobes]
     lines = [*tangent_function(centers), *pair_function()]
-    lines += cross_function() if is_brushed else []
+    lines += CROSS if is_brushed else []
     total, row = "", 0
     for number, lobe in enumerate(lobes):
         if isinstance(lobe, BrushedLobe):
@@ -94,10 +103,7 @@ def _functions(lobes: Sequence[Lobe], entries: int, words: Words) -> list[str]:
     return [
         *lines,
         f"vec3 shrm_brushed_radiance(vec3 n, vec3 t, vec3 v) {{ return {total}; }}",
-        "vec3 shrm_radiance(vec3 n, vec3 v)",
-        "{",
-        "    return shrm_brushed_radiance(n, shrm_tangent(n), v);",
-        "}",
+        *BRUSHED_BY_TANGENT,
     ]
 
 
@@ -117,8 +123,7 @@ def _lobe(number: int, lobe: Lobe, row: int, about: int, words: Words) -> list[s
         f"    vec3 c = {central_direction(lobe.center, speech)};",
         f"    vec3 beside = {'n' if lobe.center == 'reflection' else 'v'};",
         f"    vec3 across = {speech.minus('beside', speech.scale('dot(beside, c)', 'c'))};",
-        f"    float angle = 2.0 * atan(length({speech.minus('v', 'c')}), "
-        f"length({speech.add('v', 'c')}));",
+        f"    float angle = {view_angle(speech)};",
         f"    float position = min(angle * {step}, {float(entries - 1)});",
         f"    int entry = int(min(position, {float(entries - 2)}));",
         "    float part = position - float(entry), norm, t, near;",
@@ -230,8 +235,7 @@ def _brushed_lobe(number: int, lobe: BrushedLobe, row: int, about: int, words: W
         f"    vec3 c = {central_direction(lobe.center, speech)};",
         "    vec3 side = shrm_cross(n, t);",
         "    float x = dot(v, t), y = dot(v, side), far = sqrt(x * x + y * y);",
-        f"    float angle = 2.0 * atan(length({speech.minus('v', 'c')}), "
-        f"length({speech.add('v', 'c')}));",
+        f"    float angle = {view_angle(speech)};",
         f"    float position = min(angle * {step}, {float(entries - 1)}), turn = 0.0, share;",
         f"    int entry = int(min(position, {float(entries - 2)}));",
         "    float part = position - float(entry), near, norm, around;",
@@ -300,13 +304,3 @@ def _towards_view(lobe: BrushedLobe, words: Words) -> list[str]:
         return []
     turned = words.language.combined(["dot(n, v)", "far"], ["across", "n"])
     return [f"    across = {turned};"]
-
-
-def cross_function() -> list[str]:
-    """Write the cross product."""
-    return [
-        "vec3 shrm_cross(vec3 a, vec3 b)",
-        "{",
-        "    return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);",
-        "}",
-    ]

@@ -6,7 +6,7 @@ changes the words.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import count
 
 import numpy as np
@@ -186,6 +186,13 @@ class Language:
             if re.findall(r"shrm_\w+\(", function)[0] in text:
                 text = f"{function}\n{text}"
         return [*_C_HEAD, *text.split("\n")]
+
+
+def filled(text: str, words: Mapping[str, str]) -> list[str]:
+    """Return the lines of a text whose words in capitals are replaced, one word after the other."""
+    for word, meaning in words.items():
+        text = text.replace(word, meaning)
+    return text.split("\n")
 
 
 def harmless(text: str) -> str:
