@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.core import PART
 from shrm_cli.probe.source import Level, Pyramid, pixel_sides
 from shrm_cli.records import record
@@ -87,11 +87,10 @@ class Points:
         There is one channel where it is grey.
         """
         count, points = self.rows.shape[:2]
-        step = max(_SAMPLES_AT_ONCE // points, 1)
         rows = self.rows.reshape(-1, 3)
         parts = []
-        for start in range(0, len(directions), step):
-            cosines = rows @ directions[start : start + step].T
+        for part in slices(len(directions), _SAMPLES_AT_ONCE // points):
+            cosines = rows @ directions[part].T
             values = self.evaluate(cosines.reshape(1, count, points, -1))[0]
             grey = values.strides[-1] == 0
             parts.append(values[None, ..., 0] if grey else np.moveaxis(values, -1, 0))

@@ -1,4 +1,4 @@
-"""Arrays: what annotations call them, and those that are kept in memory, within bounds.
+"""Arrays: what annotations call them, slices, and those that are kept in memory, within bounds.
 
 Tables of waves, coupling coefficients and the coefficients of BRDFs depend on few small things and
 are the same for every probe. A process that prefilters thousands of probes computes each of them
@@ -9,7 +9,7 @@ power of their order.
 import dataclasses
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,6 +22,15 @@ Content = TypeVar("Content")
 
 _STEP = 8
 """Orders are rounded up to multiples of this where what is kept serves lower orders too."""
+
+
+def slices(count: int, most: int) -> Iterator[slice]:
+    """Cut so many things into slices of at most `most`, or of one where that is less than 1.
+
+    What is computed of a slice at a time takes little memory. The last slice ends with the things.
+    """
+    step = max(most, 1)
+    return (slice(start, min(start + step, count)) for start in range(0, count, step))
 
 
 def kept_order(order: int) -> int:

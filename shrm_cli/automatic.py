@@ -90,7 +90,6 @@ class _Asked:
         return truth_of(self.light.probe, self.request.brdf)
 
     def made(self) -> Prefiltered:
-        """Make the map."""
         return self.made_of_single_cubes() or self.of_functions()
 
     def foreseen(self) -> Candidate[Prefiltered]:
@@ -298,7 +297,6 @@ class _Apart:
         return cls(rest, beside, beside.lamps())
 
     def made(self) -> Prefiltered:
-        """Make the map."""
         from shrm_cli.lights.beside import with_lamps
 
         with beside_lamps(self.lamps):

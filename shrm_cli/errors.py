@@ -25,6 +25,11 @@ class OrderError(ShrmError):
 class MapError(ShrmError):
     """A file is not a map that `shrm` wrote, or a map cannot be made or used as asked."""
 
+    @classmethod
+    def of_attribute(cls, path: str, name: str, what: str = "is missing or wrong") -> "MapError":
+        """Return the error for a file whose attribute ``shrm:name`` is not as maps are written."""
+        return cls(f"{path}: its attribute shrm:{name} {what}; make it again")
+
 
 class TransferError(ShrmError):
     """A file is no precomputed transfer, or does not belong to what it is to be used with."""

@@ -56,11 +56,15 @@ def current() -> Progress | None:
     return _current.get()
 
 
-def report(done: int, total: int) -> None:
-    """Tell how far the work has come."""
-    progress = current()
+def tell(progress: Progress | None, done: int, total: int) -> None:
+    """Tell somebody how far the work has come, or nobody."""
     if progress is not None:
         progress(done, total)
+
+
+def report(done: int, total: int) -> None:
+    """Tell who is told here how far the work has come."""
+    tell(current(), done, total)
 
 
 def tell_time_left(seconds: float) -> None:

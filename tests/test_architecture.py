@@ -78,7 +78,7 @@ EXTRAS = {
     "render/flip.py": {"flip_evaluator"},
     "geometry/load.py": {"trimesh"},
     "geometry/rays.py": {"embreex"},
-    "geometry/charts.py": {"xatlas"},
+    "geometry/texels.py": {"xatlas"},
     **{
         name: {"torch"}
         for name in (

@@ -20,7 +20,7 @@ from shrm_cli.render.vertex_colors import VertexColors
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.transfer.bake import Plan, bake
-from shrm_cli.transfer.sites import OFFSET
+from shrm_cli.transfer.gather import OFFSET
 
 Array = NDArray[np.floating]
 

@@ -22,7 +22,7 @@ from shrm_cli.maps.size import check_size
 from shrm_cli.orders import Orders, choose_orders
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.open import AnyProbe, as_probe
-from shrm_cli.progress import Progress, Rising, Stages, using
+from shrm_cli.progress import Progress, Rising, Stages, tell, using
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.reflected import error_bound, predicted_error
@@ -124,8 +124,7 @@ def material_energies(
         found = compute_coefficients(brdf, order_f, 0 if brdf.zonal else order_p, _ACCURACY)
         captured = found.captured()[order_f]
         rows.append(np.pad(captured, (0, order_p + 1 - len(captured)), mode="edge"))
-        if progress is not None:
-            progress(index + 1, len(brdfs))
+        tell(progress, index + 1, len(brdfs))
     return np.array(rows)
 
 

@@ -12,7 +12,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, differing_origins, record_of
 from shrm_cli.probe.open import AnyProbe, as_probe
-from shrm_cli.progress import Progress, Stages
+from shrm_cli.progress import Progress, Stages, tell
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
@@ -46,8 +46,7 @@ class Compared:
         for view, of_view in enumerate(found):
             for other in range(maps):
                 of_view.append(self.comparison.flip(other, view))
-                if progress is not None:
-                    progress(view * maps + other + 1, views * maps)
+                tell(progress, view * maps + other + 1, views * maps)
         return found
 
     def numbers(self, flips: Sequence[Sequence[FlipError | None]] | None = None) -> dict[str, Any]:

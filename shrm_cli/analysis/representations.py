@@ -39,7 +39,6 @@ class Plan:
     """The fraction of a BRDF's energy that orders may miss, for representations made for a BRDF."""
     viewers: tuple[Viewer, ...]
     size: int
-    """Width and height of each picture, pixels."""
     source_height: int | None
     """Rows that the probe is averaged down to for the truth; by default it is not averaged."""
     memory: Memory
@@ -54,7 +53,6 @@ class Plan:
 
     @property
     def maps(self) -> int:
-        """The number of maps."""
         return sum(len(groups(name, self.surfaces)) for name in COMPARED)
 
 

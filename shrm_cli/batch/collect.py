@@ -20,7 +20,7 @@ from shrm_cli.errors import MapError, OrderError, OutputError
 from shrm_cli.extras import install
 from shrm_cli.files import npz, remote
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.whole import check_target, note, replacing
+from shrm_cli.files.whole import check_target, replacing
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.irradiance.window import make_window, parse_window
 from shrm_cli.probe.lighting import project
@@ -184,18 +184,12 @@ def read_collection(path: str | os.PathLike[str]) -> Collection:
 
     Raises MapError if the file is missing or damaged, or holds something else.
     """
-    path = Path(path)
-    note(path)
-    try:
-        with npz.opened(path) as archive:
-            what, order, window = _settings(parse_json(archive.text("settings")))
-            names, digests = archive.texts("names"), archive.texts("sha256")
-            coefficients = archive.numbers("coefficients", 3)
+    missing, again = "name one that shrm batch wrote", "collect it again with shrm batch"
+    with npz.told(Path(path), MapError, missing, again) as archive:
+        what, order, window = _settings(parse_json(archive.text("settings")))
+        names, digests = archive.texts("names"), archive.texts("sha256")
+        coefficients = archive.numbers("coefficients", 3)
         return Collection(names, digests, coefficients, what, order, window)
-    except ValueError as error:
-        raise MapError(f"{path}: {error}; collect it again with shrm batch") from error
-    except OSError as error:
-        raise MapError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
 def _settings(said: Any) -> tuple[What, int, str]:

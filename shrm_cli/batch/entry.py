@@ -226,7 +226,6 @@ class Entry:
             raise ArgumentError("brdf", f"says nothing to {listing(self.to, 'and')}")
 
     def _output(self, probe: str, folder: str, recipe: Recipe) -> str:
-        """Return the name of an output."""
         label = "" if recipe.brdf is None else brdf_label(recipe.brdf)
         engine = recipe.arguments["engine"] if recipe.to == EXPORT else ""
         values = {

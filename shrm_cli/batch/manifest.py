@@ -94,7 +94,6 @@ def _merged(shared: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, An
 
 
 def _entry(name: str, found: Mapping[str, Any]) -> Entry:
-    """Return an entry from its keys."""
     texts = {key: _text_list(name, key, found[key]) for key in _LISTS if key in found}
     for key in _TEXTS:
         if key in found and not isinstance(found[key], str):

@@ -6,7 +6,7 @@ as JSON has them, with what was made, or with the error.
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +29,7 @@ from shrm_cli.prefilter import make
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.sources import fingerprint
 from shrm_cli.vocabulary import EXPORT
@@ -277,3 +278,59 @@ def _told_of(name: str, path: str, result: Result) -> Result:
         for record in result.records
     ]
     return replace(result, records=records, error=result.error.replace(path, said))
+
+
+# ---- predictions from the maps of single probes --------------------------------------------------
+
+_HALF = 2  # bytes
+_TRIED = 5
+"""The most probes of which a map is tried: the first ones may be damaged."""
+_PREDICTED = ("size", "maps", "order_f", "order_p", "order_carried", "predicted_error")
+
+
+def predictions(chunks: Sequence[Chunk], progress: Progress | None = None) -> list[dict[str, Any]]:
+    """Tell what the outputs of each recipe will be like, by the map of the first sound probe.
+
+    Orders that a tolerance of the BRDF's energy chooses are the same for all probes. Where an
+    error of the reflected light chooses them, those of other probes may differ.
+
+    Returns for each recipe the form, the BRDF, the number of outputs, the probe; what the summary
+    of its map has of its size, its orders and its error; and under ``bytes`` what the map's values
+    take in half precision, about the most that its file takes. Where no map could be made, there is
+    ``error`` in place of these.
+    """
+    jobs: dict[str, list[Job]] = {}
+    for chunk in chunks:
+        for job in chunk.jobs:
+            jobs.setdefault(repr(job.recipe), []).append(job)
+    found = []
+    for alike in jobs.values():
+        found.append({**_first_sound(alike), "outputs": len(alike)})
+        tell(progress, len(found), len(jobs))
+    return found
+
+
+def _first_sound(jobs: Sequence[Job]) -> dict[str, Any]:
+    """Predict the outputs of jobs of one recipe."""
+    named = {"to": jobs[0].recipe.to, "brdf": jobs[0].recipe.brdf}
+    if jobs[0].recipe.to == EXPORT:
+        return {**named, "engine": jobs[0].recipe.arguments["engine"]}
+    error = ""
+    for job in jobs[:_TRIED]:
+        try:
+            return {**named, "probe": job.probe, **_predicted(job)}
+        except ShrmError as failure:
+            error = error or str(failure)
+    return {**named, "probe": jobs[0].probe, "error": error}
+
+
+def _predicted(job: Job) -> dict[str, Any]:
+    """Make the map of a job in memory, and tell its orders and its size."""
+    with local_file(job.probe) as path:
+        probe = shared(open_probe(path, **job.reading))
+        made = make(probe, request_of(job.recipe, probe))
+    values = sum(plane.size for part in made.map.encode() for plane in part.channels.values())
+    summary = made.quick_summary()
+    return {name: summary[name] for name in _PREDICTED if name in summary} | {
+        "bytes": _HALF * values
+    }

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.sums import weighted_terms
@@ -135,9 +135,8 @@ def sampled_albedo(brdf: Brdf, theta: float, rule: _Rule, count: int) -> Array:
     view = from_angles(theta, 0.0)
     total = np.zeros(3)
     is_whole = rule is _sphere_rule or brdf.isotropic
-    rows = max(1, _SAMPLES_AT_ONCE // count)
-    for start in range(0, count, rows):
-        light, weights = rule(theta, count, slice(start, start + rows))
+    for rows in slices(count, _SAMPLES_AT_ONCE // count):
+        light, weights = rule(theta, count, rows)
         if is_whole:
             total += np.einsum("tp,tpc->c", weights, brdf.transfer(light, view))
             continue

@@ -10,7 +10,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color, Parameter
-from shrm_cli.brdf.vectors import GRAZING
+from shrm_cli.brdf.vectors import GRAZING, refracted_cosine
 from shrm_cli.errors import BrdfError
 
 FILM = (
@@ -62,14 +62,14 @@ def film_table(f0: Color, thickness: float, ior: float) -> Array:
     """As `film_reflectance` at `COSINES`, shape (257, 3)."""
     from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb  # only films need it
 
-    within = _refracted(COSINES, ior)
+    within = refracted_cosine(COSINES, ior)
     wave = np.cos(4 * np.pi * ior * thickness * within[:, None] / _WAVELENGTHS)
     air, film = (1.0, COSINES), (ior, within)
     table = np.empty((len(COSINES), 3))
     for each in set(f0):
         root = np.sqrt(min(each, _WHITE))
         index = (1 + root) / (1 - root)
-        base = index, _refracted(COSINES, index)
+        base = index, refracted_cosine(COSINES, index)
         spectra = [
             _interference(_amplitude(air, film, power), _amplitude(film, base, power), wave)
             for power in (1, -1)
@@ -77,11 +77,6 @@ def film_table(f0: Color, thickness: float, ior: float) -> Array:
         has_it = np.equal(f0, each)
         table[:, has_it] = to_linear_srgb(_WAVELENGTHS, sum(spectra) / 2)[:, has_it]
     return np.clip(table, 0, 1)
-
-
-def _refracted(cosine: Array, index: float) -> Array:
-    """The cosine, in a medium, of light that has a cosine in air: Snell's law."""
-    return np.asarray(np.sqrt(1 - (1 - cosine**2) / index**2))
 
 
 def _amplitude(above: tuple[float, Array], below: tuple[float, Array], power: int) -> Array:

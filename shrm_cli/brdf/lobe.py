@@ -6,7 +6,7 @@ Framework for Forward and Inverse Rendering" (2002).
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Brdf, grey, scaled
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.quadrature import gauss_legendre
@@ -70,9 +70,8 @@ def _azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) 
     tilt = theta_o / 2 if brdf.center == "reflection" else np.zeros_like(theta_o)
     view = from_angles(theta_o - tilt, 0.0)[:, None, :]
     result = np.empty((len(theta_i), len(theta_o), 3))
-    rows = max(_SAMPLES_AT_ONCE // (len(theta_o) * azimuths), 1)
-    for start in range(0, len(theta_i), rows):
-        polar = theta_i[start : start + rows, None]
+    for rows in slices(len(theta_i), _SAMPLES_AT_ONCE // (len(theta_o) * azimuths)):
+        polar = theta_i[rows, None]
         above = np.full((len(polar), len(theta_o)), np.pi)
         if cuts_horizon(brdf):
             # On the horizon N.L = cos(tilt) cos(theta_i) + sin(tilt) sin(theta_i) cos(phi) = 0.
@@ -82,7 +81,7 @@ def _azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) 
         light = tilted_frame(from_angles(polar[..., None], phi), tilt[:, None])
         samples = brdf.transfer(light, view)
         means = np.einsum("iopc,p->ioc", samples, weights / 2)
-        result[start : start + rows] = means * (above / np.pi)[..., None]
+        result[rows] = means * (above / np.pi)[..., None]
     return result
 
 

@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame, turned
@@ -202,9 +202,8 @@ def transfer_samples(
     ends = rule.parameter(horizon) * (count / np.pi)  # in cells
     last = min(count, 3 * math.ceil(ends.max() / 3)) if brdf.has_horizon else count
     step = 3 * max(1, _SAMPLES_AT_ONCE // (3 * phi.size))
-    for start in range(0, last, step):
-        rows = slice(start, min(start + step, last))
-        cells = np.arange(start, rows.stop)[:, None, None]
+    for rows in slices(last, step):
+        cells = np.arange(rows.start, rows.stop)[:, None, None]
         light = _lights(theta_i[rows], phi, tilt, azimuth, dtype)
         if not brdf.has_horizon or rows.stop <= ends.min() + _ROUNDING:
             yield rows, brdf.transfer(light, view), None

@@ -32,7 +32,7 @@ from typing import Self
 import numpy as np
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array, Indices
+from shrm_cli.arrays import Array, Indices, slices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.lobe_expansion import axis_widths, lobe_width
@@ -272,8 +272,7 @@ class ProductQuadrature:
 
     def blocks(self, count: int) -> Iterator[slice]:
         """Cut a number of views into blocks whose samples fit into the cache."""
-        step = max(1, _SAMPLES_AT_ONCE // (self.along * self.around))
-        return (slice(start, min(start + step, count)) for start in range(0, count, step))
+        return slices(count, _SAMPLES_AT_ONCE // (self.along * self.around))
 
     def _block(self, views: Array, order: int) -> tuple[Array, Array]:
         light, weights = self.rule.nodes(views, self.along, self.around)

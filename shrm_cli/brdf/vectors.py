@@ -98,6 +98,11 @@ def shared(what: Hashable, given: tuple[Any, ...], make: Callable[[], Shared]) -
     return found[key][1]
 
 
+def refracted_cosine(cosine: Array, ior: float) -> Array:
+    """The cosine in a medium of light that has a cosine in air, by Snell's law."""
+    return np.asarray(np.sqrt(1 - (1 - cosine**2) / ior**2))
+
+
 def half_vector(light: Array, view: Array) -> Half:
     """Compute the half vector of light and view, shape (..., 3) each.
 

@@ -55,7 +55,6 @@ class Offer:
     on_cost_front: bool = False
 
     def keeps(self, goal: Goal) -> bool:
-        """Tell whether it keeps the goal."""
         return self._candidate().keeps(goal)
 
     def _candidate(self) -> Candidate[Map]:

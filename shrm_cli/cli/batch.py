@@ -358,7 +358,7 @@ def _note(result: Result, log: Log | None, only_looks: bool) -> None:
 
 def _predictions(chunks: list[Chunk]) -> list[dict[str, Any]]:
     """Return what the outputs of each recipe will be like."""
-    from shrm_cli.batch.predict import predictions
+    from shrm_cli.batch.work import predictions
 
     with progress_bar("predicting") as progress:
         return predictions(chunks, progress)

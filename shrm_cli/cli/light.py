@@ -12,6 +12,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.types import COEFFICIENT, DIMMING, RADIANCE, STOPS, TURN
 from shrm_cli.files.recipe import picture_attributes
+from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
@@ -75,10 +76,8 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
         tables, working = _edited_tables(file, output, add, wanted)
         write_light_file(output, tables, working)
         count = sum(map(len, tables.values()))
-        options.conclude(
-            {"file": output, "lights": count},
-            [f"{output}: {count} light{'s' if count > 1 else ''}"],
-        )
+        told = f"{output}: {counted(count, 'light')}"
+        options.conclude({"file": output, "lights": count}, [told])
         return
     found, warnings = shrm.edit_light(file, wanted, add, order, options.make_read_options(values))
     write_coefficients(output, found)

@@ -14,8 +14,7 @@ from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
-    from shrm_cli.render.keys import Key
-    from shrm_cli.render.moving import Moment
+    from shrm_cli.render.moving import Key, Moment
     from shrm_cli.render.stage import Stage
 
 fps_option = click.option(
@@ -102,7 +101,7 @@ def scene_keys(mesh: str | None) -> list[Key]:
 
     Raises click.UsageError if there are some, and an option says the same.
     """
-    from shrm_cli.render.keys import read_keys
+    from shrm_cli.render.moving import read_keys
     from shrm_cli.render.scene_file import is_scene_name
 
     keys = read_keys(mesh) if mesh is not None and is_scene_name(mesh) else []
@@ -129,7 +128,7 @@ def moments(
     shown = usage.Applies("background" in usage.given_options(), "with --background")
     usage.refuse_inapplicable({"background_to": shown})
     if keys:
-        from shrm_cli.render.keys import moments_between
+        from shrm_cli.render.moving import moments_between
 
         if blends.holds != any(each.blend is not None for each in keys):
             raise click.UsageError("--blend-to and a blend in [[key]] of the scene need each other")

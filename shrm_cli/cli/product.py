@@ -137,8 +137,7 @@ def _keep_other_texture(
     """Refuse to replace a file that is not the texture of this BRDF, order, size and variation."""
     from shrm_cli.files.whole import kept
     from shrm_cli.maps.info import record_of, same_brdf
-    from shrm_cli.maps.product.product import ProductMap
-    from shrm_cli.maps.product.varying import VaryingProduct
+    from shrm_cli.maps.product.product import ProductMap, VaryingProduct
 
     if not os.path.lexists(target):
         return

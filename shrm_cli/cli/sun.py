@@ -10,6 +10,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import echo, progress_bar
 from shrm_cli.cli.types import FRACTION, within
+from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
 
 if TYPE_CHECKING:
@@ -156,8 +157,7 @@ def _doubts(split: LampSplit) -> list[str]:
 
 
 def _lines(probe: str, split: LampSplit, written: dict[str, Any]) -> list[str]:
-    """Return the report."""
-    lines = [f"{probe}: {len(split.lamps)} lamp{'s' if len(split.lamps) != 1 else ''}"]
+    lines = [f"{probe}: {counted(len(split.lamps), 'lamp')}"]
     if not split.lamps and not split.left:
         lines.append("  nothing compact gives as much irradiance and is as bright beside the rest")
     for number, lamp in enumerate(split.lamps, 1):

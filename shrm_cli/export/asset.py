@@ -4,7 +4,6 @@ Everything of the file stays as it is, extensions included. Buffers and pictures
 own, which have to lie beside it, move into the GLB, so that it can lie anywhere.
 """
 
-import json
 from copy import deepcopy
 from pathlib import Path
 
@@ -38,7 +37,6 @@ class Asset:
 
     @property
     def scenes(self) -> int:
-        """How many scenes it has."""
         return len(self.tree["scenes"])
 
     def lit(self, light: gltf.Json, pictures: list[bytes]) -> bytes:
@@ -62,7 +60,8 @@ class Asset:
         used = tree.setdefault("extensionsUsed", [])
         if EXTENSION not in used:
             used.append(EXTENSION)
-        return _glb(tree, data)
+        size = _padded(data, to=4)
+        return gltf.glb({**tree, "buffers": [{"byteLength": size}]}, [data])
 
 
 def open_asset(path: str) -> Asset:
@@ -79,11 +78,8 @@ def open_asset(path: str) -> Asset:
         raise MapError(f"{path}: cannot be read ({error.strerror}); name a glTF file") from error
     note(path)
     tree, chunk = gltf.read_tree(path, content)
-    try:
+    with gltf.damage(path, MapError):
         return _opened(path, tree, chunk)
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        why = " ".join(str(error).split())[:80]
-        raise MapError(f"{path}: its glTF is damaged ({why}); export it again") from error
 
 
 def _opened(path: str, tree: gltf.Json, chunk: bytes | None) -> Asset:
@@ -130,24 +126,7 @@ def _added(tree: gltf.Json, data: bytearray, piece: bytes) -> int:
     return len(views) - 1
 
 
-def _padded(data: bytearray, byte: bytes = b"\0", to: int = 8) -> int:
+def _padded(data: bytearray, to: int = 8) -> int:
     """Fill up to a multiple of some bytes, as accessors want their places; return the length."""
-    data += byte * (-len(data) % to)
+    data += bytes(-len(data) % to)
     return len(data)
-
-
-def _glb(tree: gltf.Json, data: bytearray) -> bytes:
-    """Return a GLB with one buffer."""
-    size = _padded(data, to=4)
-    text = bytearray(json.dumps({**tree, "buffers": [{"byteLength": size}]}).encode())
-    _padded(text, b" ", to=4)
-    chunks = b"".join(
-        len(each).to_bytes(4, "little") + kind + each
-        for kind, each in ((gltf.JSON, text), (gltf.BIN, data))
-    )
-    return (
-        gltf.GLB_HEAD
-        + (2).to_bytes(4, "little")
-        + (12 + len(chunks)).to_bytes(4, "little")
-        + chunks
-    )

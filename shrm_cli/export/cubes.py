@@ -16,8 +16,7 @@ from shrm_cli.export.blocks import astc, uastc
 from shrm_cli.export.dds import dds_image
 from shrm_cli.export.engine import Package
 from shrm_cli.export.ktx import can_compress, ktx2
-from shrm_cli.export.loss import loss
-from shrm_cli.export.pixels import TexelFormat, encoded
+from shrm_cli.export.pixels import TexelFormat, encoded, loss
 from shrm_cli.extras import install
 from shrm_cli.files.openimageio import image_of
 from shrm_cli.maps.irradiance.irradiance import Irradiance

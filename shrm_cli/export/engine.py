@@ -16,8 +16,7 @@ from typing import Any, ClassVar
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError, PluginError
 from shrm_cli.export.asset import Asset
-from shrm_cli.export.loss import Loss, sentence
-from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
+from shrm_cli.export.pixels import Clipped, Loss, TexelFormat, clip_warning, sentence
 from shrm_cli.export.quoting import comment
 from shrm_cli.export.tamed import Sampler
 from shrm_cli.files.whole import write_bytes

@@ -10,13 +10,9 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
-from shrm_cli.sphere.harmonics import degrees
+from shrm_cli.sphere.harmonics import degrees, polynomial_factors
 from shrm_cli.sphere.rotation import transform_coefficients
 
-# The factors of the harmonics: of 1, of x, y and z, of products, of 3 z^2 - 1, of x^2 - y^2.
-_CONSTANT, _LINEAR = np.sqrt(1 / (4 * np.pi)), np.sqrt(3 / (4 * np.pi))
-_MIXED, _ZONAL = np.sqrt(15 / (4 * np.pi)), np.sqrt(5 / (16 * np.pi))
-_NORMS = np.array([_CONSTANT, *[_LINEAR] * 3, _MIXED, _MIXED, _ZONAL, _MIXED, _MIXED / 2])
 _CONDON_SHORTLEY = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])
 
 
@@ -39,7 +35,7 @@ def filament(coefficients: ArrayLike) -> Array:
 
     Their sum is ``E / pi``, the light that a white diffuse surface reflects.
     """
-    return irradiance_over_pi(coefficients) * _NORMS[:, None]
+    return irradiance_over_pi(coefficients) * polynomial_factors()[:, None]
 
 
 def three(coefficients: ArrayLike) -> Array:
@@ -67,7 +63,7 @@ def babylon(coefficients: ArrayLike) -> dict[str, list[float]]:
     Their sum ``x X + y Y + .. + xy XY`` is that of harmonics with ``(A_l / pi)^2 L_lm``. Babylon's
     `SphericalHarmonics.FromPolynomial` divides by ``A_l / pi`` again before it shades.
     """
-    twice = irradiance_over_pi(irradiance_over_pi(coefficients)) * _NORMS[:, None]
+    twice = filament(irradiance_over_pi(coefficients))
     constant, zonal, squares = twice[0], twice[6], twice[8]
     polynomials = {
         "x": twice[3],

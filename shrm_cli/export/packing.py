@@ -4,13 +4,12 @@ from types import ModuleType
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import ArgumentError, PluginError, ShrmError
 from shrm_cli.export.blocks import astc, bc6h, uastc
 from shrm_cli.export.blocks.lamps import Found, with_lamps
 from shrm_cli.export.engine import Engine, Light, Package
-from shrm_cli.export.loss import Loss
-from shrm_cli.export.pixels import FORMATS, TexelFormat, Words
+from shrm_cli.export.pixels import FORMATS, Loss, TexelFormat, Words
 from shrm_cli.messages import explained
 from shrm_cli.progress import in_order
 from shrm_cli.vocabulary import ENGINES
@@ -96,7 +95,7 @@ def _ours(name: str, title: str, coder: ModuleType) -> TexelFormat:
         blocks = images.reshape(height // 4, 4, width // 4, 4, 3)
         blocks = blocks.transpose(4, 1, 3, 0, 2).reshape(3, 16, -1)
         prices = coder.prices_of(blocks)
-        jobs = [slice(at, at + _CHUNK) for at in range(0, blocks.shape[-1], _CHUNK)]
+        jobs = list(slices(blocks.shape[-1], _CHUNK))
         found = in_order(lambda some: coder.encoded(blocks[..., some], prices[some]), jobs)
         parts = [one.arrays for one in found]
         whole = Found(*(np.concatenate(each) for each in zip(*parts, strict=True)))

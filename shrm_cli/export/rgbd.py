@@ -7,20 +7,16 @@ which is the most that a pixel can hold.
 References: Babylon.js, ``helperFunctions``: ``toRGBD`` and ``fromRGBD``.
 """
 
-import zlib
-
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.export.pixels import Clipped, TexelFormat, encoded
+from shrm_cli.files.png import png_of_lines
 
 LARGEST = 255.0
 """The largest radiance that a pixel can hold."""
 _GAMMA = 2.2
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_PNG_RGBA_8 = bytes([8, 6, 0, 0, 0])
-"""Of a PNG's header: 8 bits a channel, RGBA, and the only compression, filters and interlacing."""
 
 
 def rgbd_pictures(faces: Array, what: str) -> tuple[list[bytes], Clipped]:
@@ -65,15 +61,4 @@ def rgba_png(pixels: NDArray[np.uint8]) -> bytes:
     above = np.vstack([np.zeros_like(rows[:1]), rows[:-1]])
     filtered = np.full((height, 1 + 4 * width), 2, dtype=np.uint8)  # the filter "up"
     filtered[:, 1:] = rows - above
-    size = width.to_bytes(4, "big") + height.to_bytes(4, "big")
-    return (
-        _PNG_SIGNATURE
-        + _chunk(b"IHDR", size + _PNG_RGBA_8)
-        + _chunk(b"IDAT", zlib.compress(filtered.tobytes(), 9))
-        + _chunk(b"IEND", b"")
-    )
-
-
-def _chunk(kind: bytes, data: bytes) -> bytes:
-    check = zlib.crc32(kind + data)
-    return len(data).to_bytes(4, "big") + kind + data + check.to_bytes(4, "big")
+    return png_of_lines(width, filtered, 9)

@@ -6,12 +6,15 @@ Only files in the folder of a glTF file are opened for it.
 
 import base64
 import binascii
-from collections.abc import Callable
+import json
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from shrm_cli.errors import MeshError
+from shrm_cli.errors import MeshError, ShrmError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.texture import beside
 from shrm_cli.files.whole import note
@@ -46,6 +49,16 @@ def read_tree(name: str, data: bytes) -> tuple[Json, bytes | None]:
     return tree, chunk
 
 
+@contextmanager
+def damage(name: str, error: type[ShrmError]) -> Iterator[None]:
+    """Raise an error that names the file for whatever its JSON makes Python raise."""
+    try:
+        yield
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as found:
+        why = " ".join(str(found).split())[:80]
+        raise error(f"{name}: its glTF is damaged ({why}); export it again") from found
+
+
 def _chunks(name: str, data: bytes) -> tuple[bytes, bytes | None]:
     """Return the text of a GLB and its binary chunk."""
     if len(data) < 20 or data[4:8] != b"\2\0\0\0":
@@ -61,6 +74,18 @@ def _chunks(name: str, data: bytes) -> tuple[bytes, bytes | None]:
     if JSON not in found:
         raise MeshError(f"{name}: it has no JSON; export it again")
     return found[JSON], found.get(BIN)
+
+
+def glb(tree: Json, buffers: Sequence[bytes | bytearray]) -> bytes:
+    """Return a GLB of version 2, with the JSON and a binary chunk for each buffer."""
+    texts = [_chunk(json.dumps(tree).encode(), JSON, b" ")]
+    whole = b"".join(texts + [_chunk(each, BIN, b"\0") for each in buffers])
+    return struct.pack("<4sII", GLB_HEAD, 2, 12 + len(whole)) + whole
+
+
+def _chunk(data: bytes | bytearray, kind: bytes, filling: bytes) -> bytes:
+    rest = -len(data) % 4
+    return struct.pack("<I4s", len(data) + rest, kind) + data + rest * filling
 
 
 def buffers_of(name: str, tree: Json, chunk: bytes | None) -> list[bytes]:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.whole import note
 from shrm_cli.progress import in_order
@@ -250,8 +250,7 @@ def _rounded(plane: Array) -> tuple[Array, float, float]:
     flat = plane.reshape(-1)
     half = np.empty(flat.shape, np.float16)
     whole = lost = 0.0
-    for start in range(0, flat.size, _VALUES_AT_ONCE):
-        part = slice(start, start + _VALUES_AT_ONCE)
+    for part in slices(flat.size, _VALUES_AT_ONCE):
         half[part] = flat[part]
         values = flat[part].astype(float)
         rest = values - half[part]

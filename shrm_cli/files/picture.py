@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import slices
 from shrm_cli.color import mix_channels, to_rec709
 from shrm_cli.errors import OutputError
 from shrm_cli.files.image import write_image
@@ -78,8 +79,7 @@ def in_srgb(
     matrix = to_rec709(primaries)
     outside = 0
     encoded = np.empty(pixels.shape, dtype=np.uint8)
-    for start in range(0, len(pixels), _ROWS_AT_ONCE):
-        band = slice(start, start + _ROWS_AT_ONCE)
+    for band in slices(len(pixels), _ROWS_AT_ONCE):
         shown = pixels[band]
         if matrix is not None:
             shown = mix_channels(shown, matrix)

@@ -48,12 +48,19 @@ def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     chosen = costs.argmin(axis=0)
     lines = np.empty((height, 1 + width * channels), dtype=np.uint8)
     lines[:, 0], lines[:, 1:] = chosen, filtered[chosen, np.arange(height)]
-    color = {3: 2, 4: 6}[channels]
-    header = struct.pack(">IIBBBBB", width, height, 8, color, 0, 0, 0)
-    data = zlib.compress(lines.tobytes(), 7)
     # The rendering intent of an sRGB chunk says that the values are sRGB.
-    chunks = [_chunk(b"IHDR", header), _chunk(b"sRGB", b"\0"), _chunk(b"IDAT", data), _PNG_END]
-    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+    return png_of_lines(width, lines, 7, _chunk(b"sRGB", b"\0"))
+
+
+def png_of_lines(width: int, lines: NDArray[np.uint8], level: int, marks: bytes = b"") -> bytes:
+    """Return a PNG of 8 bits of filtered lines, shape (H, 1 + 3 W) or (H, 1 + 4 W).
+
+    `level` is how hard zlib packs them. `marks` are chunks that stand before the pixels.
+    """
+    color = {3: 2, 4: 6}[(lines.shape[1] - 1) // width]
+    header = _chunk(b"IHDR", struct.pack(">IIBBBBB", width, len(lines), 8, color, 0, 0, 0))
+    data = _chunk(b"IDAT", zlib.compress(lines.tobytes(), level))
+    return b"\x89PNG\r\n\x1a\n" + header + marks + data + _PNG_END
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:

@@ -6,8 +6,6 @@ handed on holds nodes, triangles and their attributes only: no names, addresses,
 extensions, which trimesh might follow. Materials are factors, and textures that multiply them.
 """
 
-import json
-import struct
 from collections.abc import Callable
 from dataclasses import replace
 from math import cos, isfinite, sin
@@ -196,11 +194,8 @@ def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial 
     Raises MeshError if it is damaged, claims more than is there, or needs what is not read.
     """
     tree, chunk = gltf.read_tree(name, data)
-    try:
+    with gltf.damage(name, MeshError):
         return _rewritten(name, tree, chunk)
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        why = " ".join(str(error).split())[:80]
-        raise MeshError(f"{name}: its glTF is damaged ({why}); export it again") from error
 
 
 def _rewritten(
@@ -252,7 +247,7 @@ def _rewritten(
         "bufferViews": views,
         "buffers": [{"byteLength": len(each)} for each in buffers],
     }
-    return _packed(header, buffers), "glb", owners
+    return gltf.glb(header, buffers), "glb", owners
 
 
 def _check_sum(name: str, sizes: list[int]) -> None:
@@ -351,15 +346,3 @@ def _roots(tree: gltf.Json, nodes: list[gltf.Json]) -> list[int]:
         return [gltf.index_in(each, nodes) for each in gltf.list_of(scene, "nodes")]
     owned = {child for node in nodes for child in node.get("children", ())}
     return [index for index in range(len(nodes)) if index not in owned]
-
-
-def _packed(header: gltf.Json, buffers: list[bytes]) -> bytes:
-    text = json.dumps(header).encode()
-    chunks = [_chunk(text, gltf.JSON, b" "), *(_chunk(each, gltf.BIN, b"\0") for each in buffers)]
-    length = 12 + sum(len(each) for each in chunks)
-    return struct.pack("<4sII", gltf.GLB_HEAD, 2, length) + b"".join(chunks)
-
-
-def _chunk(data: bytes, kind: bytes, filling: bytes) -> bytes:
-    padded = data + filling * (-len(data) % 4)
-    return struct.pack("<I4s", len(padded), kind) + padded

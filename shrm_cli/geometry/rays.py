@@ -8,7 +8,7 @@ precision.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import MeshError
 from shrm_cli.extras import install
 from shrm_cli.geometry.mesh import Mesh
@@ -63,7 +63,7 @@ class Rays:
         )
         faces = np.empty(len(start), dtype=np.int64)
         weights, distance = np.zeros((len(start), 3)), np.full(len(start), np.inf)
-        for block in _blocks(len(start)):
+        for block in slices(len(start), _AT_ONCE):
             faces[block] = self._run(start[block], along[block])
             hit = np.flatnonzero(faces[block] >= 0) + block.start
             weights[hit], distance[hit] = self._exact(start[hit], along[hit], faces[hit])
@@ -82,7 +82,7 @@ class Rays:
             np.asarray(origins, dtype=float), np.asarray(directions, dtype=float)
         )
         found = np.empty(len(start), dtype=bool)
-        for block in _blocks(len(start)):
+        for block in slices(len(start), _AT_ONCE):
             begin = start[block] + _START * self._radius * along[block]
             found[block] = self._run(begin, along[block], "OCCLUDED") >= 0
         return found
@@ -123,7 +123,3 @@ class Rays:
         weights = np.where((determinant == 0)[:, None], 1 / 3, weights)
         point = np.einsum("kc,kcv->kv", weights, corners)
         return weights, np.einsum("ij,ij->i", point - origin, along) * self._radius
-
-
-def _blocks(count: int) -> list[slice]:
-    return [slice(k, min(k + _AT_ONCE, count)) for k in range(0, count, _AT_ONCE)]

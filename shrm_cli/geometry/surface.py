@@ -72,7 +72,6 @@ class SurfaceMaterial:
 
     @property
     def textures(self) -> tuple[Texture, ...]:
-        """All textures of the material."""
         maps = (
             self.color_map, self.metallic_map, self.roughness_map, self.normal_map,
             self.occlusion_map, self.emission_map,

@@ -15,10 +15,11 @@ from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.expansion import LampsBeside
 from shrm_cli.maps.info import probe_name
-from shrm_cli.maps.lamps.discs import LitDiscs
 from shrm_cli.maps.lamps.lobe import LobeTable
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
 from shrm_cli.maps.lamps.models import has_code, has_code_or_table
+from shrm_cli.maps.lamps.rule import LitDiscs
+from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, negative_warnings
 from shrm_cli.plan import policy
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
@@ -160,10 +161,9 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
         return replace(made, map=inner, warnings=(line, *made.warnings))
     bound = made.facts.get("error_bound")
     facts = made.facts | ({} if bound is None else {"error_bound": bound * left})
-    count = len(split.discs)
     note = (
         "lamps",
-        f"{count} disc{'s' if count > 1 else ''} beside the map, for {beside.error:.2%} (RMS) in "
+        f"{counted(len(split.discs), 'disc')} beside the map, for {beside.error:.2%} (RMS) in "
         f"place of the pixels; without, errors were {1 / max(left, 1e-6):.3g} times as large a "
         "part of the light",
     )

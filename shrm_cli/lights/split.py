@@ -2,7 +2,8 @@
 
 The lamps are the compact places that stand out and give more irradiance than the error that is
 allowed. Each becomes a disc. Where discs change the irradiance by more than the error, lamps that
-fit them worst become several discs, and in the end stay in the probe.
+fit them worst become several discs, and in the end stay in the probe. What a lamp hides, its pixels
+and some around them, is filled from farther around.
 """
 
 from collections.abc import Sequence
@@ -12,11 +13,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.lights.lamp import Lamp, Light, clipping, disc_of
-from shrm_cli.lights.pixels import SpherePixels
+from shrm_cli.lights.pixels import Indices, SpherePixels, near
 from shrm_cli.lights.search import find_regions
-from shrm_cli.lights.surroundings import Filled, fill_regions
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.probe.image import ArrayImage
@@ -28,6 +28,7 @@ from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Stages, current, using
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -58,7 +59,7 @@ class LampSplit:
     probe: Probe
     lamps: tuple[Lamp, ...]
     """The one with the most irradiance first."""
-    fills: tuple[Filled, ...]
+    fills: tuple["Filled", ...]
     """The place of each lamp without it, on `grid`."""
     grid: Grid
     """Where lamps were looked for: the probe's own, or a coarser one that each of its pixels is k x
@@ -70,7 +71,6 @@ class LampSplit:
 
     @property
     def discs(self) -> tuple[Disc, ...]:
-        """The discs of all lamps."""
         return tuple(disc for lamp in self.lamps for disc in lamp.discs)
 
     @cached_property
@@ -137,7 +137,7 @@ class _Candidate:
     light: Light
     level: float
     source: Array
-    filled: Filled
+    filled: "Filled"
     order: int
     parts: list[Light] = field(default_factory=list)
     discs: list[Disc] = field(default_factory=list)
@@ -312,9 +312,7 @@ def irradiance_rms(coefficients: Array) -> float:
 def light_coefficients(light: Light, order: int) -> Array:
     """Coefficients of light at points, shape ((order+1)^2, 3), as sums over them."""
     result = np.zeros(((order + 1) ** 2, 3))
-    step = max(_VALUES_AT_ONCE // len(result), 1)
-    for start in range(0, len(light.areas), step):
-        some = slice(start, start + step)
+    for some in slices(len(light.areas), _VALUES_AT_ONCE // len(result)):
         weighted = light.radiance[some] * light.areas[some, None]
         result += real_harmonics(order, light.directions[some]).T @ weighted
     return result
@@ -327,3 +325,92 @@ def _irradiance(coefficients: Array) -> Array:
 
 def _over(value: float, scale: float) -> float:
     return value / scale if scale else 0.0
+
+
+# ---- what lamps hide -----------------------------------------------------------------------------
+
+_GROWN = 2.3
+"""Mean distances of pixels that a lamp is grown by: filters blur it, and leave dark rims."""
+_RING = 1.6
+"""Mean distances beyond, from which the place of the lamp is filled."""
+_POWER = 3
+"""Pixels of the ring count by the distance to minus this; of 2 and less far ones would win."""
+_PAIRS_AT_ONCE = 2**22
+
+
+@record(eq=False)
+class Filled:
+    """The place of a lamp without the lamp."""
+
+    numbers: Indices
+    """Pixels, in row-major order, shape (n,)."""
+    values: Array
+    """Their radiance without the lamp, shape (n, 3)."""
+    excess: Array
+    """What is taken out of each pixel, shape (n, 3). Single values may be negative, at dark rims;
+    no sum is."""
+
+
+def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices]) -> list[Filled]:
+    """Take lamps out of an image, one for each region. They share no pixel.
+
+    `image`, of shape (rows, columns, 3), is left as it is. `regions` are numbers of the pixels of
+    each lamp; no pixel is in two of them.
+    """
+    flat = image.reshape(-1, 3)
+    owner = np.full(len(flat), -1, dtype=np.int16)
+    for index, numbers in enumerate(regions):
+        owner[numbers] = index
+    around = []
+    for index, numbers in enumerate(regions):
+        cap, distance = _bands(pixels, numbers)
+        grown = cap[distance <= 1]
+        owner[grown[owner[grown] < 0]] = index
+        around.append(cap)
+    return [
+        _filled(flat, pixels, cap[owner[cap] == index], cap[owner[cap] < 0])
+        for index, cap in enumerate(around)
+    ]
+
+
+def _bands(pixels: SpherePixels, numbers: Indices) -> tuple[Indices, NDArray[np.intp]]:
+    """Pixels near a lamp, and the band of each: 0 in the lamp, 1 in its rim, 2 in the ring."""
+    points = pixels.directions(numbers)
+    total = points.sum(axis=0)
+    axis = normalize(total) if np.linalg.norm(total) > 0 else points[0]
+    widest = 2 * np.arcsin(min(np.linalg.norm(points - axis, axis=1).max() / 2, 1.0))
+    outer = (_GROWN + _RING) * pixels.pitch
+    cap = np.union1d(pixels.within(axis, float(widest) + outer), numbers)
+    band = np.where(np.isin(cap, numbers, assume_unique=True), 0, 3)
+    outside = np.flatnonzero(band)
+    around = pixels.directions(cap[outside])
+    for number, reach in ((2, outer), (1, _GROWN * pixels.pitch)):
+        band[outside[near(around, points, reach)]] = number
+    return cap[band < 3], band[band < 3]
+
+
+def _filled(flat: Array, pixels: SpherePixels, place: Indices, ring: Indices) -> Filled:
+    """Fill a lamp's place from a ring, each pixel of which counts by its distance and its area."""
+    before = flat[place].astype(float)
+    areas = pixels.areas(place)
+    if len(ring):
+        values = _interpolated(pixels, place, ring, flat[ring].astype(float))
+    else:  # all around are other lamps
+        values = np.zeros_like(before)
+    # A red sun may be darker in blue than what is around it: it takes nothing, and adds nothing.
+    there, filled = areas @ before, areas @ values
+    values *= np.minimum(there / np.where(filled > 0, filled, 1), 1)
+    stored = values.astype(np.float32)
+    return Filled(place, stored, before - stored)
+
+
+def _interpolated(pixels: SpherePixels, place: Indices, ring: Indices, values: Array) -> Array:
+    """Shepard's interpolation at the pixels of a place, shape (n, 3)."""
+    sources, weights = pixels.directions(ring), pixels.areas(ring)
+    targets = pixels.directions(place)
+    result = np.empty((len(place), 3))
+    for part in slices(len(place), _PAIRS_AT_ONCE // len(ring)):
+        squares = np.maximum(2 - 2 * (targets[part] @ sources.T), (pixels.pitch / 4) ** 2)
+        shares = weights * squares ** (-_POWER / 2)
+        result[part] = shares @ values / shares.sum(axis=1, keepdims=True)
+    return result

@@ -7,6 +7,7 @@ import base64
 import html
 from collections import Counter
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from shrm_cli.brdf.spec import file_label, names_file
 from shrm_cli.brdf.sums import is_sum, term_texts
 from shrm_cli.files.html_page import asset, html_page
 from shrm_cli.files.picture import Picture
-from shrm_cli.lookdev.columns import Column
 from shrm_cli.maps.options import counted
 from shrm_cli.naming import probe_stem
+
+if TYPE_CHECKING:
+    from shrm_cli.lookdev.sheet import Column
 
 _MOST = 24
 """Characters of a short name; longer ones end in an ellipsis."""
@@ -28,7 +31,7 @@ _HALF_MAX = 65504.0
 
 
 def lookdev_page(
-    columns: Sequence[Column],
+    columns: "Sequence[Column]",
     heads: Sequence[str],
     sides: Sequence[str],
     tiles: Sequence[Sequence[Picture | str]],
@@ -59,7 +62,7 @@ def lookdev_page(
 
 
 def _section(
-    column: Column, head: str, sides: Sequence[str], cells: Sequence[Picture | str], size: int
+    column: "Column", head: str, sides: Sequence[str], cells: Sequence[Picture | str], size: int
 ) -> str:
     name = html.escape(head)
     lines = ["<section>", "<header>", f'<h2 title="{html.escape(column.path)}">{name}</h2>']

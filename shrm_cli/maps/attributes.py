@@ -167,7 +167,7 @@ def read_attributes(part: StoredPart) -> dict[str, Any]:
             value = value.encode("utf-8", "replace").decode()
         is_sound = type(value) is each.kind and each.is_valid(value)
         if not is_sound:
-            raise MapError(f"{path}: its attribute shrm:{name} is missing or wrong; make it again")
+            raise MapError.of_attribute(path, name)
         result[name] = shortest(value) if each.kind is float else value
     held = {name: parse_json(result[name], _MOST_DEPTH) for name in ("brdf", "options")}
     return {**result, **held}

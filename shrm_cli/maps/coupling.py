@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array, Indices, Memo, kept_order
+from shrm_cli.arrays import Array, Indices, Memo, kept_order, slices
 from shrm_cli.progress import at_once, in_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import complex_from_real, degrees, legendre_table
@@ -238,11 +238,10 @@ def _local_modes(light: ComplexArray, brdf: Array, theta: Array) -> ComplexArray
 
     def add(q: int) -> None:
         shape = -1, count, 2, order_p + 1 - q, channels
-        for start in range(0, 2 * order_f + 1, _MODES_AT_ONCE):
-            some = slice(start, min(start + _MODES_AT_ONCE, 2 * order_f + 1))
+        for some in slices(2 * order_f + 1, _MODES_AT_ONCE):
             # Below the least of |m| and q all is zero.
-            low = max(min(abs(start - order_f), abs(some.stop - 1 - order_f)), q)
-            if start < order_f < some.stop:
+            low = max(min(abs(some.start - order_f), abs(some.stop - 1 - order_f)), q)
+            if some.start < order_f < some.stop:
                 low = q
             products = both[some, low:, :, None] * brdf[low:, None, q:, q]
             products = products.reshape(*products.shape[:2], -1).view(float)

@@ -63,7 +63,6 @@ class Expansion:
     lighting: Lighting
     """The light, to at least the order of the coefficients."""
     size: int
-    """Texels along a face's edge of the map."""
     band: Band
     """The degrees of the light that the map keeps."""
     views: Band

@@ -41,9 +41,8 @@ def open_map(path: str | os.PathLike[str]) -> Map:
     if file.first.attribute("shrm:lamps") is None:
         return decode(file)
     # Few maps have lamps beside them; others are spared these modules.
-    from shrm_cli.maps.lamps.attribute import read_lamps
     from shrm_cli.maps.lamps.lobe import LobeTable, lobe_part
-    from shrm_cli.maps.lamps.map import LampMap
+    from shrm_cli.maps.lamps.map import LampMap, read_lamps
 
     lamps, table = read_lamps(file.first), lobe_part(file.parts)
     if table is None:

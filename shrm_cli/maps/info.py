@@ -104,21 +104,29 @@ class MapInfo:
     @property
     def proxy(self) -> "ProxyBox | None":
         """Where the probe was captured and the box around that, by which light is looked up."""
-        reading = self.options.get("reading")
-        if not isinstance(reading, dict) or "proxy" not in reading:
+        reading = self._reading()
+        if "proxy" not in reading:
             return None
         from shrm_cli.probe.proxy import ProxyBox
 
         return ProxyBox.read(reading["proxy"])
 
+    def _reading(self) -> dict[str, Any]:
+        """Return how the probe was read, as far as the map records it."""
+        reading = self.options.get("reading")
+        return reading if isinstance(reading, dict) else {}
+
+    def _read_with(self, **changes: Any) -> "MapInfo":
+        """Return the record of a probe that was read with changes; None leaves a rule out."""
+        changed = {**self._reading(), **changes}
+        reading = {name: value for name, value in changed.items() if value is not None}
+        return replace(self, options={**self.options, "reading": reading})
+
     def without_box(self) -> "MapInfo":
         """Return the record of the same light that does not tell the room around it."""
         if self.proxy is None:
             return self
-        reading = {
-            name: value for name, value in self.options["reading"].items() if name != "proxy"
-        }
-        return replace(self, options={**self.options, "reading": reading})
+        return self._read_with(proxy=None)
 
     def turned(self, matrix: ArrayLike) -> "MapInfo":
         """Return the record of the same light turned, as if the probe had been read so.
@@ -128,23 +136,17 @@ class MapInfo:
         matrix : array_like, shape (3, 3)
             Orthogonal; what came from a direction d comes from ``matrix @ d``.
         """
-        reading = self.options.get("reading")
-        reading = dict(reading) if isinstance(reading, dict) else {}
-        axes = np.asarray(matrix) @ _axes(reading.pop("axes", None))
-        if not np.array_equal(axes, np.eye(3)):
-            reading["axes"] = np.round(axes, 9).tolist()
+        axes = np.asarray(matrix) @ _axes(self._reading().get("axes"))
+        is_world = np.array_equal(axes, np.eye(3))
         box = None if self.proxy is None else self.proxy.turned(matrix)
-        reading = {**reading, "proxy": box and box.record()}
-        if box is None:
-            del reading["proxy"]
-        return replace(self, options={**self.options, "reading": reading})
+        return self._read_with(
+            axes=None if is_world else np.round(axes, 9).tolist(), proxy=box and box.record()
+        )
 
     def in_primaries(self, primaries: tuple[float, ...]) -> "MapInfo":
         """Return the record of the same light in other primaries, as if it had been read so."""
-        reading = self.options.get("reading")
-        reading = {**(reading if isinstance(reading, dict) else {}), "working": list(primaries)}
-        options = {**self.options, "reading": reading}
-        return replace(self, chromaticities=tuple(primaries), options=options)
+        changed = self._read_with(working=list(primaries))
+        return replace(changed, chromaticities=tuple(primaries))
 
     def read_as(self, whole: "MapInfo") -> "MapInfo":
         """Return the record of a part, with the primaries and the options of the whole map."""

@@ -139,7 +139,6 @@ def recorded_defaults(to: str, given: Iterable[str]) -> dict[str, Any]:
 
 
 def _listed(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values as JSON has them."""
     return {
         name: list(value) if isinstance(value, tuple) else value for name, value in values.items()
     }

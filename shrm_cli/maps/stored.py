@@ -160,7 +160,6 @@ class StoredImage:
     arrangement: Arrangement
     """How the part is laid out."""
     size: int
-    """Texels along an edge of the cube that the part holds."""
 
     @classmethod
     def of(cls, part: StoredPart) -> StoredImage:

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError, ProbeError
-from shrm_cli.photo.photograph import open_photograph, pixels_of
-from shrm_cli.probe.image_file import ImageFile
+from shrm_cli.probe.image_file import ImageFile, open_picture
 from shrm_cli.progress import report
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation, horizontal_tangents
@@ -114,13 +113,13 @@ def unwrap_balls(
         raise ArgumentError("reflectance", "must be above 0, and 1 at most")
     if not distance > LEAST_DISTANCE:
         raise ArgumentError("distance", f"must be above {LEAST_DISTANCE:g} radii of the ball")
-    opened = [open_photograph(path, linearize) for path in paths]
+    opened = [open_picture(path, linearize) for path in paths]
     given: Sequence[Circle | None] = circles or [None] * len(opened)
     places = [_circle(each, circle) for each, circle in zip(opened, given, strict=True)]
     # A lat-long's equator has pi / H to a pixel, a ball of radius r has 2 / r.
     rows = min(max(round(np.pi * places[0][2] / 2), 2), LARGEST) if size is None else size
     balls = [
-        _Ball(pixels_of(each), circle, from_azimuth_elevation(*camera), distance)
+        _Ball(each.whole(), circle, from_azimuth_elevation(*camera), distance)
         for each, circle, camera in zip(opened, places, stood, strict=True)
     ]
     gains, differences = _agreement(balls)

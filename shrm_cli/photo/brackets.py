@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.color import srgb_to_linear
 from shrm_cli.errors import ArgumentError, ProbeError
-from shrm_cli.photo.photograph import open_photograph, pixels_of
-from shrm_cli.probe.image_file import ImageFile
+from shrm_cli.probe.image_file import ImageFile, open_picture
 from shrm_cli.progress import report
 from shrm_cli.records import record
 
@@ -107,7 +106,7 @@ def merge_brackets(
     if not is_linear:
         for done, each in enumerate(opened):
             report(done, steps)
-            places.append(_places(pixels_of(each)))
+            places.append(_places(each.whole()))
         curve = response(np.stack(places), np.log(exposures))
     total = weights = last = np.zeros((), np.float32)
     was_white = np.zeros((), bool)
@@ -115,7 +114,7 @@ def merge_brackets(
     differences = np.zeros(len(opened))
     for k, (each, exposure) in enumerate(zip(opened, exposures, strict=True)):
         report(steps - len(opened) + k, steps)
-        values = pixels_of(each)
+        values = each.whole()
         if is_linear:
             places.append(_places(values))
         if k:
@@ -144,7 +143,7 @@ def _in_order(
     """Open exposures, and sort them by what they let in, relative to the one in the middle."""
     if len(paths) < 2 or (times is not None and len(times) != len(paths)):
         raise ArgumentError("times", "must be as many as exposures, which must be two at least")
-    opened = [open_photograph(path, as_stored=True) for path in paths]
+    opened = [open_picture(path, as_stored=True) for path in paths]
     found = np.array([_exposure(each) for each in opened] if times is None else times, dtype=float)
     if not (np.isfinite(found).all() and found.min() > 0 and found.max() > found.min()):
         raise ArgumentError("times", "must be positive, and not all the same")

@@ -54,7 +54,6 @@ class Row(Generic[C]):
     """Returns a candidate by its index. Its error mostly falls with the index."""
 
     def every(self) -> list[C]:
-        """Return all candidates."""
         return [self.candidate(index) for index in range(self.count)]
 
     def below(self, most: float) -> int:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.probe.make import latlong_solid_angles
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
@@ -81,9 +81,8 @@ def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
     Zonal functions are turned to an axis a by ``L_lm = sqrt(4 pi / (2l+1)) L_l0 Y_lm(a)``.
     """
     result = np.zeros(((order + 1) ** 2, 3))
-    step = max(_VALUES_AT_ONCE // (order + 1), 1)
-    for start in range(0, len(discs), step):
-        some = discs[start : start + step]
+    for part in slices(len(discs), _VALUES_AT_ONCE // (order + 1)):
+        some = discs[part]
         x, y, z = np.array([disc.direction for disc in some]).T
         # Discs of one height and radius, as the pixels of a row are, differ in the azimuth alone.
         keys = np.array([z, [disc.radius for disc in some], [disc.solid_angle for disc in some]])

@@ -36,82 +36,6 @@ _FILM = ("dpx", "cineon")
 
 
 @record
-class RadianceHeader:
-    """What the header of a Radiance picture says of its numbers.
-
-    References: Ward, The RADIANCE Picture File Format; `GAMMA` is Walter's, of his rgbe.c.
-    """
-
-    applied: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """By what red, green and blue were multiplied: the product of all EXPOSURE and COLORCORR."""
-    primaries: tuple[float, ...] | None = None
-    """CIE x and y of red, green, blue and white."""
-    pixel_aspect: float = 1.0
-    """Height of a pixel over its width, as PIXASPECT has it."""
-    gamma: float = 1.0
-    """What the pixels were raised to the inverse of; 1 where they are linear."""
-
-    @classmethod
-    def read(cls, path: Path) -> "RadianceHeader | None":
-        """Read the header of a file; None where it is no Radiance picture.
-
-        Raises ProbeError if the pixels are XYZ, or a number of the header cannot be one.
-        """
-        with open(path, "rb") as stream:
-            text = stream.read(_LONGEST)
-        if not text.startswith(_MAGIC):
-            return None
-        applied = [1.0, 1.0, 1.0]
-        primaries, aspect, gamma = None, 1.0, 1.0
-        for line in text.splitlines():
-            if not line:  # the end of the header
-                break
-            key, _, value = line.decode("latin-1").partition("=")
-            # A line that begins with a tab belongs to a picture that this one was made from.
-            if key == "FORMAT" and value.strip() == _XYZE:
-                raise ProbeError(
-                    f"{path}: its pixels are CIE XYZ (FORMAT={_XYZE}), not RGB; Radiance's "
-                    "ra_xyze -r converts it"
-                )
-            if key == "EXPOSURE":
-                factors = _numbers(path, key, value, 1) * 3
-            elif key == "COLORCORR":
-                factors = _numbers(path, key, value, 3)
-            else:
-                factors = [1.0, 1.0, 1.0]
-            applied = [product * factor for product, factor in zip(applied, factors, strict=True)]
-            if key == "PRIMARIES":
-                primaries = tuple(_numbers(path, key, value, 8, positive=False))
-            elif key == "PIXASPECT":
-                (one,) = _numbers(path, key, value, 1)
-                aspect *= one
-            elif key == "GAMMA":
-                (gamma,) = _numbers(path, key, value, 1)
-        if not all(1e-30 < product < 1e30 for product in applied):
-            raise ProbeError(
-                f"{path}: its EXPOSURE and COLORCORR multiply to {applied[0]:g}, which is no "
-                "exposure; correct its header"
-            )
-        return cls((applied[0], applied[1], applied[2]), primaries, aspect, gamma)
-
-
-def _numbers(path: Path, key: str, text: str, count: int, positive: bool = True) -> list[float]:
-    """The `count` finite numbers of a line of the header."""
-    try:
-        values = [float(part) for part in text.split()]
-    except ValueError:
-        values = []
-    good = len(values) == count and all(math.isfinite(value) for value in values)
-    if not good or (positive and min(values) <= 0):
-        kind = "positive " if positive else ""
-        wanted = f"{count} {kind}numbers" if count > 1 else f"a {kind}number"
-        raise ProbeError(
-            f"{path}: {key}={text.strip()[:40]!r} of its header is not {wanted}; correct it"
-        )
-    return values
-
-
-@record
 class Encoding:
     """How the numbers of an image file become linear radiance."""
 
@@ -141,19 +65,92 @@ class Encoding:
         return pixels
 
 
-def encoding_of(
-    path: Path, spec: Any, file_format: str, header: RadianceHeader | None, integers: bool
-) -> Encoding:
-    """What a file says of its own numbers.
+def radiance_encoding(path: Path) -> Encoding | None:
+    """What the header of a Radiance picture says of its numbers; None where a file is none.
 
-    `file_format` is OpenImageIO's name of the format. `header` is that of a Radiance picture.
-    `integers` tells whether the pixels are integers, which are decoded.
+    They were multiplied by the product of all EXPOSURE and COLORCORR. PIXASPECT is the height of a
+    pixel over its width.
+
+    Raises ProbeError if the pixels are XYZ or not linear, or a number of the header cannot be one.
+
+    References: Ward, The RADIANCE Picture File Format; `GAMMA` is Walter's, of his rgbe.c.
+    """
+    with open(path, "rb") as stream:
+        text = stream.read(_LONGEST)
+    if not text.startswith(_MAGIC):
+        return None
+    applied = [1.0, 1.0, 1.0]
+    primaries, aspect, gamma = None, 1.0, 1.0
+    for line in text.splitlines():
+        if not line:  # the end of the header
+            break
+        key, _, value = line.decode("latin-1").partition("=")
+        # A line that begins with a tab belongs to a picture that this one was made from.
+        if key == "FORMAT" and value.strip() == _XYZE:
+            raise ProbeError(
+                f"{path}: its pixels are CIE XYZ (FORMAT={_XYZE}), not RGB; Radiance's "
+                "ra_xyze -r converts it"
+            )
+        factors = [1.0, 1.0, 1.0]
+        if key == "EXPOSURE":
+            factors = _numbers(path, key, value, 1) * 3
+        elif key == "COLORCORR":
+            factors = _numbers(path, key, value, 3)
+        elif key == "PRIMARIES":
+            primaries = tuple(_numbers(path, key, value, 8, positive=False))
+        elif key == "PIXASPECT":
+            aspect *= _numbers(path, key, value, 1)[0]
+        elif key == "GAMMA":
+            (gamma,) = _numbers(path, key, value, 1)
+        applied = [product * factor for product, factor in zip(applied, factors, strict=True)]
+    red, green, blue = applied
+    if not all(1e-30 < product < 1e30 for product in applied):
+        raise ProbeError(
+            f"{path}: its EXPOSURE and COLORCORR multiply to {red:g}, which is no "
+            "exposure; correct its header"
+        )
+    if abs(gamma - 1) > 1e-3:
+        raise ProbeError(
+            f"{path}: GAMMA={gamma:g} of its header says that its pixels are not linear; "
+            "export it as linear, or correct the header"
+        )
+    notes: tuple[str, ...] = ()
+    if applied != [1.0, 1.0, 1.0]:
+        factors = applied[: 1 if red == green == blue else 3]
+        notes = (
+            f"its pixels were divided by {'/'.join(f'{each:.6g}' for each in factors)}: EXPOSURE "
+            "and COLORCORR of its header say that they had been multiplied by that",
+        )
+    return Encoding(
+        applied=(red, green, blue), primaries=primaries, pixel_aspect=aspect, notes=notes
+    )
+
+
+def _numbers(path: Path, key: str, text: str, count: int, positive: bool = True) -> list[float]:
+    """The `count` finite numbers of a line of the header."""
+    try:
+        values = [float(part) for part in text.split()]
+    except ValueError:
+        values = []
+    good = len(values) == count and all(math.isfinite(value) for value in values)
+    if not good or (positive and min(values) <= 0):
+        kind = "positive " if positive else ""
+        wanted = f"{count} {kind}numbers" if count > 1 else f"a {kind}number"
+        raise ProbeError(
+            f"{path}: {key}={text.strip()[:40]!r} of its header is not {wanted}; correct it"
+        )
+    return values
+
+
+def encoding_of(path: Path, spec: Any, file_format: str, integers: bool) -> Encoding:
+    """What a file says of its own numbers, but for Radiance pictures.
+
+    `file_format` is OpenImageIO's name of the format. `integers` tells whether the pixels are
+    integers, which are decoded.
 
     Raises ProbeError if the numbers are encoded in a way that is not known here.
     """
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
-    if header is not None:
-        return _radiance(path, header)
     primaries = sound_primaries(spec.getattribute("chromaticities")) or _of_profile(
         path, spec, file_format
     )
@@ -177,29 +174,6 @@ def _of_profile(path: Path, spec: Any, file_format: str) -> tuple[float, ...] | 
     from shrm_cli.probe.icc import png_primaries
 
     return png_primaries(path, found is not None) or found
-
-
-def _radiance(path: Path, header: RadianceHeader) -> Encoding:
-    """The encoding that the header of a Radiance picture tells."""
-    if abs(header.gamma - 1) > 1e-3:
-        raise ProbeError(
-            f"{path}: GAMMA={header.gamma:g} of its header says that its pixels are not linear; "
-            "export it as linear, or correct the header"
-        )
-    notes = []
-    if header.applied != (1.0, 1.0, 1.0):
-        is_grey = len(set(header.applied)) == 1
-        factors = "/".join(f"{each:.6g}" for each in header.applied[: 1 if is_grey else 3])
-        notes.append(
-            f"its pixels were divided by {factors}: EXPOSURE and COLORCORR of its header say "
-            "that they had been multiplied by that"
-        )
-    return Encoding(
-        applied=header.applied,
-        primaries=header.primaries,
-        pixel_aspect=header.pixel_aspect,
-        notes=tuple(notes),
-    )
 
 
 def _integer_curve(path: Path, spec: Any, file_format: str) -> tuple[str, Curve | None]:
@@ -360,7 +334,6 @@ def _colors(channels: dict[str, int]) -> tuple[int, int, int] | None:
 
 
 def _named(path: Path, found: list[Layer], name: str) -> Layer:
-    """The layer of a name."""
     same = [each for each in found if each.layer == name]
     same = same or [each for each in found if each.layer.lower() == name.lower()]
     if not same:

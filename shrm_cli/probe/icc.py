@@ -89,7 +89,6 @@ def _tags(profile: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _curve(data: bytes) -> Curve | None:
-    """The curve of one tag."""
     if data[:4] == b"curv":
         (count,) = struct.unpack_from(">I", data, 8)
         if count == 0:

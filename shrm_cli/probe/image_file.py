@@ -21,12 +21,14 @@ from shrm_cli.files.exr_header import excess
 from shrm_cli.files.openimageio import caught, last_noise, oiio, quiet
 from shrm_cli.files.whole import fault_of_name, note
 from shrm_cli.messages import is_url
-from shrm_cli.probe.encoding import Encoding, Layer, RadianceHeader, choose_layer, encoding_of
+from shrm_cli.probe.encoding import Encoding, Layer, choose_layer, encoding_of, radiance_encoding
 from shrm_cli.records import record
 from shrm_cli.vocabulary import PROXY_ATTRIBUTE
 
 MAX_PIXELS = 2**29
 """The most pixels that an image may have."""
+_MOST_OF_A_PICTURE = 2**26
+"""Those of one that is read whole: sums and weights of several photographs take 1.6 GB."""
 
 if TYPE_CHECKING:
     from shrm_cli.probe.proxy import ProxyBox
@@ -39,6 +41,13 @@ _BAND_PIXELS, _BAND_ROWS = 2**22, 128
 """Rows of tiles with more pixels than this are not handed out at once, but by so many rows."""
 _UPRIGHT = (0, 1)
 """Values of Exif's Orientation that leave an image as it is; 0 is "not known"."""
+_NO_PROBES = {
+    "shrm:representation": ("a map that shrm made", "name the probe"),
+    "shrm:table": ("a table that shrm made", "name the probe"),
+    "shrm:brdf_table": ("a table of a BRDF", "it belongs to `brdf`"),
+    "shrm:textures": ("textures that shrm made of a map", "name the probe"),
+}
+"""What images with these attributes are, and what to do."""
 _UNSET = "zeros, which are no colors: taken for Rec.709"
 """What `shrm info` says of primaries that nobody has filled in."""
 
@@ -94,7 +103,7 @@ class ImageFile:
         """
         path = check_file(path)
         _check_whole(path)
-        header = RadianceHeader.read(path)
+        radiance = radiance_encoding(path)
         with caught():
             source = oiio.ImageInput.open(str(path), _reading_hints())
         if source is None:
@@ -114,16 +123,9 @@ class ImageFile:
         spec, file_format = source.spec(), source.format_name()
         if path.suffix.lower() == ".exr" and file_format != "openexr":
             raise ProbeError(f"{path}: named .exr, but it is a {file_format} file; rename it")
-        if spec.getattribute("shrm:representation") is not None:
-            raise ProbeError(f"{path}: a map that shrm made, not a light probe; name the probe")
-        if spec.getattribute("shrm:table") is not None:
-            raise ProbeError(f"{path}: a table that shrm made, not a light probe; name the probe")
-        if spec.getattribute("shrm:brdf_table") is not None:
-            raise ProbeError(f"{path}: a table of a BRDF, not a light probe; it belongs to `brdf`")
-        if spec.getattribute("shrm:textures") is not None:
-            raise ProbeError(
-                f"{path}: textures that shrm made of a map, not a light probe; name the probe"
-            )
+        for attribute, (what, advice) in _NO_PROBES.items():
+            if spec.getattribute(attribute) is not None:
+                raise ProbeError(f"{path}: {what}, not a light probe; {advice}")
         chosen = choose_layer(path, source, part, layer)
         spec = source.spec()
         if spec.deep:
@@ -156,7 +158,7 @@ class ImageFile:
                 f"{path}: {min(integers)} pixels are not scene-linear radiance; give `linearize` "
                 "to decode them as sRGB, or use an HDR file"
             )
-        encoding = encoding_of(path, spec, file_format, header, bool(integers))
+        encoding = radiance or encoding_of(path, spec, file_format, bool(integers))
         covered = _covered(spec, width, height, offset)
         notes = list(encoding.notes)
         if covered < 1:
@@ -225,6 +227,16 @@ class ImageFile:
             rows = slice(first + top - start, last + top - start)
             canvas[rows, here : here + count] = data[:, there : there + count]
         return canvas
+
+    def whole(self) -> Array:
+        """All pixels, as `read` has them.
+
+        Raises ProbeError if one is not finite, or the file is damaged.
+        """
+        pixels = self.read(0, self.height)
+        if not np.isfinite(pixels).all():
+            raise ProbeError(f"{self.path}: it holds numbers that are not finite; export it again")
+        return pixels
 
     def facts(self) -> dict[str, Any]:
         """Which part, layer and channels are read, and how their numbers are encoded."""
@@ -309,23 +321,23 @@ def is_light_file(name: str) -> bool:
     return name.lower().endswith(".toml")
 
 
-def stored_image(path: str | os.PathLike[str], most: int) -> Array:
-    """Read an image that is no light, such as a texture: its numbers as they are stored.
+def open_picture(
+    path: str | os.PathLike[str], linearize: bool = False, as_stored: bool = False
+) -> ImageFile:
+    """Open an image that is no probe, such as a photograph or a texture, to be read `whole`.
 
-    `most` is the most pixels that it may have. Returns an array of float32 of shape (H, W, 3):
-    integers as shares of their largest. Raises ProbeError if there is no such image, it is too
-    large, or a number is not finite.
+    `linearize` tells whether to decode integers; they are refused otherwise. `as_stored` tells
+    whether to leave all numbers as they are stored, integers as parts of the largest.
+
+    Raises ProbeError if there is no such image, it is turned, or too large.
     """
-    opened = replace(ImageFile.open(path, linearize=True), encoding=Encoding())
-    note(path)
-    if opened.width * opened.height > most:
+    opened = ImageFile.open(path, linearize or as_stored)
+    if opened.width * opened.height > _MOST_OF_A_PICTURE:
         raise ProbeError(
-            f"{path}: {opened.width} x {opened.height} pixels are more than {most:,}; scale it down"
+            f"{path}: {opened.width} x {opened.height} pixels are more than "
+            f"{_MOST_OF_A_PICTURE:,}; scale it down"
         )
-    pixels = opened.read(0, opened.height)
-    if not np.isfinite(pixels).all():
-        raise ProbeError(f"{path}: it holds numbers that are not finite; export it again")
-    return pixels
+    return replace(opened, encoding=Encoding()) if as_stored else opened
 
 
 def check_file(name: str | os.PathLike[str]) -> Path:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.disc import Disc, disc_rows
@@ -171,11 +171,10 @@ class SumImage:
                 yield start, coverage[..., None] * disc.radiance
         if self.series is not None:
             order = order_of(len(self.series))
-            rows = max(_VALUES_AT_ONCE // (self.width * len(self.series)), 1)
             directions = grid.directions()
-            for start in range(0, self.height, rows):
-                some = directions[start : start + rows]
-                yield start, real_harmonics(order, some) @ self.series
+            at_once = _VALUES_AT_ONCE // (self.width * len(self.series))
+            for rows in slices(self.height, at_once):
+                yield rows.start, real_harmonics(order, directions[rows]) @ self.series
 
 
 @record(eq=False)
@@ -216,7 +215,6 @@ class LightSum(Probe):
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """The probes."""
         return self.image_of_sum.terms
 
     @property

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -242,7 +242,6 @@ def _project(probe: Probe, order: int) -> Lighting:
 
 
 def _project_image(probe: Probe, order: int) -> Lighting:
-    """Project the pixels of a probe."""
     energy = np.zeros(3)
     resolved = min(order, probe.grid.resolved_order)
     analysis = probe.grid.analysis(resolved)
@@ -291,8 +290,7 @@ def _squared(pixels: Array, weights: Array) -> Array:
     """Integral of the squared radiance of each channel, shape (3,)."""
     if weights.shape[1] == 1:
         sums, ones = np.empty((len(pixels), 3)), np.ones(pixels.shape[1])
-        for start in range(0, len(pixels), _ROWS_AT_ONCE):
-            rows = slice(start, start + _ROWS_AT_ONCE)
+        for rows in slices(len(pixels), _ROWS_AT_ONCE):
             sums[rows] = ones @ pixels[rows].astype(float) ** 2
         return np.asarray(weights[:, 0] @ sums)
     return np.asarray(np.einsum("ijc,ijc,ij->c", pixels, pixels, weights, dtype=float))

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import ProbeError
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation
@@ -183,8 +183,7 @@ def smoothstep(t: Array) -> Array:
 def shade_in_bands(directions: Array, shade: Callable[[Array], Array]) -> Image:
     """Radiance, as float32, that `shade` gives for directions of shape (rows, columns, 3)."""
     image = np.empty(directions.shape, dtype=np.float32)
-    for first in range(0, len(directions), BAND_ROWS):
-        band = slice(first, first + BAND_ROWS)
+    for band in slices(len(directions), BAND_ROWS):
         image[band] = shade(directions[band])
     return image
 

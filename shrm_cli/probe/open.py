@@ -112,7 +112,6 @@ def _may_hold_series(name: str) -> bool:
 
 
 def _open_file(name: str, options: ReadOptions) -> ImageFile | DdsFile:
-    """Open an image as the options have it."""
     path = check_file(name)
     dds = _open_dds(path)
     if dds is None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array, Indices
+from shrm_cli.arrays import Array, Indices, slices
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.image import ArrayImage, arrange_faces
 from shrm_cli.probe.probe import Probe
@@ -181,9 +181,8 @@ def _sampled(pixels: Array, probe: Probe, target: Grid, parts: int) -> Array:
     height, width = target.shape
     down, across = target.parts(parts)
     image = np.empty((height, width, 3), dtype=np.float32)
-    step = max(_SAMPLES_AT_ONCE // across.size, 1)
-    for start in range(0, height, step):
-        rows = np.arange(start, min(start + step, height))
+    for band in slices(height, _SAMPLES_AT_ONCE // across.size):
+        rows = np.arange(band.start, band.stop)
         total = np.zeros((len(rows), width, 3))
         weight = np.zeros((len(rows), width))
         for part in range(parts):
@@ -196,7 +195,7 @@ def _sampled(pixels: Array, probe: Probe, target: Grid, parts: int) -> Array:
             weight += density.reshape(*weight.shape, parts).sum(axis=2)
         mean = total / np.where(weight > 0, weight, 1)[..., None]
         image[rows] = np.maximum(mean, 0)  # a cubic filter overshoots
-        progress.report(start + len(rows), height)
+        progress.report(band.stop, height)
     used = target.used()
     if used is not None:
         image[~used] = 0
@@ -239,15 +238,14 @@ def _add_bright(
     """
     down, across = source.parts(_BRIGHT_PARTS)
     heights, widths = source.extents()
-    step = max(_SAMPLES_AT_ONCE // _BRIGHT_PARTS**2, 1)
     light = np.zeros_like(image)
-    for start in range(0, len(rows), step):
-        r, c = rows[start : start + step], columns[start : start + step]
+    for some in slices(len(rows), _SAMPLES_AT_ONCE // _BRIGHT_PARTS**2):
+        r, c = rows[some], columns[some]
         directions, density = source.points(
             r[:, None, None], down[r][:, :, None], across[c][:, None, :]
         )
         area = (heights[r] * widths[c])[:, None, None] / _BRIGHT_PARTS**2
-        energy = (density * area)[..., None] * excess[start : start + step, None, None]
+        energy = (density * area)[..., None] * excess[some, None, None]
         np.add.at(light, target.pixels(directions @ matrix.T), energy)
     lit_rows, lit_columns = np.nonzero(light.any(axis=-1))
     solid_angles = target.solid_angles(lit_rows, lit_columns)

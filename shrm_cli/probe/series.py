@@ -34,7 +34,7 @@ from shrm_cli.files.npz import read_npy
 from shrm_cli.probe.image_file import check_file
 from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.records import record
-from shrm_cli.sphere.harmonics import degrees, order_of
+from shrm_cli.sphere.harmonics import degrees, degrees_and_orders, order_of, polynomial_factors
 
 if TYPE_CHECKING:
     from shrm_cli.probe.light_sum import LightSum
@@ -127,7 +127,7 @@ def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array
     Raises ValueError if they are something else.
     """
     found = _rows(np.asarray(values))
-    degree = degrees(order_of(len(found)))
+    degree, m = degrees_and_orders(order_of(len(found)))
     if basis not in BASES:
         raise ValueError(f"{basis!r:.40} is no basis; name one of {', '.join(BASES)}")
     if of not in ("radiance", "irradiance"):
@@ -135,10 +135,9 @@ def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array
     if (of == "irradiance" or basis == "filament") and len(found) > len(degrees(2)):
         raise ValueError("irradiance above degree 2 does not tell its light; give 9 coefficients")
     if basis == "condon-shortley":
-        m = np.arange(len(found)) - degree * (degree + 1)
         found = found * np.where(m % 2, -1.0, 1.0)[:, None]
     if basis == "filament":
-        found = np.pi * found / _polynomial_factors()[: len(found), None]
+        found = np.pi * found / polynomial_factors()[: len(found), None]
     if of == "irradiance" or basis == "filament":
         found = found / _LAMBERT[degree][:, None]
     return found
@@ -184,13 +183,6 @@ def _check_options(name: str, options: ReadOptions) -> None:
         if getattr(options, each) != getattr(plain, each):
             said = "`clamp` and `fix_nonfinite` say" if each == "pixels" else f"`{each}` says"
             raise ProbeError(f"{name}: {said} nothing about coefficients; leave it out")
-
-
-def _polynomial_factors() -> Array:
-    """The factors of the nine harmonics before 1, y, z, x, xy, yz, 3zz-1, xz and xx-yy."""
-    linear, mixed, zonal = np.sqrt(3), np.sqrt(15), np.sqrt(5) / 2
-    factors = [1, *[linear] * 3, mixed, mixed, zonal, mixed, mixed / 2]
-    return np.array(factors) / np.sqrt(4 * np.pi)
 
 
 def _rows(values: Array) -> Array:

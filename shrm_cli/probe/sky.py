@@ -7,6 +7,7 @@ References: Preetham, Shirley & Smits 1999, A Practical Analytic Model for Dayli
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.color import REC709, xyz_matrix
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe import sky_data as data
 from shrm_cli.probe.make import (
@@ -148,7 +149,7 @@ def sky_radiance(directions: Array, sun: Array, turbidity: float) -> Array:
     xyz = np.stack(
         [scale * values["x"], values["Y"], scale * (1 - values["x"] - values["y"])], axis=-1
     )
-    return np.maximum(xyz @ data.rec709_from_xyz().T, 0.0)
+    return np.maximum(xyz @ np.linalg.inv(xyz_matrix(REC709)).T, 0.0)
 
 
 def zenith_luminance(turbidity: float, sun_theta: float) -> float:
@@ -171,7 +172,7 @@ def sun_radiance(elevation: float, turbidity: float) -> Array:
     spectrum = np.interp(wavelengths, data.SUN_WAVELENGTHS, data.SUN_RADIANCE) * np.exp(-depth)
     xyz = np.trapezoid(spectrum[:, None] * data.color_matching(wavelengths), wavelengths, axis=0)
     kilocandelas = xyz * (data.LUMINOUS_EFFICACY / 1000)
-    return np.maximum(data.rec709_from_xyz() @ kilocandelas, 0.0)
+    return np.maximum(np.linalg.solve(xyz_matrix(REC709), kilocandelas), 0.0)
 
 
 def atmosphere_depth(wavelengths: Array, elevation: float, turbidity: float) -> Array:

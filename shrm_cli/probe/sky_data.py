@@ -96,12 +96,3 @@ def color_matching(wavelengths: Array) -> Array:
             total += height * np.exp(-0.5 * t * t)
         functions.append(total)
     return np.stack(functions, axis=-1)
-
-
-def rec709_from_xyz() -> Array:
-    """Matrix, shape (3, 3), from CIE XYZ to linear Rec.709 with a D65 white (ITU-R BT.709)."""
-    primaries = np.array([[0.640, 0.330], [0.300, 0.600], [0.150, 0.060]])
-    white = np.array([0.3127, 0.3290])
-    columns = np.stack([np.append(xy, 1 - xy.sum()) / xy[1] for xy in primaries], axis=-1)
-    luminances = np.linalg.solve(columns, np.append(white, 1 - white.sum()) / white[1])
-    return np.linalg.inv(columns * luminances)

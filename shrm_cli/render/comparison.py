@@ -9,7 +9,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.color import mix_channels, to_rec709
 from shrm_cli.files.picture import Picture
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, whole_coverage
 from shrm_cli.render.flip import FlipError, hdr_flip
@@ -176,8 +176,7 @@ def compare_spheres(
     for thing in (baseline, *others):
         for viewer in viewers:
             drawn.append(render_sphere(thing, viewer, size))
-            if progress is not None:
-                progress(len(drawn), total)
+            tell(progress, len(drawn), total)
     pictures = np.stack(drawn).reshape(1 + len(others), len(viewers), size, size, 3)
     return Comparison(viewers, pictures[0], pictures[1:], primaries)
 

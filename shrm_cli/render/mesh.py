@@ -5,17 +5,18 @@ pixels, at silhouettes, creases and where a surface curves away, get 4 x 4 sampl
 that miss the mesh show the background.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.files.picture import Picture
-from shrm_cli.geometry.normals import face_normals
+from shrm_cli.geometry.mesh import face_normals
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import perpendicular
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.paint import Points
@@ -87,10 +88,10 @@ class MeshSubject:
     def background(self, surroundings: Surroundings, viewer: Viewer) -> Picture:
         """Draw what is behind the mesh, shape (H, W, 3), linear."""
         picture = np.empty((*self.shape, 3), dtype=np.float32)
-        for start, stop in self._row_blocks():
-            x, y = self._points(start, stop)
+        for block in self._row_blocks():
+            x, y = self._points(block.start, block.stop)
             directions = self.lens.directions(viewer, x, y)
-            picture[start:stop] = surroundings.radiance(directions)
+            picture[block] = surroundings.radiance(directions)
         return picture
 
     def draw(
@@ -111,22 +112,20 @@ class MeshSubject:
         picture = np.zeros((*self.shape, 3), dtype=np.float32)
         if background is not None:
             picture[:] = background
-        for start, stop in self._row_blocks():
-            rows = picture[start:stop].reshape(-1, 3)  # a view, so that the picture itself changes
-            x, y = (each.ravel() for each in self._points(start, stop))
+        for block in self._row_blocks():
+            rows = picture[block].reshape(-1, 3)  # a view, so that the picture itself changes
+            x, y = (each.ravel() for each in self._points(block.start, block.stop))
             hits = self._cast(viewer, x, y)
-            edges = self._edges(viewer, hits, start, stop)
+            edges = self._edges(viewer, hits, block.start, block.stop)
             inside = np.flatnonzero(~edges & (hits.faces >= 0))
             rows[inside] = self._shaded(reflectors, viewer, _picked(hits, inside))
             edge = np.flatnonzero(edges)
             rows[edge] = self._sampled(reflectors, viewer, x[edge], y[edge], rows[edge])
-            if progress is not None:
-                progress(stop, self.lens.height)
+            tell(progress, block.stop, self.lens.height)
         return picture
 
-    def _row_blocks(self) -> list[tuple[int, int]]:
-        rows = max(_PIXELS_AT_ONCE // self.lens.width, 1)
-        return [(k, min(k + rows, self.lens.height)) for k in range(0, self.lens.height, rows)]
+    def _row_blocks(self) -> Iterator[slice]:
+        return slices(self.lens.height, _PIXELS_AT_ONCE // self.lens.width)
 
     def _points(self, start: int, stop: int, corners: bool = False) -> tuple[Array, Array]:
         """Return offsets from the picture's centre to pixels of some rows, or to their corners."""
@@ -216,9 +215,7 @@ class MeshSubject:
         offsets = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
         down, right = (each.ravel() for each in np.meshgrid(offsets, offsets, indexing="ij"))
         means = np.empty((len(x), 3))
-        step = _SAMPLES_AT_ONCE // len(right)
-        for k in range(0, len(x), step):
-            part = slice(k, k + step)
+        for part in slices(len(x), _SAMPLES_AT_ONCE // len(right)):
             sub_x = (x[part, None] + right).ravel()
             hits = self._cast(viewer, sub_x, (y[part, None] + down).ravel(), 1 / _SAMPLES)
             hits = replace(hits, samples=np.arange(len(sub_x)) % len(right))
@@ -241,8 +238,8 @@ class MeshSubject:
             tangents = perpendicular(along, normals)
         for index, reflector in enumerate(reflectors):
             own = np.flatnonzero(looks == index)
-            for k in range(0, len(own), _SAMPLES_AT_ONCE):
-                part = own[k : k + _SAMPLES_AT_ONCE]
+            for some in slices(len(own), _SAMPLES_AT_ONCE):
+                part = own[some]
                 if isinstance(reflector, VertexColors):
                     place = hits.faces[part], hits.weights[part]
                     samples = None if hits.samples is None else hits.samples[part]

@@ -116,7 +116,6 @@ class Paint:
 
     @property
     def has_diffuse(self) -> bool:
-        """Whether it reflects diffusely."""
         is_metal = self.material.metallic == 1 and self.material.metallic_map is None
         return any(self.material.base_color) and not is_metal
 

@@ -17,7 +17,7 @@ An example, with everything that an object may have:
     rotate = [0, 90, 0]             # degrees about x, y and z in turn, after the scale
     translate = [0, 1, 0]           # last
 
-Tables [[key]] say what moves over the frames: see `shrm_cli.render.keys`.
+Tables [[key]] say what moves over the frames: see `shrm_cli.render.moving`.
 """
 
 import os

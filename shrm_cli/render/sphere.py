@@ -5,9 +5,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.files.picture import Picture
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.render import camera
 
 _PIXELS_AT_ONCE = 2**19
@@ -60,12 +60,9 @@ def render_sphere(
     picture = np.zeros((size, size, 3), dtype=np.float32)
     if background is not None:
         picture[:] = background
-    rows = max(_PIXELS_AT_ONCE // size, 1)
-    for start in range(0, size, rows):
-        stop = min(start + rows, size)
-        _draw_rows(reflecting, viewer, picture, start, stop)
-        if progress is not None:
-            progress(stop, size)
+    for rows in slices(size, _PIXELS_AT_ONCE // size):
+        _draw_rows(reflecting, viewer, picture, rows.start, rows.stop)
+        tell(progress, rows.stop, size)
     return picture
 
 
@@ -75,11 +72,9 @@ def render_background(surroundings: Surroundings, viewer: camera.Viewer, size: i
     Returns an array of float32 of shape (size, size, 3): scene-linear.
     """
     picture = np.empty((size, size, 3), dtype=np.float32)
-    rows = max(_PIXELS_AT_ONCE // size, 1)
-    for start in range(0, size, rows):
-        stop = min(start + rows, size)
-        directions = camera.background_directions(viewer, size, start, stop)
-        picture[start:stop] = surroundings.radiance(directions)
+    for rows in slices(size, _PIXELS_AT_ONCE // size):
+        directions = camera.background_directions(viewer, size, rows.start, rows.stop)
+        picture[rows] = surroundings.radiance(directions)
     return picture
 
 

@@ -23,7 +23,7 @@ from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.base import ReflectedLight
 from shrm_cli.maps.kinds import LightMap
-from shrm_cli.probe.image_file import stored_image
+from shrm_cli.probe.image_file import open_picture
 from shrm_cli.render.boxed import looked_up
 from shrm_cli.render.lit import ggx_surface, shown_as
 from shrm_cli.vocabulary import LUMINANCE, MIN_ROUGHNESS
@@ -31,8 +31,6 @@ from shrm_cli.vocabulary import LUMINANCE, MIN_ROUGHNESS
 _STEPS = {1: 32, 2: 12}
 """How many intervals the way of each of so many parameters has, in which surfaces are interpolated.
 Of two, a lobe from 0.1 wide on is 2 % off in the middle of its first interval."""
-_MOST_PIXELS = 2**26
-"""The most pixels of an image that is read, 8192 x 8192."""
 
 
 class Variation:
@@ -91,7 +89,7 @@ def open_variation(follows: str, mesh: Mesh) -> Variation:
         _known(mesh, mesh.colors, "vertex colours")
         return Variation()
     _known(mesh, mesh.uvs, "texture coordinates")
-    return Variation(stored_image(follows, _MOST_PIXELS))
+    return Variation(open_picture(follows, as_stored=True).whole())
 
 
 def between_steps(

@@ -16,7 +16,7 @@ from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo, spec_of
 from shrm_cli.maps.kinds import LightMap, MaterialMap
 from shrm_cli.maps.options import bytes_text, counted
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, whole_coverage
 from shrm_cli.render.image import suitable_exposure
@@ -131,8 +131,7 @@ def draw_contacts(files: Sequence[str], progress: Progress | None = None) -> Con
             found.maps.append(_drawn(file))
         except ShrmError as error:
             found.failures.append((file, str(error)))
-        if progress is not None:
-            progress(done, len(files))
+        tell(progress, done, len(files))
     return found
 
 

@@ -44,7 +44,6 @@ class Plan:
     views: tuple[tuple[float, float], ...] = ((0.0, 0.0), (120.0, 20.0), (240.0, -20.0))
     """Azimuth and elevation of the viewers, degrees."""
     size: int = 256
-    """Width and height of the pictures, pixels."""
     rows: int | None = None
     """Rows that the probe is averaged down to for the truth; by default it is not averaged."""
     exact: bool = False

@@ -12,7 +12,7 @@ from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.probe.open import AnyProbe, as_probe
-from shrm_cli.progress import Progress, Stages
+from shrm_cli.progress import Progress, Stages, tell
 from shrm_cli.records import record
 from shrm_cli.report import words
 from shrm_cli.report.markup import Html, details, facts, joined, table, tag, whole_page
@@ -108,8 +108,7 @@ def report_page(
         view = _view(measured, material, look, room // (len(parts) - count + 1), remarks)
         room -= len(view)
         whole.append(Html(part.replace(_Place(count), view)))
-        if progress is not None:
-            progress(count, len(parts))
+        tell(progress, count, len(parts))
     name = words.base_name(measured.probe.name)
     text = whole_page(
         f"{name} \u2013 shrm report",

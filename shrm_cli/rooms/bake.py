@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, octahedral_directions
 from shrm_cli.rooms.radiosity import Brightness
-from shrm_cli.rooms.room import Emitters, Room
+from shrm_cli.rooms.room import Emitters, Room, cosines
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 
@@ -51,11 +51,10 @@ def bake(
     stages.done(1, 3)
     longest = float(np.linalg.norm(lattice.spacing))
     points = lattice.points()
-    step = max(_RAYS_AT_ONCE // samples, 1)
     found = []
-    for start in range(0, len(points), step):
-        found.append(gathering.probe(points[start : start + step], start, longest))
-        stages.within(min(start + step, len(points)), len(points))
+    for part in slices(len(points), _RAYS_AT_ONCE // samples):
+        found.append(gathering.probe(points[part], part.start, longest))
+        stages.within(part.stop, len(points))
     stages.done(2, 3)
     reflected, direct, moments, behind = (
         np.concatenate(each)
@@ -73,10 +72,9 @@ def _proven(grid: ProbeGrid, gathering: "Gathering", stages: Stages) -> dict[str
     points = lattice.low + (order + 0.5) / _PROOFS * (lattice.high - lattice.low)
     normals = spiral_directions(_PROOFS)[scrambled(_PROOFS)]
     truths = []
-    for start in range(0, _PROOFS, 50):
-        part = slice(start, start + 50)
-        truths.append(gathering.irradiance(points[part], normals[part], start))
-        stages.within(start + 50, _PROOFS)
+    for part in slices(_PROOFS, 50):
+        truths.append(gathering.irradiance(points[part], normals[part], part.start))
+        stages.within(part.stop, _PROOFS)
     reflected, direct, behind = (np.concatenate(each) for each in zip(*truths, strict=True))
     free = behind < IN_WALLS
     found = {}
@@ -135,11 +133,11 @@ class Gathering:
     ) -> tuple[Array, Array, Array]:
         """Return the irradiance of surfaces at points: reflected, direct, and back faces' share."""
         reflected, lamps, _, behind = self._look(points)
-        cosines = np.maximum(normals @ self._directions.T, 0) * self._area
+        facing = np.maximum(normals @ self._directions.T, 0) * self._area
         directions, light = self._arriving(points, number)
-        others = np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0)
-        direct = np.einsum("nd,ndc->nc", cosines, lamps) + np.einsum("ns,nsc->nc", others, light)
-        return np.einsum("nd,ndc->nc", cosines, reflected), direct, behind.mean(axis=1)
+        others = cosines(directions, normals)
+        direct = np.einsum("nd,ndc->nc", facing, lamps) + np.einsum("ns,nsc->nc", others, light)
+        return np.einsum("nd,ndc->nc", facing, reflected), direct, behind.mean(axis=1)
 
     def _arriving(self, points: Array, number: int) -> tuple[Array, Array]:
         """Return the light of lamps that is looked for, as `Emitters.arriving` does."""

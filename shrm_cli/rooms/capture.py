@@ -7,13 +7,13 @@ bounces.
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.rooms.radiosity import LIFT, Brightness
-from shrm_cli.rooms.room import Emitters, Room
+from shrm_cli.rooms.room import Emitters, Room, cosines
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.grid.latlong import LatLong, latlong_points
 
@@ -87,9 +87,8 @@ class _Paths:
         height, width = self._height, 2 * self._height
         random = np.random.Generator(np.random.PCG64(number))
         image, behind = np.empty((height * width, 3)), np.empty(height * width)
-        step = max(_PATHS_AT_ONCE // samples, 1)
-        for start in range(0, len(image), step):
-            pixels = np.arange(start, min(start + step, len(image)))
+        for part in slices(len(image), _PATHS_AT_ONCE // samples):
+            pixels = np.arange(part.start, part.stop)
             shifts = random.random((len(pixels), 1, 4))
             # Each pixel has the same even sequence, shifted by other amounts.
             steps = np.arange(samples)[:, None] / _PLASTIC ** np.arange(1, 5)
@@ -102,7 +101,7 @@ class _Paths:
             light, back = self._seen(ways, chances[:, 2:], of_lamps)
             image[pixels] = light.reshape(-1, samples, 3).mean(axis=1)
             behind[pixels] = back.reshape(-1, samples).mean(axis=1)
-            progress(int(pixels[-1]) + 1, len(image))
+            progress(part.stop, len(image))
         weights = np.broadcast_to(LatLong(height).weights(), (height, width)).ravel()
         return image.reshape(height, width, 3), float(weights @ behind / weights.sum())
 
@@ -128,11 +127,10 @@ class _Paths:
         origins = points + LIFT * self._brightness.room.size * normals
 
         def dense(directions: Array) -> Array:
-            return np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0) / np.pi
+            return cosines(directions, normals) / np.pi
 
         directions, lamps = self._emitters.arriving(origins, number, dense)
-        cosines = np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0)
-        found: Array = np.einsum("ns,nsc->nc", cosines, lamps)
+        found: Array = np.einsum("ns,nsc->nc", cosines(directions, normals), lamps)
         height, around = np.sqrt(chances[:, 0]), 2 * np.pi * chances[:, 1]
         flat = np.sqrt(1 - chances[:, 0])
         local = np.stack([flat * np.cos(around), flat * np.sin(around), height], axis=-1)

@@ -17,7 +17,7 @@ from shrm_cli.lights.split import split_lamps
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import AnyProbe, as_probe, open_probe
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
 from shrm_cli.rooms.capture import captured
@@ -246,8 +246,7 @@ def read_positions(
     light = np.zeros((lattice.count, (order + 1) ** 2, 3), np.float32)
     for done, (place, name) in enumerate(zip(places, names, strict=True), 1):
         light[place] = project(open_probe(path.parent / name), order).coefficients
-        if progress is not None:
-            progress(done, len(names))
+        tell(progress, done, len(names))
     alive = np.ones(lattice.count, bool)
     return ProbeGrid(lattice, light, np.zeros_like(light), None, alive)
 

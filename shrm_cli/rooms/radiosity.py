@@ -10,16 +10,14 @@ References: Goral, Torrance, Greenberg and Battaile 1984, Modeling the Interacti
 Diffuse Surfaces. Keller 1997, Instant Radiosity, has the same integral by paths.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
-from shrm_cli.rooms.room import Emitters, Room
+from shrm_cli.rooms.room import Emitters, Room, cosines
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 
@@ -115,26 +113,21 @@ class Brightness:
         emitters = Emitters(room, rays, _SAMPLES)
         met = np.empty((len(patches), _DIRECTIONS), np.int64)
         lit = np.empty((len(patches), 3))
-        for start in range(0, len(patches), _AT_ONCE):
-            part = slice(start, min(start + _AT_ONCE, len(patches)))
+        for part in slices(len(patches), _AT_ONCE):
             of = normals[part]
 
-            def cosine(directions: Array, of: Array = of) -> Array:
-                return np.maximum(np.einsum("nsv,nv->ns", directions, of), 0)
+            def dense(directions: Array, of: Array = of) -> Array:
+                return cosines(directions, of) * (_DIRECTIONS / np.pi)
 
-            def dense(directions: Array, cosine: Any = cosine) -> Array:
-                return cosine(directions) * (_DIRECTIONS / np.pi)
-
-            directions, light = emitters.arriving(origins[part], start, dense)
-            lit[part] = np.einsum("ns,nsc->nc", cosine(directions), light)
-            ways = _above(of, start)
+            directions, light = emitters.arriving(origins[part], part.start, dense)
+            lit[part] = np.einsum("ns,nsc->nc", cosines(directions, of), light)
+            ways = _above(of, part.start)
             starts = np.repeat(origins[part], _DIRECTIONS, axis=0)
             seen = self.look(starts, ways.reshape(-1, 3), emitters, dense(ways).reshape(-1))
             met[part] = seen.patches.reshape(-1, _DIRECTIONS)
             straight = (seen.sky + seen.lamps).reshape(-1, _DIRECTIONS, 3)
             lit[part] += np.pi * straight.mean(axis=1)
-            if progress is not None:
-                progress(part.stop, len(patches))
+            tell(progress, part.stop, len(patches))
         self.radiance = self._settled(lit, met)
 
     def _settled(self, lit: Array, met: NDArray[np.int64]) -> Array:
@@ -145,8 +138,7 @@ class Brightness:
         total = sent.copy()
         for _ in range(_BOUNCES):
             arriving = np.empty_like(lit)
-            for start in range(0, len(met), _AT_ONCE):
-                part = slice(start, start + _AT_ONCE)
+            for part in slices(len(met), _AT_ONCE):
                 arriving[part] = sent[met[part]].mean(axis=1)
             sent[:-1] = albedo * arriving
             total += sent

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
-from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.geometry.normals import face_normals
+from shrm_cli.geometry.mesh import Mesh, face_normals
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.disc import Disc, disc_directions
 from shrm_cli.probe.probe import Probe
@@ -105,6 +104,11 @@ _STEPS = 0.7548776662466927, 0.5698402909980532
 Quasirandom Sequences"): powers of the plastic number's reciprocal."""
 _SHORT = 1e-4
 """How much of the way to a lamp is left out at both ends, so as not to meet what is there."""
+
+
+def cosines(directions: Array, normals: Array) -> Array:
+    """Return the cosines of directions (n, s, 3) to normals (n, 3); 0 below the horizon."""
+    return np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0)
 
 
 class Emitters:

@@ -9,7 +9,7 @@ in OpenEXR's orientation (ImfEnvmap.h), right and down of each face are::
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.sphere.quadrature import cell_edges, nodes
 from shrm_cli.vocabulary import FACES, Orientation, Sampling
 
@@ -173,9 +173,7 @@ class CubeSampler:
         face, s, t = cube_coordinates(directions)
         channels = self._padded.shape[-1]
         result: Array = np.empty((face.size, channels), dtype=self._padded.dtype)
-        step = max(_VALUES_AT_ONCE // channels, 1)
-        for start in range(0, face.size, step):
-            part = slice(start, start + step)
+        for part in slices(face.size, _VALUES_AT_ONCE // channels):
             result[part] = self._between(
                 face.reshape(-1)[part], s.reshape(-1)[part], t.reshape(-1)[part]
             )

@@ -28,10 +28,16 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, Indices, Memo, kept_order
+from shrm_cli.arrays import Array, Indices, Memo, kept_order, slices
 from shrm_cli.progress import at_once
 from shrm_cli.sphere.cube import face_axes
-from shrm_cli.sphere.harmonics import degrees, harmonic_planes, legendre_columns, order_of
+from shrm_cli.sphere.harmonics import (
+    degrees,
+    degrees_and_orders,
+    harmonic_planes,
+    legendre_columns,
+    order_of,
+)
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_rows
 from shrm_cli.vocabulary import FACES, Sampling
@@ -273,9 +279,7 @@ def synthesize_octants(coefficients: Array, size: int, sampling: Sampling, dtype
     tables = _known_octants.get(key, lambda: _octant_tables(kept, size, sampling, dtype))
     half = (size + 1) // 2
     result: Array = np.empty((maps, len(FACES), size, size), dtype=dtype)
-    step = max(1, _CACHED_BYTES // (8 * 3 * half**2 * result.itemsize))
-    for start in range(0, maps, step):
-        part = slice(start, start + step)
+    for part in slices(maps, _CACHED_BYTES // (8 * 3 * half**2 * result.itemsize)):
         _fill(_class_values(coefficients[:, part], tables, half, dtype), result[part])
     return result.reshape(maps, 6 * size, size)
 
@@ -327,8 +331,7 @@ def _classes(order: int) -> list[NDArray[np.intp]]:
 
     The classes are numbered ``4 x + 2 y + z``, where x is 1 for those that are odd in x.
     """
-    degree = degrees(order)
-    m = np.arange(len(degree)) - degree * (degree + 1)
+    degree, m = degrees_and_orders(order)
     # Y_lm of m >= 0 is a real part of (x + iy)^m, that of m < 0 an imaginary part of (x + iy)^|m|;
     # the degree of both as polynomials of x, y and z is that of l but for even powers.
     odd_y = m < 0

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.synthesis import synthesize_cube
@@ -36,10 +36,8 @@ def series_values(series: Array, directions: Array) -> Array:
     `directions`, of shape (n, 3), are unit directions, in the axes of the series.
     """
     order = order_of(len(series))
-    step = max(1, _BLOCK_VALUES // len(series))
     result = np.empty((len(directions), series.shape[1]))
-    for start in range(0, len(directions), step):
-        part = slice(start, start + step)
+    for part in slices(len(directions), _BLOCK_VALUES // len(series)):
         result[part] = real_harmonics(order, directions[part]) @ series
     return result
 
@@ -52,10 +50,8 @@ def degree_values(series: Array, directions: Array) -> Array:
     """
     order = order_of(len(series))
     starts = np.arange(order + 1) ** 2
-    step = max(1, _BLOCK_VALUES // series.size)
     result = np.empty((len(directions), order + 1, series.shape[1]))
-    for start in range(0, len(directions), step):
-        part = slice(start, start + step)
+    for part in slices(len(directions), _BLOCK_VALUES // series.size):
         terms = real_harmonics(order, directions[part])[..., None] * series
         result[part] = np.add.reduceat(terms, starts, axis=1)
     return result

@@ -28,6 +28,19 @@ def degrees(order: int) -> NDArray[np.intp]:
     return np.repeat(np.arange(order + 1), 2 * np.arange(order + 1) + 1)
 
 
+def degrees_and_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Degree l and order m of every linear index up to a degree, shape ((order+1)^2,) each."""
+    degree = degrees(order)
+    return degree, np.arange(len(degree)) - degree * (degree + 1)
+
+
+def polynomial_factors() -> Array:
+    """Return the factors of the nine harmonics before 1, y, z, x, xy, yz, 3zz-1, xz and xx-yy."""
+    linear, mixed, zonal = np.sqrt(3), np.sqrt(15), np.sqrt(5) / 2
+    factors = [1, *[linear] * 3, mixed, mixed, zonal, mixed, mixed / 2]
+    return np.array(factors) / np.sqrt(4 * np.pi)
+
+
 def legendre_degrees(
     order: int, z: ArrayLike, max_m: int | None = None, sine: ArrayLike | None = None
 ) -> Iterator[tuple[int, Array]]:

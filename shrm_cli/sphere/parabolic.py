@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.sphere.cube import catmull_rom
 
 Weigh = Callable[[Array], tuple[NDArray[np.intp], list[Array]]]
@@ -78,8 +78,7 @@ class ParabolicSampler:
         directions = np.asarray(directions)
         flat = directions.reshape(-1, 3)
         result = np.empty((len(flat), self._texels.shape[1]), dtype=self._texels.dtype)
-        for start in range(0, len(flat), _POINTS_AT_ONCE):
-            part = slice(start, start + _POINTS_AT_ONCE)
+        for part in slices(len(flat), _POINTS_AT_ONCE):
             result[part] = self._looked_up(flat[part], weigh)
         return result.reshape(*directions.shape[:-1], result.shape[1])
 

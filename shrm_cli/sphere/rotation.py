@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Memo, kept_order
 from shrm_cli.records import record
-from shrm_cli.sphere.harmonics import degrees, order_of
+from shrm_cli.sphere.harmonics import degrees, degrees_and_orders, order_of
 from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_degrees
 
 _REPEATED_ORDER = 64
@@ -222,7 +222,7 @@ def _turned_once(flat: Array, angles: tuple[Array, Array, Array]) -> Array:
     """
     order = order_of(len(flat))
     alpha, beta, gamma = angles
-    degree, m = _known_indices.get(order, lambda: _degrees_and_orders(order))
+    degree, m = _known_indices.get(order, lambda: degrees_and_orders(order))
     mirrored = degree * (degree + 1) - m
 
     def turned(values: Array, angle: Array) -> Array:
@@ -241,12 +241,6 @@ def _turned_once(flat: Array, angles: tuple[Array, Array, Array]) -> Array:
         return turned(product(turned(flat, gamma), False), alpha)
     flat = product(turned(flat, gamma + np.pi / 2), False)
     return turned(product(turned(flat, beta), True), alpha - np.pi / 2)
-
-
-def _degrees_and_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the degree l and the order m of every linear index."""
-    degree = degrees(order)
-    return degree, np.arange(len(degree)) - degree * (degree + 1)
 
 
 _known_indices = Memo(2**20)

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, Memo
+from shrm_cli.arrays import Array, Memo, slices
 from shrm_cli.progress import at_once, in_order
 from shrm_cli.sphere import double_fourier
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
@@ -117,9 +117,7 @@ class CubeSeries:
             both = both * factors[degree, None, None]
         count, maps = order_of(len(both)) + 1, both.shape[2]
         result: Array = np.empty((maps, 6, size, size), dtype=dtype)
-        step = max(1, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 16 * size * count))
-        for start in range(0, maps, step):
-            part = slice(start, start + step)
+        for part in slices(maps, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 16 * size * count)):
             fourier = _double_fourier(both[:, :, part])
             _fill_faces(fourier, nodes(size, sampling), result[part])
         return result.reshape(maps, 6 * size, size)
@@ -316,10 +314,9 @@ def _gather_faces(
     symmetric = np.empty((len(half), len(faces), 2, maps, (count + 1) // 2 + count // 2))
     antisymmetric = np.empty_like(symmetric)
     step = _rows_at_once(len(faces) * maps * 8, count, len(half))
-    for start in range(0, len(half), step):
-        rows = slice(start, start + step)
+    for rows in slices(len(half), step):
         same, opposite = _kept_waves(count, half[rows], half, np.dtype(float))
-        at = np.arange(start, start + len(same))
+        at = np.arange(rows.start, rows.start + len(same))
         even = np.empty((len(same), len(faces), 2, maps, len(half)))
         odd = np.empty_like(even)
         for k, (_, name, s_falls, t_falls) in enumerate(faces):

@@ -246,7 +246,6 @@ def zonal_coupling(order: int, p: int) -> Array:
 
 
 def _zonal_coupling(order: int, p: int) -> Array:
-    """Compute what `zonal_coupling` returns."""
     degree, q = np.arange(order + 1)[:, None], np.arange(p + 1)
     # The basis is |l 0, p 0> and the normalized even sums (|l q, p -q> + |l -q, p q>) / sqrt(2).
     square = np.zeros((order + 1, p + 1, p + 1))

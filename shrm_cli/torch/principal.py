@@ -19,7 +19,7 @@ from shrm_cli.maps.request import Request
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.directions import central_directions
-from shrm_cli.sphere.harmonics import degrees
+from shrm_cli.sphere.harmonics import degrees_and_orders
 from shrm_cli.torch.transforms import CubeSynthesis, DirectionSynthesis, table
 
 _AT_ONCE = 64
@@ -158,8 +158,8 @@ def _entries(parts: Array, order: int) -> tuple[Array, Indices, Indices]:
     """
     p = parts.shape[1] - 1
     period = 2 * p + 1
-    degree, m = _degrees_and_orders(order)
-    total, over = _degrees_and_orders(order + p)
+    degree, m = degrees_and_orders(order)
+    total, over = degrees_and_orders(order + p)
     light = (degree % period * period + abs(m) % period) * 2 + (m < 0)
     found = []
     for first in range(0, 2 * period**2, _AT_ONCE):
@@ -176,12 +176,6 @@ def _entries(parts: Array, order: int) -> tuple[Array, Indices, Indices]:
         found.append((made[rows, at], rows, columns))
     values, rows, columns = (np.concatenate(each) for each in zip(*found, strict=True))
     return values, rows, columns
-
-
-def _degrees_and_orders(order: int) -> tuple[Indices, Indices]:
-    """Return l and m of every linear index up to a degree."""
-    degree = degrees(order)
-    return degree, np.arange(len(degree)) - degree * (degree + 1)
 
 
 def _weights(lobe: Lobe, centers: Array, views: Array) -> Array:

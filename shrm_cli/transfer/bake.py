@@ -20,12 +20,11 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import brushed_tangents, perpendicular
 from shrm_cli.maps.info import spec_of
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
-from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Sent
-from shrm_cli.transfer.sites import Sites, sites_of
+from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Sent, Sites, sites_of
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
@@ -306,8 +305,7 @@ def _fill(work: Work, plan: Plan, rays: Rays, progress: Progress | None) -> None
             work.put(_stage(bounce), part, vectors.astype(np.float32))
 
         for done, _ in enumerate(_in_threads(one, pending), start=1):
-            if progress is not None:
-                progress(finished + done, total)
+            tell(progress, finished + done, total)
 
 
 def _sent(work: Work, plan: Plan, bounce: int) -> Sent:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import TransferError
 from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
@@ -109,9 +109,8 @@ def _check(arrays: dict[str, Array]) -> None:
     """Check what the shapes of a `Transfer` do not tell."""
     for name, array in arrays.items():
         flat = array.reshape(-1)
-        for start in range(0, len(flat), _AT_ONCE):
-            if not np.isfinite(flat[start : start + _AT_ONCE]).all():
-                raise ValueError(f"{name} holds NaN or infinite values")
+        if not all(np.isfinite(flat[part]).all() for part in slices(len(flat), _AT_ONCE)):
+            raise ValueError(f"{name} holds NaN or infinite values")
     vectors, albedo, frames = (arrays.get(name) for name in ("vectors", "albedo", "frames"))
     if vectors is None or not 0 < vectors.shape[1] <= (MAX_TRANSFER_ORDER + 1) ** 2:
         raise ValueError("its order is out of range")
@@ -122,8 +121,8 @@ def _check(arrays: dict[str, Array]) -> None:
     if frames is not None:
         if frames.shape[1:] != (3, 3):
             raise ValueError(f"frames of shape {frames.shape}")
-        for start in range(0, len(frames), _AT_ONCE // 9):
-            part = frames[start : start + _AT_ONCE // 9]
+        for some in slices(len(frames), _AT_ONCE // 9):
+            part = frames[some]
             if np.abs(part @ np.swapaxes(part, 1, 2) - np.eye(3)).max(initial=0) > _ROUNDING:
                 raise ValueError("its frames are not orthonormal")
 

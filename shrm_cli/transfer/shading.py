@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.transfer.transfer import Transfer
 
 _VERTICES_AT_ONCE = 2**13
@@ -78,8 +78,7 @@ def glossy_colors(
     count = len(transfer.vectors)
     views = np.broadcast_to(np.asarray(views, dtype=float), (count, 3))
     result = np.zeros((count, 3))
-    for start in range(0, count, _VERTICES_AT_ONCE):
-        part = slice(start, start + _VERTICES_AT_ONCE)
+    for part in slices(count, _VERTICES_AT_ONCE):
         arriving = _arriving_light(transfer.matrices[part], lighting)
         local = np.einsum("vij,vj->vi", transfer.frames[part], views[part])
         facing = local[:, 2] > 0

@@ -18,6 +18,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import slices
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing
 
@@ -49,9 +50,7 @@ class Work:
     def blocks(self, name: str) -> list[slice]:
         """The blocks of an array that are still to be computed."""
         count = self.shapes[name][0]
-        starts = range(0, count, self.step)
-        every = [slice(start, min(start + self.step, count)) for start in starts]
-        return [part for part in every if not self._is_done(name, part)]
+        return [part for part in slices(count, self.step) if not self._is_done(name, part)]
 
     def put(self, name: str, part: slice, values: Floats) -> None:
         """Store the values of a block; different blocks may come from different threads."""

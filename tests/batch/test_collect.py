@@ -201,4 +201,4 @@ def test_damaged_files_are_refused(tmp_path, rng):
     )  # fmt: skip
     refuse("which is wrong")
     path.unlink()
-    refuse("cannot be read")
+    refuse("no such file; name one that shrm batch wrote")

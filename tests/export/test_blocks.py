@@ -14,9 +14,8 @@ from shrm_cli.export.cubes import decoded
 from shrm_cli.export.dds import dds_cube, dds_image
 from shrm_cli.export.engine import Light, engine
 from shrm_cli.export.ktx import ktx2
-from shrm_cli.export.loss import loss
 from shrm_cli.export.packing import ALL, BLOCKS, packed
-from shrm_cli.export.pixels import encoded
+from shrm_cli.export.pixels import encoded, loss
 from shrm_cli.files.openimageio import image_of
 
 WEIGHTS = {8: [0, 9, 18, 27, 37, 46, 55, 64],

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.geometry.mesh import make_mesh
-from shrm_cli.geometry.normals import smooth_points
+from shrm_cli.geometry.mesh import make_mesh, smooth_points
 from tests.transfer import meshes
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.lookdev.columns import Wanted, make_column
+from shrm_cli.lookdev.sheet import Wanted, make_column
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.probe.options import ReadOptions
 from tests import brushed_ggx

@@ -5,7 +5,7 @@ import pytest
 
 from shrm_cli.errors import MeshError
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.keys import moments_between, read_keys
+from shrm_cli.render.moving import moments_between, read_keys
 from shrm_cli.sphere.directions import turn_matrix
 
 OBJECT = '[[objects]]\nmesh = "a.obj"\n'

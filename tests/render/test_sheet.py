@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import OutputError
-from shrm_cli.files.lettering import shorten
-from shrm_cli.render.sheet import PAPER, arrange, draw_sheet
+from shrm_cli.render.sheet import PAPER, arrange, draw_sheet, shorten
 
 GREY = np.float32(PAPER)
 

@@ -9,10 +9,9 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MeshError, TransferError
-from shrm_cli.geometry.charts import charted
 from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.geometry.rays import Rays
-from shrm_cli.geometry.texels import Texels, sampled
+from shrm_cli.geometry.texels import Texels, charted, sampled
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.product.prefilter import product_texture
 from shrm_cli.prefilter import prefilter

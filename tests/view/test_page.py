@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError, MapError
-from shrm_cli.geometry.mesh import make_mesh
-from shrm_cli.geometry.normals import face_normals
+from shrm_cli.geometry.mesh import face_normals, make_mesh
 from shrm_cli.maps.explicit import shader
 from shrm_cli.probe.probe import Probe
 from shrm_cli.view.blocks import Blocks
-from shrm_cli.view.forms import described_map
 from shrm_cli.view.page import SCRIPTS, embedded, page, section
-from shrm_cli.view.scene import Start, Truth, make_scene
+from shrm_cli.view.scene import Start, Truth, described_map, make_scene
 from shrm_cli.view.shapes import described_shapes, distance_of, figure, surface_nets
 from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import ROOT

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.environment.material_albedo import albedo_table
 from shrm_cli.brdf.environment.views import ViewTable, half_vectors, unit_rule
 from shrm_cli.brdf.models.charlie import Charlie
@@ -48,8 +48,7 @@ def lobe_moments(roughness: float, cosines: ArrayLike) -> Array:
         return np.stack([mirror, mirror * fifth_power(1 - view)])
     alpha = max(roughness**2, _LEAST_ALPHA)
     result = np.empty((2, 3, len(view)))
-    for start in range(0, len(view), _VIEWS_AT_ONCE):
-        part = slice(start, start + _VIEWS_AT_ONCE)
+    for part in slices(len(view), _VIEWS_AT_ONCE):
         result[..., part] = _integrals(alpha, view[part, None])
     return result
 
@@ -269,8 +268,7 @@ def brushed_totals(alphas: tuple[float, float], cosines: ArrayLike, azimuth: flo
     """
     view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
     result = np.empty((2, len(view)))
-    for start in range(0, len(view), _VIEWS_AT_ONCE):
-        part = slice(start, start + _VIEWS_AT_ONCE)
+    for part in slices(len(view), _VIEWS_AT_ONCE):
         result[:, part] = _totals(alphas, view[part, None, None], azimuth)
     return result
 

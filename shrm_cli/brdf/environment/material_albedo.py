@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.environment.lobe import MaterialLobe
@@ -51,10 +51,9 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike) -> Array:
 
 def _integrals(brdf: Brdf, width: float, view: Array, count: int) -> Array:
     """Compute the integrals with so many nodes, a few views at a time: shape (n, 3)."""
-    step = max(_SAMPLES_AT_ONCE // count**2, 1)
     parts = [
-        _integral(brdf, width, view[start : start + step, None], count)
-        for start in range(0, len(view), step)
+        _integral(brdf, width, view[part, None], count)
+        for part in slices(len(view), _SAMPLES_AT_ONCE // count**2)
     ]
     return np.concatenate(parts) if parts else np.empty((0, 3))
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.imported.material import Material, chosen
+from shrm_cli.brdf.imported.surfaces import Material, chosen
 from shrm_cli.errors import BrdfError, MeshError
 from shrm_cli.files.gltf import Json, buffers_of, index_in, list_of, picture_of, read_tree, table
 from shrm_cli.files.texture import mean_color

@@ -11,8 +11,7 @@ from xml.parsers import expat
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.imported.material import Material, chosen
-from shrm_cli.brdf.imported.surfaces import SURFACES
+from shrm_cli.brdf.imported.surfaces import SURFACES, Material, chosen
 from shrm_cli.color import conversion, mix_channels, srgb_to_linear
 from shrm_cli.errors import BrdfError
 from shrm_cli.extras import install

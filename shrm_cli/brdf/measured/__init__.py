@@ -10,7 +10,7 @@ from typing import ClassVar, Self, cast
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.library import load_class, module_names
 from shrm_cli.brdf.measured.reading.file import check_file, first_bytes
@@ -58,8 +58,8 @@ class MeasuredBrdf(Brdf):
         )
         values = np.zeros((above.size, 3), dtype=dtype)
         found = np.flatnonzero(above)
-        for start in range(0, len(found), _PAIRS_AT_ONCE):
-            part = found[start : start + _PAIRS_AT_ONCE]
+        for some in slices(len(found), _PAIRS_AT_ONCE):
+            part = found[some]
             # Kernels compute with whole components, so that each of them is gathered on its own.
             pair = (np.stack([x.take(part) for x in xyz]).astype(dtype) for xyz in (lights, views))
             values[part] = self.above(*(xyz.T for xyz in pair))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
@@ -134,10 +134,10 @@ def _kernel(at: Array, samples: Array) -> Array:
     places = np.column_stack([-2 * samples, np.ones(len(samples)), (samples**2).sum(axis=1)])
     rows = np.column_stack([at, (at**2).sum(axis=1), np.ones(len(at))])
     # So few rows at a time stay in the processor's cache.
-    for start in range(0, len(at), _ROWS_AT_ONCE):
-        sums = total[start : start + _ROWS_AT_ONCE]
+    for part in slices(len(at), _ROWS_AT_ONCE):
+        sums = total[part]
         for mirror in ((1, 1, 1, 1, 1), (1, -1, 1, 1, 1), (-1, 1, 1, 1, 1), (-1, -1, 1, 1, 1)):
-            distance = (rows[start : start + _ROWS_AT_ONCE] * mirror) @ places.T
+            distance = (rows[part] * mirror) @ places.T
             np.sqrt(np.abs(distance, out=distance), out=distance)
             distance *= np.sqrt(distance)
             sums -= distance

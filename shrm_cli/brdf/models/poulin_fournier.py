@@ -3,9 +3,9 @@
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Color, Parameter
+from shrm_cli.brdf.base import Brdf, Parameter, added
 from shrm_cli.brdf.models.blinn_phong import normalization
-from shrm_cli.brdf.vectors import METALS, above_horizon, cosines, half_vector, power
+from shrm_cli.brdf.vectors import METALS, above_horizon, colored, cosines, half_vector, power
 from shrm_cli.sphere.quadrature import gauss_legendre
 
 _NODES = 32
@@ -64,7 +64,8 @@ class PoulinFournier(Brdf):
         projected = distance * light_cosine * view_cosine
         diffuse = above_horizon(diffuse / (np.pi * projected), light, view)
         specular = above_horizon(specular * normalization(exponent) / projected, light, view)
-        return _mixed(diffuse, self.color("diffuse"), specular, self.color("specular"))
+        colors = self.color("diffuse"), self.color("specular")
+        return added([colored(diffuse, colors[0]), colored(specular, colors[1])])
 
 
 def _open_parts(direction: Array, distance: float) -> tuple[Array, Array, Array, Array]:
@@ -93,12 +94,3 @@ def _open_parts(direction: Array, distance: float) -> tuple[Array, Array, Array,
         np.where(from_right, 1.0, shadow).astype(z.dtype),
         np.where(from_right, distance - shadow, distance - 1).astype(z.dtype),
     )
-
-
-def _mixed(diffuse: Array, diffuse_color: Color, specular: Array, specular_color: Color) -> Array:
-    """The sum of two values (...) times their colors; a broadcast view if both are grey."""
-    pairs = list(zip(diffuse_color, specular_color, strict=True))
-    if pairs[0] == pairs[1] == pairs[2]:
-        value = diffuse * pairs[0][0] + specular * pairs[0][1]
-        return np.broadcast_to(value[..., None], (*value.shape, 3))
-    return np.stack([diffuse * one + specular * other for one, other in pairs], axis=-1)

@@ -41,7 +41,6 @@ class Found:
 
     @property
     def arrays(self) -> tuple[Any, ...]:
-        """All of its arrays."""
         return self.data, self.error, self.off
 
 

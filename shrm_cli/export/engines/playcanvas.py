@@ -124,5 +124,3 @@ def _pack(radiance: Array) -> NDArray[np.uint8]:
 
 RGBP = TexelFormat("rgbp", "RGBP", (_LARGEST,) * 3, 4, _pack, dimmest=5e-3)
 """The format; it is no choice of users, because its pixels lie in a picture."""
-
-ENGINE = PlayCanvas()

@@ -50,9 +50,7 @@ class ExplicitMap(CentralMap):
     center: Center
     """What the central direction is."""
     info: MapInfo
-    """How the map was made."""
     sampling: Sampling = "center"
-    """Where the edge texels of the cubes lie."""
     _samplers: dict[int, CubeSampler] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )

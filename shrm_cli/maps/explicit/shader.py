@@ -8,7 +8,13 @@ import numpy as np
 from shrm_cli.errors import MapError
 from shrm_cli.maps.explicit.cabral import TRIANGLES, VERTICES
 from shrm_cli.maps.explicit.explicit import ExplicitMap
-from shrm_cli.maps.shader.source import Source, Words, central_direction, tangent_function
+from shrm_cli.maps.shader.source import (
+    Source,
+    Words,
+    central_direction,
+    tangent_function,
+    view_angle,
+)
 
 
 def source(made: ExplicitMap, textures: str) -> Source:
@@ -44,10 +50,10 @@ def _kautz_mccool(made: ExplicitMap, words: Words) -> list[str]:
     if not last:
         return [f"    return {words.cube(0, 'place', '0')};"]
     speech = words.language
-    angle = f"2.0 * atan(length({speech.minus('v', 'c')}), length({speech.add('v', 'c')}))"
+    step = speech.number(last / np.pi)
     low, high = (words.cube(0, "place", each) for each in ("first", "first + 1"))
     return [
-        f"    float position = min({angle} * {speech.number(last / np.pi)}, {last}.0);",
+        f"    float position = min({view_angle(speech)} * {step}, {last}.0);",
         f"    int first = int(min(position, {last - 1}.0));",
         f"    return mix({low}, {high}, position - float(first));",
     ]

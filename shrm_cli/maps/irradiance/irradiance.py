@@ -79,12 +79,10 @@ class Irradiance(FixedMap, ReflectionMap):
     """Lighting coefficients L_lm (eq. 4.13) times the window's factors, index l(l+1)+m, shape
     ((F+1)^2, 3)."""
     info: MapInfo
-    """How the map was made."""
     size: int = 0
     """Texels along a face's edge of the cube that is written with the coefficients; `choose_size`
     chooses it by default."""
     sampling: Sampling = "center"
-    """Where the samples of that cube lie."""
     window: Window = field(default_factory=Window)
     """The factors that the coefficients were multiplied with."""
 

@@ -122,7 +122,6 @@ def _comment(made: Irradiance) -> list[str]:
 
 
 def _shader(terms: Sequence[tuple[str, Array]], speech: Language) -> list[str]:
-    """Write the function in a language of shaders."""
     sums = [_vector(rgb, speech) + (f" * {by}" if by else "") for by, rgb in terms]
     axes = "    float x = normal.x, y = normal.y, z = normal.z;"
     lines = [

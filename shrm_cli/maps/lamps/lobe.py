@@ -26,7 +26,7 @@ from shrm_cli.brdf.measured.table import (
 from shrm_cli.brdf.vectors import from_half_angles
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.files.parts import Part, StoredPart
-from shrm_cli.maps.shader.language import Language
+from shrm_cli.maps.shader.language import Language, filled
 from shrm_cli.maps.shader.source import Table as Texture
 
 SHAPE = (128, 48, 32)
@@ -165,9 +165,6 @@ class LobeTable(Table):
             "LAST": number(columns - 2),
             "COLUMNS": str(columns),
         }
-        text = _CELL
-        for word, meaning in words.items():
-            text = text.replace(word, meaning)
         cells = [
             f"shrm_of_lobe(at + {ring * columns + column}, i + {row}, 0)"
             for row in (0, 1)
@@ -187,7 +184,7 @@ class LobeTable(Table):
         else:
             factor = "1.0"
         value = language.scale(f"({number(1 / self.scale)} * {factor})", cells[0])
-        return [*text.split("\n"), f"    return {value};"]
+        return [*filled(_CELL, words), f"    return {value};"]
 
 
 def lobe_part(parts: Sequence[StoredPart]) -> StoredPart | None:

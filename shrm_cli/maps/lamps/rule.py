@@ -21,14 +21,19 @@ Most points mirror no lamp: beyond some distance from C a disc meets the smooth 
 and a few steps do.
 """
 
-from functools import cache
+from collections.abc import Sequence
+from functools import cache, cached_property, partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.core import Core
 from shrm_cli.brdf.lobe import cuts_horizon
+from shrm_cli.maps.lamps.lobe import TABLE_EXACT, LobeTable
+from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import (
     from_angles,
@@ -150,9 +155,9 @@ def integrals(
             (rule, np.flatnonzero(there & ~is_far)),
             (rule.beyond, np.flatnonzero(there & is_far)),
         ):
-            step = max(_SAMPLES_AT_ONCE // (own.longitudes(is_cut) * own.steps), 1)
-            for start in range(0, len(found), step):
-                some = found[start : start + step]
+            at_once = _SAMPLES_AT_ONCE // (own.longitudes(is_cut) * own.steps)
+            for part in slices(len(found), at_once):
+                some = found[part]
                 n, v, a, t = (each[some] for each in points)
                 result[some] = _over(own, brdf, n, v, a, radius, is_cut, t)
     return result.reshape(shape)
@@ -285,3 +290,53 @@ def _beside(brdf: Brdf, normals: Array, views: Array, distances: Array) -> Array
     frame = _frames(_centers(brdf, normals, views), views, np.eye(3)[0])
     beside = from_angles(distances[:, None], np.array(_AROUND))
     return normalize(np.einsum("...j,...ji->...i", beside, frame))
+
+
+# ---- what a BRDF reflects of discs ---------------------------------------------------------------
+
+
+@record(eq=False)
+class LitDiscs:
+    """Discs of light, and the BRDF that reflects them."""
+
+    brdf: Brdf
+    """It is not about the tangent."""
+    discs: tuple[Disc, ...]
+    """In world axes."""
+
+    @cached_property
+    def rule(self) -> DiscRule:
+        """How all of them are integrated: as the largest one needs it."""
+        radius = max(disc.radius for disc in self.discs)
+        exact = TABLE_EXACT if isinstance(self.brdf, LobeTable) else EXACT
+        make = partial(DiscRule.of, self.brdf, radius, exact)
+        return remembered(self.brdf, ("disc rule", radius), make)
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Return what is reflected; parameters and result are those of `Map.radiance`."""
+        tangents = horizontal_tangents(np.asarray(normals, dtype=float))
+        return self.brushed_radiance(normals, tangents, views)
+
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Return what a surface of some tangents reflects, as maps' `brushed_radiance` does."""
+        normals, tangents, views = (
+            np.asarray(each, dtype=float) for each in (normals, tangents, views)
+        )
+        result = np.zeros(np.broadcast_shapes(normals.shape, views.shape))
+        for disc in self.discs:
+            where = normals, views, disc.direction, disc.radius
+            of = integrals(self.rule, self.brdf, *where, tangents)
+            result += disc.radiance * of
+        return result
+
+
+def disc_records(discs: Sequence[Disc]) -> list[dict[str, object]]:
+    """Return discs by the names that light files have, for files and for people."""
+    return [
+        {
+            "direction": disc.direction.tolist(),
+            "radius": float(np.degrees(disc.radius)),
+            "radiance": disc.radiance.tolist(),
+        }
+        for disc in discs
+    ]

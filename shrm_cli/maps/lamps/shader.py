@@ -7,11 +7,10 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.lobe import cuts_horizon
-from shrm_cli.maps.lamps.discs import LitDiscs
 from shrm_cli.maps.lamps.models import Functions
-from shrm_cli.maps.lamps.rule import LEAST_COSINE, DiscRule, chebyshev, gauss, sines
-from shrm_cli.maps.shader.language import Language
-from shrm_cli.maps.shader.source import central_direction, tangent_function
+from shrm_cli.maps.lamps.rule import LEAST_COSINE, DiscRule, LitDiscs, chebyshev, gauss, sines
+from shrm_cli.maps.shader.language import Language, filled
+from shrm_cli.maps.shader.source import BRUSHED_BY_TANGENT, central_direction, tangent_function
 
 _FRAME = """\
 vec3 shrm_across(vec3 up, vec3 to)
@@ -137,10 +136,6 @@ _BRUSHED = """\
 vec3 shrm_brushed_radiance(vec3 n, vec3 t, vec3 v)
 {
     return BOTH;
-}
-vec3 shrm_radiance(vec3 n, vec3 v)
-{
-    return shrm_brushed_radiance(n, shrm_tangent(n), v);
 }"""
 """Of brushed surfaces x is along the tangent, and not in the plane of the view."""
 
@@ -169,7 +164,8 @@ def with_lamps(
     lines = [*own.split("\n"), *_lamps(lamps, language)]
     if is_brushed and "shrm_tangent(" not in own:
         lines += tangent_function(["tangent"])
-    return lines + (_BRUSHED if is_brushed else _BOTH).replace("BOTH", both).split("\n")
+    lines += filled(_BRUSHED if is_brushed else _BOTH, {"BOTH": both})
+    return [*lines, *BRUSHED_BY_TANGENT] if is_brushed else lines
 
 
 def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
@@ -222,12 +218,9 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
         "SIDE": "vec3 t, " if is_brushed else "",
         "OWN": "" if is_brushed else "s = shrm_beside(n, v), ",
     }
-    text = _LAMPS
-    for word, meaning in words.items():
-        text = text.replace(word, meaning)
-    text = text.replace("\n\n", "\n")
+    lines = [line for line in filled(_LAMPS, words) if line]
     arrays = [line for name, rows in tables.items() for line in language.colors(name, rows)]
-    return [*arrays, *_FRAME.split("\n"), *functions.lines, *text.split("\n")]
+    return [*arrays, *_FRAME.split("\n"), *functions.lines, *lines]
 
 
 def _skipped(rule: DiscRule, language: Language) -> str:

@@ -85,7 +85,7 @@ def _decode_lobe(image: StoredImage, table: StoredPart | None) -> Lobe:
     degrees = _json(path, "degrees", part.text("shrm:degrees"))
     is_sound = isinstance(degrees, list) and 1 <= len(degrees) <= MAX_PRINCIPAL_MAPS
     if not is_sound or not all(type(p) is int and 0 <= p <= MAX_Q for p in degrees):
-        raise MapError(f"{path}: its attribute shrm:degrees is wrong; make it again")
+        raise MapError.of_attribute(path, "degrees")
     count = sum(2 * p + 1 for p in degrees)
     names = channels_of(count)
     image.check_channels(names, f"{count} maps of principal functions")
@@ -98,7 +98,7 @@ def _decode_lobe(image: StoredImage, table: StoredPart | None) -> Lobe:
         return BrushedLobe(cubes, tuple(degrees), functions, center, None, waves)
     functions = _table(path, "functions", part.text("shrm:functions"), 3)
     if len(functions) != rows:
-        raise MapError(f"{path}: its attribute shrm:functions is wrong; make it again")
+        raise MapError.of_attribute(path, "functions")
     albedo = part.text("shrm:albedo")
     return Lobe(
         cubes,
@@ -110,7 +110,6 @@ def _decode_lobe(image: StoredImage, table: StoredPart | None) -> Lobe:
 
 
 def _waves(path: str, text: str) -> Waves:
-    """Read the waves of a lobe."""
     found = _json(path, "waves", text)
     is_sound = isinstance(found, list) and 1 <= len(found) <= _MOST_WAVES
     if not is_sound or not all(
@@ -120,7 +119,7 @@ def _waves(path: str, text: str) -> Waves:
         and wave[1] in (0, 1)
         for wave in found
     ):
-        raise MapError(f"{path}: its attribute shrm:waves is wrong; make it again")
+        raise MapError.of_attribute(path, "waves")
     return np.array(found, dtype=np.intp)
 
 
@@ -142,7 +141,7 @@ def _json(path: str, name: str, text: str) -> Any:
     try:
         return parse_json(text)
     except ValueError:
-        raise MapError(f"{path}: its attribute shrm:{name} is wrong; make it again") from None
+        raise MapError.of_attribute(path, name) from None
 
 
 def _table(
@@ -150,7 +149,7 @@ def _table(
 ) -> Array:
     """Read a table that `_text` wrote, with so many axes, the last of which are colours."""
     found = _json(path, name, text)
-    wrong = MapError(f"{path}: its attribute shrm:{name} is wrong; make it again")
+    wrong = MapError.of_attribute(path, name)
     if not isinstance(found, dict) or set(found) != {"shape", "values"}:
         raise wrong
     sizes, values = found["shape"], found["values"]

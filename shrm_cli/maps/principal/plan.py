@@ -41,7 +41,6 @@ class Form:
     counts: Counts
     """The number of functions of each azimuthal order."""
     size: int
-    """Texels along a face's edge."""
     band: Band
     """The degrees of the light that are kept."""
     error: float

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
@@ -130,9 +130,7 @@ class Lobe:
             tangents = horizontal_tangents(normals)
         flat = [each.reshape(-1, 3) for each in (centers, views, tangents)]
         result = np.empty(flat[0].shape)
-        step = max(_VALUES_AT_ONCE // self._values_a_point, 1)
-        for start in range(0, len(result), step):
-            part = slice(start, start + step)
+        for part in slices(len(result), _VALUES_AT_ONCE // self._values_a_point):
             result[part] = self._radiance(look_up, *(each[part] for each in flat))
         return result.reshape(shape)
 
@@ -204,9 +202,7 @@ class PrincipalMap(ReflectionMap):
     lobes: tuple[Lobe, ...]
     """Their light adds up. They may differ in center, size and number of functions."""
     info: MapInfo
-    """How the map was made."""
     sampling: Sampling = "center"
-    """Where the edge texels of the cubes lie."""
 
     representation = "principal"
     texels_are_series = True

@@ -17,9 +17,8 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes, read_numbers
-from shrm_cli.maps.product.product import LitProduct, ProductMap, ProductTexture
+from shrm_cli.maps.product.product import LitProduct, ProductMap, ProductTexture, VaryingProduct
 from shrm_cli.maps.product.steps import Steps
-from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.stored import image_channels
 from shrm_cli.vocabulary import MAX_PRODUCT_ORDER, MAX_PRODUCT_PARAMETERS, MAX_PRODUCT_SIZE
 
@@ -112,9 +111,7 @@ def _steps(parts: list[StoredPart]) -> Steps:
             raise ValueError
         return Steps(values, np.stack(weights, axis=-1), error)
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
-        raise MapError(
-            f"{parts[0].path}: its attribute shrm:{_VARYING} is missing or wrong"
-        ) from None
+        raise MapError.of_attribute(parts[0].path, _VARYING) from None
 
 
 def _number(value: Any) -> float:
@@ -148,8 +145,5 @@ def _lighting(part: StoredPart, order: int) -> Array | None:
     count = (order + 1) ** 2
     lighting = read_numbers(part, _LIGHTING, (count, 3))
     if lighting is None:
-        raise MapError(
-            f"{part.path}: its attribute shrm:{_LIGHTING} is not {count} x 3 finite numbers; make "
-            "it again"
-        )
+        raise MapError.of_attribute(part.path, _LIGHTING, f"is not {count} x 3 finite numbers")
     return lighting

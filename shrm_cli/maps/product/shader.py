@@ -18,12 +18,11 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.product.product import LitProduct, ProductMap
+from shrm_cli.maps.product.product import LitProduct, ProductMap, VaryingProduct
 from shrm_cli.maps.product.steps import Steps
-from shrm_cli.maps.product.varying import VaryingProduct
-from shrm_cli.maps.shader.language import Language, harmless
+from shrm_cli.maps.shader.language import Language, filled, harmless
 from shrm_cli.maps.shader.pages import MAX_EDGE, MAX_LAYERS
-from shrm_cli.maps.shader.source import Source, Table, Words, tangent_function
+from shrm_cli.maps.shader.source import BRUSHED_BY_TANGENT, Source, Table, Words, tangent_function
 from shrm_cli.records import record
 from shrm_cli.sphere.rotation import transform_coefficients
 
@@ -65,11 +64,6 @@ TURN_A
         }
     }
     return sum;
-}"""
-_OF_MESHES = """\
-vec3 shrm_radiance(vec3 n, vec3 v)
-{
-    return shrm_brushed_radiance(n, shrm_tangent(n), v);
 }"""
 _TURN_Z = """\
         {
@@ -250,7 +244,7 @@ def _functions(made: ProductMap, steps: Steps | None, tiles: _Tiles, words: Word
             "MORE": added(scaled("s", "cosine"), scaled("c", "sine")),
             "COS": cosine, "SIN": sine,
         }  # fmt: skip
-        return _with(_TURN_Z, parts)
+        return "\n".join(filled(_TURN_Z, parts))
 
     def multiply(row: str, column: str) -> str:
         entry = f"{words.cell('0', f'l * l + {row}', column)}.x"
@@ -285,9 +279,9 @@ def _functions(made: ProductMap, steps: Steps | None, tiles: _Tiles, words: Word
     return [
         *tangent_function(["tangent"]),
         *mixing.before,
-        *_with(_RADIANCE, parts).split("\n"),
+        *filled(_RADIANCE, parts),
         *mixing.after,
-        *_OF_MESHES.split("\n"),
+        *BRUSHED_BY_TANGENT,
     ]
 
 
@@ -372,10 +366,3 @@ def _place(name: str, values: Sequence[float], language: Language) -> list[str]:
 
 def _indented(lines: Sequence[str], by: int) -> str:
     return "".join(f"{' ' * by}{line}\n" for line in lines)
-
-
-def _with(text: str, parts: dict[str, str]) -> str:
-    """Return a text whose words in capitals are replaced."""
-    for word, meaning in parts.items():
-        text = text.replace(word, meaning)
-    return text

@@ -13,7 +13,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import ProductFunctions, own_frame
 from shrm_cli.sphere.cube import catmull_rom
 from shrm_cli.sphere.directions import to_angles
-from shrm_cli.sphere.harmonics import degrees
+from shrm_cli.sphere.harmonics import degrees_and_orders
 from shrm_cli.sphere.parabolic import parabolic_directions, project, unproject
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import turn_about_z
@@ -110,8 +110,7 @@ def _is_kept(brdf: Brdf, signs: tuple[int, int]) -> bool:
 
 def _mirror_signs(order: int, axis: int) -> Array:
     """The sign that each harmonic takes where x (0) or y (1) changes its own."""
-    degree = degrees(order)
-    m = np.arange(len(degree)) - degree * (degree + 1)
+    _, m = degrees_and_orders(order)
     is_sine = m < 0
     odd = is_sine if axis == 1 else (np.abs(m) % 2 == 1) != is_sine
     return np.where(odd, -1.0, 1.0)

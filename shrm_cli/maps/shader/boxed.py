@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.shader.language import Language
+from shrm_cli.maps.shader.language import Language, filled
 from shrm_cli.maps.shader.source import central_direction
 from shrm_cli.probe.proxy import PARALLEL, ProxyBox
 
@@ -93,11 +93,11 @@ def boxed_functions(
 
 def box_function(box: ProxyBox, language: Language) -> list[str]:
     """Write the function ``shrm_box``, whose numbers are in place."""
-    text = _BOX.replace("PARALLEL", language.number(PARALLEL))
+    words = {"PARALLEL": language.number(PARALLEL)}
     for word, numbers in (("LOW", box.low), ("HIGH", box.high), ("AT", box.at)):
         for axis, number in zip("XYZ", numbers, strict=True):
-            text = text.replace(word + axis, language.number(number))
-    return text.split("\n")
+            words[word + axis] = language.number(number)
+    return filled(_BOX, words)
 
 
 def _parts(made: Map, text: str) -> list[tuple[str, str]]:

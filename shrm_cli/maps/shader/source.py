@@ -54,7 +54,6 @@ class Source:
     """Cubes in OpenEXR's orientation, which are filtered in world axes, of shape (6N, N, K, 3)
     each."""
     sampling: Sampling = "center"
-    """Where the edge texels of the cubes lie."""
     table: Table | None = None
     images: Table | None = None
     """Further numbers, which half precision holds as well as the map's file does."""
@@ -88,6 +87,28 @@ def tangent_function(centers: Sequence[str]) -> list[str]:
         "    return vec3(n.z / across, 0.0, -n.x / across);",
         "}",
     ]
+
+
+BRUSHED_BY_TANGENT = [
+    "vec3 shrm_radiance(vec3 n, vec3 v)",
+    "{",
+    "    return shrm_brushed_radiance(n, shrm_tangent(n), v);",
+    "}",
+]
+"""The function ``shrm_radiance`` of forms with ``shrm_brushed_radiance``."""
+CROSS = [
+    "vec3 shrm_cross(vec3 a, vec3 b)",
+    "{",
+    "    return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);",
+    "}",
+]
+"""The function of the cross product."""
+
+
+def view_angle(language: Language) -> str:
+    """Write the angle between the view v and the central direction c, exact for small ones too."""
+    apart, both = language.minus("v", "c"), language.add("v", "c")
+    return f"2.0 * atan(length({apart}), length({both}))"
 
 
 TABLE_SIZE = 128

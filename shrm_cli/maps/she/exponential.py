@@ -76,7 +76,6 @@ class SphericalHarmonicExponential(LightMap):
     """The range of GGX's alpha that the coefficients were fitted to; alpha is the square of the
     perceptual roughness."""
     info: MapInfo
-    """How the map was made."""
     law: Law = "lobe"
     """How roughness and view attenuate the degrees; see the module."""
 

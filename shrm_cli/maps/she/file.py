@@ -53,7 +53,7 @@ def decode(file: StoredFile) -> SphericalHarmonicExponential:
 def _order(part: StoredPart, name: str) -> int:
     value = part.attribute(f"shrm:{name}")
     if type(value) is not int or not 0 <= value <= MAX_EXPONENTIAL_ORDER:
-        raise _wrong(part, name)
+        raise MapError.of_attribute(part.path, name)
     return value
 
 
@@ -62,18 +62,14 @@ def _ggx_alpha(part: StoredPart) -> tuple[float, float]:
     value = part.attribute("shrm:ggx_alpha")
     is_pair = isinstance(value, tuple) and len(value) == 2
     if not is_pair or not all(isinstance(end, float) for end in value):
-        raise _wrong(part, "ggx_alpha")
+        raise MapError.of_attribute(part.path, "ggx_alpha")
     if not 0 < value[0] <= value[1] <= 1:
-        raise _wrong(part, "ggx_alpha")
+        raise MapError.of_attribute(part.path, "ggx_alpha")
     return shortest(value[0]), shortest(value[1])
 
 
 def _law(part: StoredPart) -> Law:
     value = part.text("shrm:law")
     if value not in LAWS:
-        raise _wrong(part, "law")
+        raise MapError.of_attribute(part.path, "law")
     return cast(Law, value)
-
-
-def _wrong(part: StoredPart, name: str) -> MapError:
-    return MapError(f"{part.path}: its attribute shrm:{name} is missing or wrong; make it again")

@@ -146,10 +146,8 @@ def _decode_compressed(image: StoredImage) -> CompressedShrm:
     order_p, size = image.attributes["P"], image.size
     matrix = _matrix(image.part.text("shrm:pca_matrix"))
     if matrix is None or matrix.shape[1] != (order_p + 1) ** 2 or len(matrix) > matrix.shape[1]:
-        raise MapError(
-            f"{image.path}: its attribute shrm:pca_matrix is not K x {(order_p + 1) ** 2} "
-            "numbers; make it again"
-        )
+        what = f"is not K x {(order_p + 1) ** 2} numbers"
+        raise MapError.of_attribute(image.path, "pca_matrix", what)
     names = component_channels(len(matrix))
     image.check_channels(names, f"an SHRM compressed to {len(matrix)} components")
     if matrix.shape[1] * 18 * size**2 > MAX_VALUES:

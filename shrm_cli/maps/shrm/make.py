@@ -50,7 +50,6 @@ class Choice:
 
     orders: Orders
     size: int
-    """Texels along a face's edge."""
 
     @property
     def bytes(self) -> int:

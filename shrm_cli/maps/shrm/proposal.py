@@ -51,7 +51,6 @@ class Tried:
 
     @property
     def bytes(self) -> int:
-        """Those of the choice."""
         return self.choice.bytes
 
     @property
@@ -73,7 +72,6 @@ class ShrmProposals:
     brdf: Brdf
     coefficients: BrdfCoefficients
     size: int | None = None
-    """Texels along a face's edge, where they are given."""
     sampling: Sampling = "center"
 
     @classmethod
@@ -183,5 +181,4 @@ class ShrmProposals:
 
 
 def _bytes_at(size: int, order_p: int) -> int:
-    """Return the bytes of an SHRM of an order P."""
     return stored_bytes(size, (order_p + 1) ** 2)

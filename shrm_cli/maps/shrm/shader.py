@@ -73,7 +73,6 @@ def _table(matrices: Sequence[Array]) -> Table:
 
 
 def _functions(terms: Sequence[_Term], words: Words) -> list[str]:
-    """Write the functions of all terms, and their sum."""
     lines = tangent_function([term.center for term in terms])
     row = 0
     for number, term in enumerate(terms):

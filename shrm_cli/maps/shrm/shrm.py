@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array, Memo
+from shrm_cli.arrays import Array, Memo, slices
 from shrm_cli.errors import MapError
 from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo, check_names
@@ -46,9 +46,7 @@ class Shrm(CentralMap):
     center: Center
     """What the central direction is."""
     info: MapInfo
-    """How the map was made."""
     sampling: Sampling = "center"
-    """Where the edge texels of the cube lie."""
 
     representation = "shrm"
     texels_are_series = True
@@ -143,8 +141,7 @@ class Shrm(CentralMap):
             return replace(self, frame=frame)
         flat = self.coefficients.reshape(6 * self.size**2, -1, 3)
         turned = np.empty_like(flat)
-        for start in range(0, len(flat), _TEXELS_AT_ONCE):
-            part = slice(start, start + _TEXELS_AT_ONCE)
+        for part in slices(len(flat), _TEXELS_AT_ONCE):
             rows, columns = np.divmod(np.arange(*part.indices(len(flat))), self.size)
             angles = to_angles(texel_directions(rows, columns, self.size, self.sampling))
             turned[part] = rotate_to_frames(
@@ -272,11 +269,10 @@ def second_moments(shrm: Shrm) -> Array:
     """
     face = np.sqrt(cube_solid_angles(shrm.size, shrm.sampling))
     count = (shrm.order_p + 1) ** 2
-    step = max(_VALUES_AT_ONCE // (3 * shrm.size * count), 1)
     result: Array = np.zeros((count, count))
-    for start in range(0, 6 * shrm.size, step):
-        rows = np.arange(start, min(start + step, 6 * shrm.size))
-        planes = np.moveaxis(shrm.coefficients[start : start + step], (2, 3), (0, 1)).astype(float)
+    for part in slices(6 * shrm.size, _VALUES_AT_ONCE // (3 * shrm.size * count)):
+        rows = np.arange(part.start, part.stop)
+        planes = np.moveaxis(shrm.coefficients[part], (2, 3), (0, 1)).astype(float)
         flat = (planes * face[rows % shrm.size]).reshape(count, -1)
         result += flat @ flat.T
     return result

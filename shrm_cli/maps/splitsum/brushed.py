@@ -47,7 +47,6 @@ class BrushedSplitSum(Shaded):
 
     @property
     def brdf(self) -> Ggx:
-        """The BRDF of the surface."""
         return Ggx(roughness=self.roughness, anisotropy=self.anisotropy, f0=self.f0)
 
     @property

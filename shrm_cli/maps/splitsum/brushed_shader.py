@@ -5,15 +5,12 @@ use them; `taps_code` writes them alone.
 """
 
 from shrm_cli.brdf.environment.taps import LEAST_FITTED, polynomials
-from shrm_cli.maps.shader.language import Language
+from shrm_cli.maps.shader.language import Language, filled
+from shrm_cli.maps.shader.source import CROSS
 from shrm_cli.maps.splitsum.brushed import TURNS
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _HEAD = """\
-vec3 shrm_cross(vec3 a, vec3 b)
-{
-    return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
-}
 float shrm_fit(vec3 q, float a, vec3 b, vec3 c, vec3 d)
 {
     vec3 e = vec3(q.x * q.x, q.x * q.y, q.x * q.z);
@@ -83,7 +80,7 @@ def brushed_functions(count: int, language: Language) -> list[str]:
         "LEAST": language.number(MIN_ROUGHNESS), "TOTAL": total, "BIAS": bias,
         "PRODUCT": language.times("shrm_taps(n, t, v, ax, ay)", albedo),
     }  # fmt: skip
-    return [*_taps(count, language), *_written(_SURFACE, words)]
+    return [*_taps(count, language), *filled(_SURFACE, words)]
 
 
 def taps_code(count: int, language: str) -> str:
@@ -107,18 +104,10 @@ def _taps(count: int, language: Language) -> list[str]:
         "GROW": language.grow("sum", language.scale("part", tapped)),
         "SUM": language.scale("(1.0 / total)", "sum"),
     }  # fmt: skip
-    return _written("\n".join([_HEAD, *_all_taps(count, language), _TAIL]), words)
-
-
-def _written(text: str, words: dict[str, str]) -> list[str]:
-    """Return lines of a text whose words in capitals are replaced."""
-    for word, meaning in words.items():
-        text = text.replace(word, meaning)
-    return text.split("\n")
+    return [*CROSS, *filled("\n".join([_HEAD, *_all_taps(count, language), _TAIL]), words)]
 
 
 def _all_taps(count: int, language: Language) -> list[str]:
-    """Write the lines of each tap."""
     numbers = {
         kind: [_polynomial(row, language) for row in rows.tolist()]
         for kind, rows in polynomials(count).items()

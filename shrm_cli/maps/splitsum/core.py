@@ -27,7 +27,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array, Indices
+from shrm_cli.arrays import Array, Indices, slices
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.environment.lobe import NormalLobe
 from shrm_cli.maps.size import Band
@@ -249,7 +249,6 @@ class _Folded:
 
 
 def _fold(directions: Array) -> _Folded:
-    """Fold unit directions, shape (directions, 3)."""
     x, y, z = directions.T
     across, along = np.minimum(np.abs(x), np.abs(z)), np.maximum(np.abs(x), np.abs(z))
     polar, turn = np.arctan2(np.hypot(across, along), np.abs(y)), np.arctan2(across, along)
@@ -320,9 +319,7 @@ def _sum_band(
         around = (np.sin((turn - column_turn) / 2) ** 2).astype(np.float32)
         seen = images[left - first : right - first].reshape(-1, _IMAGES * 3)
         result = np.empty((len(group), _IMAGES * 3))
-        count = max(_PAIRS_AT_ONCE // len(seen), 1)
-        for start in range(0, len(group), count):
-            part = slice(start, start + count)
+        for part in slices(len(group), _PAIRS_AT_ONCE // len(seen)):
             square = apart[part, None] + joint[part, None] * around[part, :, None]
             result[part] = core.values(square).reshape(-1, len(seen)) @ seen
         yield result.reshape(-1, _IMAGES, 3)

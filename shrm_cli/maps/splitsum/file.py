@@ -84,7 +84,7 @@ def decode(file: StoredFile) -> SplitSum:
 def _roughness(part: StoredPart) -> float:
     value = part.attribute("shrm:roughness")
     if type(value) is not float or not 0 <= value <= 1:
-        raise MapError(f"{part.path}: its attribute shrm:roughness is missing or wrong; {_AGAIN}")
+        raise MapError.of_attribute(part.path, "roughness")
     return shortest(value)
 
 
@@ -93,7 +93,7 @@ def _mapping(parts: Sequence[StoredPart], first: float) -> LevelMapping:
     named = {part.text("shrm:mapping") for part in parts}
     mapping = named.pop()
     if named or mapping not in LEVEL_MAPPINGS or (mapping == "unreal" and first == 0):
-        raise MapError(f"{parts[0].path}: its attribute shrm:mapping is missing or wrong; {_AGAIN}")
+        raise MapError.of_attribute(parts[0].path, "mapping")
     return cast(LevelMapping, mapping)
 
 

@@ -47,9 +47,7 @@ class SplitSum(LightMap):
     mapping: LevelMapping
     """How levels are mixed; see `shrm_cli.maps.splitsum.roughness`."""
     info: MapInfo
-    """How the map was made, for all levels together."""
     sampling: Sampling = "center"
-    """Where the samples of the cubes lie."""
     level_info: tuple[MapInfo, ...] = ()
     """Orders, domain and predicted error of each level; it is `info` for all by default."""
     center: Center = "reflection"

@@ -8,8 +8,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.interpolate import RegularGridInterpolator
 
-from shrm_cli.brdf.measured.reading.rgl_warp import Slices, Warp
-from shrm_cli.brdf.measured.rgl import Rgl
+from shrm_cli.brdf.measured.rgl import Rgl, Slices, Warp
 from shrm_cli.errors import BrdfError
 from tests.brdf.measured.rgl_files import brushed, material, tensor_file
 from tests.brute_force import unit

@@ -5,8 +5,7 @@ import pytest
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.lamps.discs import LitDiscs
-from shrm_cli.maps.lamps.rule import DiscRule
+from shrm_cli.maps.lamps.rule import DiscRule, LitDiscs
 from shrm_cli.probe.disc import Disc
 from tests import brute_force, ggx
 from tests.oracles import disc_rule

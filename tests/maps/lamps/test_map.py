@@ -102,7 +102,7 @@ def test_files_are_not_trusted(tmp_path, change):
         header, channels = dict(file.header()), file.channels()
         header["shrm:lamps"] = json.dumps(change(json.loads(header["shrm:lamps"])))
         OpenEXR.File(header, channels).write(str(path))
-    with pytest.raises(MapError, match="shrm:lamps is wrong"):
+    with pytest.raises(MapError, match="shrm:lamps is missing or wrong"):
         open_map(path)
 
 

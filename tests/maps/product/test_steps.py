@@ -11,8 +11,8 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.product.prefilter import product_texture, varying_steps
+from shrm_cli.maps.product.product import VaryingProduct
 from shrm_cli.maps.product.steps import ENOUGH, MOST_STEPS, Steps, chosen_steps, chosen_values
-from shrm_cli.maps.product.varying import VaryingProduct
 from tests import brute_force
 from tests.cli.helpers import done, run
 from tests.maps.product.test_file import texture

@@ -13,8 +13,8 @@ from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf
 from shrm_cli.maps.product.make import product
 from shrm_cli.maps.product.prefilter import product_texture, varying_texture
+from shrm_cli.maps.product.product import VaryingProduct
 from shrm_cli.maps.product.steps import ENOUGH, Steps
-from shrm_cli.maps.product.varying import VaryingProduct
 from tests import brute_force, oracles
 from tests.maps.damage import refused
 from tests.maps.product.test_file import texture

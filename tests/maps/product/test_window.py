@@ -6,8 +6,8 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.irradiance.window import make_window
 from shrm_cli.maps.product.prefilter import product_texture
+from shrm_cli.maps.product.product import VaryingProduct
 from shrm_cli.maps.product.steps import Steps
-from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.product.window import _is_isotropic, product_window
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe

@@ -22,9 +22,8 @@ from shrm_cli.maps.principal import principal
 from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.functions import TABLES
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
-from shrm_cli.maps.product.product import ProductTexture
+from shrm_cli.maps.product.product import ProductTexture, VaryingProduct
 from shrm_cli.maps.product.steps import Steps
-from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.shader.source import ggx_moments
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.shrm import shrm as shrm_module

@@ -10,7 +10,7 @@ import pytest
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.principal.principal import PrincipalMap
-from shrm_cli.maps.product.varying import VaryingProduct
+from shrm_cli.maps.product.product import VaryingProduct
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.shrm.shrm import Shrm
@@ -130,8 +130,8 @@ def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name):
 
 
 def digits_of(name, usual=2e-7):
-    """How exact C is. Python interpolates tables of BRDFs by 32-bit numbers, unlike C."""
-    return 1e-6 if "table" in name else usual
+    """How exact C is. Python knows places in tables of BRDFs, unlike C, as 32-bit numbers alone."""
+    return 1e-5 if "table" in name else usual
 
 
 SHARES = ((0.0, 1.0), (0.07, 0.61), (0.93, 0.3), (1 / 3, 1.0), (-0.2, 1.3))

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from shrm_cli.maps.shader.code import look_up_code
-from shrm_cli.maps.shader.wgsl import in_wgsl
+from shrm_cli.maps.shader.language import in_wgsl
 from tests.maps.shader import cases
 
 

@@ -8,7 +8,14 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, grey, scaled
 from shrm_cli.brdf.film import film_reflectance
 from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.brdf.vectors import Half, above_horizon, cosines, half_vector, shared
+from shrm_cli.brdf.vectors import (
+    Half,
+    above_horizon,
+    cosines,
+    half_vector,
+    refracted_cosine,
+    shared,
+)
 
 
 def fresnel(cosine: Array, ior: float) -> Array:
@@ -20,11 +27,6 @@ def fresnel(cosine: Array, ior: float) -> Array:
     across = (cosine - ior * below) / (cosine + ior * below)
     along = (ior * cosine - below) / (ior * cosine + below)
     return np.asarray((across**2 + along**2) / 2)
-
-
-def refracted_cosine(cosine: Array, ior: float) -> Array:
-    """The cosine in the medium of light that has a cosine in air, by Snell's law."""
-    return np.sqrt(1 - (1 - cosine**2) / ior**2)
 
 
 def refracted(directions: Array, ior: float) -> Array:

@@ -20,7 +20,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color, added, multiplied, scaled
-from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, refracted, refracted_cosine
+from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, refracted
 from shrm_cli.brdf.layered.parts.layered import Layered
 from shrm_cli.brdf.layered.parts.table import (
     COSINES,
@@ -30,7 +30,7 @@ from shrm_cli.brdf.layered.parts.table import (
     transport,
     transports,
 )
-from shrm_cli.brdf.vectors import GRAZING
+from shrm_cli.brdf.vectors import GRAZING, refracted_cosine
 from shrm_cli.records import record
 
 Terms = Sequence[tuple[float, Brdf]]

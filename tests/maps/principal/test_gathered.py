@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.gathered import gathering_center
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.principal.terms import gathering_center
 
 
 def mean_cosines(brdf):
