@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,8 +18,10 @@ from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.cli.stage import Baked
+    from shrm_cli.files.picture import Picture
     from shrm_cli.maps.info import MapInfo
     from shrm_cli.probe.probe import Probe
+    from shrm_cli.progress import Progress
     from shrm_cli.render.drawing import Drawing, Film, Lit
     from shrm_cli.render.moving import Moment
 
@@ -142,10 +144,13 @@ def render(
         "exposure": exposure, "background": background, "probe": probe, "window": window,
         "frames": steps, **moved, "width": film.shape[1], "height": film.shape[0],
     }  # fmt: skip
-    if is_animated(pattern):
-        written, lines, doubts = _write_animation(film, pattern, view[0], fps, max_memory)
-    else:
-        written, lines, doubts = _write_pictures(film, targets, precision, settings)
+    doubts: list[str] = []
+    with progress_bar("rendering") as progress:
+        pictures = _doubted(film, targets[0], doubts, progress)
+        if is_animated(pattern):
+            written, lines = _write_animation(film, pictures, pattern, view[0], fps, max_memory)
+        else:
+            written, lines = _write_pictures(film, pictures, targets, precision, settings)
     told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
@@ -229,10 +234,25 @@ def _on_mesh(
     return replace(drawing, said=said, warnings=[*warnings, *drawing.warnings])
 
 
+def _doubted(film: Film, path: str, doubts: list[str], progress: Progress) -> Iterator[Picture]:
+    """Yield the pictures, and add to `doubts` which exposure shows the first one."""
+    from shrm_cli.render.image import exposure_advice
+
+    for number, picture in enumerate(film.pictures(progress)):
+        if number == 0:
+            doubts += exposure_advice(path, picture, film.exposure)
+        yield picture
+
+
 def _write_animation(
-    film: Film, target: str, azimuth: float, fps: float | None, max_memory: int | None
-) -> tuple[list[dict[str, Any]], list[str], list[str]]:
-    """Write a moving picture; return what JSON has of it, a line about it, and no warnings."""
+    film: Film,
+    pictures: Iterable[Picture],
+    target: str,
+    azimuth: float,
+    fps: float | None,
+    max_memory: int | None,
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Write a moving picture; return what JSON has of it, and a line about it."""
     from shrm_cli.analysis.memory import check_sheet
     from shrm_cli.files.animation import held_bytes, write_animation
     from shrm_cli.files.picture import in_srgb
@@ -240,35 +260,29 @@ def _write_animation(
     (height, width), count, fps = film.shape, len(film.moments), fps or DEFAULT_FPS
     held = held_bytes(target, width * height, count)
     check_sheet(width * height, film.drawing.subject.shape[1], held, max_memory)
-    with progress_bar("rendering") as progress:
-        images = (
-            in_srgb(target, each, film.drawing.primaries)[0] for each in film.pictures(progress)
-        )
-        write_animation(target, images, fps)
+    images = (in_srgb(target, each, film.drawing.primaries)[0] for each in pictures)
+    write_animation(target, images, fps)
     written = [{"file": target, "azimuth": azimuth, "pixels": "8-bit sRGB"}]
-    return written, [f"{target}: {width} x {height}, {count} frames, {fps:g} a second"], []
+    return written, [f"{target}: {width} x {height}, {count} frames, {fps:g} a second"]
 
 
 def _write_pictures(
-    film: Film, targets: Sequence[str], precision: Precision, settings: dict[str, Any]
-) -> tuple[list[dict[str, Any]], list[str], list[str]]:
-    """Write a picture of each moment; return what JSON has of them, lines about them, warnings."""
+    film: Film,
+    pictures: Iterable[Picture],
+    targets: Sequence[str],
+    precision: Precision,
+    settings: dict[str, Any],
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Write a picture of each moment; return what JSON has of them, and lines about them."""
     from shrm_cli.files.picture import write_picture
-    from shrm_cli.render.image import exposure_advice
 
     (height, width), drawing = film.shape, film.drawing
     written: list[dict[str, Any]] = []
-    doubts: list[str] = []
-    with progress_bar("rendering") as progress:
-        drawn = zip(targets, film.moments, film.pictures(progress), strict=True)
-        for path, moment, picture in drawn:
-            attributes = _attributes(drawing.seen, settings, drawing.said, moment)
-            pixels = write_picture(path, picture, precision, attributes)
-            if not written:  # one line for all frames
-                doubts = exposure_advice(path, picture, film.exposure)
-            written.append({"file": path, "azimuth": moment.viewer.azimuth, "pixels": pixels})
-    lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
-    return written, lines, doubts
+    for path, moment, picture in zip(targets, film.moments, pictures, strict=True):
+        attributes = _attributes(drawing.seen, settings, drawing.said, moment)
+        pixels = write_picture(path, picture, precision, attributes)
+        written.append({"file": path, "azimuth": moment.viewer.azimuth, "pixels": pixels})
+    return written, [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
 
 
 def _files(maps: Sequence[str], mesh: str | None, values: dict[str, Any]) -> list[str]:

@@ -158,8 +158,15 @@ def resolved_form(to: str, given: Mapping[str, Any]) -> str:
 def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments but for the BRDF as the makers of maps take them.
 
-    Raises ArgumentError if one has a value that it cannot have.
+    Raises ArgumentError if one has a value that it cannot have, or is of the other domain.
     """
+    if given.get("domain") == "angular":
+        domain, idle = "frequency", ("order_f", "order_p")
+    else:
+        domain, idle = "angular", ("source_height",)
+    for name in idle:
+        if name in given:
+            raise ArgumentError(name, f"applies with `domain` {domain}")
     options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
     return {name: options[name].checked(value) for name, value in given.items()}
 

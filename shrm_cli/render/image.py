@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.files.picture import Picture, file_type
+from shrm_cli.files.picture import Picture
 from shrm_cli.vocabulary import LUMINANCE
 
 _BRIGHT, _SHOWN_AS = 0.75, 0.4
@@ -54,7 +54,7 @@ def exposure_advice(path: str, pixels: ArrayLike, exposure: float) -> list[str]:
     """
     luminance = np.asarray(pixels, dtype=float) @ np.array(LUMINANCE)
     lit = luminance[np.isfinite(luminance) & (luminance > 0)]
-    if file_type(path) != "png" or not lit.size:
+    if path.lower().endswith(".exr") or not lit.size:
         return []
     low, high = np.quantile(lit, [_WHITE, _BLACK])
     if high > _SEEN and low < 1:

@@ -287,6 +287,9 @@ def test_usage_is_checked_before_work(folder):
         ([], "--brdf"),
         (["--brdf", "phong", "--to", "irradiance"], "--brdf"),
         (["--brdf", "phong", "--levels", "3"], "--levels"),
+        (["--brdf", "phong", "--source-height", "8"], "--source-height applies with --to cabral"),
+        (["--brdf", "phong", "--to", "cabral", "--source-height", "8"], "with --domain angular"),
+        (["--brdf", "phong", "--domain", "angular"], "--domain applies with --to cabral"),
     ]:
         result = run("report", "probe.exr", *arguments, "-o", "a.html")
         assert (result.code, result.err.count("\n")) == (2, 1)

@@ -10,7 +10,6 @@ from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.transfer import compute_coefficients
-from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import shown_wrong_share
@@ -56,14 +55,8 @@ _AZIMUTHS = 32
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Prefilter a probe for a BRDF."""
-    is_angular = request.domain == "angular"
-    if is_angular and not request.is_free:
-        given = "order_p" if request.order_f is None else "order_f"
-        raise ArgumentError(given, "applies with `domain` frequency")
-    if request.source_height is not None and not is_angular:
-        raise ArgumentError("source_height", "applies with `domain` angular")
     request, notes = centered(request)
-    if is_angular:
+    if request.domain == "angular":
         return replace(prefilter_angular(probe, request), notes=notes)
     made = prefilter_explicit(probe, request)
     return replace(made, notes=notes, warnings=(*order_warnings(made, request), *made.warnings))

@@ -83,14 +83,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
 def _refuse_contradictions(request: Request) -> None:
     """Refuse arguments of which one leaves another without effect."""
-    if request.domain == "angular":
-        raise ArgumentError(
-            "domain",
-            "angular does not apply to an SHRM, which is made in the frequency domain only; take "
-            "`to` cabral, kautz-mccool or lightfield",
-        )
-    if request.source_height is not None:
-        raise ArgumentError("source_height", "applies with `domain` angular")
     if request.error is None and request.seen is None:
         return
     asking = "error" if request.seen is None else "seen"
