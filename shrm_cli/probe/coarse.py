@@ -6,6 +6,8 @@ of 32 x 16 pixels a map of GGX of roughness .3 had 95 % of wrong pixels. Under w
 rises above the horizon all at once, where its pixel is a point. What a pixel says is that
 all of it is as bright; so it is cut into parts which are, and its edges have all degrees. Light
 that has no more degrees, as a smooth sky, is what its pixels' middles say, and is left alone.
+Degrees above half of the rows are aliases of each other in sums over few pixels. Light that has
+them, as that of a horizon, has another energy there than its coefficients, less or more.
 """
 
 from collections.abc import Iterator
@@ -21,7 +23,7 @@ from shrm_cli.records import record
 from shrm_cli.vocabulary import COARSE_ROWS
 
 _BEYOND = 1e-4
-"""The part of the light's energy that may lie beyond the degrees of its pixels: 1 % as RMS."""
+"""The part of the light's energy that its degrees may miss or have too much: 1 % as RMS."""
 
 
 @record(eq=False)
@@ -71,4 +73,4 @@ def _goes_on(probe: Probe) -> bool:
     """Whether the light has degrees that its pixels do not hold."""
     light = project(probe, probe.grid.resolved_order)
     energy = light.energy.sum()
-    return bool(energy - light.power().sum() > _BEYOND * energy)
+    return bool(abs(energy - light.power().sum()) > _BEYOND * energy)
