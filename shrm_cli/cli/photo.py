@@ -17,8 +17,8 @@ from shrm_cli.progress import using
 from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
-    from shrm_cli.photo.brackets import Merged
     from shrm_cli.arrays import Array
+    from shrm_cli.photo.brackets import Merged
 
 _DIFFERENT = 0.1
 """Photographs that differ by more, in the median, show other scenes or are turned otherwise."""

@@ -135,26 +135,23 @@ def render(
         drawing = _on_sphere(lit, size, shown_moments, values)
     else:
         drawing = _on_mesh(lit, mesh, baked, size, shown_moments, {**values, "transfer": transfer})
-    film = Film(
-        drawing, shown_moments, list(map(usage.map_stem, lit.names)), exposure, skies, columns
-    )
+    film = Film(drawing, shown_moments, [*map(usage.map_stem, lit.names)], exposure, skies, columns)
     moved = {name: values[name] for name in moving.LIGHT_MOVES if values[name] not in (None, ())}
     settings = {
         "maps": list(lit.names), "view": list(view), "vary": ways or None, **drawing.said,
         "exposure": exposure, "background": background, "probe": probe, "window": window,
         "frames": steps, **moved, "width": film.shape[1], "height": film.shape[0],
     }  # fmt: skip
-    doubts: list[str] = []
     with progress_bar("rendering") as progress:
-        pictures = _doubted(film, targets[0], doubts, progress)
+        images = _doubted(film, targets[0], told, progress)
         if is_animated(pattern):
-            written, lines = _write_animation(film, pictures, pattern, view[0], fps, max_memory)
+            written, lines = _write_animation(film, images, pattern, view[0], fps, max_memory)
         else:
-            written, lines = _write_pictures(film, pictures, targets, precision, settings)
+            written, lines = _write_pictures(film, images, targets, precision, settings)
     told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
-    options.conclude({"files": written, **settings}, lines, drawing.warnings + told + doubts)
+    options.conclude({"files": written, **settings}, lines, drawing.warnings + told)
 
 
 def _refuse_others(mesh: str | None, values: dict[str, Any], has_probe: bool) -> None:
@@ -234,13 +231,13 @@ def _on_mesh(
     return replace(drawing, said=said, warnings=[*warnings, *drawing.warnings])
 
 
-def _doubted(film: Film, path: str, doubts: list[str], progress: Progress) -> Iterator[Picture]:
-    """Yield the pictures, and add to `doubts` which exposure shows the first one."""
+def _doubted(film: Film, path: str, told: list[str], progress: Progress) -> Iterator[Picture]:
+    """Yield the pictures, and add to `told` which exposure would show the first one."""
     from shrm_cli.render.image import exposure_advice
 
     for number, picture in enumerate(film.pictures(progress)):
         if number == 0:
-            doubts += exposure_advice(path, picture, film.exposure)
+            told += exposure_advice(path, picture, film.exposure)
         yield picture
 
 
