@@ -231,7 +231,9 @@ def _on_mesh(
     return replace(drawing, said=said, warnings=[*warnings, *drawing.warnings])
 
 
-def _doubted(film: Film, path: str, told: list[str], progress: Progress) -> Iterator[Picture]:
+def _doubted(
+    film: Film, path: str, told: list[str], progress: Progress | None
+) -> Iterator[Picture]:
     """Yield the pictures, and add to `told` which exposure would show the first one."""
     from shrm_cli.render.image import exposure_advice
 

@@ -160,12 +160,10 @@ def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises ArgumentError if one has a value that it cannot have, or is of the other domain.
     """
-    if given.get("domain") == "angular":
-        domain, idle = "frequency", ("order_f", "order_p")
-    else:
-        domain, idle = "angular", ("source_height",)
-    for name in idle:
+    is_angular = given.get("domain") == "angular"
+    for name in ("order_f", "order_p") if is_angular else ("source_height",):
         if name in given:
+            domain = "frequency" if is_angular else "angular"
             raise ArgumentError(name, f"applies with `domain` {domain}")
     options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
     return {name: options[name].checked(value) for name, value in given.items()}

@@ -118,7 +118,8 @@ def merge_brackets(
         curve = response(np.stack(places), np.log(exposures))
     total = weights = last = np.zeros((), np.float32)
     was_white = np.zeros((), bool)
-    clipped = stuck = np.zeros((), bool)
+    clipped: NDArray[np.bool_] = np.zeros((), bool)
+    stuck = clipped
     flooded = int(np.searchsorted(exposures, _FLOODS * exposures[0]))
     differences = np.zeros(len(opened))
     for k, (each, exposure) in enumerate(zip(opened, exposures, strict=True)):
@@ -138,9 +139,9 @@ def merge_brackets(
         # What no exposure shows between black and white is what the last that is not white shows.
         last = np.where(was_white & (k > 0), last, light)
         if k == 0:
-            clipped = (values >= WHITE).any(axis=-1)
+            clipped = values.max(axis=-1) >= WHITE
         elif k == flooded and min(values.shape[:2]) > 3:  # which has something around such pixels
-            stuck = clipped & _is_alone((values >= _NEARLY).any(axis=-1))
+            stuck = clipped & _is_alone(values.max(axis=-1) >= _NEARLY)
     report(steps, steps)
     pixels = np.where(weights > 0, total / np.where(weights > 0, weights, 1), last)
     if stuck.any():
