@@ -103,13 +103,13 @@ def report_page(
             "`picture_size`"
         )
     room = look.max_bytes - len(first) - sum(map(len, parts)) - _OWN
-    whole = []
+    whole, stages = [], Stages(progress, len(parts))
     for count, (material, part) in enumerate(zip(measured.materials, parts, strict=True), start=1):
-        view = _view(measured, material, look, room // (len(parts) - count + 1), remarks)
+        own = room // (len(parts) - count + 1)
+        view = _view(measured, material, look, own, remarks, stages.within)
         room -= len(view)
         whole.append(Html(part.replace(_Place(count), view)))
-        if progress is not None:
-            progress(count, len(parts))
+        stages.done(count, len(parts))
     name = words.base_name(measured.probe.name)
     text = whole_page(
         f"{name} \u2013 shrm report",
@@ -166,7 +166,12 @@ def _overview(measured: Measured, look: Look) -> Html:
 
 
 def _view(
-    measured: Measured, material: Material, look: Look, room: int, remarks: list[str]
+    measured: Measured,
+    material: Material,
+    look: Look,
+    room: int,
+    remarks: list[str],
+    progress: Progress,
 ) -> Html:
     """Return the interactive view of a material, as a page within the page."""
     if not look.views:
@@ -184,8 +189,9 @@ def _view(
     try:
         maps, files, change = _fitting(material, limit - _SKY)
         scene = make_scene(
-            maps, files, measured.probe, start=Start(**given), truth=truth, max_size=limit
-        )
+            maps, files, measured.probe, start=Start(**given), truth=truth, max_size=limit,
+            progress=progress,
+        )  # fmt: skip
         text = view_page(scene)
     except ShrmError as error:
         return _left_out(material, str(error).partition(";")[0], remarks)

@@ -10,6 +10,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+import shrm_cli as shrm
 from shrm_cli.render.flip import can_flip
 from tests.batch.helpers import work_here
 from tests.cli.helpers import assert_refused, done, noise, run, snapshot, write_exr
@@ -189,6 +190,18 @@ def test_pictures_and_the_view_are_in_the_page(folder):
     assert len(inner) == 2
     done("report", "probe.exr", "--brdf", "phong", *SUMMED, "--no-view", "-o", "b.html")
     assert read("b.html")[1].all("iframe") == []
+
+
+def test_the_bar_rises_all_the_time(folder):
+    """It stood at 50 % while two of the three truths, and the one of the view, were integrated."""
+    told = []
+    shrm.report(
+        "probe.exr", ["phong:exponent=20"], ["shrm"], picture_size=32, exact=True, flips=False,
+        progress=lambda done, total: told.append(done / total),
+    )  # fmt: skip
+    assert told[-1] == 1
+    assert np.diff([0, *told]).min() >= 0
+    assert np.diff([0, *told]).max() < 0.2
 
 
 def test_names_are_escaped(folder):
