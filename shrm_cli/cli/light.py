@@ -10,6 +10,7 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
+from shrm_cli.cli.terminal import conclude
 from shrm_cli.cli.types import COEFFICIENT, DIMMING, RADIANCE, STOPS, TURN
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import Precision
@@ -75,7 +76,7 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
         tables, working = _edited_tables(file, output, add, wanted)
         write_light_file(output, tables, working)
         count = sum(map(len, tables.values()))
-        options.conclude(
+        conclude(
             {"file": output, "lights": count},
             [f"{output}: {count} light{'s' if count > 1 else ''}"],
         )
@@ -83,7 +84,7 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
     found, warnings = shrm.edit_light(file, wanted, add, order, options.make_read_options(values))
     write_coefficients(output, found)
     result = {"file": output, "coefficients": found.tolist()}
-    options.conclude(result, [f"{output}: {len(found)} coefficients"], warnings)
+    conclude(result, [f"{output}: {len(found)} coefficients"], warnings)
 
 
 def _edit(values: dict[str, Any]) -> shrm.Edit:
@@ -214,4 +215,4 @@ def basis(
     pixels = write_picture(output, picture, precision, picture_attributes(recipe, []))
     height, width = scene.shape
     result = {"file": output, "names": names, "width": width, "height": height}
-    options.conclude(result, [f"{output}: {len(names)} harmonics, {width} x {height}, {pixels}"])
+    conclude(result, [f"{output}: {len(names)} harmonics, {width} x {height}, {pixels}"])

@@ -10,7 +10,7 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import CIRCLE, DIRECTION, RADIANCE, Parsed, within
 from shrm_cli.maps.options import counted
 from shrm_cli.progress import using
@@ -295,4 +295,4 @@ def _write(
     result = {
         "file": output, "width": width, "height": height, "precision": pixel_type, **facts,
     }  # fmt: skip
-    options.conclude(result, [f"{output}: {width} x {height}, {pixel_type}", *lines], warnings)
+    conclude(result, [f"{output}: {width} x {height}, {pixel_type}", *lines], warnings)

@@ -11,7 +11,7 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import moving, options, shading, stage, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import VECTOR, picture_size, within
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_FPS, Precision
@@ -151,7 +151,7 @@ def render(
     told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
-    options.conclude({"files": written, **settings}, lines, drawing.warnings + told)
+    conclude({"files": written, **settings}, lines, drawing.warnings + told)
 
 
 def _refuse_others(mesh: str | None, values: dict[str, Any], has_probe: bool) -> None:

@@ -196,7 +196,7 @@ def test_the_bar_rises_all_the_time(folder):
     """It stood at 50 % while two of the three truths, and the one of the view, were integrated."""
     told = []
     shrm.report(
-        "probe.exr", ["phong:exponent=20"], ["shrm"], picture_size=32, exact=True, flips=False,
+        "probe.exr", ["phong:exponent=20"], ["shrm"], picture_size=16, exact=True, flips=False,
         progress=lambda done, total: told.append(done / total),
     )  # fmt: skip
     assert told[-1] == 1
