@@ -158,6 +158,20 @@ def test_where_nothing_holds_the_line_says_what_would(pixels):
     assert f"{100 * stated_error(found.map):.2g}%" in line
 
 
+def test_dark_maps_name_what_helps(bare_sun):
+    """A pixel of 32 rows is no disc that could lie beside the map, and was said to be one."""
+    coarse = np.full((32, 64, 3), 0.5, np.float32)
+    coarse[8, 20] = 1e5
+    asked = {"brdf": "ggx:roughness=0.4", "max_size": "100kB"}
+    for light, helps in (
+        (bare_sun, "take them out with `sun` split, as discs, or dim them by `clamp`"),
+        (Probe.from_array(coarse), "dim them by `clamp`"),
+    ):
+        warnings = prefilter_with_facts(light, "principal", asked).warnings
+        (line,) = [each for each in warnings if "negative" in each]
+        assert line.endswith(f"; {helps}")
+
+
 @pytest.fixture(scope="module")
 def bare_sun():
     """A grey sky with a sun of half a degree, as sharp as pixels of 2.8 degrees show it."""
