@@ -60,10 +60,11 @@ def exposure_advice(path: str, pixels: ArrayLike, exposure: float) -> list[str]:
     if high > _SEEN and low < 1:
         return []
     looks = "black" if high <= _SEEN else "white"
-    better = exposure + suitable_exposure(lit)
-    return [
-        f"{path}: all but {looks} at an exposure of {exposure:g}; `exposure` {better:g} shows it"
-    ]
+    suitable = suitable_exposure(lit)
+    better = exposure + suitable
+    is_near = abs(suitable) < _MOST_STOPS >= abs(better)
+    shows = f"`exposure` {better:g} shows it" if is_near else "it is beyond what exposures show"
+    return [f"{path}: all but {looks} at an exposure of {exposure:g}; {shows}"]
 
 
 def weighted_quantiles(
