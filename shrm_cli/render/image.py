@@ -11,6 +11,8 @@ from shrm_cli.vocabulary import LUMINANCE
 _BRIGHT, _SHOWN_AS = 0.75, 0.4
 """The quantile of the luminance that an exposure is chosen by, and what it becomes."""
 _MOST_STOPS = 30.0
+_LARGEST = 32.0
+"""The largest exposure that commands take."""
 _WHITE, _BLACK = 0.05, 0.95
 """A picture of which no more than this share of what is lit is below 1 is all but white; one of
 which this share is below `_SEEN` is all but black."""
@@ -62,8 +64,9 @@ def exposure_advice(path: str, pixels: ArrayLike, exposure: float) -> list[str]:
     looks = "black" if high <= _SEEN else "white"
     suitable = suitable_exposure(lit)
     better = exposure + suitable
-    is_near = abs(suitable) < _MOST_STOPS >= abs(better)
-    shows = f"`exposure` {better:g} shows it" if is_near else "it is beyond what exposures show"
+    shows = f"`exposure` {better:g} shows it"
+    if high * 2.0**suitable <= _SEEN or low * 2.0**suitable >= 1 or abs(better) > _LARGEST:
+        shows = "it is beyond what exposures show"
     return [f"{path}: all but {looks} at an exposure of {exposure:g}; {shows}"]
 
 
