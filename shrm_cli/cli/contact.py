@@ -8,6 +8,7 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
+from shrm_cli.maps.options import counted
 
 if TYPE_CHECKING:
     from shrm_cli.report.contact import Contacts
@@ -47,7 +48,9 @@ def contact(maps: tuple[str, ...], output: str, title: str) -> None:
         "failures": failures,
     }
     count = len(found.maps)
-    lines = [f"{output}: {count:,} maps, {size:,} bytes, {seconds / max(count, 1):.2g} s each"]
+    lines = [
+        f"{output}: {counted(count, 'map')}, {size:,} bytes, {seconds / max(count, 1):.2g} s each"
+    ]
     conclude(result, lines, failures=[_reason(*each) for each in found.failures])
 
 

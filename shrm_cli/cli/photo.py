@@ -116,9 +116,10 @@ def _white_pixels(output: str, made: Merged) -> list[str]:
         )
     if made.clipped:
         count = round(made.clipped * made.pixels.shape[0] * made.pixels.shape[1])
+        are = "1 pixel is" if count == 1 else f"{count:,} pixels are"
         warnings.append(
-            f"{output}: {count:,} pixels are white in the shortest exposure, too; take a shorter "
-            "one, or give a reading to shrm probe unclip"
+            f"{output}: {are} white in the shortest exposure, too; take a shorter one, or give a "
+            "reading to shrm probe unclip"
         )
     return warnings
 
