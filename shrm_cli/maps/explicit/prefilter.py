@@ -31,7 +31,7 @@ from shrm_cli.maps.shrm.make import (
 )
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
-from shrm_cli.maps.size import choose_size
+from shrm_cli.maps.size import choose_size, largest_f
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Projection, project
@@ -189,10 +189,11 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
             domain="angular",
         )
         # The error of interpolating between views is measured in the frequency domain, where it
-        # takes little time. A few texels suffice for that.
+        # takes little time. A few texels suffice for that, and the orders F that fit into memory.
+        order_p = coefficients.order_p
         smooth = Shrm.from_coefficients(
             lighting.coefficients,
-            coefficients.values, brdf.center, info,
+            coefficients.truncated(largest_f(order_p), order_p), brdf.center, info,
             min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
         )  # fmt: skip
         info = replace(info, added_error=kind.from_shrm(smooth, views).info.added_error)
