@@ -8,6 +8,7 @@ from typing import Any
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines, truth_of, unkept_error
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.make import (
@@ -142,6 +143,6 @@ def converted(
 def report(result: dict[str, Any]) -> list[str]:
     """Return the lines for people about an SHRM, from what ``--json`` prints."""
     size, maps = result["size"], result["maps"]
-    unit = "components" if "components" in result else "coefficients"
-    what = f"{result['frame']} SHRM, 6 x {size} x {size} texels of {maps} {unit}"
+    unit = "component" if "components" in result else "coefficient"
+    what = f"{result['frame']} SHRM, 6 x {size} x {size} texels of {counted(maps, unit)}"
     return [what, *error_lines(result, "leaving out principal components")]
