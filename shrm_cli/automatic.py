@@ -7,9 +7,9 @@ map keeps, or only one of megabytes, are lamps in sharp lobes, which then go bes
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING
 
 from shrm_cli.brdf.sums import split
@@ -22,7 +22,7 @@ from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best, kn
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Candidate, Goal, first_kept, least_wrong
+from shrm_cli.plan.search import Candidate, Goal, first_kept, is_worth_lamps, least_wrong
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
@@ -32,6 +32,8 @@ from shrm_cli.vocabulary import COARSE_ROWS, NEGATIVE_SHARE
 if TYPE_CHECKING:
     from shrm_cli.lights.beside import Beside
 
+_Way = tuple[Candidate[Prefiltered], Callable[[], Prefiltered | None]]
+"""A map that could be made, and what makes it."""
 _FORM = "form"
 """The heading of the note that says which form was taken and why."""
 
@@ -98,9 +100,25 @@ class _Asked:
             return self.single_cubes
         tried, is_kept = first_kept(self.propose, self.goal)
         best = tried[-1] if is_kept else least_wrong(tried, self.goal)
-        is_small = is_kept and best.bytes <= policy.LARGE
-        apart = None if is_small else self.of_lamps_apart(best, is_kept)
-        return apart or (self.simple_shrm(best) if is_kept else None) or best
+        return next((found for found, _ in self.better(best, is_kept)), best)
+
+    def better(self, best: Candidate[Prefiltered], is_kept: bool) -> Iterator[_Way]:
+        """Yield what is better than the best map of functions, and how it is made.
+
+        `is_kept` tells whether that keeps what is asked for. What is made may turn out to be no
+        better, and is None then.
+        """
+        if not (is_kept and best.bytes <= policy.LARGE):
+            apart = self.of_lamps_apart(best, is_kept)
+            if apart is not None:
+                yield apart, partial(self.made_of_lamps_apart, apart, best, is_kept)
+        simple = self.simple_shrm(best) if is_kept else None
+        if simple is not None:
+            yield simple, partial(self.made_simple, simple)
+
+    def made_better(self, best: Candidate[Prefiltered], is_kept: bool) -> Prefiltered | None:
+        """Make the first of these that is better indeed, if there is any."""
+        return next(filter(None, (make() for _, make in self.better(best, is_kept))), None)
 
     @cached_property
     def single_cubes(self) -> Candidate[Prefiltered] | None:
@@ -131,19 +149,17 @@ class _Asked:
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
         most = self.request.allowed
-        ways = self._made_instead, self.made_of_lamps_apart
-        made = kept_or_best(self.propose, self.goal, most, *ways, self.truth, self.left)
+        made = kept_or_best(
+            self.propose, self.goal, most, self.made_better, self.truth, self.left
+        )  # fmt: skip
         if _FORM in dict(made.notes):
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
 
     def of_lamps_apart(
-        self, whole: Candidate[Prefiltered], is_kept: bool = False
+        self, whole: Candidate[Prefiltered], is_kept: bool
     ) -> Candidate[Prefiltered] | None:
         """Foresee the map of the light without its lamps, with these beside it, where it is better.
-
-        Discs need no bytes, and are as sharp as the lobe. But a program that knows nothing of them
-        shows no lamps at all, so that they have to be worth it.
 
         `whole` is the best map of all light. `is_kept` tells whether it keeps what is asked for, as
         this one has to then, in far fewer bytes.
@@ -166,23 +182,14 @@ class _Asked:
     def _is_worth_lamps(
         self, found: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
     ) -> bool:
-        """Tell whether a map with lamps beside it is better than that of all light."""
-        if found.bytes > self.request.allowed:  # with a table of the BRDF
-            return False
-        is_far_smaller = found.bytes <= policy.FAR_SMALLER * whole.bytes
-        if found.keeps(self.goal):
-            return is_far_smaller or not is_kept
-        times = found.badness(self.goal) / whole.badness(self.goal)
-        is_better = found.bytes <= policy.WORTH_LAMPS * whole.bytes and times < 1
-        return not is_kept and (is_better or (is_far_smaller and times <= policy.MISSED))
+        """Tell whether a map with lamps, and a table of the BRDF, beside it fits and is better."""
+        fits = found.bytes <= self.request.allowed
+        return fits and is_worth_lamps(found, whole, self.goal, is_kept)
 
     def made_of_lamps_apart(
-        self, whole: Candidate[Prefiltered], is_kept: bool = False
+        self, foreseen: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
     ) -> Prefiltered | None:
-        """Make that map, if there is one, and say what one with the lamps in it would be."""
-        foreseen = self.of_lamps_apart(whole, is_kept)
-        if foreseen is None:
-            return None
+        """Make that map, and say what one with the lamps in it would be."""
         made = foreseen.make()
         found = as_candidate(made)
         if not self._is_worth_lamps(found, whole, is_kept):  # more bytes than foreseen
@@ -195,6 +202,8 @@ class _Asked:
             f"{whole.errors_text} in {bytes_text(whole.bytes)}"
         )
         made = replace(judged(made, found), notes=tuple(notes.items()))
+        if is_kept:
+            return self._noted_if_bright(made, why)
         return _noted(examined(made, self.truth), why)
 
     @cached_property
@@ -244,18 +253,8 @@ class _Asked:
 
         return cache(find)
 
-    def _made_instead(self, kept: Candidate[Prefiltered]) -> Prefiltered | None:
-        """Make what is better than a map that keeps what is asked for, if there is anything."""
-        apart = self.made_of_lamps_apart(kept, is_kept=True) if kept.bytes > policy.LARGE else None
-        if apart is not None and apart.further["negative_share"]() <= NEGATIVE_SHARE:
-            return apart
-        return self._made_simple(kept)
-
-    def _made_simple(self, kept: Candidate[Prefiltered]) -> Prefiltered | None:
-        """Make the SHRM that does as well as a map of principal functions, if there is one."""
-        found = self.simple_shrm(kept)
-        if found is None:
-            return None
+    def made_simple(self, found: Candidate[Prefiltered]) -> Prefiltered | None:
+        """Make the SHRM that does as well as a map of principal functions."""
         size = f"{bytes_text(found.bytes)} before packing"
         why = f"SHRM, which keeps {goal_text(self.goal)} in {size}"
         return self._noted_if_bright(judged(found.make(), found), why)

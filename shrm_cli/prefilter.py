@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps import registry
-from shrm_cli.maps.base import Map
-from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, examined, truth_of
+from shrm_cli.maps.base import REMEDY, Map
+from shrm_cli.maps.prefiltered import Prefiltered, examined, truth_of
 from shrm_cli.maps.request import Request
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
@@ -173,8 +173,12 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
         info = replace(found.map.info, options=request.record(probe))
         found = replace(found, map=found.map.with_info(info))
         if needs_brdf:  # maps of light alone have words of their own for what is negative
-            found = _finished(found, probe, lamps, request)
+            if lamps is not None:
+                from shrm_cli.lights.beside import with_lamps
+
+                found = with_lamps(found, lamps)
             found = examined(found, truth_of(probe, request.brdf))
+            found = _advised(found, probe, request)
     if isinstance(work, Rising):
         work.end()
     return found
@@ -206,18 +210,14 @@ def _fine(probe: Probe, request: Request) -> Probe:
     return fine_probe(probe)
 
 
-def _finished(
-    made: Prefiltered, probe: Probe, lamps: "Beside | None", request: Request
-) -> Prefiltered:
-    """Put the lamps beside the map, or say where that would help."""
-    if lamps is None and (request.splits or not any(REMEDY in line for line in made.warnings)):
+def _advised(made: Prefiltered, probe: Probe, request: Request) -> Prefiltered:
+    """Say in warnings about lamps where it would help to put these beside the map."""
+    if request.splits or not any(REMEDY in line for line in made.warnings):
         return made
-    from shrm_cli.lights.beside import MUCH, lamps_share, with_lamps
+    from shrm_cli.lights.beside import MUCH, lamps_share
     from shrm_cli.maps.lamps.models import has_code_or_table
 
     brdf = request.brdf
-    if lamps is not None:
-        return with_lamps(made, lamps)
     if brdf.center == "tangent" or lamps_share(probe) <= MUCH:
         return made
     if request.to == AUTO and request.sun is None and has_code_or_table(brdf):  # that was tried

@@ -88,12 +88,13 @@ def energies_beyond(
     """Estimate the energy of the reflected light beyond the coefficients of the BRDF.
 
     The BRDF's own energy there is known, because its whole energy is. What lies at higher degrees
-    than the known ones follows from how the known ones fall. The light that it meets is estimated
-    twice, and the smaller one counts: the light goes on as a small lamp's does, with ``(2l+1)``
-    times the mean power of its last known degrees, up to the degree where its energy is used up; or
-    all energy of the light that is left sits in the first unknown degree, as in eq. 5.19. The rest
-    has higher azimuthal orders than the known ones, which glossy lobes have at grazing views, and
-    lies at known degrees of the light.
+    than the known ones follows from how the known ones fall. Known are the degrees of the BRDF that
+    are no finer than the light's pixels. The light that it meets is estimated twice, and the
+    smaller one counts: the light goes on as a small lamp's does, with ``(2l+1)`` times the mean
+    power of its last known degrees, up to the degree where its energy is used up; or all energy of
+    the light that is left sits in the first unknown degree, as in eq. 5.19. The rest has higher
+    azimuthal orders than the known ones, which glossy lobes have at grazing views, and lies at
+    known degrees of the light.
 
     `lighting` is the light, to at least the order of the coefficients.
 
@@ -104,10 +105,12 @@ def energies_beyond(
     order = coefficients.order_f
     above, aside = own_energies_beyond(coefficients)
     light, spread = weighted_power(lighting, order), coefficients.spread
-    density = light[max(order + 1 - _LAST_DEGREES, 0) :].mean(axis=0)
-    light_left = np.maximum(lighting.energy - lighting.power()[: order + 1].sum(axis=0), 0.0)
-    met = density * _lit_share(coefficients.degree_energy, above, density, light_left)
-    met = np.minimum(met, _convolution_measure(order + 1)[-1] * light_left)
+    known = min(order, lighting.resolved_order) + 1
+    above = above + coefficients.degree_energy[known:].sum(axis=0)
+    density = light[max(known - _LAST_DEGREES, 0) : known].mean(axis=0)
+    light_left = np.maximum(lighting.energy - lighting.power()[:known].sum(axis=0), 0.0)
+    met = density * _lit_share(coefficients.degree_energy[:known], above, density, light_left)
+    met = np.minimum(met, _convolution_measure(known)[-1] * light_left)
     beside = np.sum(light * spread, axis=0) / np.maximum(spread.sum(axis=0), 1e-300)
     return float(np.sum(met * above)), float(np.sum(beside * aside))
 

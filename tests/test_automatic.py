@@ -158,6 +158,20 @@ def test_where_nothing_holds_the_line_says_what_would(pixels):
     assert f"{100 * stated_error(found.map):.2g}%" in line
 
 
+def test_dark_maps_name_what_helps(bare_sun):
+    """A pixel of 32 rows is no disc that could lie beside the map, and was said to be one."""
+    coarse = np.full((32, 64, 3), 0.5, np.float32)
+    coarse[8, 20] = 1e5
+    asked = {"brdf": "ggx:roughness=0.4", "max_size": "100kB"}
+    for light, helps in (
+        (bare_sun, "take them out with `sun` split, as discs, or dim them by `clamp`"),
+        (Probe.from_array(coarse), "dim them by `clamp`"),
+    ):
+        warnings = prefilter_with_facts(light, "principal", asked).warnings
+        (line,) = [each for each in warnings if "negative" in each]
+        assert line.endswith(f"; {helps}")
+
+
 @pytest.fixture(scope="module")
 def bare_sun():
     """A grey sky with a sun of half a degree, as sharp as pixels of 2.8 degrees show it."""
@@ -197,7 +211,7 @@ def test_lamps_go_beside_the_map_where_it_cannot_keep_them(bare_sun, spec):
 def test_what_is_left_beside_lamps_may_miss_as_much_of_all_light():
     """Small lamps that stay in the map would take thirty times the texels for their own light."""
     light = np.full((128, 256, 3), 0.5, np.float32)
-    light[20:92:6, 15:230:19] = np.where(np.eye(12, 12)[..., None] > 0, 60, 0.5)
+    light[20:92:6, 15:230:19] = np.where(np.eye(12, 12)[..., None] > 0, 55, 0.5)
     light[30, 40] = 1e5
     probe, spec = Probe.from_array(light), "0.1*ggx:roughness=0.1+0.9*lambertian"
     asked = {"brdf": spec, "max_size": "300kB"}

@@ -7,7 +7,8 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients, compute_transfer
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.orders import choose_orders
-from shrm_cli.probe.lighting import Lighting
+from shrm_cli.probe.lighting import Lighting, project
+from shrm_cli.probe.probe import Probe
 from shrm_cli.reflected import (
     cube_energies,
     energies_beyond,
@@ -19,6 +20,7 @@ from shrm_cli.reflected import (
     predicted_error,
     visible_beyond,
     visible_beyond_p,
+    weighted_power,
 )
 from shrm_cli.sphere.harmonics import degrees
 
@@ -119,6 +121,20 @@ def test_light_that_ends_is_met_by_few_of_the_unknown_degrees(spec, order, exten
     found, _ = energies_beyond(lit(power[: order + 1], power.sum(axis=0)), known)
     assert expected > 0
     assert 0.8 < np.sqrt(found / expected) < 1.45
+
+
+@pytest.mark.parametrize(("rows", "exponent"), [(8, 4096), (32, 4096), (16, 16384)])
+def test_light_that_is_finer_than_pixels_is_missed_by_maps(rng, rows, exponent):
+    """Edges of pixels go on beyond the degrees of 128 rows, into which they are cut for a map."""
+    image = rng.gamma(0.3, size=(rows, 2 * rows, 3))
+    known, truth = (
+        project(Probe.from_array(image.repeat(times, 0).repeat(times, 1)), 400)
+        for times in (128 // rows, 512 // rows)
+    )
+    lobe = compute_coefficients(parse_spec(f"phong:exponent={exponent}"), 400, 0)
+    by_degree = np.sum(weighted_power(truth, 400) * lobe.degree_energy, axis=1)
+    expected = np.sqrt(by_degree[128:].sum() / by_degree.sum())
+    assert 0.75 * expected < predicted_error(known, lobe, 400, 0) < 1.4 * expected
 
 
 @pytest.mark.proof

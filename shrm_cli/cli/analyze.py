@@ -13,7 +13,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.brdf import order_text, order_values
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import DIRECTION, FRACTION, STOPS, Spec
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
@@ -152,7 +152,7 @@ def analyze(
         "pictures": found.pictures and {**drawing, **_pictures(found.pictures, views)},
         "files": list(targets.values()),
     }
-    options.conclude(result, [title, *_report(result)], warnings)
+    conclude(result, [title, *_report(result)], warnings)
 
 
 def _remarks(found: Analysis, order_p: int | None) -> list[str]:
@@ -217,7 +217,7 @@ def _analyze_materials(
     for name, row in zip(specs, captured, strict=True):
         lines.append(f"  {name:<{width}}" + "".join(f"{part:>9.2%}" for part in row))
     lines += [f"wrote {file}" for file in result["files"]]
-    options.conclude(result, lines, warnings)
+    conclude(result, lines, warnings)
 
 
 def _prefix(output: str | None, probe: str | None, label: str) -> str:

@@ -16,7 +16,7 @@ from shrm_cli.cli.contact import write_contacts
 from shrm_cli.cli.export import texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
-from shrm_cli.cli.terminal import echo, echo_message, progress_bar, ticking
+from shrm_cli.cli.terminal import echo, echo_message, progress_bar, tell, ticking
 from shrm_cli.cli.types import Named
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import installed_names
@@ -389,7 +389,7 @@ def _conclude(totals: Totals, log: str | None, predictions: list[dict[str, Any]]
         *(f"  {count:,} anew: {usage.flags(why)}" for why, count in anew),
     ]
     result = {**totals.as_json(), "log": log, **more, "failures": totals.failures}
-    options.tell(result, lines)
+    tell(result, lines)
 
 
 def _prediction_line(facts: dict[str, Any]) -> str:

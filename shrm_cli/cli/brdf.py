@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar, tell, warn
 from shrm_cli.cli.types import FRACTION, Spec
 from shrm_cli.maps.options import bytes_text
 
@@ -79,7 +79,7 @@ def brdf(
         with using(Rising(progress)):
             rows, captured = _orders(chosen, asked, remarks) if asked else ([], [])
         report = _explain(chosen, rows, captured)
-    options.conclude(report, _text(chosen, report), remarks)
+    conclude(report, _text(chosen, report), remarks)
 
 
 def _list() -> None:
@@ -98,8 +98,8 @@ def _list() -> None:
     lines.append("Measured, by the path of a file:")
     lines += [f"  {kind.name:<18} {kind.reads}" for kind in formats()]
     lines += ["Materials, as openpbr:", "  material.mtlx#name or asset.glb#name"]
-    options.tell([_describe(model) for group in groups.values() for model in group], lines)
-    options.warn(problems)
+    tell([_describe(model) for group in groups.values() for model in group], lines)
+    warn(problems)
 
 
 def _save(spec: str, target: str) -> None:
@@ -129,9 +129,7 @@ def _save(spec: str, target: str) -> None:
         f"{target}: {written.summary}, {bytes_text(size)}",
         f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal",
     ]
-    options.tell(
-        {"file": target, "format": written.name, "bytes": size, "rms_difference": error}, lines
-    )
+    tell({"file": target, "format": written.name, "bytes": size, "rms_difference": error}, lines)
 
 
 def _walk(spec: str, paths: int) -> None:
@@ -150,7 +148,7 @@ def _walk(spec: str, paths: int) -> None:
     rows += [_row("differ", found.difference), _row("noise", found.difference_noise)]
     lines = [f"{chosen!r}: what its base adds, by {paths} paths for each of 512 lights", *rows]
     known = {name: getattr(found, name).tolist() for name in found.__dataclass_fields__}
-    options.tell({"brdf": record_of(chosen), "paths": paths, "theta": list(VIEWS), **known}, lines)
+    tell({"brdf": record_of(chosen), "paths": paths, "theta": list(VIEWS), **known}, lines)
 
 
 def _row(name: str, values: Any) -> str:

@@ -4,6 +4,7 @@ import click
 
 from shrm_cli import bytecode, settings
 from shrm_cli.cli import options
+from shrm_cli.cli.terminal import tell
 from shrm_cli.maps.options import bytes_text
 
 
@@ -25,7 +26,7 @@ def info() -> None:
     where = str(settings.cache_folder())
     count, size = _with_modules(where, *cache_usage())
     line = f"{where}: {_amount(count, size)}, at most {bytes_text(MOST_BYTES)}"
-    options.tell({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES}, [line])
+    tell({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES}, [line])
 
 
 @cache.command()
@@ -39,7 +40,7 @@ def clear() -> None:
     bytecode.clear(where)
     count, size = (a + b for a, b in zip(clear_cache(), modules, strict=True))
     line = f"{where}: {_amount(count, size)} removed"
-    options.tell({"folder": where, "removed": count, "bytes": size}, [line])
+    tell({"folder": where, "removed": count, "bytes": size}, [line])
 
 
 def _with_modules(where: str, count: int = 0, size: int = 0) -> tuple[int, int]:

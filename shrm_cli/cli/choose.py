@@ -10,7 +10,7 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import columns, progress_bar
+from shrm_cli.cli.terminal import columns, conclude, progress_bar
 from shrm_cli.cli.types import BYTES, FRACTION
 from shrm_cli.extras import install
 from shrm_cli.files.whole import note
@@ -118,7 +118,7 @@ def choose(
     result = {"choices": [_values(path, each) for path, each in found], "files": files}
     warnings += [line for _, each in found for line in each.warnings]
     lines += [f"wrote {path}" for path in files]
-    options.conclude({**result, "failures": failures}, lines, [*warnings, *failures])
+    conclude({**result, "failures": failures}, lines, [*warnings, *failures])
     if failures:
         sys.exit(1)
 

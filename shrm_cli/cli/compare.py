@@ -11,7 +11,7 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, shading, usage
-from shrm_cli.cli.terminal import columns, progress_bar
+from shrm_cli.cli.terminal import columns, conclude, progress_bar
 from shrm_cli.cli.types import BYTES, FRACTION, Spec, interval, within
 from shrm_cli.extras import install
 from shrm_cli.files.recipe import picture_attributes
@@ -170,7 +170,7 @@ def compare(
         report.append(_picture(target, compared.comparison, labels, settings))
         exposed = expose(compared.comparison.baseline, exposure)
         warnings += exposure_advice(target, exposed, exposure)
-    options.conclude(result, report, warnings + _too_large(result))
+    conclude(result, report, warnings + _too_large(result))
 
 
 def _too_large(result: dict[str, Any]) -> list[str]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
+from shrm_cli.maps.options import counted
 
 if TYPE_CHECKING:
     from shrm_cli.report.contact import Contacts
@@ -47,8 +48,10 @@ def contact(maps: tuple[str, ...], output: str, title: str) -> None:
         "failures": failures,
     }
     count = len(found.maps)
-    lines = [f"{output}: {count:,} maps, {size:,} bytes, {seconds / max(count, 1):.2g} s each"]
-    options.conclude(result, lines, failures=[_reason(*each) for each in found.failures])
+    lines = [
+        f"{output}: {counted(count, 'map')}, {size:,} bytes, {seconds / max(count, 1):.2g} s each"
+    ]
+    conclude(result, lines, failures=[_reason(*each) for each in found.failures])
 
 
 def _reason(name: str, why: str) -> str:

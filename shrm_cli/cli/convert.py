@@ -8,7 +8,7 @@ import shrm_cli as shrm
 from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import surface_options
-from shrm_cli.cli.terminal import echo, progress_bar
+from shrm_cli.cli.terminal import conclude, echo, progress_bar
 from shrm_cli.cli.types import DIRECTION, Named
 from shrm_cli.files.whole import keeping
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
@@ -146,7 +146,7 @@ def convert(
     code = written.result.get("shader")
     if code is not None and not usage.wants_json():
         echo(code.rstrip("\n"))
-    options.conclude(written.result, [written.report], written.warnings, err=code is not None)
+    conclude(written.result, [written.report], written.warnings, err=code is not None)
 
 
 def _rules_of_source(is_map: bool) -> dict[str, usage.Applies]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import progress_bar, tell
 from shrm_cli.files.whole import keeping
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import CONTAINERS, Precision
@@ -126,4 +126,4 @@ def dfg(
         f"  white furnace  {white.min():.2%} to {white.max():.2%}"
         + ("" if made.kind == "albedo" else " at f0 = 1 by single scattering"),
     ]
-    options.tell(result, lines)
+    tell(result, lines)

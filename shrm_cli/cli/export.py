@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import Named
 from shrm_cli.errors import ShrmError
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
@@ -128,7 +128,7 @@ def export(
     )
     if len(names) == 1:
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
-        options.conclude(*_exported(sources, names[0], folder, asked, reading, force))
+        conclude(*_exported(sources, names[0], folder, asked, reading, force))
         return
     results, lines, warnings, failures = [], [], [], []
     with made_folder(Path(output)) if output else nullcontext():
@@ -142,7 +142,7 @@ def export(
             results.append(result)
             lines += told
             warnings += [line for line in warned if line not in warnings]
-    options.conclude({"exports": results, "failures": failures}, lines, warnings, failures)
+    conclude({"exports": results, "failures": failures}, lines, warnings, failures)
 
 
 def _exported(

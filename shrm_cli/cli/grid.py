@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import BOX, COUNTS
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_GRID_ORDER
@@ -93,7 +93,7 @@ def grid(
     def begin(plan: RoomPlan) -> None:
         planned.append(plan)
         count = " x ".join(map(str, plan.lattice.shape))
-        options.announce([f"{source}: {len(plan.mesh.faces):,} triangles, {count} probes"])
+        announce([f"{source}: {len(plan.mesh.faces):,} triangles, {count} probes"])
 
     with progress_bar("projecting" if is_table else "gathering") as progress:
         found = grid_of(
@@ -115,7 +115,7 @@ def grid(
             f"{source}: all probes lie behind surfaces, whose triangles seem to face outwards; "
             "turn them round, or give `box` within the room"
         )
-    options.conclude({"file": target, **said, "bytes": bytes_written}, lines, warnings)
+    conclude({"file": target, **said, "bytes": bytes_written}, lines, warnings)
 
 
 def _target(source: str, output: str | None) -> tuple[str, str]:

@@ -5,6 +5,7 @@ from typing import Any
 import click
 
 from shrm_cli.cli import options, usage
+from shrm_cli.cli.terminal import conclude
 
 
 @click.command()
@@ -36,4 +37,4 @@ def info(file: str, stats: bool, **reading: Any) -> None:
     for key, value in facts.items():
         text = fact_text(value).replace("\n", "\n" + " " * (width + 4))
         lines.append(f"  {key.replace('_', ' '):<{width}}  {text}")
-    options.conclude({"file": file, **found.facts}, lines, found.warnings)
+    conclude({"file": file, **found.facts}, lines, found.warnings)

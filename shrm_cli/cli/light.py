@@ -10,6 +10,7 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
+from shrm_cli.cli.terminal import conclude
 from shrm_cli.cli.types import COEFFICIENT, DIMMING, RADIANCE, STOPS, TURN
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.options import counted
@@ -77,12 +78,12 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
         write_light_file(output, tables, working)
         count = sum(map(len, tables.values()))
         told = f"{output}: {counted(count, 'light')}"
-        options.conclude({"file": output, "lights": count}, [told])
+        conclude({"file": output, "lights": count}, [told])
         return
     found, warnings = shrm.edit_light(file, wanted, add, order, options.make_read_options(values))
     write_coefficients(output, found)
     result = {"file": output, "coefficients": found.tolist()}
-    options.conclude(result, [f"{output}: {len(found)} coefficients"], warnings)
+    conclude(result, [f"{output}: {len(found)} coefficients"], warnings)
 
 
 def _edit(values: dict[str, Any]) -> shrm.Edit:
@@ -213,4 +214,4 @@ def basis(
     pixels = write_picture(output, picture, precision, picture_attributes(recipe, []))
     height, width = scene.shape
     result = {"file": output, "names": names, "width": width, "height": height}
-    options.conclude(result, [f"{output}: {len(names)} harmonics, {width} x {height}, {pixels}"])
+    conclude(result, [f"{output}: {len(names)} harmonics, {width} x {height}, {pixels}"])

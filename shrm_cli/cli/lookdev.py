@@ -12,7 +12,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.moving import fps_option, frame_targets, max_memory_option
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import STOPS, Named
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.files.whole import note
@@ -125,7 +125,7 @@ def lookdev(
     pairs = f"{counted(len(specs), 'material')} x {counted(len(probes), 'probe')}"
     warnings = [f"{each.path}: {line}" for each in made.columns for line in each.warnings]
     result = {"files": targets, **said, "frames": steps, **_facts(made), "failures": failures}
-    options.conclude(result, [f"{output}: {pairs}, {written}"], [*warnings, *failures])
+    conclude(result, [f"{output}: {pairs}, {written}"], [*warnings, *failures])
     if failures:
         sys.exit(1)
 

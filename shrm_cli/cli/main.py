@@ -16,7 +16,7 @@ import click
 import shrm_cli
 from shrm_cli import settings
 from shrm_cli.cli import usage
-from shrm_cli.cli.terminal import echo_message, tell_nobody
+from shrm_cli.cli.terminal import echo_message, tell_nobody, warn
 from shrm_cli.errors import ArgumentError, PluginError, ShrmError, ShrmWarning
 from shrm_cli.files.whole import protecting
 from shrm_cli.settings import limit_small_products
@@ -100,7 +100,7 @@ class _LazyGroup(click.Group):
         if rows:
             with formatter.section("Commands of installed packages"):
                 formatter.write_dl(rows)
-        _warn(problems)
+        warn(problems)
 
 
 def _installed() -> dict[str, EntryPoint]:
@@ -189,14 +189,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     """Say what the library warns of, such as what of a material is left out."""
-    _warn([str(message)])
-
-
-def _warn(lines: list[str]) -> None:
-    from shrm_cli.cli.options import warn
-
-    if lines:
-        warn(lines)
+    warn([str(message)])
 
 
 def _one_line(error: BaseException, arguments: list[str]) -> str:

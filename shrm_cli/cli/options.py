@@ -1,9 +1,8 @@
-"""Options that several subcommands share, their headings, and the functions that print results."""
+"""Options that several subcommands share, and their headings."""
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from shrm_cli import settings, vocabulary
-from shrm_cli.cli.terminal import echo, echo_json, echo_message, has_terminal
 from shrm_cli.cli.types import (
     DIRECTION,
     NAMED_COLOR,
@@ -21,7 +19,7 @@ from shrm_cli.cli.types import (
     Spec,
     click_option,
 )
-from shrm_cli.cli.usage import Applies, flags, is_quiet, remember, wants_json
+from shrm_cli.cli.usage import Applies, remember
 from shrm_cli.errors import PluginError
 from shrm_cli.maps.options import SHARED, Option, all_options
 from shrm_cli.maps.registry import description, descriptions, is_known
@@ -371,46 +369,3 @@ def textures_left_out(source: str, textured: Sequence[str]) -> list[str]:
         f"{source}: textures are left out; the numbers alone count of {', '.join(textured)}; "
         "`albedo` NAME=R,G,B and `emit` NAME=R,G,B name their means"
     ]
-
-
-def conclude(
-    result: dict[str, Any],
-    lines: Sequence[str],
-    warnings: Sequence[str] = (),
-    failures: Sequence[str] = (),
-    err: bool = False,
-) -> None:
-    """Print what a command has done, as JSON or as lines of text; warnings go to stderr.
-
-    `result` is what is printed as JSON with --json; the warnings are added to it. `lines` are what
-    is printed as text, but with --quiet. `warnings` may name arguments of the library in backticks;
-    they are left out with --quiet. `failures` are what could not be made; if there is any, the
-    command exits with 1. `err` tells whether the lines go to stderr, because stdout holds something
-    else.
-    """
-    tell({**result, "warnings": [flags(line) for line in warnings]}, lines, err)
-    warn(warnings)
-    for line in failures:
-        echo_message(f"Failed: {line}")
-    if failures:
-        sys.exit(1)
-
-
-def tell(result: Any, lines: Sequence[str], err: bool = False) -> None:
-    """Print a result, as JSON with --json, or else as lines of text, but with --quiet."""
-    if wants_json():
-        echo_json(result)
-    elif not is_quiet():
-        echo("\n".join(lines), err=err)
-
-
-def warn(lines: Sequence[str]) -> None:
-    """Print warnings to stderr; they may name arguments of the library in backticks."""
-    for line in [] if is_quiet() else lines:
-        echo_message(f"Warning: {flags(line)}")
-
-
-def announce(lines: Sequence[str]) -> None:
-    """Say on a terminal, before long work begins, what it will be."""
-    if not is_quiet() and has_terminal():
-        echo("\n".join(lines), err=True)

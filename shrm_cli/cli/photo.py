@@ -10,13 +10,15 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import CIRCLE, DIRECTION, RADIANCE, Parsed, within
+from shrm_cli.maps.options import counted
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
     from shrm_cli.arrays import Array
+    from shrm_cli.photo.brackets import Merged
 
 _DIFFERENT = 0.1
 """Photographs that differ by more, in the median, show other scenes or are turned otherwise."""
@@ -75,20 +77,14 @@ def brackets(
     differences = [each if each == each else None for each in made.differences.tolist()]
     facts = {
         "photos": list(made.paths), "exposures": exposures, "differences": differences,
-        "clipped": made.clipped,
+        "clipped": made.clipped, "stuck": made.stuck,
     }  # fmt: skip
     told = ", ".join("?" if each is None else f"{each:.1%}" for each in differences[1:])
     lines = [
         f"  exposures      {', '.join(f'{each:.3g}' for each in exposures)} of the middle one",
         f"  differences    {told} of each from the one before, in the median",
     ]
-    warnings = _disagreements(made.paths, differences)
-    if made.clipped:
-        count = round(made.clipped * made.pixels.shape[0] * made.pixels.shape[1])
-        warnings.append(
-            f"{output}: {count:,} pixels are white in the shortest exposure, too; take a shorter "
-            "one, or give a reading to shrm probe unclip"
-        )
+    warnings = _disagreements(made.paths, differences) + _white_pixels(output, made)
     recipe = {"probe": "brackets", "photos": _names(made.paths), "exposures": exposures}
     _write(output, made.pixels, precision, made.chromaticities, recipe, facts, lines, warnings)
 
@@ -107,6 +103,24 @@ def _disagreements(paths: Sequence[str], differences: Sequence[float | None]) ->
                 f"{path}: differs by {difference:.0%} from {before} in the median, where neither "
                 "is black or white; check the --times, and that nothing moved"
             )
+    return warnings
+
+
+def _white_pixels(output: str, made: Merged) -> list[str]:
+    """Return warnings about pixels that are white in the shortest exposure, too."""
+    warnings = []
+    if made.stuck:
+        warnings.append(
+            f"{output}: {counted(made.stuck, 'pixel')} white in all exposures and alone in it, as "
+            "stuck ones of a sensor are, show what is around them"
+        )
+    if made.clipped:
+        count = round(made.clipped * made.pixels.shape[0] * made.pixels.shape[1])
+        are = "1 pixel is" if count == 1 else f"{count:,} pixels are"
+        warnings.append(
+            f"{output}: {are} white in the shortest exposure, too; take a shorter one, or give a "
+            "reading to shrm probe unclip"
+        )
     return warnings
 
 
@@ -282,4 +296,4 @@ def _write(
     result = {
         "file": output, "width": width, "height": height, "precision": pixel_type, **facts,
     }  # fmt: skip
-    options.conclude(result, [f"{output}: {width} x {height}, {pixel_type}", *lines], warnings)
+    conclude(result, [f"{output}: {width} x {height}, {pixel_type}", *lines], warnings)

@@ -11,7 +11,7 @@ import click
 
 from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import echo, has_terminal, progress_bar
+from shrm_cli.cli.terminal import conclude, echo, has_terminal, progress_bar
 from shrm_cli.cli.types import BOX, VECTOR, Named
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
@@ -161,7 +161,7 @@ def prefilter(
     for text in [] if usage.wants_json() else printed.values():
         echo(text.rstrip("\n"))
     lines = _report(made, result) if is_told else []
-    options.conclude({**result, **printed}, lines, warnings, err=bool(printed))
+    conclude({**result, **printed}, lines, warnings, err=bool(printed))
 
 
 def _printed(made: Map, prints: Mapping[str, Any]) -> dict[str, str]:

@@ -9,7 +9,7 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.photo import ball, brackets, unclip
-from shrm_cli.cli.terminal import echo, progress_bar
+from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
 from shrm_cli.cli.types import BOX, DIRECTION, RADIANCE, VECTOR
 from shrm_cli.files.whole import check_target
 from shrm_cli.vocabulary import PRECISIONS, Precision
@@ -223,7 +223,7 @@ def capture(
     room = opened.room
     low, high = room.mesh.bounds if box is None else np.reshape(box, (2, 3))
     proxy = ProxyBox.of(low, high, at)
-    options.announce([f"{mesh}: {len(room.mesh.faces):,} triangles, {size} x {2 * size} pixels"])
+    announce([f"{mesh}: {len(room.mesh.faces):,} triangles, {size} x {2 * size} pixels"])
     with progress_bar("tracing") as progress:
         place = np.array(at)
         found = captured(room, place, size, samples, opened.surroundings, progress)
@@ -250,7 +250,7 @@ def capture(
         f"{output}: {2 * size} x {size}, {pixel_type}",
         f"  noise of {found.noise:.1%} (RMS) is left; four times the samples halve it",
     ]
-    options.conclude(result, lines, warnings)
+    conclude(result, lines, warnings)
 
 
 probe.add_command(image_options(capture))

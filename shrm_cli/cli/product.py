@@ -9,7 +9,7 @@ import click
 
 from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import Spec, way
 from shrm_cli.naming import brdf_label
 
@@ -106,7 +106,7 @@ def product(
             f"{target}: between two of {steps} values {missed:.1%} is missed; leave `steps` out, "
             "or give more"
         )
-    options.conclude(result, [title, *(f"  {line}" for line in lines)], warnings)
+    conclude(result, [title, *(f"  {line}" for line in lines)], warnings)
 
 
 def _ranges(texts: tuple[str, ...]) -> list[tuple[str, float, float]]:

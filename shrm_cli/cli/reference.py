@@ -7,7 +7,7 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, Precision
@@ -99,4 +99,4 @@ def reference(
         f"  truth          {truth.statement}",
     ]
     told = {"file": target, **result, "precision": pixel_type}
-    options.conclude(told, lines, warnings)
+    conclude(told, lines, warnings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,15 +11,17 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import moving, options, shading, stage, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import VECTOR, picture_size, within
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.cli.stage import Baked
+    from shrm_cli.files.picture import Picture
     from shrm_cli.maps.info import MapInfo
     from shrm_cli.probe.probe import Probe
+    from shrm_cli.progress import Progress
     from shrm_cli.render.drawing import Drawing, Film, Lit
     from shrm_cli.render.moving import Moment
 
@@ -133,23 +135,23 @@ def render(
         drawing = _on_sphere(lit, size, shown_moments, values)
     else:
         drawing = _on_mesh(lit, mesh, baked, size, shown_moments, {**values, "transfer": transfer})
-    film = Film(
-        drawing, shown_moments, list(map(usage.map_stem, lit.names)), exposure, skies, columns
-    )
+    film = Film(drawing, shown_moments, [*map(usage.map_stem, lit.names)], exposure, skies, columns)
     moved = {name: values[name] for name in moving.LIGHT_MOVES if values[name] not in (None, ())}
     settings = {
         "maps": list(lit.names), "view": list(view), "vary": ways or None, **drawing.said,
         "exposure": exposure, "background": background, "probe": probe, "window": window,
         "frames": steps, **moved, "width": film.shape[1], "height": film.shape[0],
     }  # fmt: skip
-    if is_animated(pattern):
-        written, lines, doubts = _write_animation(film, pattern, view[0], fps, max_memory)
-    else:
-        written, lines, doubts = _write_pictures(film, targets, precision, settings)
+    with progress_bar("rendering") as progress:
+        images = _doubted(film, targets[0], told, progress)
+        if is_animated(pattern):
+            written, lines = _write_animation(film, images, pattern, view[0], fps, max_memory)
+        else:
+            written, lines = _write_pictures(film, images, targets, precision, settings)
     told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
-    options.conclude({"files": written, **settings}, lines, drawing.warnings + told + doubts)
+    conclude({"files": written, **settings}, lines, drawing.warnings + told)
 
 
 def _refuse_others(mesh: str | None, values: dict[str, Any], has_probe: bool) -> None:
@@ -229,10 +231,27 @@ def _on_mesh(
     return replace(drawing, said=said, warnings=[*warnings, *drawing.warnings])
 
 
+def _doubted(
+    film: Film, path: str, told: list[str], progress: Progress | None
+) -> Iterator[Picture]:
+    """Yield the pictures, and add to `told` which exposure would show the first one."""
+    from shrm_cli.render.image import exposure_advice
+
+    for number, picture in enumerate(film.pictures(progress)):
+        if number == 0:
+            told += exposure_advice(path, picture, film.exposure)
+        yield picture
+
+
 def _write_animation(
-    film: Film, target: str, azimuth: float, fps: float | None, max_memory: int | None
-) -> tuple[list[dict[str, Any]], list[str], list[str]]:
-    """Write a moving picture; return what JSON has of it, a line about it, and no warnings."""
+    film: Film,
+    pictures: Iterable[Picture],
+    target: str,
+    azimuth: float,
+    fps: float | None,
+    max_memory: int | None,
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Write a moving picture; return what JSON has of it, and a line about it."""
     from shrm_cli.analysis.memory import check_sheet
     from shrm_cli.files.animation import held_bytes, write_animation
     from shrm_cli.files.picture import in_srgb
@@ -240,35 +259,29 @@ def _write_animation(
     (height, width), count, fps = film.shape, len(film.moments), fps or DEFAULT_FPS
     held = held_bytes(target, width * height, count)
     check_sheet(width * height, film.drawing.subject.shape[1], held, max_memory)
-    with progress_bar("rendering") as progress:
-        images = (
-            in_srgb(target, each, film.drawing.primaries)[0] for each in film.pictures(progress)
-        )
-        write_animation(target, images, fps)
+    images = (in_srgb(target, each, film.drawing.primaries)[0] for each in pictures)
+    write_animation(target, images, fps)
     written = [{"file": target, "azimuth": azimuth, "pixels": "8-bit sRGB"}]
-    return written, [f"{target}: {width} x {height}, {count} frames, {fps:g} a second"], []
+    return written, [f"{target}: {width} x {height}, {count} frames, {fps:g} a second"]
 
 
 def _write_pictures(
-    film: Film, targets: Sequence[str], precision: Precision, settings: dict[str, Any]
-) -> tuple[list[dict[str, Any]], list[str], list[str]]:
-    """Write a picture of each moment; return what JSON has of them, lines about them, warnings."""
+    film: Film,
+    pictures: Iterable[Picture],
+    targets: Sequence[str],
+    precision: Precision,
+    settings: dict[str, Any],
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Write a picture of each moment; return what JSON has of them, and lines about them."""
     from shrm_cli.files.picture import write_picture
-    from shrm_cli.render.image import exposure_advice
 
     (height, width), drawing = film.shape, film.drawing
     written: list[dict[str, Any]] = []
-    doubts: list[str] = []
-    with progress_bar("rendering") as progress:
-        drawn = zip(targets, film.moments, film.pictures(progress), strict=True)
-        for path, moment, picture in drawn:
-            attributes = _attributes(drawing.seen, settings, drawing.said, moment)
-            pixels = write_picture(path, picture, precision, attributes)
-            if not written:  # one line for all frames
-                doubts = exposure_advice(path, picture, film.exposure)
-            written.append({"file": path, "azimuth": moment.viewer.azimuth, "pixels": pixels})
-    lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
-    return written, lines, doubts
+    for path, moment, picture in zip(targets, film.moments, pictures, strict=True):
+        attributes = _attributes(drawing.seen, settings, drawing.said, moment)
+        pixels = write_picture(path, picture, precision, attributes)
+        written.append({"file": path, "azimuth": moment.viewer.azimuth, "pixels": pixels})
+    return written, [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
 
 
 def _files(maps: Sequence[str], mesh: str | None, values: dict[str, Any]) -> list[str]:

@@ -10,7 +10,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import BYTES, STOPS, Named
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.registry import installed_names
@@ -120,7 +120,7 @@ def report(
     warnings = [f"{probe}: {line}" for line in light.report.warnings()]
     warnings += made.warnings
     failed = [f"{each['what']}: {each['error']}" for each in failures]
-    options.conclude(result, _lines(output, len(text), measured), warnings, failed)
+    conclude(result, _lines(output, len(text), measured), warnings, failed)
 
 
 def _options() -> dict[str, Any]:

@@ -12,8 +12,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli import settings
 from shrm_cli.cli import usage
-from shrm_cli.cli.options import announce, conclude
-from shrm_cli.cli.terminal import columns, progress_bar
+from shrm_cli.cli.terminal import announce, columns, conclude, progress_bar
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.options import bytes_text, counted, listing
 from shrm_cli.maps.registry import installed_names

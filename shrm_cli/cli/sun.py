@@ -8,7 +8,7 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import echo, progress_bar
+from shrm_cli.cli.terminal import conclude, echo, progress_bar, warn
 from shrm_cli.cli.types import FRACTION, within
 from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
@@ -97,9 +97,9 @@ def sun(
         from shrm_cli.lights.snippets import snippet
 
         echo(snippet(engine, split.discs))
-        options.warn(warnings)
+        warn(warnings)
         return
-    options.conclude(result, _lines(probe, split, written), warnings)
+    conclude(result, _lines(probe, split, written), warnings)
 
 
 def _write(

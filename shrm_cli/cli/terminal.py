@@ -78,6 +78,49 @@ def echo_json(value: Any) -> None:
     _write(_SUSPECT.sub(lambda found: _json_escape(found[0]), text), err=False)
 
 
+def conclude(
+    result: dict[str, Any],
+    lines: Sequence[str],
+    warnings: Sequence[str] = (),
+    failures: Sequence[str] = (),
+    err: bool = False,
+) -> None:
+    """Print what a command has done, as JSON or as lines of text; warnings go to stderr.
+
+    `result` is what is printed as JSON with --json; the warnings are added to it. `lines` are what
+    is printed as text, but with --quiet. `warnings` may name arguments of the library in backticks;
+    they are left out with --quiet. `failures` are what could not be made; if there is any, the
+    command exits with 1. `err` tells whether the lines go to stderr, because stdout holds something
+    else.
+    """
+    tell({**result, "warnings": [usage.flags(line) for line in warnings]}, lines, err)
+    warn(warnings)
+    for line in failures:
+        echo_message(f"Failed: {line}")
+    if failures:
+        sys.exit(1)
+
+
+def tell(result: Any, lines: Sequence[str], err: bool = False) -> None:
+    """Print a result, as JSON with --json, or else as lines of text, but with --quiet."""
+    if usage.wants_json():
+        echo_json(result)
+    elif not usage.is_quiet():
+        echo("\n".join(lines), err=err)
+
+
+def warn(lines: Sequence[str]) -> None:
+    """Print warnings to stderr; they may name arguments of the library in backticks."""
+    for line in [] if usage.is_quiet() else lines:
+        echo_message(f"Warning: {usage.flags(line)}")
+
+
+def announce(lines: Sequence[str]) -> None:
+    """Say on a terminal, before long work begins, what it will be."""
+    if not usage.is_quiet() and has_terminal():
+        echo("\n".join(lines), err=True)
+
+
 def columns(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
     """Return a table as lines, whose cells stand to the right, but in some columns to the left."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

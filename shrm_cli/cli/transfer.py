@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import progress_bar
+from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import ALBEDO, BRUSH
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
@@ -116,7 +116,7 @@ def transfer(
     )  # fmt: skip
     found, texels = plan.mesh, plan.sites.texels
     sites = f"{len(plan.sites.positions):,} {'vertices' if texels is None else 'texels'}"
-    options.announce([
+    announce([
         f"{mesh}: {sites}, order {order}; {plan.size():,} bytes beside the output while it works"
     ])  # fmt: skip
 
@@ -139,4 +139,4 @@ def transfer(
         f"{target}: transfer {kinds} of {sites}, of {of}, order {order}, "
         f"{bounces} bounces, {size:,} bytes"
     ]
-    options.conclude({"file": target, **said, "bytes": size}, lines, [])
+    conclude({"file": target, **said, "bytes": size}, lines, [])

@@ -9,7 +9,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import brush_option, brushed_options, surface_options, surface_rules
-from shrm_cli.cli.terminal import echo, progress_bar
+from shrm_cli.cli.terminal import conclude, echo, progress_bar, warn
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.maps.options import bytes_text
 
@@ -117,7 +117,7 @@ def view(
     warnings = [] if light is None else [f"{probe}: {line}" for line in light.report.warnings()]
     warnings += shown.warnings
     if output is None:
-        options.warn(warnings)
+        warn(warnings)
         for line in shown.told:
             echo(line, err=True)
         _serve(shown.scene, no_open)
@@ -141,7 +141,7 @@ def view(
         lines.append(
             f"textures rounded by up to {error:.2%} (RMS); --lossless keeps half precision"
         )
-    options.conclude(result, lines, warnings)
+    conclude(result, lines, warnings)
 
 
 def _check_usage(has_probe: bool, has_output: bool, no_truth: bool) -> bool:

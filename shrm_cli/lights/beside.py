@@ -13,6 +13,7 @@ from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import LampSplit, split_lamps
+from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.expansion import LampsBeside
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.lobe import LobeTable
@@ -20,7 +21,7 @@ from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
 from shrm_cli.maps.lamps.models import has_code, has_code_or_table
 from shrm_cli.maps.lamps.rule import LitDiscs
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, negative_warnings
+from shrm_cli.maps.prefiltered import Prefiltered, negative_warnings
 from shrm_cli.plan import policy
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.lighting import Lighting, project

@@ -44,6 +44,9 @@ if TYPE_CHECKING:
     from shrm_cli.maps.shrm.shrm import Shrm
     from shrm_cli.vocabulary import Frame, Orientation, Precision, Sampling
 
+REMEDY = "dim them by `clamp`"
+"""What helps against lamps; `prefilter` adds what else does where it knows the lamps."""
+
 
 class ReflectedLight(ABC):
     """Light that surfaces of one BRDF reflect, for all of their orientations and all views.

@@ -244,16 +244,22 @@ def _about_own(light: Array, lobes: Lobes) -> Array:
     error of it.
     """
     light = light[: (lobes.order + 1) ** 2]
-    local = _local_light(
-        light.sum(axis=1, keepdims=True) if lobes.whole.shape[-1] == 1 else light, lobes
-    )
+    if lobes.whole.shape[-1] == 1:
+        light = light.sum(axis=1, keepdims=True)
     kept = _kept_light.get()
     if kept is None:
+        local = _local_light(light, lobes, None)
         whole = _reflected(local, lobes.whole)
     else:  # the maps that are compared have the same whole lobes, and errors of their own
-        key = tuple((blake2b(each.tobytes()).digest(), each.shape) for each in (light, lobes.whole))
-        whole = kept.get(key, lambda: _reflected(local, lobes.whole))
+        known = _identity(light)
+        local = _local_light(light, lobes, known)
+        whole = kept.get((known, _identity(lobes.whole)), lambda: _reflected(local, lobes.whole))
     return np.stack([whole, _reflected(local, lobes.error)])
+
+
+def _identity(array: Array) -> tuple[bytes, tuple[int, ...]]:
+    """Return what tells an array from others by its values."""
+    return blake2b(array.tobytes()).digest(), array.shape
 
 
 def _reflected(local: Sequence[Array], lobes: Array) -> Array:
@@ -281,25 +287,24 @@ def _reflected(local: Sequence[Array], lobes: Array) -> Array:
     return np.asarray(values.reshape(views, -1, _AZIMUTHS).swapaxes(0, 1))
 
 
-def _local_light(light: Array, lobes: Lobes) -> list[Array]:
+def _local_light(light: Array, lobes: Lobes, known: object) -> list[Array]:
     """Expand the light about central directions that are spread evenly.
 
     `light`, of shape ((order+1)^2, channels), holds the coefficients over the real harmonics of
-    world axes. `lobes` tell the largest l and q.
+    world axes. `lobes` tell the largest l and q. `known` tells the light from others, where it is
+    kept.
 
     Returns arrays of shape (2, orders q, (order+1) channels, directions), of single precision, for
     some of the orders q = 0 .. max_q each: the real and the imaginary part of ``A_lq(C)``, zero
     where q > l.
     """
     kept, order, count = _kept_light.get(), lobes.order, lobes.max_q + 1
-    digest = None if kept is None else blake2b(light.tobytes()).digest()
 
     def make(first: int) -> Array:
         orders = range(first, min(first + _ORDERS_AT_ONCE, count))
         if kept is None:
             return _make_local_light(light, order, orders)
-        key = digest, light.shape, order, orders
-        return kept.get(key, lambda: _make_local_light(light, order, orders))
+        return kept.get((known, order, orders), lambda: _make_local_light(light, order, orders))
 
     return [make(first) for first in range(0, count, _ORDERS_AT_ONCE)]
 

@@ -31,8 +31,6 @@ Truth = Callable[[Array, Array], Array]
 """From normals and views to what is reflected, shape (n, 3)."""
 Notes = tuple[tuple[str, str], ...]
 """Headings and texts that tell people what was chosen automatically."""
-REMEDY = "dim them by `clamp`"
-"""What helps against lamps; `prefilter` adds what else does where it knows the lamps."""
 
 
 @record(eq=False)

@@ -54,7 +54,7 @@ DESCRIPTIONS = {
     "shrm": Representation(
         "shrm",
         "SHRM",
-        BRDF_ARGUMENTS | CUBE_ARGUMENTS | {"error", "seen"},
+        (BRDF_ARGUMENTS - {"domain", "source_height"}) | CUBE_ARGUMENTS,
         (
             Option(
                 "split", kind="switch",

@@ -157,8 +157,13 @@ def resolved_form(to: str, given: Mapping[str, Any]) -> str:
 def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments but for the BRDF as the makers of maps take them.
 
-    Raises ArgumentError if one has a value that it cannot have.
+    Raises ArgumentError if one has a value that it cannot have, or is of the other domain.
     """
+    is_angular = given.get("domain") == "angular"
+    for name in ("order_f", "order_p") if is_angular else ("source_height",):
+        if name in given:
+            domain = "frequency" if is_angular else "angular"
+            raise ArgumentError(name, f"applies with `domain` {domain}")
     options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
     return {name: options[name].checked(value) for name, value in given.items()}
 

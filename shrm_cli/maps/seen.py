@@ -13,9 +13,10 @@ from functools import cache
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
+from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import SHARED, bytes_text
-from shrm_cli.maps.prefiltered import REMEDY, Prefiltered, Truth, examined
+from shrm_cli.maps.prefiltered import Prefiltered, Truth, examined
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import stored_bytes, total_error
 from shrm_cli.plan import policy
@@ -29,19 +30,17 @@ def kept_or_best(
     propose: Propose,
     goal: Goal,
     max_size: int,
-    instead: Callable[[Candidate[Prefiltered]], Prefiltered | None] = lambda kept: None,
-    otherwise: Callable[[Candidate[Prefiltered]], Prefiltered | None] = lambda best: None,
+    better: Callable[[Candidate[Prefiltered], bool], Prefiltered | None] = lambda *_: None,
     truth: Truth | None = None,
     left: float = 1.0,
 ) -> Prefiltered:
     """Make the map of the fewest bytes that keeps a goal, and shows nothing negative.
 
     `propose` is as `shrm_cli.plan.search.rising` takes it. `max_size` is the most bytes, for the
-    warning. `instead` is called with the first candidate that keeps the goal; may return the map of
-    another form. `otherwise` is called with the best candidate where none keeps the goal, or all
-    are negative somewhere; may return a map that is better. `truth` is that of `negative_share`.
-    `left` is the RMS of the light that the map is of, over that of all light, of which the warning
-    tells; 1 where there is no other.
+    warning. `better` is called with the first candidate that keeps the goal and True, and with the
+    best one and False where none keeps it, or all are negative somewhere; may return a map that is
+    better. `truth` is that of `negative_share`. `left` is the RMS of the light that the map is of,
+    over that of all light, of which the warning tells; 1 where there is no other.
 
     Where none keeps the goal, the one that misses the least is returned, with a warning that says
     by how much, and what would keep it. Where all are negative somewhere, it is the least dark one.
@@ -52,7 +51,7 @@ def kept_or_best(
         tried.append(candidate)
         if not candidate.keeps(goal):
             continue
-        other = None if dark else instead(candidate)
+        other = None if dark else better(candidate, True)
         if other is not None:
             return other
         made = examined(judged(candidate.make(), candidate), truth)
@@ -65,12 +64,12 @@ def kept_or_best(
     if dark:  # what else is asked is kept; the warning about negative light tells the rest
         least = policy.MISSED * min(share for share, *_ in dark)
         best, made = next((each, made) for share, each, made in dark if share <= least)
-        other = otherwise(best)
+        other = better(best, False)
         if other is not None and other.further["negative_share"]() <= NEGATIVE_SHARE:
             return other
         return made
     best = least_wrong(tried, goal)
-    if (other := otherwise(best)) is not None:
+    if (other := better(best, False)) is not None:
         return other
     made = judged(best.make(), best)
     return replace(made, warnings=(*made.warnings, _missed(best, goal, max_size, left)))

@@ -39,6 +39,10 @@ WHITE = 1 - 0.5 / (LEVELS - 1)
 _NEARLY = 0.97
 """Above it noise, and what JPEG leaves beside edges, may be all that keeps a number from white: of
 such numbers in long exposures a sun of 35 had holes of 3."""
+_FLOODS = 15.0
+"""What is white in the shortest exposure has white around it in one that lets in so many times as
+much, four stops: lenses, and making colours of a sensor's, put a fifth of light into the pixels
+beside its own."""
 _DARK = 0.02
 """Of less light than this part of white a number of 8 bits tells too little to compare it."""
 _FEWEST = 16
@@ -64,6 +68,9 @@ class Merged:
     linear, shape (LEVELS,)."""
     clipped: float
     """The share of pixels that even the shortest exposure shows as white as it can."""
+    stuck: int
+    """Pixels that are white in all exposures and alone in it, as those of a sensor that are stuck.
+    They and the eight around each have the median of what is around these."""
     chromaticities: tuple[float, ...] | None = None
     """CIE x and y of red, green, blue and white, where the files tell them."""
 
@@ -110,7 +117,9 @@ def merge_brackets(
         curve = response(np.stack(places), np.log(exposures))
     total = weights = last = np.zeros((), np.float32)
     was_white = np.zeros((), bool)
-    clipped = 0.0
+    clipped: NDArray[np.bool_] = np.zeros((), bool)
+    stuck = clipped
+    flooded = int(np.searchsorted(exposures, _FLOODS * exposures[0]))
     differences = np.zeros(len(opened))
     for k, (each, exposure) in enumerate(zip(opened, exposures, strict=True)):
         report(steps - len(opened) + k, steps)
@@ -128,13 +137,38 @@ def merge_brackets(
         weights = weights + trust
         # What no exposure shows between black and white is what the last that is not white shows.
         last = np.where(was_white & (k > 0), last, light)
-        clipped = float((values >= WHITE).any(axis=-1).mean()) if k == 0 else clipped
+        if k == 0:
+            clipped = values.max(axis=-1) >= WHITE
+        elif k == flooded and min(values.shape[:2]) > 3:  # which has something around such pixels
+            stuck = clipped & _is_alone(values.max(axis=-1) >= _NEARLY)
     report(steps, steps)
     pixels = np.where(weights > 0, total / np.where(weights > 0, weights, 1), last)
+    if stuck.any():
+        _fill(pixels, stuck)
     names = tuple(str(each.path) for each in opened)
     return Merged(
-        pixels, exposures, names, differences, curve, clipped, opened[0].chromaticities
+        pixels, exposures, names, differences, curve, float((clipped & ~stuck).mean()),
+        int(stuck.sum()), opened[0].chromaticities,
     )  # fmt: skip
+
+
+def _is_alone(white: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the pixels that are white, and have no white ones around them."""
+    height, width = white.shape
+    padded = np.pad(white, 1).astype(np.uint8)
+    around = sum(padded[i : i + height, j : j + width] for i in range(3) for j in range(3))
+    return white & (around == 1)
+
+
+def _fill(pixels: NDArray[np.float32], stuck: NDArray[np.bool_]) -> None:
+    """Give stuck pixels, and the eight around each, the median of what is around these."""
+    for row, column in np.argwhere(stuck):
+        near, own = (
+            pixels[max(row - k, 0) : row + k + 1, max(column - k, 0) : column + k + 1]
+            for k in (2, 1)
+        )
+        own[:] = np.nan
+        own[:] = np.nanmedian(near, axis=(0, 1))
 
 
 def _in_order(

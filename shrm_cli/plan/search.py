@@ -262,3 +262,18 @@ def least_wrong(tried: Iterable[Candidate[Any]], goal: Goal) -> Candidate[Any]:
         each for each, how in zip(tried, bad, strict=True) if not how > policy.MISSED * min(bad)
     ]
     return min(good, key=lambda each: each.bytes)
+
+
+def is_worth_lamps(found: Candidate[Any], whole: Candidate[Any], goal: Goal, is_kept: bool) -> bool:
+    """Tell whether a map with lamps beside it is better than that of all light.
+
+    Discs need no bytes, and are as sharp as the lobe. But a program that knows nothing of them
+    shows no lamps at all, so that they have to be worth it. `is_kept` tells whether the map of all
+    light keeps the goal, as the other one has to then.
+    """
+    is_far_smaller = found.bytes <= policy.FAR_SMALLER * whole.bytes
+    if found.keeps(goal):
+        return is_far_smaller or not is_kept
+    times = found.badness(goal) / whole.badness(goal)
+    is_better = found.bytes <= policy.WORTH_LAMPS * whole.bytes and times < 1
+    return not is_kept and (is_better or (is_far_smaller and times <= policy.MISSED))

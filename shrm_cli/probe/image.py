@@ -265,7 +265,7 @@ def check_shape(name: str, layout: Layout, width: int, height: int, images: int 
         )
     if size < grid_class(grid_name(layout)).smallest:
         raise ProbeError(
-            f"{name}: {width} x {height} is too small to hold a {layout} probe; use a larger one"
+            f"{name}: {width} x {height} is too small to be {layout}; use a larger one"
         )
 
 

@@ -37,6 +37,9 @@ Smooth light is at most so bright that its waves are longer than the rows are hi
 _PASSES, _SETTLED = 16, 0.99
 """The mean is taken anew, with lamps dimmed to the limit, until the limit falls by less than this.
 A lamp that raised its own limit would be smooth in part: a row of 32 lost .8 % of its light."""
+_LARGE_ROWS = 16
+"""Probes of fewer rows are cut before they are projected: of random 2, 4 and 8 rows the irradiance
+of points is off by 11, 2 and .3 %, and beside a lamp by 29, 9 and 1.4 %; of 16 rows by .6 %."""
 _NOTHING = 1e-6
 """The part of the light's energy that is none: .1 % as RMS."""
 _ROWS_AT_ONCE = 16
@@ -242,6 +245,11 @@ def _project(probe: Probe, order: int) -> Lighting:
 
 
 def _project_image(probe: Probe, order: int) -> Lighting:
+    """Project a probe, whose pixels are areas where they are so large that their shape shows."""
+    if probe.grid.resolution < _LARGE_ROWS:
+        from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
+
+        probe = fine_probe(probe)
     energy = np.zeros(3)
     resolved = min(order, probe.grid.resolved_order)
     analysis = probe.grid.analysis(resolved)

@@ -5,12 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.files.picture import Picture, file_type
+from shrm_cli.files.picture import Picture
 from shrm_cli.vocabulary import LUMINANCE
 
 _BRIGHT, _SHOWN_AS = 0.75, 0.4
 """The quantile of the luminance that an exposure is chosen by, and what it becomes."""
 _MOST_STOPS = 30.0
+_LARGEST = 32.0
+"""The largest exposure that commands take."""
 _WHITE, _BLACK = 0.05, 0.95
 """A picture of which no more than this share of what is lit is below 1 is all but white; one of
 which this share is below `_SEEN` is all but black."""
@@ -54,16 +56,18 @@ def exposure_advice(path: str, pixels: ArrayLike, exposure: float) -> list[str]:
     """
     luminance = np.asarray(pixels, dtype=float) @ np.array(LUMINANCE)
     lit = luminance[np.isfinite(luminance) & (luminance > 0)]
-    if file_type(path) != "png" or not lit.size:
+    if path.lower().endswith(".exr") or not lit.size:
         return []
     low, high = np.quantile(lit, [_WHITE, _BLACK])
     if high > _SEEN and low < 1:
         return []
     looks = "black" if high <= _SEEN else "white"
-    better = exposure + suitable_exposure(lit)
-    return [
-        f"{path}: all but {looks} at an exposure of {exposure:g}; `exposure` {better:g} shows it"
-    ]
+    suitable = suitable_exposure(lit)
+    better = exposure + suitable
+    shows = f"`exposure` {better:g} shows it"
+    if high * 2.0**suitable <= _SEEN or low * 2.0**suitable >= 1 or abs(better) > _LARGEST:
+        shows = "it is beyond what exposures show"
+    return [f"{path}: all but {looks} at an exposure of {exposure:g}; {shows}"]
 
 
 def weighted_quantiles(

@@ -150,7 +150,8 @@ def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> 
     if not recipes:
         raise ArgumentError("brdf", f"is missing; `to` {plan.forms[0]} needs one")
     found = Measured(probe, plan)
-    stages = Stages(progress, 2 * len(recipes))
+    halves = Stages(progress, 2)
+    stages = Stages(halves.within, len(recipes))
     alone = []
     with scratch_folder() as folder:
         for count, recipe in enumerate(recipes, start=1):
@@ -166,9 +167,11 @@ def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> 
             stages.done(count, 0)
     for made in alone:
         _add_light(found, made)
+    halves.done(1, 2)
+    stages = Stages(halves.within, len(found.materials))
     for count, material in enumerate(found.materials, start=1):
-        _compare(material, probe, plan, stages)
-        stages.done(len(recipes) + count, 0)
+        _compare(material, probe, plan, stages.within)
+        stages.done(count, 0)
     return found
 
 
@@ -229,14 +232,15 @@ def _add_light(found: Measured, made: Made) -> None:
         found.warnings += outside_range({made.file: made.map}, roughness)
 
 
-def _compare(material: Material, probe: Probe, plan: Plan, stages: Stages) -> None:
+def _compare(material: Material, probe: Probe, plan: Plan, progress: Progress) -> None:
     """Draw the truth and the maps of a material, and measure HDR-FLIP between them."""
     # The first pictures are those of the truth, so that the time between them is its own.
     start = time.perf_counter()
-    truths = len(plan.views)
+    stages = Stages(progress, len(plan.views))
 
     def drawn(done: int, total: int) -> None:
-        if done == truths:
+        stages.done(done, total)
+        if done == len(plan.views):
             material.seconds = time.perf_counter() - start
 
     truth = Reference(probe, material.brdf, plan.rows, progress=stages.within, exact=plan.exact)

@@ -12,7 +12,7 @@ from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.probe.open import AnyProbe, as_probe
-from shrm_cli.progress import Progress, Stages, tell
+from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.report import words
 from shrm_cli.report.markup import Html, details, facts, joined, table, tag, whole_page
@@ -103,12 +103,13 @@ def report_page(
             "`picture_size`"
         )
     room = look.max_bytes - len(first) - sum(map(len, parts)) - _OWN
-    whole = []
+    whole, stages = [], Stages(progress, len(parts))
     for count, (material, part) in enumerate(zip(measured.materials, parts, strict=True), start=1):
-        view = _view(measured, material, look, room // (len(parts) - count + 1), remarks)
+        own = room // (len(parts) - count + 1)
+        view = _view(measured, material, look, own, remarks, stages.within)
         room -= len(view)
         whole.append(Html(part.replace(_Place(count), view)))
-        tell(progress, count, len(parts))
+        stages.done(count, len(parts))
     name = words.base_name(measured.probe.name)
     text = whole_page(
         f"{name} \u2013 shrm report",
@@ -165,7 +166,12 @@ def _overview(measured: Measured, look: Look) -> Html:
 
 
 def _view(
-    measured: Measured, material: Material, look: Look, room: int, remarks: list[str]
+    measured: Measured,
+    material: Material,
+    look: Look,
+    room: int,
+    remarks: list[str],
+    progress: Progress,
 ) -> Html:
     """Return the interactive view of a material, as a page within the page."""
     if not look.views:
@@ -183,8 +189,9 @@ def _view(
     try:
         maps, files, change = _fitting(material, limit - _SKY)
         scene = make_scene(
-            maps, files, measured.probe, start=Start(**given), truth=truth, max_size=limit
-        )
+            maps, files, measured.probe, start=Start(**given), truth=truth, max_size=limit,
+            progress=progress,
+        )  # fmt: skip
         text = view_page(scene)
     except ShrmError as error:
         return _left_out(material, str(error).partition(";")[0], remarks)

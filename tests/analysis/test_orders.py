@@ -13,6 +13,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.open import open_probe
+from shrm_cli.reflected import energy_beyond
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sheet import PAPER
 from shrm_cli.render.sphere import render_sphere
@@ -117,8 +118,12 @@ def test_curves_of_a_zonal_brdf_are_those_of_the_formulas(rng):
     rho, rho_total = phong_energies(32, 64)
     power = np.vstack([power, np.zeros((52, 3))])
     reflected = 4 * np.pi / (2 * np.arange(65) + 1) * rho * power.sum(axis=1)
+    # What of it the lobe meets is estimated.
+    beyond = energy_beyond(lighting_of(light, 64, energy), coefficients)
+    beyond *= rho_total / coefficients.total_energy[0]
+    assert 0 < beyond < 1e-3 * reflected.sum()
     for f in range(21):
-        whole, kept = reflected.sum(), reflected[: f + 1].sum()
+        whole, kept = reflected.sum() + beyond, reflected[: f + 1].sum()
         eps_rho = 1 - rho[: f + 1].sum() / rho_total
         eps_light = 1 - power[: f + 1].sum() / energy.sum()
         light_left = energy - power[: f + 1].sum(axis=0)

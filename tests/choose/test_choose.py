@@ -8,6 +8,7 @@ import pytest
 import shrm_cli as shrm
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose import forms
+from shrm_cli.choose.choose import _for_goal
 from shrm_cli.choose.forms import Truth
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
@@ -17,6 +18,7 @@ from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.plan import policy
+from shrm_cli.plan.search import Candidate, Goal
 from shrm_cli.probe.lighting import Projection
 from tests.brute_force import unit
 
@@ -85,6 +87,27 @@ def test_no_other_form_keeps_the_goal_in_far_fewer_bytes(seed, lamp, spec):
         error, share = find()
         assert error > 0.05 or share > 0.05, (size, least)
     assert choice.recommended.bytes <= least
+
+
+def test_exact_errors_are_not_asked_of_maps_with_too_many_wrong_pixels():
+    """They take ten times as long as the share of wrong pixels."""
+    asked = []
+
+    class Known:
+        total_error = 0.01
+
+        def __init__(self, size):
+            self.bytes, self.wrong_share = size, 0.5 / size
+
+        @property
+        def candidate(self):
+            asked.append(self.bytes)
+            return Candidate("shrm", self.bytes, 1, 0.01, lambda: self.wrong_share, None)
+
+    row = [Known(size) for size in range(1, 33)]
+    (found,) = _for_goal([row], Goal(0.05, 0.05), 100)
+    assert found.bytes == 10
+    assert set(asked) <= set(range(10, 33))
 
 
 @pytest.mark.proof

@@ -11,7 +11,7 @@ import pytest
 
 from shrm_cli.cli import terminal
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.options import announce
+from shrm_cli.cli.terminal import announce
 from shrm_cli.progress import report
 from tests.cli.helpers import Terminal, environment, run, told_to_bars
 

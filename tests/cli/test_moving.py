@@ -119,6 +119,15 @@ def test_moving_pictures_hold_the_frames(folder, suffix):
             assert np.abs(pixels - expected).max() <= (0 if suffix == "apng" else 4)
 
 
+def test_moving_pictures_that_show_nothing_say_which_exposure_would(folder):
+    pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    options = ["render", "spot.exr", "--size", "16", "--frames", "2", "--exposure"]
+    (moving, still) = (run(*options, "-14", "-o", name) for name in ("a.gif", "a%02d.png"))
+    assert moving.err.startswith("Warning: a.gif: all but black at an exposure of -14; --exposure ")
+    assert moving.err.replace("a.gif", "a01.png") == still.err
+    assert run(*options, "0", "-o", "b.gif").err == ""
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -10,6 +10,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+import shrm_cli as shrm
 from shrm_cli.render.flip import can_flip
 from tests.batch.helpers import work_here
 from tests.cli.helpers import assert_refused, done, noise, run, snapshot, write_exr
@@ -191,6 +192,18 @@ def test_pictures_and_the_view_are_in_the_page(folder):
     assert read("b.html")[1].all("iframe") == []
 
 
+def test_the_bar_rises_all_the_time(folder):
+    """It stood at 50 % while two of the three truths, and the one of the view, were integrated."""
+    told = []
+    shrm.report(
+        "probe.exr", ["phong:exponent=20"], ["shrm"], picture_size=16, exact=True, flips=False,
+        progress=lambda done, total: told.append(done / total),
+    )  # fmt: skip
+    assert told[-1] == 1
+    assert np.diff([0, *told]).min() >= 0
+    assert np.diff([0, *told]).max() < 0.2
+
+
 def test_names_are_escaped(folder):
     (folder / "probe.exr").rename(folder / EVIL)
     done("report", EVIL, "--brdf", "phong", *SUMMED, "-o", "a.html")
@@ -287,6 +300,9 @@ def test_usage_is_checked_before_work(folder):
         ([], "--brdf"),
         (["--brdf", "phong", "--to", "irradiance"], "--brdf"),
         (["--brdf", "phong", "--levels", "3"], "--levels"),
+        (["--brdf", "phong", "--source-height", "8"], "--source-height applies with --to cabral"),
+        (["--brdf", "phong", "--to", "cabral", "--source-height", "8"], "with --domain angular"),
+        (["--brdf", "phong", "--domain", "angular"], "--domain applies with --to cabral"),
     ]:
         result = run("report", "probe.exr", *arguments, "-o", "a.html")
         assert (result.code, result.err.count("\n")) == (2, 1)

@@ -2,7 +2,8 @@
 
 import click
 
-from shrm_cli.cli.options import output_options, warn
+from shrm_cli.cli.options import output_options
+from shrm_cli.cli.terminal import warn
 
 
 @click.command()

@@ -1,20 +1,35 @@
 """The predicted share of wrong pixels: against brute force, and when there is none."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.special import sph_harm_y
 
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps.expansion import LampsBeside, beside_lamps, wrong_share
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.lobes_lit import Lobes, lit, points, sample_views
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.lighting import Lighting
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
+from shrm_cli.reference import Reference
+from shrm_cli.render.seen import seen_errors
 from shrm_cli.sphere.directions import from_angles
 from tests import brute_force, oracles
 from tests.cli.helpers import polynomial_light
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+MATERIALS = (
+    "microfacet:sigma=0.2", "microfacet:sigma=0.5", "ggx:roughness=0.3,f0=gold",
+    "ggx:roughness=0.5", "ggx:roughness=0.2,f0=0.04", "phong:exponent=64", "lafortune:fit=skin",
+    "cook-torrance", "ward:ax=0.2,ay=0.2", "oren-nayar", "charlie", "coated",
+    "0.5*lambertian+0.5*ggx:roughness=0.4",
+)  # fmt: skip
+NARROW = "coated", "shrm"
+"""A coat that is narrower than the pixels: 4 of its 8 SHRMs are better than predicted."""
 MICROFACET = brute_force.microfacet(0.3)
 POINTS = 1500
 SUM = "0.7*lambertian+0.1*microfacet:sigma=0.3"
@@ -214,3 +229,24 @@ def test_principal_maps_do_not_bend_beside_the_horizon(light):
     found = made.radiance(np.broadcast_to(normal, views.shape), views)
     np.testing.assert_allclose(found, np.broadcast_to(exact.radiance(normal, normal), found.shape),
                                rtol=0.02)  # fmt: skip
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("spec", MATERIALS)
+@pytest.mark.parametrize("name", ["courtyard", "night", "studio"])
+def test_it_is_right_under_real_light(real_probes, name, spec):
+    """README counts all eight probes: right to a quarter of itself, or to half a percent."""
+    rng, probe = np.random.default_rng(7), open_probe(real_probes / f"{name}.exr")
+    mirrored, views = (brute_force.unit(rng, 4000) for _ in range(2))
+    normals = mirrored + views
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    truth = Reference(probe, parse_spec(spec)).radiance(normals, views)
+    for to, given in (("shrm", {}), ("principal", {"max_size": "1MB"})):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ShrmWarning)
+            made = prefilter_with_facts(probe, to, {"brdf": spec, **given})
+        predicted = made.further["predicted_wrong_share"]()
+        measured = seen_errors(made.map.radiance(normals, views), truth).wrong_share
+        assert measured < predicted + max(0.25 * predicted, 0.005)
+        if (spec, to) != NARROW:
+            assert measured > predicted - max(0.25 * predicted, 0.005)

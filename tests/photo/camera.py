@@ -53,9 +53,12 @@ def contrasty(light):
     return (half + half**2 * (3 - 2 * half)) / 2
 
 
-def write_exposure(path, light, time, curve, seed, bits=8, aperture=8.0, sensitivity=100):
-    """Write what a camera makes of light, with noise of a 255th, and Exif."""
-    numbers = curve(np.clip(light * time * sensitivity / aperture**2, 0, 1))
+def write_exposure(path, light, time, curve, seed, bits=8, aperture=8.0, sensitivity=100, stuck=0):
+    """Write what a camera makes of light, with noise of a 255th, and Exif.
+
+    No number is less than those in `stuck`, whatever the light is.
+    """
+    numbers = np.maximum(curve(np.clip(light * time * sensitivity / aperture**2, 0, 1)), stuck)
     numbers = numbers + np.random.default_rng(seed).normal(size=light.shape) / 255
     most = 2**bits - 1
     pixels = np.clip(np.rint(numbers * most), 0, most).astype(f"uint{bits}")

@@ -69,6 +69,34 @@ def test_a_sun_that_is_white_in_all_exposures_has_no_holes(tmp_path, scene, lamp
     assert white.min() > 0.9 * white.max()
 
 
+def blurred(light):
+    """Light as a sharp lens and a sensor show it: a quarter in the pixels beside its own."""
+    for axis in (0, 1):
+        light = 0.8 * light + 0.1 * (np.roll(light, 1, axis) + np.roll(light, -1, axis))
+    return light
+
+
+@pytest.mark.parametrize("halo", [0.0, 0.5])
+def test_pixels_that_are_stuck_are_no_lamps(tmp_path, halo):
+    """They were as bright as the shortest exposure can show, 30 times what is around them."""
+    rng = np.random.default_rng(5)
+    light = blurred(0.3 * np.exp(0.2 * rng.normal(size=(HEIGHT, WIDTH, 3))))
+    light[30, 60] += 60  # a lamp of one pixel, and one of many
+    light[60:70, 100:110] = 60
+    light = blurred(light)
+    clean = merge_brackets(taken(tmp_path, light, srgb))
+    numbers = np.zeros(light.shape)
+    for row, column in [(0, 0), (50, 20), (95, 127), (80, 64)]:
+        numbers[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2] = halo
+        numbers[row, column, 0] = 1.1
+    made = merge_brackets(taken(tmp_path, light, srgb, stuck=numbers))
+    assert (clean.stuck, made.stuck, made.clipped) == (0, 4, clean.clipped)
+    np.testing.assert_allclose(made.pixels, clean.pixels, rtol=0.8)
+    lit = clean.pixels > 5
+    assert lit.sum() > 300
+    np.testing.assert_allclose(made.pixels[lit], clean.pixels[lit], rtol=0.05)
+
+
 def test_the_curve_is_that_of_the_camera(tmp_path, scene):
     made = merge_brackets(taken(tmp_path, scene, contrasty))
     light = np.linspace(0, 1, 4001)

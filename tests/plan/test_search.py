@@ -14,6 +14,7 @@ from shrm_cli.plan.search import (
     Row,
     fewest_bytes,
     first_kept,
+    is_worth_lamps,
     least_errors,
     least_wrong,
     rising,
@@ -338,3 +339,35 @@ def test_both_errors_are_judged():
     assert seen.badness(Goal(0.05, 0.02)) == pytest.approx(2)
     assert not seen.keeps(Goal(0.05, 0.02))
     assert seen.wrong_share is seen.wrong_share
+
+
+@pytest.mark.parametrize(
+    ("share", "missed", "kept_too", "is_worth"),
+    [
+        # Of a map that keeps what is asked a tenth of the bytes is worth it, where all is kept.
+        (0.09, 0.9, True, True),
+        (0.11, 0.9, True, False),
+        (0.09, 1.01, True, False),
+        # Where it does not, whatever keeps it; else what misses less in half of the bytes, or as
+        # much in a tenth of them.
+        (0.99, 0.9, False, True),
+        (0.49, 1.9, False, True),
+        (0.51, 1.9, False, False),
+        (0.49, 2.1, False, False),
+        (0.09, 2.1, False, True),
+        (0.11, 2.1, False, False),
+        (0.09, 2.3, False, False),
+    ],
+)
+def test_lamps_beside_a_map_have_to_be_worth_it(share, missed, kept_too, is_worth):
+    """A program that knows nothing of them shows none. `missed` is in units of what is asked."""
+    goal = Goal(0.04, 0.1)
+    for of_error, of_share in ((missed, 0), (0, missed)):  # either may be the larger one
+        found, whole = (
+            Candidate("principal", size, 1, 0.04 * error, lambda wrong=wrong: 0.1 * wrong, None)
+            for size, error, wrong in (
+                (int(1e6 * share), of_error, of_share),
+                (10**6, 0.5, 0.9 if kept_too else 2.0),
+            )
+        )
+        assert is_worth_lamps(found, whole, goal, kept_too) == is_worth

@@ -10,7 +10,6 @@ from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.transfer import compute_coefficients
-from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import shown_wrong_share
@@ -32,7 +31,7 @@ from shrm_cli.maps.shrm.make import (
 )
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
-from shrm_cli.maps.size import choose_size
+from shrm_cli.maps.size import choose_size, largest_f
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Projection, project
@@ -56,14 +55,8 @@ _AZIMUTHS = 32
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Prefilter a probe for a BRDF."""
-    is_angular = request.domain == "angular"
-    if is_angular and not request.is_free:
-        given = "order_p" if request.order_f is None else "order_f"
-        raise ArgumentError(given, "applies with `domain` frequency")
-    if request.source_height is not None and not is_angular:
-        raise ArgumentError("source_height", "applies with `domain` angular")
     request, notes = centered(request)
-    if is_angular:
+    if request.domain == "angular":
         return replace(prefilter_angular(probe, request), notes=notes)
     made = prefilter_explicit(probe, request)
     return replace(made, notes=notes, warnings=(*order_warnings(made, request), *made.warnings))
@@ -196,10 +189,11 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
             domain="angular",
         )
         # The error of interpolating between views is measured in the frequency domain, where it
-        # takes little time. A few texels suffice for that.
+        # takes little time. A few texels suffice for that, and the orders F that fit into memory.
+        order_p = coefficients.order_p
         smooth = Shrm.from_coefficients(
             lighting.coefficients,
-            coefficients.values, brdf.center, info,
+            coefficients.truncated(largest_f(order_p), order_p), brdf.center, info,
             min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
         )  # fmt: skip
         info = replace(info, added_error=kind.from_shrm(smooth, views).info.added_error)

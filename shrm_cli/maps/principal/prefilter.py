@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.options import bytes_text, counted
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines, truth_of, unkept_error, wrong_light
 from shrm_cli.maps.principal.proposal import TABLED, Proposal, Proposals
 from shrm_cli.maps.request import Request
@@ -67,5 +67,5 @@ def _sufficient(proposals: Proposals, error: float) -> str:
 def report(result: dict[str, Any]) -> list[str]:
     """Return the lines for people about principal functions, from what ``--json`` prints."""
     size, maps = result["size"], result["maps"]
-    what = f"principal functions, 6 x {size} x {size} texels of {maps} maps"
+    what = f"principal functions, 6 x {size} x {size} texels of {counted(maps, 'map')}"
     return [what, *error_lines(result, "resampling")]

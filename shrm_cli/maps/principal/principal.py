@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map
+from shrm_cli.maps.base import REMEDY, Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.joint import brightness, joint_error
 from shrm_cli.maps.kinds import ReflectionMap
@@ -207,7 +207,7 @@ class PrincipalMap(ReflectionMap):
     representation = "principal"
     texels_are_series = True
     format_version = 4
-    against_negatives = "keep the lamps beside it with `sun` split, or dim them with `clamp`"
+    against_negatives = REMEDY
     frame = "global"
 
     def __post_init__(self) -> None:

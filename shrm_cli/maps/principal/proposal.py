@@ -39,6 +39,7 @@ from shrm_cli.maps.principal.terms import (
     shared_maps,
     term_of,
     terms_of,
+    unknown_light,
 )
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import total_error
@@ -47,7 +48,7 @@ from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
-from shrm_cli.reflected import energies_beyond, last_visible, weighted_power
+from shrm_cli.reflected import last_visible, weighted_power
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
@@ -277,11 +278,9 @@ def scouted(light: Projection, brdf: Brdf, sampling: Sampling) -> Planner:
 def is_out_of_reach(planner: Planner, want: Wanted) -> bool:
     """Tell whether the best map of a lobe that was `scouted` misses what is asked of it by far."""
     assert want.error is not None
-    spectrum = planner.spectrum
     form = planner.best_fitting(want.max_size, want.size)
     # What lies at higher degrees is no error of maps that are made of more of them.
-    above = energies_beyond(planner.lighting, spectrum.transfer)[0] * spectrum.visible
-    missed = form.total_error**2 - above / max(planner.whole, 1e-300)
+    missed = form.total_error**2 - unknown_light(planner)[0]
     if missed <= COARSE:  # in such a map coarse sampling would tell
         return False
     if missed > (_FAR[0] * want.error) ** 2:

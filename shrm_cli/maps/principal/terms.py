@@ -139,14 +139,14 @@ def planner_of(
     limit = eps / 5 if error is None else _PART_BEYOND * error**2
     sampled = None
     if known is not None:
-        above, aside = _unknown_light(known)
+        above, aside = unknown_light(known)
         sampled = known.spectrum.transfer
         order, max_q = sampled.order_f, sampled.max_q
         is_enough = above <= limit or order >= MAX_ORDER_F
         if is_enough and (aside <= limit or max_q == most_q):
             return known
     elif scouted is not None and not is_coarse:
-        above, aside = _unknown_light(scouted)
+        above, aside = unknown_light(scouted)
         order = min(2 * order, MAX_ORDER_F) if above > limit else order
         max_q = most_q if aside > limit else max_q
 
@@ -160,7 +160,7 @@ def planner_of(
         transfer = sampled or _transfer(brdf, order, max_q, is_coarse)
         sampled = None
         # The BRDF's own energy tells without the light, which takes seconds, whether to go on.
-        above, aside = _own_unknown(transfer) if error is None else _unknown_light(factorized())
+        above, aside = _own_unknown(transfer) if error is None else unknown_light(factorized())
         if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < most_q:
             max_q = most_q
             if above <= limit or order >= MAX_ORDER_F:
@@ -260,9 +260,14 @@ def _own_unknown(transfer: TransferFunctions) -> tuple[float, float]:
     return above / whole, aside / whole
 
 
-def _unknown_light(planner: Planner) -> tuple[float, float]:
-    """Return the same parts of the energy of the reflected light."""
+def unknown_light(planner: Planner) -> tuple[float, float]:
+    """Return the same parts of the energy of the reflected light, as far as more orders tell it.
+
+    Degrees that are finer than the pixels of the light stay unknown.
+    """
     above, aside = energies_beyond(planner.lighting, planner.spectrum.transfer)
+    if planner.lighting.resolved_order < planner.spectrum.transfer.order_f:
+        above = 0.0
     whole = max(planner.whole / max(planner.spectrum.visible, 1e-300), 1e-300)
     return above / whole, aside / whole
 

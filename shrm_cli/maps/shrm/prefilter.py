@@ -8,6 +8,7 @@ from typing import Any
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered, error_lines, truth_of, unkept_error
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.make import (
@@ -83,14 +84,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
 def _refuse_contradictions(request: Request) -> None:
     """Refuse arguments of which one leaves another without effect."""
-    if request.domain == "angular":
-        raise ArgumentError(
-            "domain",
-            "angular does not apply to an SHRM, which is made in the frequency domain only; take "
-            "`to` cabral, kautz-mccool or lightfield",
-        )
-    if request.source_height is not None:
-        raise ArgumentError("source_height", "applies with `domain` angular")
     if request.error is None and request.seen is None:
         return
     asking = "error" if request.seen is None else "seen"
@@ -150,6 +143,6 @@ def converted(
 def report(result: dict[str, Any]) -> list[str]:
     """Return the lines for people about an SHRM, from what ``--json`` prints."""
     size, maps = result["size"], result["maps"]
-    unit = "components" if "components" in result else "coefficients"
-    what = f"{result['frame']} SHRM, 6 x {size} x {size} texels of {maps} {unit}"
+    unit = "component" if "components" in result else "coefficient"
+    what = f"{result['frame']} SHRM, 6 x {size} x {size} texels of {counted(maps, unit)}"
     return [what, *error_lines(result, "leaving out principal components")]

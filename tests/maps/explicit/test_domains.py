@@ -88,3 +88,15 @@ def test_maps_too_large_are_refused_before_the_work(tmp_path):
     asked = Request("lightfield", parse_spec("microfacet"), size=256, own={"views": 128})
     with pytest.raises(MapError, match="number of views"):
         prefilter_angular(probe, asked)
+
+
+def test_lobes_of_many_orders_are_summed_all_the_same(tmp_path, monkeypatch):
+    """The map of all orders, which tells the error between views, was refused for roughness .2."""
+    light = polynomial_light(oracles.latlong_pixels(16, 8)).astype(np.float32)
+    probe = open_probe(write_exr(tmp_path / "probe.exr", light))
+    asked = Request("cabral", parse_spec("microfacet:sigma=0.3"), 0.05, size=4)
+    whole = prefilter_angular(probe, asked).map
+    monkeypatch.setattr("shrm_cli.maps.size.MAX_SERIES", 200_000)
+    found = prefilter_angular(probe, asked).map
+    np.testing.assert_array_equal(found.images, whole.images)
+    assert found.info.added_error == pytest.approx(whole.info.added_error, rel=0.01)
