@@ -167,9 +167,10 @@ class _Asked:
         if self.request.sun is not None:
             return None
         from shrm_cli.lights.beside import split_for
-        from shrm_cli.maps.lamps.models import has_code_or_table
+        from shrm_cli.maps.lamps.models import bytes_of_table
 
-        if not has_code_or_table(self.request.brdf):  # shaders and pages could not show the map
+        own = bytes_of_table(self.request.brdf)
+        if own is None or own > self.request.allowed:  # shaders and pages could not show the map
             return None
         beside = split_for(self.probe, self.request.brdf)
         # No map makes up for what discs change, so that most searches in vain end here.

@@ -215,12 +215,14 @@ def _advised(made: Prefiltered, probe: Probe, request: Request) -> Prefiltered:
     if request.splits or not any(REMEDY in line for line in made.warnings):
         return made
     from shrm_cli.lights.beside import MUCH, lamps_share
-    from shrm_cli.maps.lamps.models import has_code_or_table
+    from shrm_cli.maps.lamps.models import bytes_of_table
 
     brdf = request.brdf
     if brdf.center == "tangent" or lamps_share(probe) <= MUCH:
         return made
-    if request.to == AUTO and request.sun is None and has_code_or_table(brdf):  # that was tried
+    table = bytes_of_table(brdf)
+    fits = table is not None and table <= request.allowed
+    if request.to == AUTO and request.sun is None and fits:  # that was tried
         better = f"discs in their place (`sun` split) miss as much; {REMEDY}"
     else:
         better = f"take them out with `sun` split, as discs, or {REMEDY}"

@@ -16,9 +16,9 @@ from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.expansion import LampsBeside
 from shrm_cli.maps.info import probe_name
-from shrm_cli.maps.lamps.lobe import LobeTable
+from shrm_cli.maps.lamps.lobe import TABLE_BYTES, LobeTable
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
-from shrm_cli.maps.lamps.models import has_code, has_code_or_table
+from shrm_cli.maps.lamps.models import bytes_of_table
 from shrm_cli.maps.lamps.rule import LitDiscs
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered, negative_warnings
@@ -63,7 +63,7 @@ class Beside:
     @property
     def bytes(self) -> int:
         """The bytes that the file of the map takes for that."""
-        return self.brdf.bytes if isinstance(self.brdf, LobeTable) else 0
+        return TABLE_BYTES if isinstance(self.brdf, LobeTable) else 0
 
     def lamps(self) -> LampsBeside | None:
         """Return the lamps as the wrong pixels of maps are counted beside them, where they are."""
@@ -100,7 +100,7 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     error = reflected_rms(Lighting(wrong, energy), transfer)
     residual = reflected_rms(project(split.residual_probe, order), transfer)
     shown = brdf
-    if not has_code(brdf) and has_code_or_table(brdf):
+    if bytes_of_table(brdf):
         shown = LobeTable.of(brdf)
         energy = np.sum([disc.energy for disc in split.discs], axis=0)
         lit = Lighting(disc_coefficients(split.discs, order), energy)

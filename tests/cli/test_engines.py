@@ -528,7 +528,7 @@ def test_sampling_of_the_written_cubes(folder, kind):
 
 
 DAMAGE = [
-    *[(kind, {"shrm:version": 7}, "newer shrm (format 7)") for kind in KINDS],
+    *[(kind, {"shrm:version": 8}, "newer shrm (format 8)") for kind in KINDS],
     *[(kind, {"shrm:brdf": "["}, "shrm:brdf") for kind in KINDS],
     *[(kind, {"shrm:F": 10**6}, "shrm:F") for kind in KINDS],
     *[(kind, {"shrm:F": None}, "shrm:F") for kind in KINDS],

@@ -69,9 +69,16 @@ def test_conversions_lose_nothing_in_silence():
     assert_refused(run("convert", "m.exr", "--to", "openexr", "--working", "p3"), 1, "lamps")
 
 
-def test_code_of_other_brdfs_is_refused():
+def test_code_of_other_brushed_brdfs_is_refused():
+    command = ("prefilter", "sky.exr", "--brdf", "ward:ax=0.3,ay=0.5", "--sun", "split")
+    assert_refused(run(*command, "--shader", "c", "-o", "none.exr"), 1, "there is none of ward")
+
+
+def test_code_of_others_reads_a_table():
     command = ("prefilter", "sky.exr", "--brdf", "oren-nayar", "--sun", "split", "--shader", "c")
-    assert_refused(run(*command, "-o", "none.exr"), 1, "there is none of oren-nayar")
+    found = run(*command, "-o", "table.exr")
+    assert found.code == 0
+    assert "shrm_lobe: what lamps' light is times" in found.out
 
 
 def test_pages_show_it():
@@ -89,7 +96,7 @@ def test_maps_of_light_alone_take_none(to):
 
 def test_auto_names_it_where_it_helps():
     """In a gloss that shows the sun so sharply that no map of some kilobytes keeps it, beside what
-    shaders have no code for lamps in.
+    shaders have no code for lamps in, whose table would not fit.
     """
     spec = "0.5*oren-nayar+0.5*ggx:roughness=0.1"
     asked = ("--brdf", spec, "-o", "coat.exr", "--max-size")

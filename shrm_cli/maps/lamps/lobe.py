@@ -32,6 +32,8 @@ from shrm_cli.maps.shader.source import Table as Texture
 SHAPE = (128, 48, 32)
 """Nodes of theta_h, theta_d and phi_d. Four measured materials, a goniometer's paint and a fit of
 Lafortune's are within .6 % to 2.7 % (RMS) of themselves, which (64, 24, 16) doubles or triples."""
+TABLE_BYTES = 3 * 2 * math.prod(SHAPE)
+"""The bytes of RGB in half precision, before they are packed."""
 TABLE_EXACT = 1e-2
 """The part of the largest value for a view that sums over discs may miss, which is about as much as
 tables miss. Steps of what is linear between nodes converge slowly."""
@@ -75,11 +77,6 @@ class LobeTable(Table):
         """The power of two that the values are times in files and textures."""
         most = float(self.table.max())
         return 2.0 ** math.floor(math.log2(_LARGEST / most)) if most > 0 else 1.0
-
-    @property
-    def bytes(self) -> int:
-        """The bytes of RGB in half precision, before they are packed."""
-        return 3 * 2 * math.prod(self.table.shape[:3])
 
     @property
     def end(self) -> float:

@@ -26,7 +26,7 @@ from shrm_cli.brdf.models.microfacet import Microfacet
 from shrm_cli.brdf.models.phong import Phong
 from shrm_cli.brdf.sums import weighted_terms
 from shrm_cli.errors import MapError
-from shrm_cli.maps.lamps.lobe import LobeTable
+from shrm_cli.maps.lamps.lobe import TABLE_BYTES, LobeTable
 from shrm_cli.maps.shader.language import Language
 
 _SUM = """\
@@ -122,9 +122,14 @@ def has_code(brdf: Brdf) -> bool:
     return all(_is_known(term) for _, term in weighted_terms(brdf))
 
 
-def has_code_or_table(brdf: Brdf) -> bool:
-    """Tell whether shaders can show what a BRDF reflects of lamps: others have tables of it."""
-    return has_code(brdf) or (brdf.isotropic and brdf.center != "tangent")
+def bytes_of_table(brdf: Brdf) -> int | None:
+    """Return the bytes of the table by which shaders show what a BRDF reflects of lamps.
+
+    It is 0 where there is code of it, and None where there is neither.
+    """
+    if has_code(brdf):
+        return 0
+    return TABLE_BYTES if brdf.isotropic and brdf.center != "tangent" else None
 
 
 def _is_known(brdf: Brdf) -> bool:

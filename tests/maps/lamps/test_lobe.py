@@ -11,8 +11,8 @@ from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.maps.file import open_map
-from shrm_cli.maps.lamps.lobe import LobeTable
-from shrm_cli.maps.lamps.models import has_code, has_code_or_table
+from shrm_cli.maps.lamps.lobe import TABLE_BYTES, LobeTable
+from shrm_cli.maps.lamps.models import bytes_of_table
 from tests.brute_force import unit
 from tests.maps.lamps.test_map import made
 
@@ -105,8 +105,7 @@ def moved(text):
 
 def test_what_has_a_table():
     for spec in SPECS.values():
-        assert has_code_or_table(parse_spec(spec))
-        assert not has_code(parse_spec(spec))
-    assert has_code_or_table(parse_spec("ggx"))
-    assert not has_code_or_table(parse_spec("kajiya-kay"))  # which is about the tangent
-    assert not has_code_or_table(parse_spec("ward:ax=0.1,ay=0.4"))  # brushed
+        assert bytes_of_table(parse_spec(spec)) == TABLE_BYTES
+    assert bytes_of_table(parse_spec("ggx")) == 0
+    assert bytes_of_table(parse_spec("kajiya-kay")) is None  # which is about the tangent
+    assert bytes_of_table(parse_spec("ward:ax=0.1,ay=0.4")) is None  # brushed
