@@ -277,6 +277,8 @@ FORMS = {
         "coated:roughness=0.4,color=0.9/0.6/0.3,base=(0.4*ggx:roughness=0.5,f0=gold+lambertian)",
         make_shrm(2, 2, 4),
     ),
+    # Most of these points are beyond reach of the lobe, where few steps are taken.
+    "lamps of a polished metal": lambda: lamps("ggx:roughness=0.1", make_shrm(2, 2, 4)),
     "lamps of a table": lambda: lamps_of_table("lafortune:fit=primer", make_shrm(2, 2, 4)),
     "lamps of a table beside the normal": lambda: lamps_of_table(
         "oren-nayar:sigma=0.5", make_shrm(2, 0, 4, "normal", seed=2)
