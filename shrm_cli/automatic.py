@@ -70,16 +70,20 @@ class _Asked:
     request: Request
     left: float = 1.0
     """The RMS of what the probe's light makes, over that of all light, where lamps lie beside."""
+    most_simple: float = math.inf
+    """The most bytes of an SHRM that takes the place of a map of principal functions."""
 
     @classmethod
-    def of(cls, probe: Probe, request: Request, left: float = 1.0) -> "_Asked":
+    def of(
+        cls, probe: Probe, request: Request, left: float = 1.0, most_simple: float = math.inf
+    ) -> "_Asked":
         """Return what is asked for of a probe."""
         fine = probe
         if probe.grid.resolution < COARSE_ROWS:
             from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 
             fine = fine_probe(probe)
-        return cls(probe, Projection(shared(fine)), request, left)
+        return cls(probe, Projection(shared(fine)), request, left, most_simple)
 
     @cached_property
     def goal(self) -> Goal:
@@ -177,7 +181,9 @@ class _Asked:
         most = 1.0 if is_kept else max(policy.MISSED * whole.badness(self.goal), 1.0)
         if not beside.split.discs or beside.error > most * self.goal.error:
             return None
-        found = _Apart.of(beside, self.request).foreseen()
+        # An SHRM of more would lose what a smaller map of functions wins.
+        share = policy.FAR_SMALLER if is_kept else policy.WORTH_LAMPS
+        found = _Apart.of(beside, self.request, share * whole.bytes).foreseen()
         return found if self._is_worth_lamps(found, whole, is_kept) else None
 
     def _is_worth_lamps(
@@ -238,7 +244,8 @@ class _Asked:
             return None  # each term would want an SHRM of its own, with a shader of many look-ups
         # Whoever asks for an error alone asks for the fewest bytes, and not for a picture.
         times = 1 if self.goal.wrong_share is None else policy.SIMPLE_TIMES
-        return self._simple_shrm_of(min(times * kept.bytes, self.request.allowed))
+        most = min(times * kept.bytes, self.request.allowed, self.most_simple)
+        return self._simple_shrm_of(int(most))
 
     @cached_property
     def _simple_shrm_of(self) -> Callable[[int], Candidate[Prefiltered] | None]:
@@ -284,8 +291,11 @@ class _Apart:
     lamps: LampsBeside | None
 
     @classmethod
-    def of(cls, beside: "Beside", request: Request) -> "_Apart":
-        """Return what is left of a probe's light for a request about all of it."""
+    def of(cls, beside: "Beside", request: Request, most_simple: float = math.inf) -> "_Apart":
+        """Return what is left of a probe's light for a request about all of it.
+
+        `most_simple` are the most bytes of an SHRM with what lies beside it.
+        """
         asked, goal = replace(request, sun="split"), Goal.of(request.error, request.seen)
         if goal.wrong_share is not None:
             # The RMS error is of all light, of which this map has a part. Where lamps light
@@ -293,7 +303,7 @@ class _Apart:
             error = goal.error / max(beside.left, goal.error)
             asked = replace(asked, error=error, seen=goal.wrong_share)
         light = beside.split.residual_probe if beside.split.discs else beside.split.probe
-        rest = _Asked.of(light, asked, beside.left)
+        rest = _Asked.of(light, asked, beside.left, most_simple - beside.bytes)
         return cls(rest, beside, beside.lamps())
 
     def made(self) -> Prefiltered:

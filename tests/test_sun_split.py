@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 import shrm_cli
+from shrm_cli import automatic
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ArgumentError, ShrmWarning
 from shrm_cli.lights.split import split_lamps
+from shrm_cli.maps.request import Request
+from shrm_cli.plan import policy
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import LUMINANCE
@@ -84,6 +87,26 @@ def test_what_has_no_code_is_shown_by_a_table(tmp_path, points):
 
 def test_no_table_is_made_that_does_not_fit():
     assert "lamps" not in dict(asked(1_100_000).notes)
+
+
+def test_no_shrm_loses_the_bytes_that_lamps_beside_a_map_win(monkeypatch):
+    """It may take the place of a map of functions, but not with more bytes than are worth it."""
+    light = probe()
+    request = Request.of("auto", {"brdf": "oren-nayar:sigma=0.5"}, light)
+    made = [automatic._Asked.of(light, request, most_simple=most).made() for most in (1e9, 1e4)]
+    assert [each.map.representation for each in made] == ["shrm", "principal"]
+    given, of = [], automatic._Apart.of
+
+    def noted(beside, request, most_simple):
+        given.append(most_simple)
+        return of(beside, request, most_simple)
+
+    monkeypatch.setattr(automatic._Apart, "of", noted)
+    prefilter_with_facts(
+        probe(), "auto", {"brdf": "ggx:roughness=0.15,f0=0.04", "max_size": 400_000}
+    )
+    (most,) = given
+    assert 0.3 * 400_000 < most <= policy.WORTH_LAMPS * 400_000
 
 
 @pytest.mark.proof
