@@ -10,6 +10,7 @@ in memory and asked of everybody who connects, and nothing but that listens.
 """
 
 import contextlib
+import gc
 import logging
 import os
 import pkgutil
@@ -101,7 +102,8 @@ def cluster_executor(scheduler: str, jobs: int | None = None) -> Iterator[Cluste
         stack.enter_context(_quiet())
         try:
             cluster = stack.enter_context(_started(jobs)) if scheduler == LOCAL else scheduler
-            client = distributed.Client(cluster, timeout=_PATIENCE, set_as_default=False)
+            with _no_garbage_collected():
+                client = distributed.Client(cluster, timeout=_PATIENCE, set_as_default=False)
         except (OSError, ValueError, TypeError, RuntimeError) as error:
             raise ClusterError(
                 f"scheduler {scheduler}: nobody answers there ({_line(error)}); "
@@ -115,6 +117,23 @@ def cluster_executor(scheduler: str, jobs: int | None = None) -> Iterator[Cluste
             yield ClusterWorkers(executor, sum(client.nthreads().values()))
         except CancelledError as error:
             raise ClusterError(f"scheduler {scheduler}: {_AWAY}") from error
+
+
+@contextlib.contextmanager
+def _no_garbage_collected() -> Iterator[None]:
+    """Keep Python from collecting garbage in the block, in which a client starts.
+
+    A client that found no scheduler is garbage, and closes itself when it is collected. It waits
+    for a lock that the start of the next one holds, for ever if that is where it is collected.
+    """
+    gc.collect()
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def _shut_down(executor: Executor) -> None:

@@ -262,6 +262,37 @@ def test_a_scheduler_that_does_not_answer_is_told_in_one_line(monkeypatch):
         assert "\n" not in str(caught.value)
 
 
+COLLECTED = """
+import gc
+from distributed import utils
+from shrm_cli.batch import cluster
+
+class Thread(utils._CollectErrorThread):
+    def __init__(self, *given, **named):
+        if gc.isenabled():  # as Python does now and then
+            gc.collect()
+        super().__init__(*given, **named)
+
+utils._CollectErrorThread = Thread
+cluster._PATIENCE = 0.2
+for address in ("nowhere", "http://127.0.0.1:9", "tcp://127.0.0.1:x", "tcp://127.0.0.1:9"):
+    try:
+        with cluster.cluster_executor(address):
+            pass
+    except cluster.ClusterError as error:
+        print(error)
+        error.own = error  # so that it lives until garbage is collected
+"""
+
+
+def test_a_client_that_failed_does_not_hold_up_the_next():
+    """It was collected where the next one starts, and both waited for each other."""
+    done = subprocess.run(
+        [sys.executable, "-c", COLLECTED], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout.count("nobody answers there")) == (0, 4), done.stderr
+
+
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
