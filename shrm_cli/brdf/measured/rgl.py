@@ -304,12 +304,7 @@ class Grid:
 
     def __call__(self, x: Array, y: Array, slices: Slices) -> Array:
         """Interpolate values, shape (n, channels), at x (columns) and y (rows), both 0 .. 1."""
-        columns = self.shape[1]
-        column, right = _cell(x, columns)
-        row, below = _cell(y, self.shape[0])
-        at, count = row * columns + column, self.shape[0] * columns
-        top = slices.blend(self._records, at, count)
-        bottom = slices.blend(self._records, at + columns, count)
+        _, right, below, top, bottom = _looked_up(self._records, self.shape, x, y, slices)
         pair = top + below[:, None, None] * (bottom - top)
         return pair[:, 0] + right[:, None] * (pair[:, 1] - pair[:, 0])
 
@@ -343,12 +338,7 @@ class Warp:
 
         Where a row has no density at all, x becomes 0.
         """
-        columns = self.shape[1]
-        column, right = _cell(x, columns)
-        row, below = _cell(y, self.shape[0])
-        at, count = row * columns + column, self.shape[0] * columns
-        top = slices.blend(self._records, at, count)
-        bottom = slices.blend(self._records, at + columns, count)
+        row, right, below, top, bottom = _looked_up(self._records, self.shape, x, y, slices)
         left, after, along, whole = (top + below[:, None] * (bottom - top)).T
         inside = right * (left + right / 2 * (after - left))
         tiny = np.finfo(np.float32).tiny
@@ -370,6 +360,24 @@ def _cumulated(density: Array) -> tuple[Array, Array]:
     whole = np.broadcast_to(rows[:, None], density.shape)
     records = np.stack([density, following, along, whole], axis=-1)
     return down / down[-1], records / down[-1]
+
+
+def _looked_up(
+    records: Array, shape: tuple[int, ...], x: Array, y: Array, slices: Slices
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Blend the records of the cells at x (columns) and y (rows), both 0 .. 1.
+
+    `shape` are the rows and columns of a slice.
+
+    Returns the row of each cell; how far x and y are from its left and its top, 0 .. 1; and its
+    records at the top and at the bottom.
+    """
+    rows, columns = shape
+    column, right = _cell(x, columns)
+    row, below = _cell(y, rows)
+    at, count = row * columns + column, rows * columns
+    top, bottom = (slices.blend(records, each, count) for each in (at, at + columns))
+    return row, right, below, top, bottom
 
 
 def _cell(coordinate: Array, count: int) -> tuple[Index, Array]:
