@@ -16,7 +16,7 @@ from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.expansion import LampsBeside
 from shrm_cli.maps.info import probe_name
-from shrm_cli.maps.lamps.lobe import TABLE_BYTES, LobeTable
+from shrm_cli.maps.lamps.lobe import LobeTable, table_bytes
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
 from shrm_cli.maps.lamps.models import bytes_of_table
 from shrm_cli.maps.lamps.rule import LitDiscs
@@ -63,7 +63,7 @@ class Beside:
     @property
     def bytes(self) -> int:
         """The bytes that the file of the map takes for that."""
-        return TABLE_BYTES if isinstance(self.brdf, LobeTable) else 0
+        return table_bytes(self.brdf)
 
     def lamps(self) -> LampsBeside | None:
         """Return the lamps as the wrong pixels of maps are counted beside them, where they are."""

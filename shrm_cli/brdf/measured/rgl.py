@@ -6,9 +6,8 @@ from math import prod
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import check_file, file_values, readable
@@ -246,8 +245,6 @@ def _read(file: TensorFile, name: str, shape: tuple[int | None, ...]) -> Array:
 # A table holds a grid over the unit square for each combination of some values of the parameters, a
 # slice each, and is linear between them in each parameter.
 
-Index = NDArray[np.intp]
-
 
 class Slices:
     """Where parameters lie between the slices of a table; those beyond the ends lie at the ends.
@@ -258,7 +255,7 @@ class Slices:
     """
 
     def __init__(self, *axes: tuple[Array, Array]) -> None:
-        self._low: Index = np.zeros(1, dtype=np.intp)
+        self._low: Indices = np.zeros(1, dtype=np.intp)
         parts: list[Array] = []
         for nodes, parameter in axes:
             low = np.clip(np.searchsorted(nodes, parameter, side="right") - 1, 0, len(nodes) - 2)
@@ -270,7 +267,7 @@ class Slices:
         strides = [prod(counts[k + 1 :]) for k in range(len(counts))]
         self._steps = list(zip(strides, parts, strict=True))
 
-    def blend(self, records: Array, index: Index, per_slice: int) -> Array:
+    def blend(self, records: Array, index: Indices, per_slice: int) -> Array:
         """Interpolate records between the slices that each point lies between, shape (n, ...).
 
         `records` are of shape (slices * per_slice, ...). `index`, of shape (n,), is that of a
@@ -280,7 +277,7 @@ class Slices:
         return _blend(records, self._low * per_slice + index, steps)
 
 
-def _blend(records: Array, at: Index, steps: list[tuple[int, Array]]) -> Array:
+def _blend(records: Array, at: Indices, steps: list[tuple[int, Array]]) -> Array:
     """Interpolate between records and those a step farther, along each of the steps."""
     if not steps:
         return records.take(at, axis=0)
@@ -364,7 +361,7 @@ def _cumulated(density: Array) -> tuple[Array, Array]:
 
 def _looked_up(
     records: Array, shape: tuple[int, ...], x: Array, y: Array, slices: Slices
-) -> tuple[Array, Array, Array, Array, Array]:
+) -> tuple[Indices, Array, Array, Array, Array]:
     """Blend the records of the cells at x (columns) and y (rows), both 0 .. 1.
 
     `shape` are the rows and columns of a slice.
@@ -380,7 +377,7 @@ def _looked_up(
     return row, right, below, top, bottom
 
 
-def _cell(coordinate: Array, count: int) -> tuple[Index, Array]:
+def _cell(coordinate: Array, count: int) -> tuple[Indices, Array]:
     """The cell that a coordinate 0 .. 1 falls into, of a grid of `count` nodes, and where in it."""
     scaled = np.clip(coordinate, 0, 1) * (count - 1)
     low = np.minimum(scaled.astype(np.intp), count - 2)

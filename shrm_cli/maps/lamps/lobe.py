@@ -185,6 +185,11 @@ class LobeTable(Table):
         return [*filled(_CELL, words), f"    return {value};"]
 
 
+def table_bytes(brdf: Brdf | None) -> int:
+    """Return the bytes that a map's file takes for what reflects its lamps."""
+    return TABLE_BYTES if isinstance(brdf, LobeTable) else 0
+
+
 def lobe_part(parts: Sequence[StoredPart]) -> StoredPart | None:
     """Return the part of a map's file that holds a table of its lamps' BRDF, if there is one."""
     last = parts[-1]

@@ -20,7 +20,7 @@ from shrm_cli.files.parts import StoredPart
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo, common_brdf
 from shrm_cli.maps.kinds import ReflectionMap
-from shrm_cli.maps.lamps.lobe import TABLE_BYTES, LobeTable
+from shrm_cli.maps.lamps.lobe import LobeTable, table_bytes
 from shrm_cli.maps.lamps.rule import LitDiscs, disc_records
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
@@ -178,7 +178,7 @@ class LampMap(ReflectionMap):
 
     @property
     def table_bytes(self) -> int:  # type: ignore[override]
-        return 0 if self.table is None else TABLE_BYTES
+        return table_bytes(self.known)
 
     def encode(self) -> list[Part]:
         """Return the parts of the map within, the first of which says what lamps there are.

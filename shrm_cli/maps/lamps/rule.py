@@ -36,10 +36,10 @@ from shrm_cli.maps.lamps.lobe import TABLE_EXACT, LobeTable
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import (
+    central_directions,
     from_angles,
     horizontal_tangents,
     normalize,
-    reflect,
     surface_frames,
 )
 
@@ -114,7 +114,9 @@ class DiscRule:
             return cls(width, steps)
         far = _beside(brdf, normals, views, np.minimum(reach * np.array(_BEYOND), np.pi))
         # Some BRDFs have a second peak towards the view.
-        aside = np.sum(_centers(brdf, normals, views) * views, axis=-1, keepdims=True)
+        aside = np.sum(
+            central_directions(brdf.center, normals, views) * views, axis=-1, keepdims=True
+        )
         backwards = np.where(aside < np.cos(reach), views, far[:, :1])
         far = np.concatenate([far, backwards], axis=1)
         missed = np.max(np.abs(values(FEW, far) - values(steps, far)) / largest)
@@ -148,7 +150,7 @@ def integrals(
     edge = np.sin(radius)
     is_far = np.zeros(len(result), dtype=bool)
     if rule.reach < np.pi:
-        centers = _centers(brdf, *points[:2])
+        centers = central_directions(brdf.center, *points[:2])
         is_far = np.sum(centers * points[2], axis=-1) < np.cos(rule.reach)
     for is_cut, there in ((False, heights >= edge), (True, np.abs(heights) < edge)):
         for own, found in (
@@ -163,11 +165,6 @@ def integrals(
     return result.reshape(shape)
 
 
-def _centers(brdf: Brdf, normals: Array, views: Array) -> Array:
-    """Return the directions about which a BRDF has its peak."""
-    return reflect(views, normals) if brdf.center == "reflection" else normals
-
-
 def _over(
     rule: DiscRule,
     brdf: Brdf,
@@ -179,7 +176,7 @@ def _over(
     tangents: Array,
 ) -> Array:
     """Integrate over a disc that the horizon cuts, or one that it does not, for points (n, 3)."""
-    centers = _centers(brdf, normals, views)
+    centers = central_directions(brdf.center, normals, views)
     frame = _frames(centers, views, axes)
     a_x, a_y, a_z = np.einsum("nij,nj->in", frame, axes)
     low, high = _span(a_x, a_y, a_z, radius)
@@ -287,7 +284,7 @@ def _trials(brdf: Brdf, radius: float) -> tuple[Array, Array, Array]:
 
 def _beside(brdf: Brdf, normals: Array, views: Array, distances: Array) -> Array:
     """Return axes of discs at some distances from C, shape (views, distances, azimuths, 3)."""
-    frame = _frames(_centers(brdf, normals, views), views, np.eye(3)[0])
+    frame = _frames(central_directions(brdf.center, normals, views), views, np.eye(3)[0])
     beside = from_angles(distances[:, None], np.array(_AROUND))
     return normalize(np.einsum("...j,...ji->...i", beside, frame))
 
