@@ -22,7 +22,14 @@ from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best, kn
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Candidate, Goal, first_kept, is_worth_lamps, least_wrong
+from shrm_cli.plan.search import (
+    Candidate,
+    Goal,
+    error_beside,
+    first_kept,
+    is_worth_lamps,
+    least_wrong,
+)
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
@@ -300,7 +307,7 @@ class _Apart:
         if goal.wrong_share is not None:
             # The RMS error is of all light, of which this map has a part. Where lamps light
             # nothing, the share of wrong pixels keeps what is seen.
-            error = goal.error / max(beside.left, goal.error)
+            error = error_beside(beside.error, goal.error) / max(beside.left, goal.error)
             asked = replace(asked, error=error, seen=goal.wrong_share)
         light = beside.split.residual_probe if beside.split.discs else beside.split.probe
         rest = _Asked.of(light, asked, beside.left, most_simple - beside.bytes)

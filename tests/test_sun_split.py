@@ -109,6 +109,17 @@ def test_no_shrm_loses_the_bytes_that_lamps_beside_a_map_win(monkeypatch):
     assert 0.3 * 400_000 < most <= policy.WORTH_LAMPS * 400_000
 
 
+def test_the_rest_misses_less_where_discs_change_much(rng):
+    """Two rows of pixels are no disc, which alone misses two thirds of what is allowed."""
+    leaves = rng.uniform(0.2, 1.8, (64, 128, 3)).astype(np.float32)
+    leaves[20:22, 40:44] = 300
+    asked = {"brdf": "ggx:roughness=0.5", "sun": "split", "error": 0.02, "seen": 0.5}
+    made = prefilter_with_facts(Probe.from_array(leaves), "auto", asked).map
+    rest = np.hypot(made.info.predicted_error, made.info.filter_error)
+    assert 0.012 < made.error < 0.02
+    assert np.hypot(made.error, rest) <= 0.02
+
+
 @pytest.mark.proof
 def test_brute_force(points):
     """In the highlight and beside it, in a hundredth of the bytes."""

@@ -264,6 +264,18 @@ def least_wrong(tried: Iterable[Candidate[Any]], goal: Goal) -> Candidate[Any]:
     return min(good, key=lambda each: each.bytes)
 
 
+def error_beside(lamps: float, most: float) -> float:
+    """Return the error that the light without its lamps may have, where these lie beside its map.
+
+    `lamps` is what discs in place of the lamps change, and `most` what both may miss together. All
+    are in parts of the same light, and do not go together. Where discs alone miss too much, the
+    rest may miss as much as it could without them, because no bytes make up for it.
+    """
+    if lamps >= most:
+        return most
+    return max(sqrt(most**2 - lamps**2), policy.LEAST_BESIDE * most)
+
+
 def is_worth_lamps(found: Candidate[Any], whole: Candidate[Any], goal: Goal, is_kept: bool) -> bool:
     """Tell whether a map with lamps beside it is better than that of all light.
 
