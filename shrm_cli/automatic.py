@@ -53,9 +53,13 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """
     if not request.splits:
         return _Asked.of(probe, request).made()
-    from shrm_cli.lights.beside import split_for
+    from shrm_cli.lights.beside import splits_for
 
-    return _Apart.of(split_for(probe, request.brdf), request).made()
+    goal = Goal.of(request.error, request.seen)
+    ways = [_Apart.of(each, request) for each in splits_for(probe, request.brdf, goal.error)]
+    if len(ways) == 1:
+        return ways[0].made()
+    return least_wrong([each.foreseen() for each in ways], goal).make()
 
 
 def automatic_choice(probe: Probe, request: Request) -> str:
@@ -79,18 +83,21 @@ class _Asked:
     """The RMS of what the probe's light makes, over that of all light, where lamps lie beside."""
     most_simple: float = math.inf
     """The most bytes of an SHRM that takes the place of a map of principal functions."""
+    seen: Probe | None = None
+    """The probe with its lamps, where they lie beside."""
 
     @classmethod
     def of(
-        cls, probe: Probe, request: Request, left: float = 1.0, most_simple: float = math.inf
-    ) -> "_Asked":
+        cls, probe: Probe, request: Request, left: float = 1.0, most_simple: float = math.inf,
+        seen: Probe | None = None,
+    ) -> "_Asked":  # fmt: skip
         """Return what is asked for of a probe."""
         fine = probe
         if probe.grid.resolution < COARSE_ROWS:
             from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 
             fine = fine_probe(probe)
-        return cls(probe, Projection(shared(fine)), request, left, most_simple)
+        return cls(probe, Projection(shared(fine)), request, left, most_simple, seen)
 
     @cached_property
     def goal(self) -> Goal:
@@ -100,7 +107,7 @@ class _Asked:
     @cached_property
     def truth(self) -> Truth:
         """What is reflected."""
-        return truth_of(self.light.probe, self.request.brdf)
+        return truth_of(self.seen or self.light.probe, self.request.brdf)
 
     def made(self) -> Prefiltered:
         return self.made_of_single_cubes() or self.of_functions()
@@ -177,21 +184,22 @@ class _Asked:
         """
         if self.request.sun is not None:
             return None
-        from shrm_cli.lights.beside import split_for
+        from shrm_cli.lights.beside import splits_for
         from shrm_cli.maps.lamps.models import bytes_of_table
 
         own = bytes_of_table(self.request.brdf)
         if own is None or own > self.request.allowed:  # shaders and pages could not show the map
             return None
-        beside = split_for(self.probe, self.request.brdf)
-        # No map makes up for what discs change, so that most searches in vain end here.
+        # No map makes up for what lamps miss, so that most searches in vain end here.
         most = 1.0 if is_kept else max(policy.MISSED * whole.badness(self.goal), 1.0)
-        if not beside.split.discs or beside.error > most * self.goal.error:
-            return None
         # An SHRM of more would lose what a smaller map of functions wins.
         share = policy.FAR_SMALLER if is_kept else policy.WORTH_LAMPS
-        found = _Apart.of(beside, self.request, share * whole.bytes).foreseen()
-        return found if self._is_worth_lamps(found, whole, is_kept) else None
+        for beside in splits_for(self.probe, self.request.brdf, self.goal.error):
+            if beside.split.discs and beside.error <= most * self.goal.error:
+                found = _Apart.of(beside, self.request, share * whole.bytes).foreseen()
+                if self._is_worth_lamps(found, whole, is_kept):
+                    return found
+        return None
 
     def _is_worth_lamps(
         self, found: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
@@ -309,8 +317,8 @@ class _Apart:
             # nothing, the share of wrong pixels keeps what is seen.
             error = error_beside(beside.error, goal.error) / max(beside.left, goal.error)
             asked = replace(asked, error=error, seen=goal.wrong_share)
-        light = beside.split.residual_probe if beside.split.discs else beside.split.probe
-        rest = _Asked.of(light, asked, beside.left, most_simple - beside.bytes)
+        most, probe = most_simple - beside.bytes, beside.split.probe
+        rest = _Asked.of(beside.rest, asked, beside.left, most, probe)
         return cls(rest, beside, beside.lamps())
 
     def made(self) -> Prefiltered:

@@ -6,6 +6,7 @@
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 from shrm_cli.brdf.base import Brdf
@@ -169,7 +170,13 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
     work = Rising(progress) if is_rising else progress
     with using(work):
         light, lamps = _split(probe, request)
-        found = _made(_fine(light, request), request)
+        if lamps is None:
+            found = _made(_fine(light, request), request)
+        else:
+            from shrm_cli.maps.expansion import beside_lamps
+
+            with beside_lamps(lamps.lamps()):
+                found = _made(_fine(light, request), request)
         info = replace(found.map.info, options=request.record(probe))
         found = replace(found, map=found.map.with_info(info))
         if needs_brdf:  # maps of light alone have words of their own for what is negative
@@ -189,9 +196,12 @@ def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:
     if not request.splits or request.to == AUTO:  # which does it by itself
         return probe, None
     from shrm_cli.lights.beside import split_for
+    from shrm_cli.plan.search import Goal
 
-    found = split_for(probe, request.brdf)
-    return (found.split.residual_probe if found.split.discs else probe), found
+    goal = Goal.of(request.error, request.seen)
+    # Maps of the angular domain are made of pixels.
+    found = split_for(probe, request.brdf, inf if request.domain == "angular" else goal.error)
+    return found.rest, found
 
 
 def _fine(probe: Probe, request: Request) -> Probe:

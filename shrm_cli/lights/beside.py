@@ -1,7 +1,9 @@
 """Maps of what is left of a probe without its lamps, and these beside it: `sun` split."""
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -9,12 +11,12 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.brushed_transfer import compute_brushed_transfer
 from shrm_cli.brdf.cache import cached_transfer
-from shrm_cli.brdf.transfer import compute_transfer
+from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.base import REMEDY
-from shrm_cli.maps.expansion import LampsBeside
+from shrm_cli.maps.expansion import LampsBeside, beside_lamps
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.lobe import LobeTable, table_bytes
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
@@ -23,13 +25,15 @@ from shrm_cli.maps.lamps.rule import LitDiscs
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered, negative_warnings
 from shrm_cli.plan import policy
+from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.shared import SharedProbe
+from shrm_cli.probe.shared import SharedProbe, shared
 from shrm_cli.records import record
 from shrm_cli.reflected import reflected_rms
 from shrm_cli.sphere.grid.latlong import AXES
+from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import LUMINANCE
 
@@ -38,6 +42,13 @@ _ORDERS = 192, 8
 beyond is estimated."""
 _ACCURACY = 1e-3
 _LAMPS = "lamps"
+_HELD = 0, 32, 48, 64, 96, 128, 192
+"""The last degrees that are tried of what discs change: none, some, and in the end all. Of soft
+boxes in GGX of roughness .3 discs change 7 % (RMS). With 64 degrees of that a map takes 1.1 MB,
+with all 2.1 MB, because those that its cubes do not hold ring around the boxes."""
+_FINER = 0.5
+"""The part of what discs change that is finer than all of these degrees, above which a map holds
+none of it. Of a filament it is .8, and of soft boxes in GGX of roughness .1 .25."""
 SMALL, MUCH = float(np.radians(1.0)), 0.02
 """Lamps of a smaller radius that hold more of the light together are worth taking out. Of eight
 real probes, those of five are so (2 % to 59 % of the light), and the best maps of 32 MB of a
@@ -47,18 +58,23 @@ lamps, a forest whose sun of a degree holds 7 %, a studio with 75 % in lamps of 
 
 @record(eq=False)
 class Beside:
-    """The lamps that are put beside a map, and what that does to the reflected light."""
+    """The lamps that are put beside a map, and what is left of the light for the map."""
 
     split: LampSplit
+    rest: Probe
+    """What the map is made of: the light without that of the lamps' discs, but for some of what
+    these differ by from the pixels. The probe itself where it has no lamps."""
     left: float
-    """The RMS of what is reflected of the residual, over that of all light."""
+    """The RMS of what is reflected of the rest, over that of all light."""
     error: float
-    """What discs in place of the lamps' pixels change, in the same measure."""
+    """What is reflected wrongly beside the map, in the same measure: what discs differ by from the
+    lamps' pixels, as far as the rest lacks it, and a table from the BRDF."""
     wrong: Array
-    """The coefficients of the light of these pixels without that of the discs, world axes, shape
-    (n, 3)."""
+    """The coefficients of the former, world axes, shape (n, 3)."""
     brdf: Brdf
-    """What reflects the discs: the BRDF of the map, or a table of it, which `error` counts."""
+    """What reflects the discs: the BRDF of the map, or a table of it."""
+    is_held: bool = False
+    """Whether the rest holds some of what discs differ by from the lamps' pixels."""
 
     @property
     def bytes(self) -> int:
@@ -67,14 +83,19 @@ class Beside:
 
     def lamps(self) -> LampsBeside | None:
         """Return the lamps as the wrong pixels of maps are counted beside them, where they are."""
-        if not self.brdf.isotropic:  # the lobes for views have tangents of their own
+        if not self.split.discs:
             return None
         flux = sum((lamp.light.flux for lamp in self.split.lamps), np.zeros(3))
-        return LampsBeside(flux, self.wrong, LitDiscs(self.brdf, self.split.discs).radiance)
+        lit = LitDiscs(self.brdf, self.split.discs)
+        return LampsBeside(flux, self.wrong, lit.radiance, self.brdf.isotropic)
 
 
-def split_for(probe: Probe, brdf: Brdf) -> Beside:
+def split_for(probe: Probe, brdf: Brdf, most: float) -> Beside:
     """Take the lamps out of a probe, for a map of what a BRDF reflects.
+
+    `most` is the error that map and lamps may have together. As far as discs alone would take too
+    much of it, the map holds what they differ by from the lamps' pixels. A map that is made of
+    pixels, and not of their coefficients, cannot: infinity is for it.
 
     Raises ArgumentError if the BRDF is one whose reflection of discs is not integrated. Raises
     ProbeError if the probe cannot be read.
@@ -82,30 +103,51 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     if brdf.center == "tangent":
         raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")
     split = _split_of(probe)
+    nothing: Array = np.zeros((1, 3))
     if not split.discs:
-        return Beside(split, 1.0, 0.0, np.zeros((1, 3)), brdf)
-    order, max_q = _ORDERS
-    max_q = 0 if brdf.zonal else max_q
-    compute = compute_transfer if brdf.isotropic else compute_brushed_transfer
-    transfer = cached_transfer(brdf, order, max_q, _ACCURACY, compute)
+        return Beside(split, probe, 1.0, 0.0, nothing, brdf)
+    transfer = _transfer(brdf)
     order = transfer.order_f
     whole = reflected_rms(project(probe, order), transfer)
     if whole == 0:
-        return Beside(split, 1.0, 0.0, np.zeros((1, 3)), brdf)
-    wrong = np.zeros(((order + 1) ** 2, 3))
-    found = _wrong(split, min(order, split.grid.resolved_order))
-    wrong[: len(found)] = found
-    # What is beyond these degrees shows in sharp lobes: discs and pixels differ most at their rims.
-    energy = np.maximum(sum(map(_wrong_energy, split.lamps)), (wrong**2).sum(axis=0))
-    error = reflected_rms(Lighting(wrong, energy), transfer)
-    residual = reflected_rms(project(split.residual_probe, order), transfer)
-    shown = brdf
+        return Beside(split, split.residual_probe, 1.0, 0.0, nothing, brdf)
+    shown, error = brdf, 0.0
     if bytes_of_table(brdf):
         shown = LobeTable.of(brdf)
         energy = np.sum([disc.energy for disc in split.discs], axis=0)
         lit = Lighting(disc_coefficients(split.discs, order), energy)
-        error = math.hypot(error, shown.error(brdf) * reflected_rms(lit, transfer))
-    return Beside(split, min(residual / whole, 1.0), error / whole, wrong, shown)
+        error = shown.error(brdf) * reflected_rms(lit, transfer) / whole
+    change = _Change(split, order)
+
+    def missed(last: int) -> float:
+        return math.hypot(error, reflected_rms(change.beyond(last), transfer) / whole)
+
+    enough = next((last for last in _HELD if missed(last) <= policy.BESIDE * most), None)
+    if enough is None and missed(_HELD[-1]) > _FINER * missed(0):
+        enough = 0
+    rest, wrong = change.rest(enough), nothing
+    if enough is not None:
+        error, wrong = missed(enough), change.beyond(enough).coefficients
+    left = min(reflected_rms(project(rest, order), transfer) / whole, 1.0)
+    return Beside(split, rest, left, error, wrong, shown, enough != 0)
+
+
+def splits_for(probe: Probe, brdf: Brdf, most: float) -> Iterator[Beside]:
+    """Yield what `split_for` returns, and the same with discs alone where a map may not hold more.
+
+    What discs differ by from soft boxes may need so many functions that nothing is won.
+    """
+    found = split_for(probe, brdf, most)
+    yield found
+    if found.is_held:
+        yield split_for(probe, brdf, math.inf)
+
+
+def _transfer(brdf: Brdf) -> TransferFunctions:
+    """Return the transfer functions that tell how much light lamps reflect."""
+    order, max_q = _ORDERS
+    compute = compute_transfer if brdf.isotropic else compute_brushed_transfer
+    return cached_transfer(brdf, order, 0 if brdf.zonal else max_q, _ACCURACY, compute)
 
 
 def _split_of(probe: Probe) -> LampSplit:
@@ -118,24 +160,79 @@ def _split_of(probe: Probe) -> LampSplit:
     return found
 
 
-def _wrong(split: LampSplit, order: int) -> Array:
-    """Return the coefficients of the pixels of all lamps without those of their discs, world axes.
+class _Change:
+    """What discs in place of the lamps' pixels change, and the rest of the light with some of it.
 
-    Pixels are discs of their areas, so that a lamp of a single pixel is right. They are expanded in
-    the axes of a lat-long, about whose pole those of a row are alike.
+    A soft box has corners, and a lamp a bright middle. What discs lack of them shows in sharp
+    lobes. It is light of its own, partly negative, and a map holds its degrees like all others.
+    Degrees that end where those of the map would end rather fade out before, because they ring
+    around lamps, where much of the light is dark.
     """
-    pixels = [
-        Disc(direction, radius_of(area), radiance)
-        for light in (lamp.light for lamp in split.lamps)
-        for direction, area, radiance in zip(
-            light.directions @ AXES.T, light.areas, light.radiance, strict=True
-        )
-    ]
-    own = disc_coefficients(pixels, order)
-    return transform_coefficients(own, AXES.T) - disc_coefficients(split.discs, order)
+
+    def __init__(self, split: LampSplit, order: int) -> None:
+        self.split = split
+        self.pixels = shared(fine_probe(split.residual_probe))
+        self.energy = sum(map(_changed_energy, split.lamps), np.zeros(3))
+        self.known = self.to_order(order)
+
+    def to_order(self, order: int) -> Array:
+        """Return its coefficients, world axes, shape ((order+1)^2, 3).
+
+        Pixels are discs of their areas, so that a lamp of a single pixel is right. They are
+        expanded in the axes of a lat-long, about whose pole those of a row are alike. Degrees that
+        are finer than the pixels are 0.
+        """
+        result = np.zeros(((order + 1) ** 2, 3))
+        order = min(order, self.split.grid.resolved_order)
+        pixels = [
+            Disc(direction, radius_of(area), radiance)
+            for light in (lamp.light for lamp in self.split.lamps)
+            for direction, area, radiance in zip(
+                light.directions @ AXES.T, light.areas, light.radiance, strict=True
+            )
+        ]
+        found = transform_coefficients(disc_coefficients(pixels, order), AXES.T)
+        result[: len(found)] = found - disc_coefficients(self.split.discs, order)
+        return result
+
+    def beyond(self, last: int) -> Lighting:
+        """Return what a rest that holds its degrees up to the last one lacks."""
+        left = self.known * (1 - _fading(order_of(len(self.known)), last))
+        # What is beyond these degrees shows in sharp lobes: discs and pixels differ most at rims.
+        unknown = np.maximum(self.energy - (self.known**2).sum(axis=0), 0.0)
+        return Lighting(left, unknown + (left**2).sum(axis=0))
+
+    def rest(self, last: int | None) -> Probe:
+        """Return the light without discs, and with the degrees of this up to the last one, or all.
+
+        Its pixels are those of the residual.
+        """
+        if last == 0:
+            return self.pixels
+
+        def project_rest(order: int) -> Lighting:
+            pixels = project(self.pixels, order)
+            if last is None:
+                held = self.to_order(order)
+                energy = np.maximum(self.energy, (held**2).sum(axis=0))
+            else:
+                held = self.known[: (min(order, last) + 1) ** 2]
+                held = held * _fading(order_of(len(held)), last)
+                energy = (held**2).sum(axis=0)
+            series = pixels.coefficients.copy()
+            series[: len(held)] += held
+            return Lighting(series, pixels.energy + energy)
+
+        return SharedProbe.of(self.pixels, project_rest)
 
 
-def _wrong_energy(lamp: Lamp) -> Array:
+def _fading(order: int, last: int) -> Array:
+    """Return factors of coefficients that fade out up to a degree, shape ((order+1)^2, 1)."""
+    part = np.minimum(degrees(order) / max(last, 1), 1.0)
+    return np.asarray(np.cos(np.pi / 2 * part)[:, None] ** 2) if last else np.zeros((1, 1))
+
+
+def _changed_energy(lamp: Lamp) -> Array:
     """Return the energy of a lamp's pixels without its discs at all degrees, shape (3,).
 
     Each pixel is as its middle is; what discs have outside of all pixels counts, too.
@@ -152,7 +249,7 @@ def _wrong_energy(lamp: Lamp) -> Array:
 def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
     """Put the lamps of a probe beside the map of the rest; errors become relative to all.
 
-    `made` is the map of the residual. Where there are no lamps, it is of the probe.
+    `made` is the map of the rest. Where there are no lamps, it is of the probe.
     """
     split, left = beside.split, beside.left
     info = replace(made.map.info, probe=probe_name(split.probe), probe_sha256=split.probe.digest())
@@ -162,13 +259,14 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
         return replace(made, map=inner, warnings=(line, *made.warnings))
     bound = made.facts.get("error_bound")
     facts = made.facts | ({} if bound is None else {"error_bound": bound * left})
+    held = ", with what the map holds of these" if beside.is_held else ""
     note = (
         "lamps",
         f"{counted(len(split.discs), 'disc')} beside the map, for {beside.error:.2%} (RMS) in "
-        f"place of the pixels; without, errors were {1 / max(left, 1e-6):.3g} times as large a "
-        "part of the light",
+        f"place of the pixels{held}; without, errors were {1 / max(left, 1e-6):.3g} times as large "
+        "a part of the light",
     )
-    further = dict(made.further)
+    further = {name: _together(find, beside) for name, find in made.further.items()}
     dark = further.pop("negative_share", None)  # it is found again, with the lamps
     of_dark = () if dark is None else negative_warnings(made.map, dark())
     told = [
@@ -182,14 +280,24 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
         told.append(f"{split.left} more {stay} in the map")
     if beside.error > policy.ERROR:
         told.append(
-            f"discs in place of the lamps' pixels change {beside.error:.1%} (RMS) of the reflected "
-            "light: their shapes, or those of the pixels, show in so sharp a lobe"
+            f"lamps beside the map change {beside.error:.1%} (RMS) of the reflected light: they "
+            "are no discs, or the table of the BRDF is coarse for so sharp a lobe"
         )
     lit = LampMap(inner, split.discs, left, beside.error, beside.brdf)
     return replace(
         made, map=lit, facts=facts, notes=(*made.notes, note), warnings=tuple(told),
         further=further,
     )  # fmt: skip
+
+
+def _together(find: Callable[[], Any], beside: Beside) -> Callable[[], Any]:
+    """Return what finds a fact of a map as it is together with its lamps."""
+
+    def found() -> Any:
+        with beside_lamps(beside.lamps()):
+            return find()
+
+    return found
 
 
 def lamps_share(probe: Probe) -> float:

@@ -41,6 +41,7 @@ from shrm_cli.reflected import (
     visible_beyond_p,
     weighted_power,
 )
+from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.harmonics import degrees, legendre_table, order_of
 from shrm_cli.vocabulary import LUMINANCE, MAX_ORDER_F, SEEN_FLOOR, WRONG, Center, Sampling
 
@@ -215,8 +216,8 @@ def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
         return 0.0
     groups = together(lobes)
     whole, error = lit(lighting.coefficients * LUMINANCE, groups)
-    lamps = _lamps_beside.get()
-    if lamps is None or groups[0].center == "tangent":
+    lamps = lamps_beside.get()
+    if lamps is None or not lamps.isotropic:
         return _share(lighting, groups, whole, error)
     shape = points(groups[0].center)[1].shape[:-1]
     whole, error = np.broadcast_to(whole, shape), np.broadcast_to(error, shape)
@@ -237,9 +238,12 @@ class LampsBeside:
     flux: Array
     """The integral of their radiance, shape (3,)."""
     wrong: Array
-    """The coefficients of what is wrong with it: true light less that of the lamps, (n, 3)."""
+    """The coefficients of what is wrong with it, and not in the map: true light less that of the
+    lamps, (n, 3)."""
     radiance: Callable[[Array, Array], Array]
     """From normals and views to what is reflected of them, shape (..., 3)."""
+    isotropic: bool = True
+    """Whether the tangents of the points at which lobes are lit do not matter."""
 
     @property
     def first(self) -> Array:
@@ -270,18 +274,23 @@ class LampsBeside:
             self._known[center] = 2 * np.pi * self.radiance(normals, views) @ LUMINANCE
         return self._known[center]
 
+    def mirrored(self, reflections: Array, views: Array) -> Array:
+        """Return the luminance of what is reflected of them towards views, shape (n,)."""
+        return self.radiance(bisector(reflections, views), views) @ LUMINANCE
 
-_lamps_beside: ContextVar[LampsBeside | None] = ContextVar("_lamps_beside", default=None)
+
+lamps_beside: ContextVar[LampsBeside | None] = ContextVar("lamps_beside", default=None)
+"""The lamps together with which maps are judged, where there are any."""
 
 
 @contextmanager
 def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
-    """Count wrong pixels of maps as they are seen together with lamps that lie beside them."""
-    token = _lamps_beside.set(lamps)
+    """Count wrong and negative pixels of maps as they are seen together with lamps beside them."""
+    token = lamps_beside.set(lamps)
     try:
         yield
     finally:
-        _lamps_beside.reset(token)
+        lamps_beside.reset(token)
 
 
 def _some_points(shape: tuple[int, ...]) -> tuple[tuple[Indices, ...], Array]:

@@ -17,6 +17,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.expansion import lamps_beside
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
@@ -147,7 +148,7 @@ def negative_share(map_: Map, truth: Truth | None = None) -> float:
     """Estimate the share of what is visible of a map whose luminance is below 0.
 
     Mirror directions and views are spread evenly over all pairs. These are the pixels of spheres,
-    seen in parallel projection from all sides.
+    seen in parallel projection from all sides. Lamps that are to lie beside the map light it.
 
     `truth` is what is reflected, where it is known: what is black in truth may be so in the map.
 
@@ -155,6 +156,8 @@ def negative_share(map_: Map, truth: Truth | None = None) -> float:
     """
     mirrored, views = visible_pairs()
     shown = map_.shaded().rough_radiance(mirrored, views) @ LUMINANCE
+    if (lamps := lamps_beside.get()) is not None:
+        shown = shown + lamps.mirrored(mirrored, views)
     dark = np.flatnonzero(shown < 0)
     share = len(dark) / len(shown)
     if truth is None or share <= NEGATIVE_SHARE:

@@ -66,9 +66,9 @@ LARGE = 2**22
 which is taken if it keeps that, too, and is `FAR_SMALLER`. Under a city of one sun GGX of roughness
 .3 took 12.1 MB so, and takes .13 MB beside the sun; that of roughness .25 keeps nothing with the
 sun in the map. The second search takes about as long as the first one."""
-LEAST_BESIDE = 0.25
-"""The least part of the error that is asked for which the light without its lamps is asked for,
-however much of it discs in place of the lamps change: both together miss at most 3 % more."""
+BESIDE = 0.9
+"""The most that lamps beside a map may take of the error that is asked for: the map keeps what is
+left of it, at least .44. What discs change is held by the map as far as they would take more."""
 MISSED = 1.1
 """How many times the least share of wrong pixels a smaller map may have, where no map keeps what is
 asked: the last megabytes of a lamp in a sharp lobe change little that is seen."""

@@ -265,15 +265,15 @@ def least_wrong(tried: Iterable[Candidate[Any]], goal: Goal) -> Candidate[Any]:
 
 
 def error_beside(lamps: float, most: float) -> float:
-    """Return the error that the light without its lamps may have, where these lie beside its map.
+    """Return the error that a map may have with lamps beside it.
 
-    `lamps` is what discs in place of the lamps change, and `most` what both may miss together. All
-    are in parts of the same light, and do not go together. Where discs alone miss too much, the
-    rest may miss as much as it could without them, because no bytes make up for it.
+    `lamps` is what is wrong with these, and `most` what both may miss together, in parts of the
+    same light. Where lamps alone miss more, no map makes up for it, and it may miss as much as one
+    without them.
     """
     if lamps >= most:
         return most
-    return max(sqrt(most**2 - lamps**2), policy.LEAST_BESIDE * most)
+    return sqrt(most**2 - min(lamps, policy.BESIDE * most) ** 2)
 
 
 def is_worth_lamps(found: Candidate[Any], whole: Candidate[Any], goal: Goal, is_kept: bool) -> bool:

@@ -239,7 +239,8 @@ def _project(probe: Probe, order: int) -> Lighting:
         return _project_sum(probe, order)
     if isinstance(probe, SharedProbe):
         if order not in probe.kept:
-            probe.kept[order] = _project_image(probe, order)
+            own = probe.project
+            probe.kept[order] = _project_image(probe, order) if own is None else own(order)
         return probe.kept[order]
     return _project_image(probe, order)
 

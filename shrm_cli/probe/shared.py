@@ -3,15 +3,19 @@
 It is projected once to each order.
 """
 
+from collections.abc import Callable
 from dataclasses import field, fields
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shrm_cli.arrays import Array
 from shrm_cli.probe.image import ImageOfImage
 from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.lighting import Lighting
 
 MOST_BYTES = 128 * 2**20
 """The most bytes of an image's pixels that are held. Larger images are read again for each map."""
@@ -40,6 +44,8 @@ class SharedProbe(Probe):
     kept: dict[int | str, Any] = field(default_factory=dict)
     """What was computed of the light, by what it is: `shrm_cli.probe.lighting.project` keeps
     coefficients by their order, and `shrm_cli.lights.beside` the lamps."""
+    project: "Callable[[int], Lighting] | None" = None
+    """Projects the light to an order, where its coefficients are not those of its pixels."""
 
     def digest(self) -> str:
         """SHA-256 of the bytes of the files, which are read for it once."""
@@ -48,6 +54,13 @@ class SharedProbe(Probe):
     @cached_property
     def _digest(self) -> str:
         return super().digest()
+
+    @classmethod
+    def of(cls, probe: Probe, project: "Callable[[int], Lighting] | None" = None) -> "SharedProbe":
+        """Return a probe of the same pixels, whatever their number."""
+        values = {each.name: getattr(probe, each.name) for each in fields(Probe)}
+        held = tuple(HeldImage(image) for image in probe.images)
+        return cls(**{**values, "images": held}, project=project)
 
 
 def shared(probe: Probe) -> Probe:
@@ -59,6 +72,4 @@ def shared(probe: Probe) -> Probe:
     size = sum(image.width * image.height for image in probe.images) * _PIXEL
     if isinstance(probe, LightSum | SharedProbe) or size > MOST_BYTES:
         return probe
-    values = {each.name: getattr(probe, each.name) for each in fields(Probe)}
-    held = tuple(HeldImage(image) for image in probe.images)
-    return SharedProbe(**{**values, "images": held})
+    return SharedProbe.of(probe)

@@ -5,9 +5,12 @@ import pytest
 
 import shrm_cli as shrm
 from shrm_cli.lights import beside
+from shrm_cli.plan import policy
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
+from shrm_cli.probe.lighting import project
 from shrm_cli.probe.shared import shared
+from tests import brute_force, ggx
 
 
 @pytest.fixture
@@ -26,7 +29,7 @@ def test_maps_of_one_probe_look_for_its_lamps_once(pixels, monkeypatch):
     for brdf in ("ggx:roughness=0.5", "phong:exponent=32"):
         given = {"brdf": brdf, "sun": "split"}
         made = prefilter_with_facts(probe, "auto", given).map
-        found = beside.split_for(probe, shrm.parse_spec(brdf)).split
+        found = beside.split_for(probe, shrm.parse_spec(brdf), 1.0).split
         residuals.add(id(found.residual_probe))
         assert len(looked) == 1
         alone = shrm.Probe.from_array(pixels, layout="latlong")
@@ -37,30 +40,104 @@ def test_maps_of_one_probe_look_for_its_lamps_once(pixels, monkeypatch):
     assert len(residuals) == 1
 
 
+def bright_rows(rows=256):
+    """A lamp as long as it is no disc, with a brighter spot beside its middle."""
+    row, column = np.mgrid[:rows, : 2 * rows]
+    pixels = np.full((rows, 2 * rows, 3), 0.1, np.float32)
+    pixels[(abs(row - 90) <= 1) & (abs(column - 200) <= 3)] = 3000
+    pixels[(abs(row - 94) <= 1) & (abs(column - 203) <= 1)] = 9000
+    return pixels
+
+
+def soft_box(rows=128):
+    """A box of light of 14 x 8 degrees."""
+    pixels = np.full((rows, 2 * rows, 3), 0.1, np.float32)
+    pixels[44:50, 90:100] = 300
+    return pixels
+
+
+def split_of(pixels, roughness, most):
+    return beside.split_for(
+        shrm.Probe.from_array(pixels), shrm.parse_spec(f"ggx:roughness={roughness}"), most
+    )
+
+
 def test_what_discs_change_is_known_to_all_degrees(monkeypatch):
     """A sixth of it lies beyond those that are known, where lobes are as sharp as lamps."""
-    rows, columns = np.mgrid[:256, :512]
-    pixels = np.full((256, 512, 3), 0.1, np.float32)
-    pixels[(abs(rows - 90) <= 1) & (abs(columns - 200) <= 3)] = 3000
-    pixels[(abs(rows - 94) <= 1) & (abs(columns - 203) <= 1)] = 9000
-    probe, brdf = shrm.Probe.from_array(pixels), shrm.parse_spec("ggx:roughness=0.15")
     errors = []
     for order in (96, 255):
         monkeypatch.setattr(beside, "_ORDERS", (order, 4))
-        errors.append(beside.split_for(probe, brdf).error)
+        errors.append(split_of(bright_rows(), 0.15, 1.0).error)
     assert errors[1] > 0.05
     assert errors[0] == pytest.approx(errors[1], rel=0.08)
 
 
 def test_what_is_wrong_with_discs_is_known_in_world_axes(pixels):
     """It is expanded in others, about which the pixels of a row are alike."""
-    probe = shrm.Probe.from_array(pixels, layout="latlong")
-    found = beside.split_for(probe, shrm.parse_spec("ggx:roughness=0.5"))
-    (lamp,) = found.split.lamps
-    each = zip(lamp.light.directions, lamp.light.areas, lamp.light.radiance, strict=True)
-    discs = [Disc(direction, radius_of(area), radiance) for direction, area, radiance in each]
-    order = found.split.grid.resolved_order
-    expected = disc_coefficients(discs, order) - disc_coefficients(found.split.discs, order)
+    found = split_of(pixels, 0.5, 1.0)
+    expected = difference(found.split, found.split.grid.resolved_order)
     assert np.linalg.norm(expected) > 1
     np.testing.assert_allclose(found.wrong[: len(expected)], expected, rtol=0, atol=1e-10)
     assert not found.wrong[len(expected) :].any()
+
+
+def difference(split, order):
+    """What a probe's lamps are and their discs are not."""
+    lights = [lamp.light for lamp in split.lamps]
+    each = [zip(light.directions, light.areas, light.radiance, strict=True) for light in lights]
+    discs = [Disc(at, radius_of(area), radiance) for some in each for at, area, radiance in some]
+    return disc_coefficients(discs, order) - disc_coefficients(split.discs, order)
+
+
+def test_a_map_holds_what_discs_lack_of_a_soft_box():
+    """No more of it than it has to, and all of it where no part suffices."""
+    errors = []
+    for most, is_held in ((1.0, False), (0.05, True), (0.01, True)):
+        found = split_of(soft_box(), 0.2, most)
+        assert found.is_held == is_held
+        residual = project(found.split.residual_probe, 60)
+        rest = project(found.rest, 60)
+        added = rest.coefficients - residual.coefficients
+        wrong = difference(found.split, 60)
+        assert (np.linalg.norm(added) > 0.1 * np.linalg.norm(wrong)) == is_held
+        missing = found.wrong[: len(wrong)]
+        padded = np.pad(missing, ((0, len(wrong) - len(missing)), (0, 0)))
+        np.testing.assert_allclose(added + padded, wrong, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(rest.energy - residual.energy >= (added**2).sum(axis=0), True)
+        assert found.error <= policy.BESIDE * most
+        errors.append(found.error)
+    assert errors[0] > 0.08 > errors[1] > errors[2] == 0
+
+
+def test_a_filament_stays_a_disc():
+    """What is finer than the degrees of maps is none of their light."""
+    pixels = np.full((512, 1024, 3), 0.1, np.float32)
+    pixels[180:186:2, 360:368:2] = 9000
+    found = split_of(pixels, 0.15, 0.05)
+    assert not found.is_held
+    assert found.error > 0.05
+
+
+@pytest.mark.proof
+def test_a_soft_box_is_as_in_truth(monkeypatch):
+    """Summed over points of the box, at the highlight and around it."""
+    probe = shrm.Probe.from_array(soft_box())
+    rng = np.random.default_rng(3)
+    (lamp, *_) = beside.split_lamps(probe).lamps
+    near = lamp.light.axis + 0.3 * rng.normal(size=(200, 3))
+    mirrored = near / np.linalg.norm(near, axis=1, keepdims=True)
+    views = brute_force.unit(rng, 200)
+    normals = mirrored + views
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    lights, areas = brute_force.latlong_samples(512)
+    row, column = np.divmod(np.arange(512 * 1024), 1024)
+    energy = areas[:, None] * soft_box()[row // 4, column // 4]
+    base, tail = ggx.reflected(0.2, normals, views, lights, energy)
+    expected = 0.5 * (base - tail) + tail
+    errors = []
+    for held in (beside._HELD, (0,)):
+        monkeypatch.setattr(beside, "_HELD", held)
+        asked = {"brdf": "ggx:roughness=0.2,f0=0.5", "sun": "split"}
+        found = prefilter_with_facts(probe, "auto", asked).map.radiance(normals, views)
+        errors.append(np.sqrt(np.sum((found - expected) ** 2) / np.sum(expected**2)))
+    assert errors[0] < 0.05 < 0.07 < errors[1]

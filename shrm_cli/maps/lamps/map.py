@@ -54,15 +54,15 @@ class LampMap(ReflectionMap):
     """
 
     map: Map
-    """That of the residual."""
+    """That of the residual, with what it holds of what discs differ by from the lamps."""
     discs: tuple[Disc, ...]
     """The lamps, world axes; at least one."""
     left: float
     """The RMS of the reflected light without that of the lamps, over that of all. The errors of the
     map within are relative to the former, and those that this map states to the latter."""
     error: float
-    """What discs in place of the lamps' pixels change of the reflected light, as its RMS over that
-    of all."""
+    """The RMS of what is wrong with the light of the lamps, over that of all: what discs differ by
+    from their pixels, but for what the map holds of it, and a table from the BRDF."""
     known: Brdf | None = None
     """The BRDF, where it is at hand, or a `LobeTable` of it, which the file of the map holds. It is
     found by the record of the map otherwise."""
