@@ -183,6 +183,8 @@ class ConvertedProbe(Converted):
         envmap = self.layout if self.sampling == "border" and is_marked else None
         attributes = probe_attributes(self.probe.chromaticities, envmap)
         attributes |= box_attributes(self.probe.proxy)
+        if self.layout == "angular":  # square images may be many things
+            attributes["shrm:layout"] = self.layout
         pixels = write_images(files, pictures, precision, attributes)
         return self._written(path, files, is_marked, pixels)
 

@@ -195,7 +195,8 @@ def digest(images: tuple[ProbeImage, ...]) -> str:
 def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
     """Layout of an image, from its attribute `envmap`, else from its aspect ratio.
 
-    `name` is what messages call the image. `envmap` is ``latlong`` or ``cube``, or empty.
+    `name` is what messages call the image. `envmap` is ``latlong``, ``cube`` or, of files of this
+    program, ``angular``, or empty.
 
     Raises ProbeError if they do not tell.
     """

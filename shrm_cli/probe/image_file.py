@@ -71,7 +71,7 @@ class ImageFile:
     file is an environment map, the display window of other files (what a data window leaves out is
     black)."""
     envmap: str
-    """What its own attribute says that it is: ``latlong``, ``cube`` or nothing."""
+    """What its own attribute says that it is: ``latlong``, ``cube``, ``angular`` or nothing."""
     border_sampled: bool
     """Whether edge pixels lie on the poles, the seam and the cube's edges."""
     file_format: str
@@ -138,6 +138,8 @@ class ImageFile:
         envmap = {"LatLong Environment": "latlong", "CubeFace Environment": "cube"}.get(
             spec.get_string_attribute("textureformat"), ""
         )
+        if spec.get_string_attribute("shrm:layout") == "angular":  # its shape tells nothing
+            envmap = "angular"
         width, height, offset = _canvas(spec, bool(envmap))
         if spec.width < 1 or spec.height < 1 or width < 1 or height < 1:
             raise ProbeError(f"{path}: the image has no pixels ({width} x {height})")

@@ -22,6 +22,15 @@ def test_a_probe_that_is_no_file(probe, tmp_path, monkeypatch):
     np.testing.assert_array_equal(shrm.to_layout(shrm.open_probe("strip.exr"), "strip"), made.image)
 
 
+def test_a_ball_that_was_written_says_what_it_is(probe, tmp_path):
+    """Its shape does not: a square image may be a face of a cube."""
+    shrm.convert(probe, "angular", size=64).save(tmp_path / "ball.exr")
+    ball = shrm.open_probe(tmp_path / "ball.exr")
+    assert ball.layout == "angular"
+    found, expected = (shrm.project(each, 3).coefficients for each in (ball, probe))
+    np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
+
+
 def test_six_files_need_a_place_for_the_name_of_the_face(probe, tmp_path):
     made = shrm.convert(probe, "faces", size=4)
     with pytest.raises(shrm.ArgumentError, match="has no % in place of"):
