@@ -20,10 +20,11 @@ from shrm_cli.choose.offer import Offer
 from shrm_cli.errors import PluginError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map, ReflectedLight
+from shrm_cli.maps.expansion import visible_pairs
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.offers import LookUp, Setting
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.prefiltered import Prefiltered, visible_pairs
+from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.plan import Planner
 from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
 from shrm_cli.maps.principal.selection import bundle_degrees

@@ -42,6 +42,11 @@ _ORDERS = 192, 8
 beyond is estimated."""
 _ACCURACY = 1e-3
 _LAMPS = "lamps"
+_LARGEST = 0.3
+"""The largest lamp in sr: a soft box of 34 x 28 degrees. As lights of engines such boxes would cast
+sharp shadows, but discs beside a map are as large as they are. In a dark studio of three boxes gold
+of roughness .25 has 26 % of wrong pixels in 14 MB, and brown rims, and 4 % in 3.8 MB beside them.
+"""
 _HELD = 0, 32, 48, 64, 96, 128, 192
 """The last degrees that are tried of what discs change: none, some, and in the end all. Of soft
 boxes in GGX of roughness .3 discs change 7 % (RMS). With 64 degrees of that a map takes 1.1 MB,
@@ -153,9 +158,9 @@ def _transfer(brdf: Brdf) -> TransferFunctions:
 def _split_of(probe: Probe) -> LampSplit:
     """Take the lamps out of a probe; once, where it is there for several maps."""
     if not isinstance(probe, SharedProbe):
-        return split_lamps(probe)
+        return split_lamps(probe, largest=_LARGEST)
     if _LAMPS not in probe.kept:
-        probe.kept[_LAMPS] = split_lamps(probe)
+        probe.kept[_LAMPS] = split_lamps(probe, largest=_LARGEST)
     found: LampSplit = probe.kept[_LAMPS]
     return found
 
@@ -211,17 +216,20 @@ class _Change:
             return self.pixels
 
         def project_rest(order: int) -> Lighting:
+            if last is None:  # lamps of many pixels, which are as good as points
+                series = project(self.split.probe, order).coefficients.copy()
+                discs = disc_coefficients(
+                    self.split.discs, min(order, self.split.grid.resolved_order)
+                )
+                series[: len(discs)] -= discs
+                energy = project(self.pixels, 0).energy + self.energy
+                return Lighting(series, np.maximum(energy, (series**2).sum(axis=0)))
             pixels = project(self.pixels, order)
-            if last is None:
-                held = self.to_order(order)
-                energy = np.maximum(self.energy, (held**2).sum(axis=0))
-            else:
-                held = self.known[: (min(order, last) + 1) ** 2]
-                held = held * _fading(order_of(len(held)), last)
-                energy = (held**2).sum(axis=0)
+            held = self.known[: (min(order, last) + 1) ** 2]
+            held = held * _fading(order_of(len(held)), last)
             series = pixels.coefficients.copy()
             series[: len(held)] += held
-            return Lighting(series, pixels.energy + energy)
+            return Lighting(series, pixels.energy + (held**2).sum(axis=0))
 
         return SharedProbe.of(self.pixels, project_rest)
 

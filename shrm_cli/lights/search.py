@@ -24,7 +24,7 @@ _COMPACT = 9.0
 """The most area of a piece, over the area on which its typical brightness gives all its light."""
 _SMALL = 12.0
 """Pieces of fewer pixels are always compact: a filter spreads a point over as many."""
-_LARGEST = 0.061
+LARGEST = 0.061
 """The largest lamp in sr: a disc with a radius of 8 degrees. What is larger is sky or a wall."""
 _REACH = 1.3
 """Pixels nearer than this many mean distances are beside each other; in the middle of a cube's
@@ -58,11 +58,13 @@ def typical_brightness(brightness: Array, areas: Array) -> float:
     return float(brightness[order[min(np.searchsorted(light, light[-1] / 2), len(order) - 1)]])
 
 
-def find_regions(image: Array, pixels: SpherePixels, least: float) -> list[Region]:
+def find_regions(
+    image: Array, pixels: SpherePixels, least: float, largest: float = LARGEST
+) -> list[Region]:
     """Find the lamps of an image, that of the most light first. They share no pixel.
 
     `image` is of shape (rows, columns, 3). `pixels` are its cells. `least` is the least irradiance
-    of a lamp, mean of the channels.
+    of a lamp, mean of the channels. `largest` is the solid angle of the largest lamp, sr.
     """
     flat = brightness_of(image).ravel()
     floor = _FLOOR * _background(flat, pixels)
@@ -85,7 +87,8 @@ def find_regions(image: Array, pixels: SpherePixels, least: float) -> list[Regio
         ends = np.cumsum(np.bincount(labels))
         for label in np.flatnonzero(light >= least):
             piece = inside[order[ends[label - 1] if label else 0 : ends[label]]]
-            if _is_lamp(bright[piece] - level, areas[piece], level, pixels.pitch):
+            of_piece = bright[piece] - level, areas[piece]
+            if areas[piece].sum() <= largest and _is_lamp(*of_piece, level, pixels.pitch):
                 found.append(Region(numbers[piece], level, float(light[label])))
             else:
                 waiting.append((piece, level * _STEP))
@@ -107,10 +110,8 @@ def _background(flat: Array, pixels: SpherePixels) -> float:
 
 
 def _is_lamp(excess: Array, areas: Array, level: float, pitch: float) -> bool:
-    """Whether a piece is compact, not too large, and stands out of its surroundings."""
+    """Whether a piece is compact, and stands out of its surroundings."""
     area = areas.sum()
-    if area > _LARGEST:
-        return False
     typical = typical_brightness(excess, areas)
     core = (excess @ areas) / typical
     return bool(typical >= _STANDS_OUT * level and area <= max(_COMPACT * core, _SMALL * pitch**2))

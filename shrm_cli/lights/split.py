@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array, slices
 from shrm_cli.lights.lamp import Lamp, Light, clipping, disc_of
 from shrm_cli.lights.pixels import Indices, SpherePixels, near
-from shrm_cli.lights.search import find_regions
+from shrm_cli.lights.search import LARGEST, find_regions
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.probe.image import ArrayImage
@@ -166,6 +166,7 @@ def split_lamps(
     error: float = LAMP_ERROR,
     count: int = LAMP_COUNT,
     sun_radius: float | None = None,
+    largest: float = LARGEST,
 ) -> LampSplit:
     """Find the lamps of a probe, and take them out of it.
 
@@ -179,6 +180,8 @@ def split_lamps(
         The most lamps.
     sun_radius : float, optional
         The radius of the brightest lamp in degrees, instead of the one that is found.
+    largest : float
+        The solid angle of the largest lamp, sr.
 
     Returns
     -------
@@ -206,7 +209,7 @@ def split_lamps(
         scale = irradiance_rms(project(coarse, order).coefficients)
         stages.done(1, 3)
         # The brightness is the mean of channels, the scale the root of the sum of their squares.
-        regions = find_regions(image, pixels, error * scale / np.sqrt(3))
+        regions = find_regions(image, pixels, error * scale / np.sqrt(3), largest)
     stages.done(2, 3)
     kept = regions[:count]
     filled_regions = fill_regions(image, pixels, [region.numbers for region in kept])

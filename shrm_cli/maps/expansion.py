@@ -43,6 +43,7 @@ from shrm_cli.reflected import (
 )
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.harmonics import degrees, legendre_table, order_of
+from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE, MAX_ORDER_F, SEEN_FLOOR, WRONG, Center, Sampling
 
 _KNOWN = 0.75
@@ -274,9 +275,11 @@ class LampsBeside:
             self._known[center] = 2 * np.pi * self.radiance(normals, views) @ LUMINANCE
         return self._known[center]
 
-    def mirrored(self, reflections: Array, views: Array) -> Array:
-        """Return the luminance of what is reflected of them towards views, shape (n,)."""
-        return self.radiance(bisector(reflections, views), views) @ LUMINANCE
+    @cached_property
+    def visible(self) -> Array:
+        """The luminance of what is reflected of them at all `visible_pairs`, shape (n,)."""
+        mirrored, views = visible_pairs()
+        return self.radiance(bisector(mirrored, views), views) @ LUMINANCE
 
 
 lamps_beside: ContextVar[LampsBeside | None] = ContextVar("lamps_beside", default=None)
@@ -291,6 +294,20 @@ def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
         yield
     finally:
         lamps_beside.reset(token)
+
+
+_PAIRS = 4096
+"""The number of pairs of a mirror direction and a view that are looked at."""
+
+
+@cache
+def visible_pairs(count: int = _PAIRS) -> tuple[Array, Array]:
+    """Return the mirror directions and the views, which are always the same; read-only."""
+    directions = spiral_directions(count)
+    views = directions[scrambled(count)]
+    for each in (directions, views):
+        each.setflags(write=False)
+    return directions, views
 
 
 def _some_points(shape: tuple[int, ...]) -> tuple[tuple[Indices, ...], Array]:

@@ -9,7 +9,6 @@ Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,13 +16,12 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.expansion import lamps_beside
+from shrm_cli.maps.expansion import lamps_beside, visible_pairs
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
-from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE, SEEN_FLOOR, WRONG
 
 _WRONG = "the reflected light is wrong by"
@@ -126,8 +124,6 @@ def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
     return lines
 
 
-_PAIRS = 4096
-"""The number of pairs of a mirror direction and a view that are looked at."""
 _DARK_PAIRS = 1024
 """The number of those with negative light whose truth is looked at, about."""
 
@@ -157,7 +153,7 @@ def negative_share(map_: Map, truth: Truth | None = None) -> float:
     mirrored, views = visible_pairs()
     shown = map_.shaded().rough_radiance(mirrored, views) @ LUMINANCE
     if (lamps := lamps_beside.get()) is not None:
-        shown = shown + lamps.mirrored(mirrored, views)
+        shown = shown + lamps.visible
     dark = np.flatnonzero(shown < 0)
     share = len(dark) / len(shown)
     if truth is None or share <= NEGATIVE_SHARE:
@@ -166,16 +162,6 @@ def negative_share(map_: Map, truth: Truth | None = None) -> float:
     light = truth(bisector(mirrored[dark], views[dark]), views[dark]) @ LUMINANCE
     seen = WRONG * SEEN_FLOOR * float(np.maximum(shown, 0).mean())
     return share * float(np.mean(light > seen))
-
-
-@cache
-def visible_pairs(count: int = _PAIRS) -> tuple[Array, Array]:
-    """Return the mirror directions and the views, which are always the same; read-only."""
-    directions = spiral_directions(count)
-    views = directions[scrambled(count)]
-    for each in (directions, views):
-        each.setflags(write=False)
-    return directions, views
 
 
 def examined(made: Prefiltered, truth: Truth | None = None) -> Prefiltered:

@@ -51,9 +51,9 @@ _MORE = 3
 """Steps more where it does: it takes so many for a rule that is good at both kinds of ends."""
 EXACT = 1e-3
 """The part of the largest value for a view that a rule may miss."""
-FEW = 4
+FEW = 6
 """Steps where a disc is beyond reach of the lobe."""
-_REACH = 10.0
+_REACH = 3.0
 """Widths of the peak and radii of the disc together that are within its reach."""
 _BEYOND = 1.0, 1.4, 2.0, 3.0, 5.0
 """Distances of C from the middle of the disc, in reaches, for which that is looked at."""
