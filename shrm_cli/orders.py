@@ -109,8 +109,6 @@ def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, eps: float) ->
 
     `brdf` is the BRDF of the coefficients. `coefficients` are what `known_coefficients` returns for
     this tolerance or a smaller one. `eps` is the fraction of the energy that may be missed.
-
-    Raises OrderError if the tolerance cannot be met.
     """
     missed = 1 - coefficients.captured()[-1, -1]
     if missed > eps:

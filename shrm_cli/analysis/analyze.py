@@ -228,8 +228,6 @@ class OrderPictures:
         There is a column for each P and one for the truth. Each view has a row of pictures and a
         row of absolute differences from the truth, which are not amplified. The exposure, in
         stops, is the same for both.
-
-        Raises OutputError if the sheet would be too large, or its labels cannot be drawn.
         """
         orders = len(self.pictures)
         tiles: list[Picture] = []

@@ -84,8 +84,6 @@ def within_limit(
     its own. `views` is the number of pictures of each surface. `representations` is how many of
     them are compared. `limit` is the most bytes that the comparison may take; `default_max_memory`
     by default.
-
-    Raises ArgumentError if it would take more even with small maps.
     """
     limit = default_max_memory() if limit is None else limit
     pixels = views * len(heights) * size**2
@@ -122,8 +120,6 @@ def check_sheet(pixels: int, size: int, held: int, limit: int | None = None) -> 
     picture, pixels. `held` is the number of bytes of the frames of a moving picture that are kept
     until it is written. `limit` is the most bytes that it may take; `default_max_memory` by
     default.
-
-    Raises ArgumentError if it would take more.
     """
     limit = default_max_memory() if limit is None else limit
     needed = _PROGRAM + pixels * _PIXEL_OF_SHEET + _drawing(size) + held

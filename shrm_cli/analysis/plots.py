@@ -50,8 +50,6 @@ def plot_energy(
     `path` is the PNG to write, whole or not at all. `captured`, of shape (F+1, P+1), holds
     fractions of the energy. `orders` are the orders that meet each tolerance. A line marks the
     tolerance, and a circle the orders if they lie within the grid. `title` is the name of the BRDF.
-
-    Raises OutputError if the file cannot be written.
     """
     floor = min((tolerance for *_, tolerance in orders), default=0.01) / 20
     with _default_style():
@@ -95,8 +93,6 @@ def plot_accuracy(
     `path` is the PNG to write, whole or not at all. `curves` are, each of shape (F+1,),
     ``accuracy``, ``estimate_minimum``, ``estimate_brdf`` and ``estimate_bound``: fractions of the
     energy. `order_p` is P, the same for all F. `title` holds names of the BRDF and the probe.
-
-    Raises OutputError if the file cannot be written.
     """
     with _default_style():
         figure, (axes,) = _figure(f"{title}, P = {order_p}", columns=1, width=_WIDTH)
@@ -131,8 +127,6 @@ def plot_materials(
     `path` is the PNG to write, whole or not at all. `names` are a label for each bar. `captured`,
     of shape (materials, P+1), holds fractions of the energy. The energy that each further P adds is
     a part of the bar. `order_f` is F, the same for all BRDFs.
-
-    Raises OutputError if the file cannot be written.
     """
     with _default_style():
         from matplotlib import colormaps
@@ -157,8 +151,6 @@ def plot_offers(path: str | os.PathLike[str], choices: Sequence[tuple[str, Choic
 
     `path` is the PNG to write, whole or not at all. `choices` are at least one, with the path of
     its probe: a row of charts for each.
-
-    Raises OutputError if the file cannot be written.
     """
     with _default_style():
         from matplotlib.backends.backend_agg import FigureCanvasAgg

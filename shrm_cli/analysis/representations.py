@@ -102,8 +102,6 @@ class RepresentationTable:
         """Draw a labelled sheet of the first view.
 
         It has a row for each roughness, which begins with the truth. The exposure is in stops.
-
-        Raises OutputError if the sheet would be too large, or its labels cannot be drawn.
         """
         size = self.truth.shape[-2]
         tiles, labels = [], []
@@ -120,10 +118,7 @@ class RepresentationTable:
 
 
 def table_layout(surfaces: int, size: int) -> SheetLayout:
-    """Lay out a sheet for a number of surfaces, with tiles of a size in pixels.
-
-    Raises OutputError if the sheet would be too large.
-    """
+    """Lay out a sheet for a number of surfaces, with tiles of a size in pixels."""
     columns = 1 + len(COMPARED)
     return arrange(columns * surfaces, size, columns)
 

@@ -53,10 +53,7 @@ class ClusterWorkers:
         self.executor, self.workers = executor, workers
 
     def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
-        """Hand a call to the cluster.
-
-        Raises ClusterError if the scheduler has been away for so long that dask has given it up.
-        """
+        """Hand a call to the cluster."""
         try:
             return self.executor.submit(function, *arguments)
         except Exception as error:
@@ -205,10 +202,7 @@ def _stop_pages(server: Any) -> None:
 
 
 def _prepare(client: Any, scheduler: str) -> None:
-    """Wait for a worker, compare its versions with ours, and limit the threads of all workers.
-
-    Raises ClusterError if there is no worker, or one that cannot take part.
-    """
+    """Wait for a worker, compare its versions with ours, and limit the threads of all workers."""
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)
     except TimeoutError as error:
@@ -248,8 +242,6 @@ def _check_versions(client: Any, scheduler: str) -> None:
 
     The functions that are run belong to the standard library: a worker that lacks `shrm` knows
     them too.
-
-    Raises ClusterError if a worker has another `shrm`, none, or a Python of another minor version.
     """
     ours = {"Python": sysconfig.get_python_version(), "shrm": __version__}
     found = {

@@ -216,10 +216,7 @@ def _printable(name: str | os.PathLike[str]) -> str:
 
 
 def _parquet(path: str | os.PathLike[str]) -> tuple[Any, Any]:
-    """Return pyarrow and its module for Parquet.
-
-    Raises OutputError if it is not installed.
-    """
+    """Return pyarrow and its module for Parquet."""
     try:
         import pyarrow
         import pyarrow.parquet

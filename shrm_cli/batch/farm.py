@@ -33,10 +33,7 @@ def part_of(name: str, count: int) -> int:
 
 
 def parse_part(text: str) -> tuple[int, int, int]:
-    """Return the first part, the last part and the number of parts that a text such as 3-5/9 names.
-
-    Raises ArgumentError if the text is not ``K/N`` or ``A-B/N`` with 1 <= A <= B <= N.
-    """
+    """Return the first part, the last and the number of parts that a text such as 3-5/9 names."""
     match = _PART.fullmatch(text)
     if match is not None:
         first, last, count = int(match[1]), int(match[2] or match[1]), int(match[3])

@@ -252,8 +252,6 @@ class ProductQuadrature:
         Returns `coefficients` of shape (n, (order+1)^2, channels); and `energy` of shape (n,
         channels), the integrals of the squared product functions, which by Parseval are the sums of
         the squared coefficients of all degrees.
-
-        Raises BrdfError if a value is not finite.
         """
         parts = [self._block(views[part], order) for part in self.blocks(len(views))]
         coefficients, energy = (np.concatenate(part) for part in zip(*parts, strict=True))

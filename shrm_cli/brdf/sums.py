@@ -238,9 +238,6 @@ def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
     """Parse a sum such as ``0.5*lambertian+0.5*ggx:roughness=0.3``.
 
     `parse` makes the BRDF of one term from its specification.
-
-    Raises BrdfError if there are too many terms, or one is empty or has no sound weight, or cannot
-    be parsed or added.
     """
     terms = []
     parts = list(cut(_PLUS, spec))

@@ -155,9 +155,6 @@ def compute_transfer(
 
     Where the samples were not enough for the accuracy, as with noise and kinks of measured data,
     the result tells the accuracy that they reached.
-
-    Raises BrdfError if the BRDF is anisotropic or not finite, or if a model, that is not measured,
-    is missed by more than a fiftieth of its energy.
     """
     if not brdf.isotropic:
         raise BrdfError(

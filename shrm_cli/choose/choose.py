@@ -79,10 +79,7 @@ def choose(
 
 
 def checked_budget(budget: int | str | None) -> int | None:
-    """Return a number of bytes from itself or from text.
-
-    Raises ArgumentError if it is none.
-    """
+    """Return a number of bytes from itself or from text."""
     count = parse_bytes(budget) if isinstance(budget, str) else budget
     if budget is not None and (count is None or count < 1):
         raise ArgumentError("budget", f"{budget!r} is not a number of bytes such as 200kB")

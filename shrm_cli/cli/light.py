@@ -107,10 +107,7 @@ def _edit(values: dict[str, Any]) -> shrm.Edit:
 
 
 def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> tuple[Tables, Any]:
-    """Return the tables of a light file after the edit, with those of lights that are added.
-
-    Raises ProbeError if one lies in another folder than what is written.
-    """
+    """Return the tables of a light file after the edit, with those of lights that are added."""
     from shrm_cli.errors import ProbeError
 
     folder = Path(output).absolute().parent.resolve()

@@ -62,10 +62,7 @@ LIGHT_MOVES = ("turn_light", "blend_to", "blend", "irradiance_to", "background_t
 
 
 def split_vary(texts: Sequence[str]) -> tuple[str | None, dict[str, tuple[float, float]]]:
-    """Return what parameters follow, ``vertex`` or an image, or the ways of their values.
-
-    Raises click.UsageError if it is more than one of these.
-    """
+    """Return what parameters follow, ``vertex`` or an image, or the ways of their values."""
     known = {text: way(text) for text in texts}
     follows = [text for text, found in known.items() if found is None]
     ways = {found[0]: found[1:] for found in known.values() if found is not None}
@@ -117,10 +114,7 @@ def moments(
     keys: Sequence[Key],
     ways: Mapping[str, tuple[float, float]],
 ) -> list[Moment]:
-    """Return the frames that are drawn, or the one picture; parameters go the ways over them.
-
-    Raises click.UsageError if an option does not apply.
-    """
+    """Return the frames that are drawn, or the one picture; parameters go the ways over them."""
     from shrm_cli.render.moving import Moment, moving_light, turntable, with_ways
 
     blends = usage.Applies(bool(values["blend_to"]), "with --blend-to")

@@ -88,8 +88,6 @@ def open_stage(
     for a mesh.
 
     Returns the stage, and warnings.
-
-    Raises click.UsageError if there is no map, one too many, or an option that does not apply.
     """
     from shrm_cli.errors import ArgumentError
     from shrm_cli.geometry.load import load_mesh
@@ -139,9 +137,7 @@ def open_stage(
 def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | None) -> None:
     """Refuse options that say nothing to what is drawn.
 
-    `follows` is what --vary lets parameters follow, if anything. Raises click.UsageError if an
-    option about meshes is given without one, a transfer with a scene, or an option that says of a
-    surface what its transfer holds.
+    `follows` is what --vary lets parameters follow, if anything.
     """
     with_mesh = usage.Applies(mesh is not None, "with --mesh")
     usage.refuse_inapplicable({k: with_mesh for k in _OPTIONS if k != "vary" or follows})

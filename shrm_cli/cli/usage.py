@@ -113,8 +113,6 @@ def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:
     """Refuse options that are given on the command line and would have no effect.
 
     `rules` are rules by the names of the options' values. Options without a rule always apply.
-
-    Raises click.UsageError if an option was given that does not apply.
     """
     for name, flag in given_options().items():
         rule = rules.get(name)
@@ -127,8 +125,6 @@ def renamed(**options: str) -> Iterator[None]:
     """Within this context refusals of an argument speak of the option that it came from.
 
     `**options` are by the library's name of an argument: the command's name for it.
-
-    Raises ArgumentError if the block raises one.
     """
     try:
         yield
@@ -138,10 +134,7 @@ def renamed(**options: str) -> Iterator[None]:
 
 
 def exclude(one: str, other: str) -> None:
-    """Refuse two options, given by the names of their values, that contradict each other.
-
-    Raises click.UsageError if both are given on the command line.
-    """
+    """Refuse two options, given by the names of their values, that contradict each other."""
     given = given_options()
     if one in given and other in given:
         raise wrong_usage(f"{given[one]} and {given[other]} exclude each other; leave one out")

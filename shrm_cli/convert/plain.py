@@ -80,8 +80,6 @@ def seen_from(
     """Draw what a map reflects to a viewer at an azimuth and an elevation, degrees.
 
     `surface` has the roughness and reflectance of maps of light alone.
-
-    Raises ArgumentError if the map is none of those. Raises MapError if it holds no light.
     """
     if isinstance(found, MaterialMap):
         raise MapError(
@@ -207,7 +205,7 @@ def one_view(
 
     Returns an array of float32 of shape (height, 2 height, 3): radiance, linear, in the primaries
     of the map: +Z in the centre, +X in the left quarter, +Y in the top row. Small negative values
-    of truncated expansions are kept. Raises ArgumentError if `by` is something else.
+    of truncated expansions are kept.
     """
     if by not in LOOKUPS:
         raise ArgumentError("by", f"{by!r} is none of {', '.join(LOOKUPS)}")

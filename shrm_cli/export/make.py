@@ -68,10 +68,7 @@ class Source:
 
     @classmethod
     def of_maps(cls, name: str, maps: Sequence[tuple[str, Map]]) -> "Source":
-        """Return the source that some maps are, by the paths of their files.
-
-        Raises MapError if they are not one split sum, one irradiance map, or one of each.
-        """
+        """Return the source that some maps are, by the paths of their files."""
         split = [(path, each) for path, each in maps if isinstance(each, SplitSum)]
         irradiance = [each for _, each in maps if isinstance(each, Irradiance)]
         for path, each in maps:

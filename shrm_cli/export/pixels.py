@@ -81,8 +81,6 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
     array. `what` is what the image is called in messages.
 
     Returns `data` and `clipped`.
-
-    Raises MapError if a value is not finite.
     """
     broken = int(np.count_nonzero(~np.isfinite(image).all(axis=-1)))
     if broken:

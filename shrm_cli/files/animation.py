@@ -67,8 +67,6 @@ def write_animation(path: str | os.PathLike[str], frames: Iterable[Image8], rate
     has 256 colours in each of them. An MP4 has an even number of rows and of columns: the last ones
     are repeated in black where it must be. `rate` is in frames a second. GIFs count in hundredths
     of a second.
-
-    Raises OutputError if the file cannot be written, or what writes it is not installed.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in ANIMATED:

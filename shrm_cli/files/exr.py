@@ -35,8 +35,6 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
     It has a digest of itself, see `files.exr_header.seal`.
 
     `pixel_type` is one of ``half``, ``float``.
-
-    Raises OutputError if the file cannot be written.
     """
     dtype = np.float32 if pixel_type == "float" else np.float16
 
@@ -76,10 +74,7 @@ def _header(part: Part) -> dict[str, Any]:
 
 
 def open_file(path: str | os.PathLike[str]) -> "ExrFile | None":
-    """Open an OpenEXR file; return None if it is missing, damaged or of another format.
-
-    Raises MapError if it has so many channels, attributes or parts that nothing sound has as many.
-    """
+    """Open an OpenEXR file; return None if it is missing, damaged or of another format."""
     if much := excess(path):
         raise MapError(f"{os.fspath(path)}: {much}, which is too much; export it again")
     source = _open_image(path)

@@ -33,8 +33,7 @@ _MOST_DEPTH = 64
 def read_tree(name: str, data: bytes) -> tuple[Json, bytes | None]:
     """Return the JSON of a glTF or GLB file, and the binary chunk of a GLB.
 
-    `name` is the path of the file, for messages. Raises MeshError if it is damaged, or not of
-    version 2.
+    `name` is the path of the file, for messages.
     """
     text, chunk = _chunks(name, data) if data.startswith(GLB_HEAD) else (data, None)
     try:

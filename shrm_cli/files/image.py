@@ -22,8 +22,6 @@ def write_image(
 
     `pixels`, of shape (H, W, 3), are scene-linear values. The `precision` ``auto`` is half unless a
     value exceeds its range. `attributes` are attributes of the file by name.
-
-    Raises OutputError if a value is not finite, half would overflow, or the file cannot be written.
     """
     channels = {c: pixels[..., k] for k, c in enumerate("RGB")}
     return write_parts(path, [Part(channels, dict(attributes or {}))], precision)
@@ -39,8 +37,6 @@ def write_images(
 
     `paths` are the file of each image. `images`, each of shape (H, W, 3), are scene-linear values;
     all images have the same shape. `precision` and `attributes` are as in `write_image`.
-
-    Raises OutputError if a value is not finite, half would overflow, or a file cannot be written.
     """
     chosen = choose_storage(paths[0], images, precision).pixel_type
     with together():

@@ -192,8 +192,6 @@ def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
 
     Numbers are written as they lie, in pieces, so that arrays on disk are never in memory whole.
     They are not packed: what is large here hardly becomes smaller.
-
-    Raises OutputError if the file cannot be written.
     """
     with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, value in arrays.items():

@@ -150,9 +150,6 @@ def write_parts(
 
     The `precision` ``auto`` is half unless a value exceeds its range, or light is so dim that it
     loses digits.
-
-    Raises OutputError if the suffix is unknown, a value is not finite, half would overflow, or the
-    file cannot be written.
     """
     storage, parts = prepared(path, parts, precision)
     write_chosen(path, parts, storage.pixel_type)
@@ -186,10 +183,7 @@ def prepared(
 def write_chosen(
     path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: PixelType
 ) -> None:
-    """Write a file as `write_parts` does, of values that `choose_storage` has looked at already.
-
-    Raises OutputError if the suffix is unknown, or the file cannot be written.
-    """
+    """Write a file as `write_parts` does, of values that `choose_storage` has looked at already."""
     _container(path).write(path, parts, pixel_type)
 
 
@@ -259,10 +253,7 @@ def _rounded(plane: Array) -> tuple[Array, float, float]:
 
 
 def open_file(path: str | os.PathLike[str]) -> StoredFile:
-    """Open a file of parts.
-
-    Raises MapError if it is missing, is not a regular file, or is of no known container format.
-    """
+    """Open a file of parts."""
     if not Path(path).exists():
         raise MapError(f"{path}: no such file")
     if not Path(path).is_file():  # opening a pipe would block
@@ -288,10 +279,7 @@ def peek(path: str | os.PathLike[str]) -> StoredFile | None:
 
 
 def _container(path: str | os.PathLike[str]) -> ModuleType:
-    """Return the module that writes files with the suffix of a name.
-
-    Raises OutputError if the suffix is not that of a container format.
-    """
+    """Return the module that writes files with the suffix of a name."""
     suffix = Path(path).suffix.lower()
     if suffix not in CONTAINERS:
         raise OutputError(f"{path}: what is written is {' or '.join(CONTAINERS)}; name it so")

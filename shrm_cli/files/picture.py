@@ -25,10 +25,7 @@ _ROWS_AT_ONCE = 256
 
 
 def file_type(path: str | os.PathLike[str]) -> FileType:
-    """Return the type of picture that the suffix of a file's name asks for.
-
-    Raises OutputError if its suffix is neither ``.png`` nor ``.exr``.
-    """
+    """Return the type of picture that the suffix of a file's name asks for."""
     suffix = Path(path).suffix.lower()
     if suffix == ".png":
         return "png"
@@ -51,8 +48,7 @@ def write_picture(
     their ``chromaticities``; what lies outside its colors is clipped.
 
     Returns the pixel type written: ``"8-bit sRGB"``, ``"half"`` or ``"float"``. Of a PNG it says
-    how much of a converted picture was clipped. Raises OutputError if the suffix is another one, a
-    value is NaN, a value of an EXR is not finite or overflows half, or the file cannot be written.
+    how much of a converted picture was clipped.
     """
     if file_type(path) == "exr":
         return write_image(path, pixels, precision, attributes)
@@ -68,8 +64,6 @@ def in_srgb(
 
     `path` is the file that it is for, for the message. `pixels`, of shape (H, W, 3), are linear and
     already exposed. `primaries` are its chromaticities; None is Rec.709.
-
-    Raises OutputError if a value is NaN.
     """
     if np.isnan(pixels).any():
         raise OutputError(

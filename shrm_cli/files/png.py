@@ -71,8 +71,6 @@ def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8 | np.uint16
     """Write a picture of 8-bit sRGB values, or 16-bit linear ones, whole or not at all.
 
     `pixels`, of shape (H, W, 3), are of 8 or 16 bits.
-
-    Raises OutputError if the file cannot be written.
     """
     with replacing(path) as temporary:
         _write_png(temporary, pixels)

@@ -121,8 +121,6 @@ def _opened(url: str) -> tuple[Any, str]:
     """Return the file system of a URL and the path in it; nothing is known from an earlier call.
 
     File systems remember lists of files, which other processes change.
-
-    Raises RemoteError if a package is missing, or the URL is one within another.
     """
     match = SCHEME.match(url)
     if match is None or "::" in url:

@@ -81,8 +81,6 @@ class Mesh:
         `matrix`, of shape (3, 4) or (4, 4), multiplies columns (x, y, z, 1). Normals stay
         perpendicular to the surface, and mirrored triangles are turned, so that their outside stays
         outside.
-
-        Raises MeshError if the transformation is not finite or flattens the mesh.
         """
         rows = np.asarray(matrix, dtype=float)[:3]
         linear, shift = rows[:, :3], rows[:, 3]
@@ -134,9 +132,6 @@ def make_mesh(
     one of the same number. `file_count` is the number of vertices of the file; by default as many
     as there are here. `file_rows`, of shape (k,), tells which vertex each vertex of the file is,
     where several of the file are one here; by default the first that `file_vertices` gives.
-
-    Raises MeshError if there are no triangles with an area, a coordinate is not finite, or a
-    triangle names a vertex that does not exist.
     """
     points, triangles = np.asarray(vertices, dtype=float), np.asarray(faces)
     if points.ndim != 2 or points.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:

@@ -225,8 +225,6 @@ def charted(mesh: Mesh, size: int) -> Sampled:
 
     `size` is the number of texels along the edge: of a square texture for the mesh's own
     coordinates, and the most for charts that are made.
-
-    Raises MeshError if xatlas is needed and not installed, or the charts do not fit.
     """
     if mesh.uvs is not None and mesh.uvs.min() >= 0 and mesh.uvs.max() <= 1:
         own = mesh.uvs[mesh.faces]

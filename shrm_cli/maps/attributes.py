@@ -50,9 +50,7 @@ _MOST_NAME = 40
 def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
     """Return the attributes that every part of a map carries.
 
-    `order_p` is the order P of the map, which may be lower than that of its BRDF. Raises MapError
-    if its errors are no numbers, as of light whose squares are beyond floats: no reader would take
-    such a file.
+    `order_p` is the order P of the map, which may be lower than that of its BRDF.
     """
     info = reflection_map.info
     if not np.isfinite([info.predicted_error, info.filter_error, info.added_error]).all():
@@ -143,8 +141,7 @@ def has_map_attributes(part: StoredPart) -> bool:
 def read_attributes(part: StoredPart) -> dict[str, Any]:
     """Read the ``shrm:`` attributes of a part, and check that they have the right types and values.
 
-    Returns the value of each attribute by its name without the prefix ``shrm:``. Raises MapError if
-    the part is not of a map that this version reads, or an attribute is missing or wrong.
+    Returns the value of each attribute by its name without the prefix ``shrm:``.
     """
     from shrm_cli.files.json_text import parse_json
 

@@ -228,9 +228,6 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Br
 
     `infos` are the records of maps by the paths of their files; at least one. `advice` is what an
     error message tells the user to do.
-
-    Raises BrdfError if the BRDFs of the maps differ or cannot be evaluated, or a measured file is
-    not there.
     """
     (path, first), *others = infos.items()
     for other, info in others:

@@ -222,10 +222,7 @@ def module(representation: str, name: str) -> Any:
 
 
 def map_class(representation: str) -> "type[Map]":
-    """Return the class of the maps of a representation.
-
-    Raises PluginError if the form of an installed package has none.
-    """
+    """Return the class of the maps of a representation."""
     if representation in vocabulary.REPRESENTATIONS:
         defining = importlib.import_module(
             f"shrm_cli.maps.{vocabulary.REPRESENTATIONS[representation]}"
@@ -300,10 +297,7 @@ def descriptions(*more: str) -> dict[str, Representation]:
 
 
 def unconverted(source: "Map", to: str, **options: Any) -> "Map":
-    """Return a map of a form that nothing else becomes, which no option changes.
-
-    Raises ArgumentError if it is of another form, or an option is given.
-    """
+    """Return a map of a form that nothing else becomes, which no option changes."""
     if source.representation != to:
         why = f"it is made from the probe, by shrm prefilter PROBE --to {to}"
         raise ArgumentError("to", f"{to} does not apply to {source.what}; {why}")

@@ -155,10 +155,7 @@ def resolved_form(to: str, given: Mapping[str, Any]) -> str:
 
 
 def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments but for the BRDF as the makers of maps take them.
-
-    Raises ArgumentError if one has a value that it cannot have, or is of the other domain.
-    """
+    """Return the arguments but for the BRDF as the makers of maps take them."""
     is_angular = given.get("domain") == "angular"
     for name in ("order_f", "order_p") if is_angular else ("source_height",):
         if name in given:
@@ -172,9 +169,6 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
     """Check that a representation is known, obeys all given arguments, and has all that it needs.
 
     `given` holds names of the arguments of `shrm_cli.prefilter.prefilter` that are given.
-
-    Raises ArgumentError if the representation is unknown, does not obey an argument, or lacks a
-    BRDF.
     """
     chosen, given = registry.description(to), set(given)
     known = registry.descriptions(to)

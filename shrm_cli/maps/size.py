@@ -127,8 +127,6 @@ def check_size(order_f: int, order_p: int, size: int | None = None) -> None:
 
     `order_f` and `order_p` are the orders F and P. `size` is the number of texels along a face's
     edge; `choose_size` by default.
-
-    Raises MapError if the map would be too large.
     """
     series = (order_f + order_p + 1) ** 2 * (order_p + 1) ** 2 * 3
     if series > MAX_SERIES:

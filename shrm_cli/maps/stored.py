@@ -41,8 +41,7 @@ def store(
     OpenEXR's stacked cube by default.
 
     Returns the pixel type written, and the error that it makes. An error beyond ordinary rounding
-    is written into the file as well. Raises OutputError if half would overflow, or the file cannot
-    be written. Raises MapError if the map cannot be written in that layout.
+    is written into the file as well.
     """
     arrangement = Arrangement(layout, orientation, reflection_map.sampling)
     if layout == "latlong" and reflection_map.turns_with_texels:
@@ -163,11 +162,7 @@ class StoredImage:
 
     @classmethod
     def of(cls, part: StoredPart) -> StoredImage:
-        """Return the image in a part.
-
-        Raises MapError if its attributes are wrong, maps are not laid out so, or its size does not
-        fit the layout or is larger than maps may be.
-        """
+        """Return the image in a part."""
         attributes = read_attributes(part)
         path, layout = part.path, attributes["layout"]
         if not _holds_maps(layout):
@@ -198,8 +193,6 @@ class StoredImage:
         """Check that the part has exactly these channels.
 
         `names` are the names of the channels. `what` is what the channels make up, for the message.
-
-        Raises MapError if other channels are there, or some are missing.
         """
         if not self.part.holds(names):
             raise MapError(f"{self.path}: its channels are not those of {what}")
@@ -208,7 +201,7 @@ class StoredImage:
         """Refuse a lat-long of values that cannot be interpolated between texels.
 
         `turns_with_texels` says whether the values belong to local axes, which turn from texel to
-        texel. Raises MapError if the values turn, and the part is a lat-long.
+        texel.
         """
         if self.arrangement.layout == "latlong" and turns_with_texels:
             raise MapError(f"{self.path}: a local map cannot be a lat-long; make it again")

@@ -71,8 +71,6 @@ def radiance_encoding(path: Path) -> Encoding | None:
     They were multiplied by the product of all EXPOSURE and COLORCORR. PIXASPECT is the height of a
     pixel over its width.
 
-    Raises ProbeError if the pixels are XYZ or not linear, or a number of the header cannot be one.
-
     References: Ward, The RADIANCE Picture File Format; `GAMMA` is Walter's, of his rgbe.c.
     """
     with open(path, "rb") as stream:

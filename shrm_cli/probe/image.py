@@ -144,8 +144,6 @@ class ArrayImage:
         """Make an image from a copy of an array.
 
         `array` is of a floating type and of shape (H, W, 3) or (H, W).
-
-        Raises ProbeError if it cannot be radiance.
         """
         values = np.asarray(array)
         if values.ndim not in (2, 3) or values.shape[2:] not in ((), (3,)) or values.size == 0:
@@ -196,8 +194,6 @@ def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
     """Layout of an image, from its attribute `envmap`, else from its aspect ratio.
 
     `name` is what messages call the image. `envmap` is ``latlong`` or ``cube``, or empty.
-
-    Raises ProbeError if they do not tell.
     """
     if envmap:
         return "openexr" if envmap == "cube" else envmap

@@ -64,8 +64,6 @@ def open_light_file(name: str, options: ReadOptions, opening: Callable[..., Prob
     `name` is the file. Names in it are relative to its folder. `options` are what turns the whole;
     other options say nothing about a light file. `opening` opens the probes that it names, as
     `open_probe` does.
-
-    Raises ProbeError if it is no sound light file, or an option does not apply.
     """
     _check_options(name, options)
     path = check_file(name)

@@ -117,10 +117,7 @@ def find_nonfinite(pixels: Array, first_row: int, report: PixelReport) -> NDArra
 
 
 def refuse_nonfinite(name: str, report: PixelReport) -> None:
-    """Raise if any pixel was found to be NaN or infinite.
-
-    Raises ProbeError.
-    """
+    """Raise if any pixel was found to be NaN or infinite."""
     if report.first_nonfinite is not None:
         column, row = report.first_nonfinite
         raise ProbeError(

@@ -140,8 +140,6 @@ def to_grid(probe: Probe, target: Grid) -> Array:
 
     Returns an array of float32 of shape (rows, columns, 3), not negative, and 0 where the grid
     holds nothing.
-
-    Raises ProbeError if the size is out of its range, or the probe cannot be read.
     """
     if not target.smallest <= target.size <= target.largest:
         raise ProbeError(

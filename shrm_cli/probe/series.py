@@ -85,8 +85,6 @@ def read_series(
     `basis` is one of `BASES`; by default what the file says, or "real". `of` is what the numbers
     are coefficients of; irradiance has degrees up to 2. `part` is the number of a light among
     several.
-
-    Raises ProbeError if the file holds no such numbers.
     """
     path, suffix = check_file(name), Path(name).suffix.lower()
     if suffix == ".exr":
@@ -174,10 +172,7 @@ def open_series(name: str, options: ReadOptions) -> "LightSum":
 
 
 def _check_options(name: str, options: ReadOptions) -> None:
-    """Refuse options that say nothing about coefficients.
-
-    Raises ProbeError if one is given.
-    """
+    """Refuse options that say nothing about coefficients."""
     plain = ReadOptions()
     for each in ("layout", "orientation", "sampling", "linearize", "layer", "pixels"):
         if getattr(options, each) != getattr(plain, each):

@@ -122,8 +122,7 @@ class Comparison:
         differences alone.
 
         Returns an array of float32 of shape (*comparison_layout(M, V, S).shape, 3): linear. The
-        tiles are exposed; the paper and the labels are not. Raises OutputError if the sheet would
-        be too large, or the labels cannot be drawn.
+        tiles are exposed; the paper and the labels are not.
         """
         many, views, size = self.others.shape[:3]
         tiles, labels = [], []
@@ -150,8 +149,6 @@ def comparison_layout(others: int, views: int, size: int) -> SheetLayout:
     """Lay out the tiles of a comparison's picture.
 
     `others` and `views` are how many there are. `size` is the width and height of a tile, pixels.
-
-    Raises OutputError if the sheet would be too large.
     """
     columns = 1 + 2 * others
     return arrange(columns * views, size, columns)

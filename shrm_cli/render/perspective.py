@@ -84,8 +84,6 @@ def aimed(
     `vertices` are of shape (n, 3). `target`, of shape (3,), is by default the middle of the mesh's
     bounds. `distance` is by default the least at which every vertex is within 0.9 of the picture's
     width and height in all views, which is how much of a picture a sphere fills.
-
-    Raises ArgumentError if the distance is not positive, or a value is not finite.
     """
     if distance is not None and not (np.isfinite(distance) and distance > 0):
         raise ArgumentError("distance", f"is {distance:g}; it must be a positive number")

@@ -46,10 +46,7 @@ def in_same_primaries(
 
 
 def one_of(stated: set[tuple[float, ...] | None]) -> tuple[float, ...] | None:
-    """Return the primaries that all maps of a mesh have; None where nobody states any.
-
-    Raises MapError if they differ: the light of several maps is added up within a mesh.
-    """
+    """Return the primaries that all maps of a mesh have; None where nobody states any."""
     first, *others = sorted(stated, key=lambda each: each or ()) or [None]
     for other in others:
         if not same_primaries(first, other):

@@ -142,10 +142,7 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
 
 
 def read_tables(name: str) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
-    """Return the tables of a scene file: its objects and its keyframes.
-
-    Raises MeshError if it is no such file.
-    """
+    """Return the tables of a scene file: its objects and its keyframes."""
     if not Path(name).is_file():
         raise MeshError(f"{name}: no such file; name a mesh, or a scene in TOML")
     too_large = f"more than {_MOST_BYTES:,} bytes, so it is no scene; name one"
@@ -200,10 +197,7 @@ def _actor(
 
 
 def as_irradiance(path: str, opened: Callable[[str], Map] = open_map) -> Map:
-    """Return the map of a file, which is of a white diffuse surface.
-
-    Raises MeshError if it is another map.
-    """
+    """Return the map of a file, which is of a white diffuse surface."""
     found = opened(path)
     if not found.is_white:
         raise MeshError(

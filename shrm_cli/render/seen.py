@@ -88,10 +88,7 @@ def seen_errors(picture: ArrayLike, truth: ArrayLike, weights: ArrayLike = 1.0) 
 
 
 def spread_weights(weights: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return the weight of each pixel of a picture.
-
-    Raises ArgumentError if the weights do not fit the shape, or no pixel counts.
-    """
+    """Return the weight of each pixel of a picture."""
     given = np.asarray(weights, dtype=float)
     try:
         spread = np.broadcast_to(given, shape)

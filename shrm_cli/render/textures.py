@@ -165,11 +165,7 @@ class Shelf:
         self._left = MOST_PIXELS
 
     def open(self, name: str, texture: Texture) -> MipMap:
-        """Read a texture.
-
-        `name` is the mesh's file, for messages. Raises MeshError if it is missing or damaged, or
-        all textures are too large.
-        """
+        """Read a texture. `name` is the mesh's file, for messages."""
         key = texture.picture, texture.is_srgb
         try:
             if key not in self._known:

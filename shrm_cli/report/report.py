@@ -82,12 +82,7 @@ def report_page(
     look: Look | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """Return the page of a probe and its maps.
-
-    `statistics` are those of the same probe.
-
-    Raises OutputError if the page without views is larger than it may be.
-    """
+    """Return the page of a probe and its maps. `statistics` are those of the same probe."""
     look = look or Look()
     seen = preview(measured.probe)
     first = probe_part(measured.probe, statistics, seen)

@@ -232,10 +232,7 @@ _DIMENSIONS = {"reflected": 3, "direct": 3, "alive": 1, "moments": 3, "box": 2}
 
 
 def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
-    """Write a grid, whole or not at all; the same grid gives the same bytes.
-
-    Raises OutputError if the file cannot be written.
-    """
+    """Write a grid, whole or not at all; the same grid gives the same bytes."""
     lattice = grid.lattice
     arrays: dict[str, Any] = {
         "reflected": grid.reflected.astype("<f4"),

@@ -54,8 +54,6 @@ class Room:
         The base colours of the materials of `mesh` are their albedos. `albedo` is that of triangles
         without a material. `changes` has under ``albedo`` and ``emission`` other values for
         materials, by their names. `sky` and `discs` are those of `Room`.
-
-        Raises MeshError if no material has a name, or nothing sends light.
         """
         names = [each.name for each in mesh.materials]
         if max((max(each) for each in changes.get("albedo", {}).values()), default=0) > 1:

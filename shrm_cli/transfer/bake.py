@@ -87,10 +87,7 @@ class Plan:
             raise ArgumentError("product", "needs matrices, and a product function of their order")
 
     def reflected(self) -> Array:
-        """The albedo of the mesh, or of each site, as an array of shape (1 or s, channels).
-
-        Raises ArgumentError if it has another shape, or numbers outside of 0 .. 1.
-        """
+        """The albedo of the mesh, or of each site, as an array of shape (1 or s, channels)."""
         albedo = np.atleast_2d(np.asarray(self.albedo, dtype=float))
         rows, channels = albedo.shape[0], albedo.shape[-1]
         if albedo.ndim != 2 or rows not in (1, len(self.mesh.vertices)) or channels not in (1, 3):

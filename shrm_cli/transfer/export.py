@@ -50,10 +50,7 @@ _VERTICES, _INDICES = 34962, 34963
 
 
 def write_glb(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> None:
-    """Write a mesh with transfer vectors as binary glTF 2, whole or not at all.
-
-    Raises OutputError if the file cannot be written.
-    """
+    """Write a mesh with transfer vectors as binary glTF 2, whole or not at all."""
     attributes = {
         "POSITION": mesh.vertices,
         "NORMAL": mesh.normals,
@@ -107,10 +104,7 @@ def write_glb(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> N
 
 
 def write_ply(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> None:
-    """Write a mesh with transfer vectors as binary PLY, whole or not at all.
-
-    Raises OutputError if the file cannot be written.
-    """
+    """Write a mesh with transfer vectors as binary PLY, whole or not at all."""
     count, size, channels = transfer.vectors.shape
     colors = [""] if channels == 1 else ["_r", "_g", "_b"]
     names = [*("x", "y", "z", "nx", "ny", "nz")]
@@ -139,11 +133,7 @@ def write_ply(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> N
 
 
 def write_pifu(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> None:
-    """Write the first 9 coefficients as PIFu does, and the triangles beside them.
-
-    Raises OutputError if the transfer has fewer coefficients or is coloured, or a file cannot be
-    written.
-    """
+    """Write the first 9 coefficients as PIFu does, and the triangles beside them."""
     columns = (PIFU_ORDER + 1) ** 2
     if transfer.order < PIFU_ORDER or transfer.vectors.shape[2] != 1:
         raise OutputError(f"{path}: PIFu's files hold grey transfer of order 2; write .npz")

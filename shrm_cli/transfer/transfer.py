@@ -102,10 +102,7 @@ class Transfer:
         return not self.facts.bounces or (self.direct is not None and not glossy)
 
     def bounced(self) -> "Transfer":
-        """Return the transfer of that light alone which the mesh itself sent.
-
-        Raises TransferError if the vectors before any bounce are not known.
-        """
+        """Return the transfer of that light alone which the mesh itself sent."""
         if self.direct is None:
             raise TransferError(
                 f"{self.facts.mesh}: its transfer does not tell light that was reflected within "
@@ -117,8 +114,6 @@ class Transfer:
         """Check that a mesh is the one that the transfer was baked for.
 
         `digest` is `bake.mesh_digest` of the mesh.
-
-        Raises TransferError if it is another one.
         """
         fits = self.texels is None or len(self.texels.texcoords) == len(mesh.faces)
         if digest != self.facts.mesh_sha256 or not fits:
@@ -128,10 +123,7 @@ class Transfer:
             )
 
     def check_glossy(self) -> None:
-        """Check that there are matrices.
-
-        Raises TransferError if there are none.
-        """
+        """Check that there are matrices."""
         if self.matrices is None:
             raise TransferError(
                 f"{self.facts.mesh}: its transfer has no matrices, which glossy surfaces need; "

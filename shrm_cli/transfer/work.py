@@ -113,8 +113,6 @@ def unfinished(output: Path, key: str, shapes: Shapes, step: int) -> Iterator[Fi
     """Yield the arrays in a file beside an output; it is removed when the block succeeds.
 
     A block that fails or is interrupted leaves the file, and the next run goes on with it.
-
-    Raises OutputError if the file cannot be written.
     """
     path = output.with_name(output.name + SUFFIX)
     try:

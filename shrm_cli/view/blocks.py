@@ -64,8 +64,7 @@ class Blocks:
         layers of a run, and `series` is the number of runs, one behind the other.
 
         Returns ``format``, ``width``, ``height``, ``depth`` (0 for a single picture), ``block``,
-        and of a rounded one the block of ``exponents`` and its RMS ``error``. Raises MapError if a
-        value is not a number.
+        and of a rounded one the block of ``exponents`` and its RMS ``error``.
         """
         found = np.asarray(values, dtype=np.float32)
         if np.isnan(found).any():

@@ -362,8 +362,6 @@ def described_map(
     `name` is what the page calls the map. `file` is the name of its file, without a folder. Its
     textures are added to `blocks`. `taps`, one of 3, 5, 8, are how many look-ups the light of
     brushed surfaces takes.
-
-    Raises MapError if shaders have no words for the map.
     """
     if isinstance(made, MaterialMap):
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")

@@ -37,8 +37,6 @@ def lobe_moments(roughness: float, cosines: ArrayLike) -> Array:
 
     Returns an array of shape (2, 3, n), indexed [without Fresnel's term or with the tail; 1, N.L or
     T.L; view].
-
-    Raises MapError if the roughness is outside 0 .. 1.
     """
     if not 0 <= roughness <= 1:
         raise MapError(f"roughness {roughness:g} is outside 0 .. 1")

@@ -57,11 +57,7 @@ class NormalLobe(Brdf):
 
 
 def check_varies(brdf: Brdf) -> None:
-    """Check that a BRDF has a lobe for every roughness, and that none is asked for.
-
-    Raises BrdfError if the BRDF has no roughness, is one that `MaterialLobe` refuses, or is given a
-    roughness.
-    """
+    """Check that a BRDF has a lobe for every roughness, and that none is asked for."""
     if not brdf.isotropic:
         MaterialLobe(brdf)
     MaterialLobe(brdf.at_roughness(1.0))

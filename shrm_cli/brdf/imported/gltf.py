@@ -48,8 +48,6 @@ def read_gltf_material(name: str, data: bytes, wanted: str) -> Material:
 
     `name` is the path of the file. Buffers and textures are looked for in its folder. `wanted` is
     empty for the only material.
-
-    Raises BrdfError if the file is damaged, has no such material, or needs what is not read.
     """
     try:
         tree, chunk = read_tree(name, data)

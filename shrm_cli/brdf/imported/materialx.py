@@ -36,8 +36,6 @@ def read_materialx(name: str, data: bytes, wanted: str) -> Material:
 
     `name` is the path of the file. Textures are looked for in its folder. `wanted` is the name of a
     material, or of a surface; empty for the only material.
-
-    Raises BrdfError if the file is damaged, has no such material, or needs what is not read.
     """
     try:
         import MaterialX

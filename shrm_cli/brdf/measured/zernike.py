@@ -145,8 +145,6 @@ def fit_zernike(
     `values`, of shape (n,) or (n, 3), are the BRDF (1/sr), grey or linear RGB. `order` is 0 to 20.
     With a `smoothing` of 0 the fit reproduces published coefficients. With 1e-3 a fit to sparse
     measurements does not run away where nothing was measured.
-
-    Raises BrdfError if the order is out of range, or there is no measurement.
     """
     if not 0 <= order <= MAX_ORDER:
         raise BrdfError(f"order {order} of a Zernike expansion is outside 0 .. {MAX_ORDER}")

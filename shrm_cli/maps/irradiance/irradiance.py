@@ -214,10 +214,7 @@ class Irradiance(FixedMap, ReflectionMap):
         return np.moveaxis(np.array(rows), -1, 0)
 
     def nine(self) -> Array:
-        """Return nine coefficients, shape (9, 3); those beyond the map's order are 0.
-
-        Raises MapError if the map's order is above 2.
-        """
+        """Return nine coefficients, shape (9, 3); those beyond the map's order are 0."""
         if self.order_f > POLYNOMIAL_ORDER:
             raise MapError(
                 f"an irradiance map of order F = {self.order_f} is no quadratic polynomial of the "

@@ -123,10 +123,7 @@ def _check_family(name: str) -> None:
 
 
 def parse_window(spec: str) -> tuple[str, float | None]:
-    """Split `NAME` or `NAME:WIDTH` into name and width; the width is None where none is given.
-
-    Raises MapError if the name is unknown, or the width is not a positive number.
-    """
+    """Split `NAME` or `NAME:WIDTH` into name and width; the width is None where none is given."""
     name, colon, text = spec.partition(":")
     if name not in NAMES:
         raise MapError(f"window {spec!r}: no such window; take one of {', '.join(NAMES)}")

@@ -103,8 +103,6 @@ def in_form(source: Irradiance, form: str) -> Irradiance:
     `form` is one of `FORMS`; ``sh`` keeps all coefficients, those of a ZH3 too.
 
     The `added_error` of the result includes the relative RMS change of the irradiance.
-
-    Raises MapError if the map is not of order 2.
     """
     plain = Irradiance(
         source.coefficients, source.info, source.size, source.sampling, source.window

@@ -72,9 +72,6 @@ def varying_steps(
     many as it takes.
 
     Returns `steps`; and `points`, the values of the parameters for each texture.
-
-    Raises BrdfError as `varying_texture` does, or if no number of textures that is allowed is
-    enough.
     """
     views = _views()[:: _VIEWS // _VIEWS_OF_STEPS]
     accuracy = ACCURACY if len(ranges) == 1 else _ACCURACY_OF_TWO
@@ -106,9 +103,6 @@ def varying_texture(
 
     `brdf`, `order` and `texels` are as `product_texture` takes them. `steps` and `points` are as
     `varying_steps` returns them.
-
-    Raises BrdfError if the BRDF has no such parameter, a value is outside its range, or as
-    `product_texture` raises it; and MapError if the textures would be too large.
     """
     _check_size(order, texels, len(points))
     each = [_with_values(brdf, steps.values, point) for point in points]

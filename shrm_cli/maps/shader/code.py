@@ -205,10 +205,7 @@ def _with_lamps(
 
 
 def _brushed(made: Map, taps: int, language: Language) -> list[str]:
-    """Write the functions of brushed surfaces.
-
-    Raises MapError if the map is no split sum of GGX.
-    """
+    """Write the functions of brushed surfaces."""
     from shrm_cli.maps.splitsum.brushed_shader import brushed_functions
 
     if "anisotropy" not in made.surface_arguments:

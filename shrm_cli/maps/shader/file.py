@@ -37,8 +37,7 @@ def pack(made: Map) -> tuple[PackedTexture, ...]:
 
     Cubes of local frames are turned to world axes, in which alone they can be filtered.
 
-    Returns None for irradiance, whose code holds all numbers. Raises MapError if the map has no
-    shader, or does not fit into such textures.
+    Returns None for irradiance, whose code holds all numbers.
     """
     if whole_code(made) is not None:
         return ()
@@ -66,8 +65,6 @@ def write_layers(
     is written as 32-bit floats unless `precision` is half, which costs tables some digits.
 
     Returns `pixel_type`; and `shapes`, layers, height and width of each texture by its name.
-
-    Raises MapError if the map has no textures. Raises OutputError if the file cannot be written.
     """
     textures = pack(made)
     if not textures:

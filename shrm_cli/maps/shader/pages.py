@@ -77,8 +77,6 @@ def arrange(stacks: Sequence[tuple[int, int]]) -> Pages:
     such as the levels of a split sum, share layers.
 
     `stacks` are the number of cubes of each stack, and their size.
-
-    Raises MapError if there are too many cubes for their size.
     """
     largest = max(size for _, size in stacks) + 2
     # Layers that smaller cubes fill without a rest are a little larger than the largest cube.

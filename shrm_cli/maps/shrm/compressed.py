@@ -108,8 +108,6 @@ class CompressedShrm(CentralMap):
 
         `count` is the number of components to keep. `tolerance` is the relative RMS error that may
         be added. Without `count` the fewest components that stay within it are kept.
-
-        Raises MapError if `count` is less than 1 or more than the number of components.
         """
         every = (shrm.order_p + 1) ** 2
         if count is not None and not 1 <= count <= every:
@@ -158,9 +156,6 @@ def compressed(shrm: Shrm, compress: int | float | None) -> Shrm | CompressedShr
 
     `compress` is the number of principal components to keep (an int), or the relative RMS error
     that may be added (a float below 1). None returns the SHRM as it is.
-
-    Raises MapError if the SHRM does not have so many components, or the error is not between 0 and
-    1.
     """
     if compress is None:
         return shrm

@@ -225,12 +225,7 @@ def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
 
 
 def split_material(brdf: Brdf | None) -> Brdf | None:
-    """Return the material whose lobes a split sum is of; None for GGX, which has its own.
-
-    Raises BrdfError if the BRDF is anisotropic or has no roughness, or if a value is given that
-    belongs to no split sum: a roughness, because there is a level for each, or the reflectance of
-    GGX, with which a map of GGX is shown.
-    """
+    """Return the material whose lobes a split sum is of; None for GGX, which has its own."""
     if brdf is None:
         return None
     check_varies(brdf)

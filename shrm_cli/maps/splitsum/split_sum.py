@@ -146,11 +146,7 @@ class SplitSum(LightMap):
 
     @cached_property
     def material(self) -> Brdf | None:
-        """The BRDF whose lobes the levels are of, at any roughness; None for GGX.
-
-        Raises MapError if it is of a model that is not installed, such as one of a file of the
-        user's.
-        """
+        """The BRDF whose lobes the levels are of, at any roughness; None for GGX."""
         if self.is_ggx or self.given is not None:
             return self.given
         info = self.level_info[-1]

@@ -22,10 +22,7 @@ MAX_LINES = 2**17
 
 
 def check_file(path: str | os.PathLike[str]) -> Path:
-    """The path of a file that can be opened without waiting for it.
-
-    Raises BrdfError if there is no such file, or it is a directory, a pipe or a device.
-    """
+    """The path of a file that can be opened without waiting for it."""
     path = Path(path)
     try:
         if not path.exists():
@@ -121,10 +118,7 @@ def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]
 
 
 def parse_numbers(path: str | os.PathLike[str], number: int, line: str) -> list[float]:
-    """Parse the numbers of one line, which are separated by spaces.
-
-    Raises BrdfError if one of the words is not a finite number.
-    """
+    """Parse the numbers of one line, which are separated by spaces."""
     found = []
     for word in line.split():
         try:

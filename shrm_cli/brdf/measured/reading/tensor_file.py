@@ -63,11 +63,7 @@ class TensorFile:
         return cls(path, {field.name: field for field in fields})
 
     def read(self, name: str) -> NDArray[Any]:
-        """Read the array of a field, in the type that it is stored in.
-
-        Raises BrdfError if there is no such field, it is too large for memory, or the file cannot
-        be read.
-        """
+        """Read the array of a field, in the type that it is stored in."""
         if name not in self.fields:
             raise damaged(self.path, f"there is no field {name!r}")
         field = self.fields[name]
