@@ -82,7 +82,7 @@ _HOMES = {
     "Brdf": "brdf.base",
     "Parameter": "brdf.base",
     "parse_spec": "brdf.spec",
-    "hdr_flip": "render.flip",
+    "hdr_flip": "render.seen",
     "seen_errors": "render.seen",
     "SeenErrors": "render.seen",
     "using": "settings",
@@ -158,9 +158,9 @@ if TYPE_CHECKING:
     from shrm_cli.reference import reference as reference
     from shrm_cli.render.basis import basis_maps as basis_maps
     from shrm_cli.render.camera import Viewer as Viewer
-    from shrm_cli.render.flip import hdr_flip as hdr_flip
     from shrm_cli.render.render import render as render
     from shrm_cli.render.seen import SeenErrors as SeenErrors
+    from shrm_cli.render.seen import hdr_flip as hdr_flip
     from shrm_cli.render.seen import seen_errors as seen_errors
     from shrm_cli.report.contact import contact_page as contact_page
     from shrm_cli.report.contact import draw_contacts as draw_contacts

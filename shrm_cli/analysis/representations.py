@@ -10,7 +10,7 @@ import numpy as np
 from shrm_cli.analysis.memory import Memory, within_limit
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ShrmError
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.files.whole import scratch_folder
 from shrm_cli.maps import registry
 from shrm_cli.maps.file import open_map

@@ -168,7 +168,7 @@ def _remarks(found: Analysis, order_p: int | None) -> list[str]:
 def _draw(found: Analysis, targets: dict[str, str], exposure: float, title: str) -> None:
     """Write the charts and the pictures that have a name."""
     from shrm_cli.analysis.plots import plot_accuracy, plot_energy
-    from shrm_cli.files.picture import write_picture
+    from shrm_cli.files.image import write_picture
 
     if "energy" in targets:
         marks = [(each.order_f, each.order_p, each.eps) for each in found.grid.orders]

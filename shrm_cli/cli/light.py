@@ -188,7 +188,7 @@ def basis(
     """
     import numpy as np
 
-    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.render.basis import basis_maps, basis_names, basis_subject
     from shrm_cli.render.scene import Scene

@@ -14,9 +14,9 @@ from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export.asset import open_asset
+from shrm_cli.export.cubes import levels_of_map
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
-from shrm_cli.export.levels import levels_of_map
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.quoting import code_span, markdown
 from shrm_cli.export.tamed import tamed

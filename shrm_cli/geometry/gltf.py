@@ -14,8 +14,7 @@ from typing import Any
 
 from shrm_cli.errors import MeshError
 from shrm_cli.files import gltf
-from shrm_cli.geometry.mesh import MOST_FACES, too_many
-from shrm_cli.geometry.surface import Matrix, SurfaceMaterial, Texture, Wrap
+from shrm_cli.geometry.mesh import MOST_FACES, Matrix, SurfaceMaterial, Texture, Wrap, too_many
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728

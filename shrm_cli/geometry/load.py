@@ -27,10 +27,9 @@ from shrm_cli.extras import install
 from shrm_cli.files.gltf import MOST_BYTES
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.gltf import read_gltf
-from shrm_cli.geometry.mesh import MOST_FACES, Mesh, joined, make_mesh, too_many
+from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, make_mesh, too_many
 from shrm_cli.geometry.mtl import PAINTED, read_materials
 from shrm_cli.geometry.obj import read_obj
-from shrm_cli.geometry.surface import SurfaceMaterial
 from shrm_cli.records import record
 
 _MOST_TEXT = 2**27

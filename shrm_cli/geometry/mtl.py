@@ -15,7 +15,7 @@ from typing import Any
 from shrm_cli.errors import MeshError
 from shrm_cli.files.texture import beside
 from shrm_cli.files.whole import note
-from shrm_cli.geometry.surface import SurfaceMaterial, Texture, Wrap
+from shrm_cli.geometry.mesh import SurfaceMaterial, Texture, Wrap
 
 PAINTED = SurfaceMaterial(metallic=0.0, roughness=0.5, colored="srgb")
 """What files without materials have whose vertices have colours."""

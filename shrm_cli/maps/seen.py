@@ -16,8 +16,7 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import SHARED, bytes_text
-from shrm_cli.maps.prefiltered import Prefiltered, Truth, examined
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request, Truth, examined
 from shrm_cli.maps.size import stored_bytes, total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising

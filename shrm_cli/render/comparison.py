@@ -8,13 +8,12 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.color import mix_channels, to_rec709
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, whole_coverage
-from shrm_cli.render.flip import FlipError, hdr_flip
 from shrm_cli.render.image import expose
-from shrm_cli.render.seen import seen_errors
+from shrm_cli.render.seen import FlipError, hdr_flip, seen_errors
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import Reflecting, render_sphere
 

@@ -2,17 +2,25 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, ReflectedLight
+from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap, MaterialMap
-from shrm_cli.maps.prefiltered import negative_share, negative_warnings
+from shrm_cli.maps.request import negative_share, negative_warnings
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
+from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS
 
 _ROUNDING = 1e-6
@@ -147,3 +155,48 @@ def lit_maps(
         warnings += [f"{name}: {line}" for line in negative_warnings(lit, negative_share(lit))]
         found.append(lit)
     return found, warnings
+
+
+# ---- brought to the same primaries ---------------------------------------------------------------
+
+
+@record(eq=False)
+class Recolored(ReflectedLight):
+    """A map whose radiance is shown in other primaries; that is exact for maps of every form."""
+
+    shown: ReflectedLight
+    matrix: Array
+    """From the map's linear RGB to that which is wanted, shape (3, 3)."""
+    primaries: tuple[float, ...] | None
+    """Of that; None is Rec.709."""
+
+    @cached_property
+    def info(self) -> MapInfo:
+        """How the map was made, with the new primaries."""
+        return replace(self.shown.info, chromaticities=self.primaries)
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        return np.asarray(self.shown.radiance(normals, views) @ self.matrix.T)
+
+
+def in_same_primaries(
+    maps: Sequence[ReflectedLight], primaries: tuple[float, ...] | None
+) -> list[ReflectedLight]:
+    """Return maps that are all shown in the same primaries, which None says are Rec.709."""
+    found: list[ReflectedLight] = []
+    for each in maps:
+        matrix = conversion(each.info.chromaticities, primaries)
+        found.append(each if matrix is None else Recolored(each, matrix, primaries))
+    return found
+
+
+def one_of(stated: set[tuple[float, ...] | None]) -> tuple[float, ...] | None:
+    """Return the primaries that all maps of a mesh have; None where nobody states any."""
+    first, *others = sorted(stated, key=lambda each: each or ()) or [None]
+    for other in others:
+        if not same_primaries(first, other):
+            raise MapError(
+                f"maps in {title_of(first)} and in {title_of(other)} do not add up; convert one "
+                "of them, by shrm convert MAP --to REPRESENTATION with `working`"
+            )
+    return next((each for each in stated if each is not None), None)

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.color import srgb_to_linear
 from shrm_cli.errors import MeshError
-from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.geometry.surface import SurfaceMaterial, Texture
+from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial, Texture
 from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.records import record
 from shrm_cli.render.textures import FINER, Shelf

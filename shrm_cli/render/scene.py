@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer

@@ -32,8 +32,7 @@ from shrm_cli.errors import BrdfError, MeshError
 from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.load import load_mesh
-from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.geometry.surface import SurfaceMaterial
+from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.records import record

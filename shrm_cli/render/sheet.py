@@ -11,8 +11,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import OutputError
+from shrm_cli.files.image import Picture
 from shrm_cli.files.openimageio import oiio
-from shrm_cli.files.picture import Picture
 from shrm_cli.records import record
 
 MAX_PIXELS = 2**27

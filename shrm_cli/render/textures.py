@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.files.texture import read_texture
-from shrm_cli.geometry.surface import Texture, Wrap
+from shrm_cli.geometry.mesh import Texture, Wrap
 from shrm_cli.records import record
 
 MOST_PIXELS = 2**27

@@ -24,8 +24,7 @@ from shrm_cli.render.variation import Variation, between_steps
 from shrm_cli.sphere.directions import horizontal_tangents, normalize
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.transfer.bake import mesh_digest
-from shrm_cli.transfer.shading import diffuse_colors, fitted, glossy_colors
-from shrm_cli.transfer.transfer import Transfer
+from shrm_cli.transfer.transfer import Transfer, diffuse_colors, fitted, glossy_colors
 
 # ---- lamps beside the other light of a mesh ------------------------------------------------------
 # Few coefficients hold no shadow of a lamp: to order 4 a dragon under a studio's lamps is 15 % off,

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.render.camera import whole_coverage
-from shrm_cli.render.flip import FlipError
 from shrm_cli.render.image import suitable_exposure
+from shrm_cli.render.seen import FlipError
 from shrm_cli.report import pictures, words
 from shrm_cli.report.markup import Html, Part, facts, figure, joined, table, tag
 from shrm_cli.report.measure import Made, Material

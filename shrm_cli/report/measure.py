@@ -26,8 +26,8 @@ from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
-from shrm_cli.render.flip import FlipError, can_flip
 from shrm_cli.render.lit import ggx_surface, outside_range
+from shrm_cli.render.seen import FlipError, can_flip
 from shrm_cli.vocabulary import AUTO
 
 

@@ -10,8 +10,7 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, octahedral_directions
-from shrm_cli.rooms.radiosity import Brightness
-from shrm_cli.rooms.room import Emitters, Room, cosines
+from shrm_cli.rooms.room import Brightness, Emitters, Room, cosines
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 

@@ -58,7 +58,7 @@ from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
-from shrm_cli.transfer.shading import Product
+from shrm_cli.transfer.transfer import Product
 
 Places = Callable[[NDArray[np.integer], Array], tuple[NDArray[np.integer], Array]]
 """From triangles (n,) and barycentric weights (n, 3) to rows and their shares, both (n, k)."""

@@ -12,8 +12,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh, make_mesh
 from shrm_cli.geometry.tangents import tangents_from_uvs
-from shrm_cli.render.camera import Viewer
-from shrm_cli.render.perspective import Lens, aimed
+from shrm_cli.render.camera import Lens, Viewer, aimed
 from shrm_cli.view.blocks import Blocks
 
 _AZIMUTHS, _ELEVATIONS = range(0, 360, 30), (-60, -30, 0, 30, 60)

@@ -10,8 +10,12 @@ from numpy.typing import ArrayLike
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array, slices
-from shrm_cli.brdf.environment.material_albedo import albedo_table
-from shrm_cli.brdf.environment.views import ViewTable, half_vectors, unit_rule
+from shrm_cli.brdf.environment.material_albedo import (
+    ViewTable,
+    albedo_table,
+    half_vectors,
+    unit_rule,
+)
 from shrm_cli.brdf.models.charlie import Charlie
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.vectors import GRAZING, fifth_power

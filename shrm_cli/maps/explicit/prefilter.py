@@ -15,9 +15,8 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import shown_wrong_share
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo, provenance
-from shrm_cli.maps.prefiltered import Prefiltered, error_lines
 from shrm_cli.maps.principal.principal import PrincipalMap
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request, error_lines
 from shrm_cli.maps.shrm.make import (
     Choice,
     Form,

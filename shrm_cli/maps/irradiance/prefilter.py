@@ -14,13 +14,18 @@ import numpy as np
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import provenance
-from shrm_cli.maps.irradiance.irradiance import Irradiance, irradiance_energies, lambert_factors
+from shrm_cli.maps.irradiance.irradiance import (
+    Irradiance,
+    form_errors,
+    in_form,
+    irradiance_energies,
+    lambert_factors,
+    with_change,
+)
 from shrm_cli.maps.irradiance.window import make_window, parse_window
-from shrm_cli.maps.irradiance.zh3 import form_errors, in_form, with_change
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.registry import unconverted
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, project

@@ -13,10 +13,9 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance, matrix_constants
-from shrm_cli.maps.irradiance.zh3 import Zh3
-from shrm_cli.maps.shader.harmonics import harmonic_loop
+from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance, Zh3, matrix_constants
 from shrm_cli.maps.shader.language import C_MAY_BE_UNUSED, Language, harmless
+from shrm_cli.maps.shader.source import harmonic_loop
 
 _FLOAT_MAX = float(np.finfo(np.float32).max)
 _MOST_ORDER = 16

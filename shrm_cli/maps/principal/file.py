@@ -10,11 +10,10 @@ from shrm_cli.brdf.brushed_transfer import Waves
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
-from shrm_cli.maps.attributes import COLORS, common_header, shortest_values
 from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.functions import MAX_Q
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
-from shrm_cli.maps.stored import StoredImage, image_channels
+from shrm_cli.maps.stored import COLORS, StoredImage, common_header, image_channels, shortest_values
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
 
 _TABLES = "functions"

@@ -17,11 +17,10 @@ from shrm_cli.brdf.polar_rule import PolarRule, azimuths
 from shrm_cli.brdf.sums import Sum, split
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.prefiltered import Notes
 from shrm_cli.maps.principal.brushed import BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Notes, Request
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order
 from shrm_cli.orders import octaves_to_come
 from shrm_cli.plan import policy

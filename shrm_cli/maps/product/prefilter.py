@@ -12,11 +12,10 @@ from shrm_cli.brdf.product import ACCURACY, ProductFunctions
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo, provenance, record_of
 from shrm_cli.maps.irradiance.window import parse_window
-from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.product.product import ProductTexture, VaryingProduct
 from shrm_cli.maps.product.steps import ENOUGH, Steps, chosen_steps
 from shrm_cli.maps.product.table import product_table
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, project

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
-from shrm_cli.maps.prefiltered import visible_pairs
+from shrm_cli.maps.request import visible_pairs
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import degrees

@@ -16,8 +16,7 @@ from shrm_cli.brdf.environment.environment_brdf import lobe_moments, whole_lobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import provenance
-from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.she.reflectance import ReflectanceSamples, sample_reflectance
 from shrm_cli.orders import Orders

@@ -19,8 +19,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import Expansion, carried_band, carry, map_wrong_share, view_band
 from shrm_cli.maps.info import provenance
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import Notes, Prefiltered, wrong_light
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Notes, Prefiltered, Request, wrong_light
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import (
     TRIED_SIZES,
@@ -317,7 +316,7 @@ def prefilter_shrm(
     kept: Map = made
     compress = request.own.get("compress")
     if compress is not None:
-        from shrm_cli.maps.shrm.compressed import compressed  # most maps are not
+        from shrm_cli.maps.shrm.shrm import compressed  # most maps are not
 
         kept = compressed(made, compress)
 

@@ -7,7 +7,7 @@ use them; `taps_code` writes them alone.
 from shrm_cli.brdf.environment.taps import LEAST_FITTED, polynomials
 from shrm_cli.maps.shader.language import Language, filled
 from shrm_cli.maps.shader.source import CROSS
-from shrm_cli.maps.splitsum.brushed import TURNS
+from shrm_cli.maps.splitsum.split_sum import TURNS
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _HEAD = """\

@@ -7,9 +7,15 @@ from typing import cast
 from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
-from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes, shortest
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.maps.stored import image_channels
+from shrm_cli.maps.stored import (
+    COLORS,
+    common_header,
+    image_channels,
+    map_info,
+    read_attributes,
+    shortest,
+)
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, MAX_CUBE_SIZE, MAX_LEVELS, LevelMapping
 
 _AGAIN = "make it again with shrm prefilter --to splitsum"

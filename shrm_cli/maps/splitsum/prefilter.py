@@ -16,8 +16,7 @@ from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.maps.info import MapInfo, provenance, record_of
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.core import expand, faded_order, split_lobe, sum_core, synthesized
 from shrm_cli.maps.splitsum.mips import default_mips, mip_sizes, power_of_two
