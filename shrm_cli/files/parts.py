@@ -45,8 +45,7 @@ class Part:
     header: dict[str, Any] = field(default_factory=dict)
     """Attributes by name: numbers, text or tuples of numbers. ``name`` is the name of the part,
     which every part of a file with several parts must have. ``envmap`` says that the image is a
-    border-sampled environment map, and is its layout: ``"openexr"`` or ``"latlong"``.
-    ``displayWindow`` is the width and height of the canvas that parts of different sizes share."""
+    border-sampled environment map, and is its layout: ``"openexr"`` or ``"latlong"``."""
     is_table: bool = False
     """Whether it holds numbers of about 1 that images are multiplied with, which half always holds
     well enough, instead of an image."""

@@ -73,10 +73,6 @@ def write_layers(
         _MARK: "layers",
         "shrm:of": made.representation,
         "shrm:probe": harmless(made.info.probe),
-        # Parts of different sizes must share a canvas.
-        "displayWindow": tuple(
-            max(texture.values.shape[axis] for texture in textures) for axis in (2, 1)
-        ),
     }
     parts = [
         Part(image_channels(layer), {"name": f"{texture.name}.{number:03d}", **about})

@@ -81,13 +81,12 @@ def _encode_compressed(shrm: CompressedShrm) -> Part:
 
 
 def _encode_sum(summed: SummedShrm) -> list[Part]:
-    size, info = summed.size, summed.info
+    info = summed.info
     whole: dict[str, Any] = {
         "shrm:version": summed.format_version,
         "shrm:predicted_error": float(info.predicted_error),
         "shrm:brdf_energy_captured": float(info.captured),
         "shrm:epsilon": float(info.eps),
-        "displayWindow": (size, 6 * size),
     }
     if info.added_error:
         whole["shrm:added_error"] = float(info.added_error)

@@ -33,7 +33,6 @@ def level_names(roughness: Sequence[float]) -> list[str]:
 
 def encode(split_sum: SplitSum) -> list[Part]:
     """Make a part of a file for each level, the sharpest level first."""
-    size = split_sum.size
     parts = []
     # Files hold 32-bit floats, so the names are those of the numbers that readers will get.
     names = level_names([shortest(value) for value in split_sum.roughness])
@@ -49,7 +48,6 @@ def encode(split_sum: SplitSum) -> list[Part]:
             **common_header(replace(split_sum, info=info), 0),
             "shrm:mapping": split_sum.mapping,
             "shrm:roughness": float(roughness),
-            "displayWindow": (size, 6 * size),
         }
         parts.append(Part(image_channels(level), header))
     return parts
