@@ -77,10 +77,6 @@ def choose_orders(
 
     Returns `orders`; and `coefficients`, the coefficients of the BRDF, to orders at least as high
     as `orders`.
-
-    Raises OrderError if the tolerance is outside (0, 1) or, without `most_p`, cannot be met within
-    F = 512 and P = 32, or if a given order is outside these limits. Raises BrdfError if the
-    coefficients of the BRDF cannot be computed.
     """
     if not 0 < eps < 1:
         raise OrderError(f"the tolerance must lie between 0 and 1, not {eps:g}")
@@ -95,20 +91,15 @@ def choose_orders(
 
 
 def known_coefficients(brdf: Brdf, eps: float) -> BrdfCoefficients:
-    """Compute coefficients that meet a tolerance, and so every larger one, or those to the limits.
-
-    `brdf` and `eps` are as `choose_orders` takes them.
-
-    Raises BrdfError if the coefficients of the BRDF cannot be computed.
-    """
+    """Compute coefficients that meet a tolerance and every larger one, or those to the limits."""
     return _sufficient_coefficients(brdf, eps, 0, 0, None)
 
 
 def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, eps: float) -> Orders:
     """Find the least orders that meet a tolerance among those of known coefficients.
 
-    `brdf` is the BRDF of the coefficients. `coefficients` are what `known_coefficients` returns for
-    this tolerance or a smaller one. `eps` is the fraction of the energy that may be missed.
+    `coefficients` are what `known_coefficients` returns for this tolerance or a smaller one. `eps`
+    is the fraction of the energy that may be missed.
     """
     missed = 1 - coefficients.captured()[-1, -1]
     if missed > eps:
@@ -190,8 +181,6 @@ def extended(
     `coefficients` are its coefficients to the orders that they have. `eps` is the fraction of the
     energy that may be missed, which sets the accuracy of sampling. `order_f` is the order F of the
     result, where it is higher than that of the coefficients.
-
-    Raises BrdfError if the coefficients cannot be computed.
     """
     if order_f <= coefficients.order_f:
         return coefficients

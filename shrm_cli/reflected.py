@@ -242,7 +242,6 @@ def filter_matrices(factors: Array, order: int, p: int) -> Array:
     that takes from the functions of one azimuthal order, and adds to those of others.
 
     `factors`, of shape (>= order+p+1,), are what the filter multiplies each degree of cubes with.
-    `order` is the largest degree of the light.
 
     Returns an array of shape (order+1, p+1, p+1), [l, q, r]: what part q takes of part r.
     """
@@ -275,7 +274,7 @@ def filtering_error(
     """Predict the relative RMS error of looking a map up by bilinear filtering.
 
     `lighting`, `coefficients`, `order_f`, `order_p` and `factors` are the same as for
-    `predicted_error`. `size` and `sampling` are those of the map's cubes.
+    `predicted_error`.
 
     Returns the error of the map as it is made, without that of its orders; 0 for black light.
     """

@@ -154,10 +154,7 @@ def limit_worker_threads() -> None:
 
 @contextlib.contextmanager
 def _started(jobs: int | None) -> Iterator[Any]:
-    """Start a cluster on this machine, reached by nobody else, and end it after the block.
-
-    Raises ClusterError if the package that makes certificates is missing.
-    """
+    """Start a cluster on this machine, reached by nobody else, and end it after the block."""
     import dask
     from distributed import LocalCluster
 

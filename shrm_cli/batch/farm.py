@@ -49,8 +49,6 @@ def command_lines(arguments: Sequence[str], parts: int) -> list[str]:
 
     `arguments` is what follows ``shrm batch``, without the flags that ask for these lines. `parts`
     is the number of parts.
-
-    Raises ArgumentError if an argument holds a line break or another control character.
     """
     _check(arguments, "commands")
     words = shlex.join(arguments)
@@ -67,8 +65,6 @@ def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batc
     `parts` is the number of parts. `name` is what the farm calls the job.
 
     Returns JSON, which is YAML too.
-
-    Raises ArgumentError if an argument holds a line break or another control character.
 
     References: Open Job Description, Template Schemas 2023-09, and RFC 0001, Task Chunking.
     """

@@ -79,8 +79,7 @@ def cached_transfer(
 ) -> TransferFunctions:
     """Take transfer functions from the cache, or compute them, as `cached_coefficients` does.
 
-    `brdf` and `accuracy` are as of `cached_coefficients`. `compute` is `compute_transfer`, or a
-    function with its parameters and result.
+    `compute` is `compute_transfer`, or a function with its parameters and result.
     """
     return _cached(_transfer_kind(), brdf, (order_f, max_q, accuracy), compute)
 

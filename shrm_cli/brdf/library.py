@@ -195,8 +195,6 @@ def parse_recorded(
     `open_file` returns the measured BRDF that a term stands for, or None where it is the name of a
     model, which all of them are by default. `primaries` are the chromaticities that the colors of
     metals are converted to; those of Rec.709 by default.
-
-    Raises BrdfError if a model or a parameter is unknown, malformed, repeated or out of its range.
     """
 
     def parse(term: str) -> Brdf:

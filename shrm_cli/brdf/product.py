@@ -214,8 +214,6 @@ class ProductQuadrature:
         `brdf` is no sum; the terms of a sum have rules of their own. `views`, of shape (n, 3), are
         directions to the viewer, unit, in the frame of the surface. `accuracy` is the relative RMS
         change at which to stop, if no more nodes are needed than the BRDF is worth.
-
-        Raises BrdfError if the BRDF is not finite.
         """
         effort = _MODELS
         if brdf.is_measured:
@@ -325,10 +323,7 @@ class ProductFunctions:
         return sum(max(rule.along * rule.around for rule in rules) for _, rules in self.terms)
 
     def coefficients(self, views: Array, order: int) -> Array:
-        """Project the functions of all terms, as `ProductQuadrature.coefficients` does of one.
-
-        Raises BrdfError if a value of the BRDF is not finite.
-        """
+        """Project the functions of all terms, as `ProductQuadrature.coefficients` does of one."""
         jobs = self._jobs(views)
         count = sum(len(part) * rule.along * rule.around for _, rule, part in jobs)
         result: Array = np.zeros((len(views), (order + 1) ** 2, 1))

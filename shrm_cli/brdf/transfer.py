@@ -386,9 +386,6 @@ def compute_coefficients(
     is. `accuracy` is the fraction of the energy that the sampling may miss.
 
     Where the samples were not enough for the accuracy, the result tells what they reached.
-
-    Raises BrdfError if the BRDF is anisotropic or not finite, or cannot be sampled; see
-    `compute_transfer`.
     """
     order_p = 0 if brdf.zonal else order_p
     if isinstance(brdf, Sum):

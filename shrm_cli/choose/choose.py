@@ -222,10 +222,7 @@ def made_offers(
     truth: Truth,
     progress: Progress | None = None,
 ) -> list[Offer]:
-    """Make a map once, and measure it as it is looked up in each way.
-
-    Raises ShrmError if it cannot be made.
-    """
+    """Make a map once, and measure it as it is looked up in each way."""
     needed = {"brdf": brdf} if registry.description(form).needs_brdf else {}
 
     def make(progress: Progress | None = None) -> Map:

@@ -106,8 +106,6 @@ def _own_options(
     `command` has the options that it shares with other forms already. `is_lenient` tells whether a
     form that cannot be used has none, because a shell completes. `wanted` is as
     `command_with_headings` takes it.
-
-    Raises PluginError if the form cannot be used.
     """
     kinds = [e.type for e in command.params if isinstance(e.type, Named) and "--to" in e.opts]
     if not kinds:

@@ -167,10 +167,7 @@ class Baked:
     warnings: list[str]
 
     def drawn(self, stage: Stage) -> list[list[Any]]:
-        """Return the surfaces of a mesh with its own shadows, under each of the maps.
-
-        Raises TransferError if the transfer does not fit the mesh or a map.
-        """
+        """Return the surfaces of a mesh with its own shadows, under each of the maps."""
         from shrm_cli.render.vertex_colors import vertex_colors
 
         follows = stage.looks[0].variation
@@ -199,9 +196,6 @@ def open_baked(
 
     `transfer` is the file. `maps` and `names` are the maps that pictures are drawn of, and their
     files' names. `probe` is the light of maps that hold none. `window` is as `lit_maps` takes it.
-
-    Raises click.UsageError if there is neither a map nor a probe, or a window does not apply.
-    Raises TransferError or ProbeError if a file cannot be read.
     """
     from shrm_cli.maps.info import probe_name
     from shrm_cli.render.lit import lit_maps

@@ -175,8 +175,6 @@ def check_outputs(
     are known, see `files.whole`. `specs` are specifications of BRDFs, which may name files that
     have not been opened yet. `suffixes` are the suffixes that the targets' names may have, in lower
     case; by default any.
-
-    Raises OutputError if a target cannot be written, is one of the inputs, or has another suffix.
     """
     from shrm_cli.brdf.spec import named_files
 
@@ -188,8 +186,7 @@ def check_outputs(
 def keep_other_map(target: str, probe: Probe, request: Request, precision: Precision) -> None:
     """Refuse to replace a map that was not made like the one that is asked for.
 
-    `target` is the name of the file, which need not exist. Raises OutputError if the file exists,
-    and other inputs or options made it.
+    `target` is the name of the file, which need not exist.
     """
     from shrm_cli.batch.made import difference
 
@@ -200,10 +197,7 @@ def keep_other_map(target: str, probe: Probe, request: Request, precision: Preci
 
 
 def keep_edited(target: str) -> None:
-    """Refuse to replace what `shrm` wrote and somebody has edited since.
-
-    Raises OutputError if the file exists and its digest tells so.
-    """
+    """Refuse to replace what `shrm` wrote and somebody has edited since."""
     from shrm_cli.batch.made import change_of
 
     found = change_of(target) if os.path.isfile(target) else None
@@ -226,8 +220,6 @@ def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
 
     `target` is the name of the file, which need not exist. `recipe` is what `picture_attributes`
     will store.
-
-    Raises OutputError if the file exists, and another recipe, or none, made it.
     """
     from shrm_cli.files.parts import peek
 

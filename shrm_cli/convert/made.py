@@ -332,10 +332,7 @@ class Mips(Converted):
 def mips_of(
     made: Map, name: str, layout: Layout, size: int | None, sampling: Sampling | None
 ) -> Mips:
-    """Return the mip levels of a split sum.
-
-    Raises MapError if the map is no split sum whose levels halve.
-    """
+    """Return the mip levels of a split sum."""
     found, sampled = mip_chain(made, name), sampling or "center"
     if layout == "openexr":
         levels = cube_mips(found)
@@ -392,7 +389,7 @@ def one_view(
     ``normal``: the normal itself. Normals that face away from the viewer are not seen: they get the
     light of the nearest normal on the silhouette, so that filters find something sensible there.
     `everywhere` tells whether normals that face away are looked up as they are, as for
-    `ignores_views`. `sampling` is where the pixels at the edge of the image lie.
+    `ignores_views`.
 
     Returns an array of float32 of shape (height, 2 height, 3): radiance, linear, in the primaries
     of the map: +Z in the centre, +X in the left quarter, +Y in the top row. Small negative values

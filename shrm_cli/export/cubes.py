@@ -157,14 +157,10 @@ def levels_of_map(
 ) -> tuple[tuple[Array, ...], tuple[float, ...], list[str]]:
     """Take the levels of a split sum for an engine.
 
-    `path` is its file, for messages. `size` is the number of texels along an edge of level 0, by
-    default those of the file.
+    `size` is the number of texels along an edge of level 0, by default those of the file.
 
     Returns OpenEXR cubes of shape (6 N_k, N_k, 3) in world axes, their roughnesses, and a sentence
     about each level that was interpolated to the engine's sizes.
-
-    Raises MapError if the roughnesses are not the engine's, or level 0 has another size. Raises
-    ArgumentError if the engine reads no such size.
     """
     wanted = split.size if size is None else size
     sizes = engine.sizes(wanted)

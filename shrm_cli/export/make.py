@@ -194,9 +194,7 @@ def export(
 ) -> Package:
     """Make the files of an engine.
 
-    Returns all files, the README among them; `write` writes them. Raises ArgumentError if something
-    is asked for that the engine has not. Raises MapError if the source holds nothing that the
-    engine reads, or does not fit it.
+    Returns all files, the README among them; `write` writes them.
     """
     check(engine, asked)
     asset = None if asked.into is None else open_asset(asked.into)
@@ -383,8 +381,6 @@ def write(package: Package, folder: Path, kept: bool = True) -> list[Path]:
 
     `folder` is made if it does not exist; the folder that it lies in must. `kept` tells whether
     files that exist are replaced by files of the same bytes only.
-
-    Raises OutputError if a file cannot be written, or would replace another one.
     """
     paths = [folder / file.name for file in package.files]
     with made_folder(folder), keeping(*map(str, paths if kept else [])), together():

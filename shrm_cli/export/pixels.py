@@ -285,8 +285,6 @@ def rgbd_pictures(faces: Array, what: str) -> tuple[list[bytes], Clipped]:
 
     `faces`, of shape (6, N, N, 3), are linear radiance. `what` is what the level is called in
     messages.
-
-    Raises MapError if a value is not finite.
     """
     data, clipped = encoded(faces, RGBD, what)
     pixels = np.frombuffer(data, np.uint8).reshape(*faces.shape[:-1], 4)[:, ::-1]

@@ -50,10 +50,7 @@ def held_bytes(path: str | os.PathLike[str], pixels: int, frames: int) -> int:
 
 
 def check_animation(path: str | os.PathLike[str]) -> None:
-    """Check, before the work begins, that what writes a moving picture is installed.
-
-    Raises OutputError if it is not.
-    """
+    """Check, before the work begins, that what writes a moving picture is installed."""
     if Path(path).suffix.lower() == ".mp4":
         _ffmpeg(path)
     else:

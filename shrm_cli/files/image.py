@@ -41,7 +41,7 @@ def write_images(
     """Write images of the same pixel type, which is returned, or none of them.
 
     `paths` are the file of each image. `images`, each of shape (H, W, 3), are scene-linear values;
-    all images have the same shape. `precision` and `attributes` are as in `write_image`.
+    all images have the same shape.
     """
     chosen = choose_storage(paths[0], images, precision).pixel_type
     with together():
@@ -72,8 +72,7 @@ def without_negative(
 ) -> tuple[list[Array], list[str]]:
     """Set negative values to 0, which programs that read plain images do not expect.
 
-    `path` is the name of the file that they are for, for the warning. `images` are each of shape
-    (H, W, 3).
+    `images` are each of shape (H, W, 3).
 
     Returns `images`; and `warnings`, one, with the number of pixels and the least value, where
     there were any.
@@ -140,8 +139,8 @@ def in_srgb(
 ) -> tuple[NDArray[np.uint8], float]:
     """Return a linear picture as 8-bit sRGB, and the share of it that was outside its colors.
 
-    `path` is the file that it is for, for the message. `pixels`, of shape (H, W, 3), are linear and
-    already exposed. `primaries` are its chromaticities; None is Rec.709.
+    `pixels`, of shape (H, W, 3), are linear and already exposed. `primaries` are its
+    chromaticities; None is Rec.709.
     """
     if np.isnan(pixels).any():
         raise OutputError(

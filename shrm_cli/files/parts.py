@@ -194,13 +194,10 @@ def choose_storage(
 ) -> Storage:
     """Choose how to store values, and tell what half costs them.
 
-    `path` is the name of the file, for messages. `planes` are the values. The `precision` ``auto``
-    is half, but float where half would overflow, or make a larger error than is allowed: below 6e-5
-    it has fewer digits, and below 3e-8 none. `allowed` is the relative RMS error that half may
-    make. Ordinary rounding, `HALF_ROUNDING`, always may.
-
-    Raises OutputError if a value is not finite in 32-bit float, or half is asked for and would
-    overflow.
+    `planes` are the values. The `precision` ``auto`` is half, but float where half would overflow,
+    or make a larger error than is allowed: below 6e-5 it has fewer digits, and below 3e-8 none.
+    `allowed` is the relative RMS error that half may make. Ordinary rounding, `HALF_ROUNDING`,
+    always may.
     """
     return _examined(path, list(planes), precision, allowed)[0]
 

@@ -185,12 +185,10 @@ _KNOWN = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantizatio
 def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial | None]]:
     """Check a glTF or GLB file, and return it as a plain GLB.
 
-    `name` is the path of the file. Buffers in other files are looked for in its folder.
+    Buffers in other files are looked for in its folder.
 
     Returns `data`, a GLB with nothing but nodes and triangles; `kind`, ``"glb"``; and `materials`,
     those of the primitives, in their order.
-
-    Raises MeshError if it is damaged, claims more than is there, or needs what is not read.
     """
     tree, chunk = gltf.read_tree(name, data)
     with gltf.damage(name, MeshError):

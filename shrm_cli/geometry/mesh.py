@@ -202,15 +202,15 @@ def make_mesh(
     coordinates and colours that are not finite, or not one for each vertex, are left out as a
     whole.
 
-    `name` is for messages. `vertices` and `normals`, of any length, are of shape (n, 3), `faces` of
-    (m, 3), `uvs` and `uvs_1` of (n, 2). Integers in `colors`, of shape (n, 3 or 4), stand for
-    fractions of the largest that their type holds. The first of the `materials` is that of all
-    triangles, unless `face_materials` says otherwise. `face_materials`, of shape (m,), are the
-    indices of their materials; -1 for none. `tangents`, of shape (n, 4), are as `Mesh` has them.
-    `file_vertices`, of shape (n,), tells which vertex of its file each vertex is; by default the
-    one of the same number. `file_count` is the number of vertices of the file; by default as many
-    as there are here. `file_rows`, of shape (k,), tells which vertex each vertex of the file is,
-    where several of the file are one here; by default the first that `file_vertices` gives.
+    `vertices` and `normals`, of any length, are of shape (n, 3), `faces` of (m, 3), `uvs` and
+    `uvs_1` of (n, 2). Integers in `colors`, of shape (n, 3 or 4), stand for fractions of the
+    largest that their type holds. The first of the `materials` is that of all triangles, unless
+    `face_materials` says otherwise. `face_materials`, of shape (m,), are the indices of their
+    materials; -1 for none. `tangents`, of shape (n, 4), are as `Mesh` has them. `file_vertices`, of
+    shape (n,), tells which vertex of its file each vertex is; by default the one of the same
+    number. `file_count` is the number of vertices of the file; by default as many as there are
+    here. `file_rows`, of shape (k,), tells which vertex each vertex of the file is, where several
+    of the file are one here; by default the first that `file_vertices` gives.
     """
     points, triangles = np.asarray(vertices, dtype=float), np.asarray(faces)
     if points.ndim != 2 or points.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:

@@ -42,11 +42,9 @@ def read_materials(
 ) -> list[SurfaceMaterial]:
     """Return the materials that an OBJ file names.
 
-    `name` is the path of the OBJ file. Materials and textures are looked for in its folder.
-    `libraries` are the files of materials that it names. Missing ones are passed over. `wanted`
-    holds the names of the materials. Those that no file has say so in their `unread`.
-
-    Raises MeshError if a file of materials is too large, or is damaged.
+    Materials and textures are looked for in its folder. `libraries` are the files of materials that
+    it names. Missing ones are passed over. `wanted` holds the names of the materials. Those that no
+    file has say so in their `unread`.
     """
     known: dict[str, SurfaceMaterial] = {}
     for each in libraries:

@@ -133,8 +133,6 @@ class _Reader:
 def read_obj(name: str, data: bytes) -> dict[str, Any]:
     """Read an OBJ file.
 
-    `name` is for messages.
-
     Returns ``vertices``, ``faces`` and more, as `make_mesh` takes them. A vertex is what its
     corners have in common: position, texture coordinates and normal. ``libraries`` are the files
     that hold the materials ``material_names``, whose places ``face_materials`` has. Raises

@@ -106,10 +106,7 @@ class Column:
 
 
 def metered(probe: Probe) -> float:
-    """Return the exposure of a probe in stops, a multiple of a tenth; 0 if it is black.
-
-    Raises ProbeError if the probe cannot be read.
-    """
+    """Return the exposure of a probe in stops, a multiple of a tenth; 0 if it is black."""
     ball = prefilter_with_facts(probe, "irradiance", {"window": "auto"}).map
     normals = cube_directions(_TEXELS)
     radiance = ball.radiance(normals, normals)  # of a white surface: its irradiance over pi

@@ -155,9 +155,6 @@ def carry(
     `coefficients` are the coefficients of the BRDF, to at least the orders. `is_exact` tells
     whether to carry nothing beyond F. `is_exact_view` tells whether to keep every degree of the
     view up to P as it is.
-
-    Raises ProbeError or BrdfError if the probe cannot be read, or the coefficients cannot be
-    extended.
     """
     f, p = orders.order_f, orders.order_p
     most = min(largest_f(p), MAX_ORDER_F)

@@ -210,8 +210,6 @@ def module(representation: str, name: str) -> Any:
 
     `representation` is one of `vocabulary.REPRESENTATIONS`, or a form of an installed package.
     `name` is one of the names that the docstring of `shrm_cli.maps.base` lists.
-
-    Raises PluginError if the form of an installed package cannot be used.
     """
     if representation not in vocabulary.REPRESENTATIONS:
         from shrm_cli.maps import installed
@@ -242,11 +240,7 @@ def map_class(representation: str) -> "type[Map]":
 
 
 def description(representation: str) -> Representation:
-    """Return the description of a representation; ``auto`` has one too, though it is none.
-
-    Raises ArgumentError if there is no such representation. Raises PluginError if it is a form of
-    an installed package that cannot be used.
-    """
+    """Return the description of a representation; ``auto`` has one too, though it is none."""
     if representation == vocabulary.AUTO:
         return AUTOMATIC
     if representation in DESCRIPTIONS:

@@ -74,12 +74,8 @@ class Request:
     def of(cls, to: str, given: Mapping[str, Any], probe: Probe) -> Self:
         """Check arguments, and resolve what they mean.
 
-        `to` is the representation, or ``auto``. `given` are the arguments of
-        `shrm_cli.prefilter.prefilter` by name. One that is None counts as not given. `probe` is the
-        light, in whose primaries the colours of the BRDF are taken.
-
-        Raises ArgumentError or BrdfError if an argument does not apply, or has a value that it
-        cannot have.
+        `given` are the arguments of `shrm_cli.prefilter.prefilter` by name. One that is None counts
+        as not given. `probe` is the light, in whose primaries the colours of the BRDF are taken.
         """
         to = resolved_form(to, given)
         named = {name: value for name, value in given.items() if value is not None}
@@ -159,8 +155,8 @@ def _listed(values: Mapping[str, Any]) -> dict[str, Any]:
 def resolved_form(to: str, given: Mapping[str, Any]) -> str:
     """Return the representation that is asked for: with arguments of SHRMs, ``auto`` is one.
 
-    `to` is the representation, or ``auto``. `given` are the arguments of
-    `shrm_cli.prefilter.prefilter` by name. One that is None counts as not given.
+    `given` are the arguments of `shrm_cli.prefilter.prefilter` by name. One that is None counts as
+    not given.
     """
     named = {name for name, value in given.items() if value is not None}
     return EXPANDED if to == AUTO and named - registry.description(AUTO).arguments else to

@@ -121,9 +121,6 @@ def first_that_keeps(
     `make` is the maker of the form. `request` has an error, or a share of wrong pixels, or both.
 
     Where none keeps them, the map of the least error is returned.
-
-    Raises ArgumentError if a setting is given that the error chooses. Raises OrderError,
-    ProbeError, BrdfError or MapError as the maker has them.
     """
     form = registry.description(request.to)
     asking = "error" if request.seen is None else "seen"

@@ -125,8 +125,7 @@ def largest_f(order_p: int) -> int:
 def check_size(order_f: int, order_p: int, size: int | None = None) -> None:
     """Check that a map of these orders can be computed and kept in memory.
 
-    `order_f` and `order_p` are the orders F and P. `size` is the number of texels along a face's
-    edge; `choose_size` by default.
+    `size` is the number of texels along a face's edge; `choose_size` by default.
     """
     series = (order_f + order_p + 1) ** 2 * (order_p + 1) ** 2 * 3
     if series > MAX_SERIES:

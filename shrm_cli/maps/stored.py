@@ -432,10 +432,7 @@ class StoredImage:
             raise MapError(f"{self.path}: a local map cannot be a lat-long; make it again")
 
     def stack(self, names: Sequence[str]) -> Array:
-        """Read channels as an OpenEXR cube, shape (6N, N, len(names)).
-
-        Raises MapError if the file is damaged.
-        """
+        """Read channels as an OpenEXR cube, shape (6N, N, len(names))."""
         wanted = self.part.read(names)
         return wanted if self.arrangement.is_plain else self.arrangement.undo(wanted)
 

@@ -193,7 +193,7 @@ def digest(images: tuple[ProbeImage, ...]) -> str:
 def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
     """Layout of an image, from its attribute `envmap`, else from its aspect ratio.
 
-    `name` is what messages call the image. `envmap` is ``latlong`` or ``cube``, or empty.
+    `envmap` is ``latlong`` or ``cube``, or empty.
     """
     if envmap:
         return "openexr" if envmap == "cube" else envmap
@@ -242,8 +242,8 @@ def proportions(layout: Layout, images: int = 1) -> tuple[int, int]:
 def check_shape(name: str, layout: Layout, width: int, height: int, images: int = 1) -> None:
     """Check that an image's size suits its layout.
 
-    `name` is what messages call the image. `width` and `height` are those of each image. `images`
-    are 1, or 6 where each face is an image of its own.
+    `width` and `height` are those of each image. `images` are 1, or 6 where each face is an image
+    of its own.
     """
     columns, rows = proportions(layout, images)
     size = width // columns

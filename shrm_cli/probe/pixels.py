@@ -225,11 +225,7 @@ class BlockReader:
     """What is added to."""
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the image in blocks of rows, by faces, or as a whole where it cannot be cut.
-
-        Raises ProbeError if a file is damaged, or has NaN or infinite pixels that are not to be
-        filled.
-        """
+        """Yield the image in blocks of rows, by faces, or as a whole where it cannot be cut."""
         if self.grid.most_pixels is None:
             return self._by_rows()
         if self.layout == "faces" and len(self.images) > 1 and self.grid.size > _SMALL_FACE:

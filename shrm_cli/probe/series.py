@@ -152,10 +152,7 @@ def sum_of(lights: Sequence[Array]) -> Array | None:
 
 
 def open_series(name: str, options: ReadOptions) -> "LightSum":
-    """Open a file of coefficients as a probe.
-
-    Raises ProbeError if it holds none, or an option does not apply.
-    """
+    """Open a file of coefficients as a probe."""
     from shrm_cli.probe.light_sum import LightSum, SumImage
 
     _check_options(name, options)

@@ -49,8 +49,6 @@ def basis_subject(
     """Return what `Scene` draws: a subject, and its material for each of the maps.
 
     Without a `mesh` a sphere is drawn. `transfer` is what was baked of the mesh.
-
-    Raises TransferError if it was baked for another mesh.
     """
     if mesh is None:
         return SphereSubject(size), list(maps)

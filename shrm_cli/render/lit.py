@@ -35,8 +35,6 @@ def ggx_surface(
     `roughness` is perceptual roughness: GGX's alpha is its square. The default is that of `Ggx`.
     `f0` is the reflectance at normal incidence, linear RGB. The default is that of `Ggx`.
     `anisotropy` is that of glTF; without it the surface is not brushed.
-
-    Raises BrdfError if a parameter is out of its range.
     """
     given = {"roughness": roughness, "f0": f0, "anisotropy": anisotropy or None}
     return Ggx(**{key: value for key, value in given.items() if value is not None})
@@ -53,7 +51,6 @@ def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color
     """Return the linear RGB, each channel within 0 .. 1, that a text such as ``gold`` means.
 
     `primaries` are the chromaticities of the light, which the colors of metals are converted to.
-    Raises BrdfError if it is no color.
     """
     return parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
 
@@ -129,9 +126,6 @@ def lit_maps(
     ``auto`` by default.
 
     Returns `maps`; and `warnings`, one for each map that reflects less than nothing somewhere.
-
-    Raises MapError if a map needs light and there is none, or there is no such window. Raises
-    ProbeError if the probe cannot be read.
     """
     light = None if probe is None else Projection(probe)
     found, warnings = [], []

@@ -81,8 +81,6 @@ class Shown:
 
         `primaries` are the chromaticities of the light, which colours are converted to. `shelf`
         holds the textures of the picture; by default those of this mesh alone.
-
-        Raises BrdfError if `f0` is no colour. Raises MeshError if a texture cannot be read.
         """
         given: dict[str, Any] = {
             "map": self.map, "anisotropy": self.anisotropy, "taps": self.taps
@@ -120,9 +118,6 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
 
     `path` is a TOML file; see the top of this module. `maps` are the maps that the pictures are of,
     which objects without a map are drawn by. The first one tells the primaries of the light.
-
-    Raises MeshError if it is no such file, or a mesh cannot be read. Raises MapError or BrdfError
-    if a map cannot be read, or a reflectance is no colour.
     """
     name = os.fspath(path)
     note(path)

@@ -81,9 +81,6 @@ def open_variation(follows: str, mesh: Mesh) -> Variation:
 
     `follows` is ``vertex``, or the path of an image, whose numbers are taken as they are stored,
     integers as shares of their largest.
-
-    Raises MeshError if the mesh has no colours, or no texture coordinates for an image; and
-    ProbeError if the image cannot be read, or is too large.
     """
     if follows == "vertex":
         _known(mesh, mesh.colors, "vertex colours")

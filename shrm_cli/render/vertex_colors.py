@@ -336,9 +336,6 @@ def vertex_colors(
     light lacks. They cast shadows of their own. `path` is the file of the map, beside which a
     measured BRDF is looked for. `variation` is what parameters of the BRDF follow, where some vary;
     they are in the middle by default.
-
-    Raises TransferError if the map is another one, or the transfer does not fit. Raises BrdfError
-    if there are lamps, and the map's BRDF cannot be evaluated.
     """
     held = light.harmonic_light
     if held is None:

@@ -206,8 +206,6 @@ def _fitting(material: Material, limit: int) -> tuple[list[Map], list[str], str]
 
     Maps get half as many texels along an edge, again and again; where that is not enough, those
     whose sizes are fixed are left out, as split sums are.
-
-    Raises MapError if even small ones are too large.
     """
     able = [each for each in material.maps if _halved(each.map) is not each.map]
     groups = [material.maps, able] if 0 < len(able) < len(material.maps) else [material.maps]

@@ -252,10 +252,7 @@ def is_grid(path: str | os.PathLike[str]) -> bool:
 
 
 def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
-    """Read a grid.
-
-    Raises MeshError if the file is missing or damaged, or holds something else.
-    """
+    """Read a grid."""
     missing, again = "name a grid that shrm grid wrote", "make it again with shrm grid"
     with npz.told(Path(path), MeshError, missing, again) as archive:
         return _grid(archive.those_of(_DIMENSIONS), parse_json(archive.text("settings")))

@@ -80,8 +80,6 @@ def legendre_degrees(
 def legendre_table(order: int, z: ArrayLike, max_m: int | None = None) -> Array:
     """The values of `legendre_degrees` as one array.
 
-    `order`, `z` and `max_m` are as `legendre_degrees` takes them.
-
     Returns an array of shape (max_m+1, order+1, *z.shape): ``[m, l - m, ...]``, zero where l >
     order. The parity of ``l - m`` is the parity of the function in z.
     """

@@ -179,16 +179,12 @@ def transfer_plan(
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
 
-    `order` is the largest degree of the light's harmonics. `bounces` says how often light is
-    reflected within the mesh. `albedo` is what the mesh reflects, as `Plan` takes it, or the colors
-    of its vertices. `samples` is the number of rays of each vertex and bounce. `matrices` tells
-    whether matrices are baked too, for glossy surfaces. `brush` says the tangents of the matrices,
-    as `brushed_tangents` takes them. `brdf` is what the mesh reflects in bounces in place of
-    `albedo`; matrices are baked with it. `texture` is the number of texels along the edge of a
-    texture for which is baked, in place of the vertices.
-
-    Raises ArgumentError if an argument has a value that it cannot have, or the mesh lacks what it
-    names. Raises MeshError or BrdfError if a file cannot be read.
+    `bounces` says how often light is reflected within the mesh. `albedo` is what the mesh reflects,
+    as `Plan` takes it, or the colors of its vertices. `samples` is the number of rays of each
+    vertex and bounce. `matrices` tells whether matrices are baked too, for glossy surfaces. `brush`
+    says the tangents of the matrices, as `brushed_tangents` takes them. `brdf` is what the mesh
+    reflects in bounces in place of `albedo`; matrices are baked with it. `texture` is the number of
+    texels along the edge of a texture for which is baked, in place of the vertices.
     """
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.maps.product.prefilter import product_texture
@@ -264,8 +260,6 @@ def bake(
     until it returns. With `keep` the transfer is valid until then only.
 
     Returns the transfer, or what `use` returns.
-
-    Raises OutputError if unfinished work cannot be kept.
     """
     use = use or (lambda transfer: transfer)
     if rays is None:

@@ -93,10 +93,7 @@ def write_transfer(
 
 
 def read_transfer(path: str | os.PathLike[str]) -> Transfer:
-    """Read a transfer.
-
-    Raises TransferError if the file is missing or damaged, or holds something else.
-    """
+    """Read a transfer."""
     missing = "name a transfer that shrm transfer wrote"
     with npz.told(Path(path), TransferError, missing, _AGAIN) as archive:
         arrays = archive.those_of(_DIMENSIONS)

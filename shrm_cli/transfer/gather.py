@@ -97,8 +97,6 @@ def sites_of(mesh: Mesh, texture: int | None = None) -> Sites:
     """Return the vertices of a mesh, or the texels of a texture over it.
 
     `texture` is the number of texels along the texture's edge, as `charted` takes them.
-
-    Raises MeshError if there are no charts for a texture.
     """
     lift = OFFSET * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     if texture is None:

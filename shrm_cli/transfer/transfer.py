@@ -207,8 +207,7 @@ def glossy_colors(
     shape (m, 3), is as `diffuse_colors` takes it. `views`, of shape (3,) or (v, 3), are unit
     vectors to the viewer in world axes.
 
-    Returns an array of shape (v, 3): 0 where a vertex faces away. Raises TransferError if the
-    transfer has no matrices.
+    Returns an array of shape (v, 3): 0 where a vertex faces away.
     """
     transfer.check_glossy()
     assert transfer.matrices is not None

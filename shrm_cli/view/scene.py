@@ -115,9 +115,6 @@ def make_scene(
     bytes of the blocks, in base64. The probe behind the shape gets fewer rows to keep it. By
     default there is no limit. `is_rounded` tells whether textures of light are rounded, by a
     percent or so, to make a page small.
-
-    Raises MapError if a map cannot be shown, or the page would be too large. Raises ProbeError,
-    BrdfError or MeshError if the probe, the BRDF of the truth or the mesh cannot be used.
     """
     start, truth = start or Start(), truth or Truth()
     if not maps:
@@ -359,9 +356,8 @@ def described_map(
 ) -> dict[str, Any]:
     """Describe a map for the page, as `viewer.js` knows it, and keep its textures.
 
-    `name` is what the page calls the map. `file` is the name of its file, without a folder. Its
-    textures are added to `blocks`. `taps`, one of 3, 5, 8, are how many look-ups the light of
-    brushed surfaces takes.
+    `file` is the name of its file, without a folder. Its textures are added to `blocks`. `taps`,
+    one of 3, 5, 8, are how many look-ups the light of brushed surfaces takes.
     """
     if isinstance(made, MaterialMap):
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")

@@ -29,8 +29,6 @@ def described_shapes(
     `mesh` is the user's, in world axes. Vertices, normals and indices are added to `blocks`.
     `is_brushed` tells whether a map cares for tangents: those along texture coordinates are added
     then, too.
-
-    Raises MeshError if the mesh has no extent.
     """
     shapes = [{"name": "Sphere", "file": ""}, _described(figure(), "Figure", "", blocks)]
     if mesh is not None:

@@ -182,7 +182,6 @@ def columns_table(kind: str, size: int) -> Array:
     `kind`, a key of `environment.file.MEANINGS`, says what the third column is: the light that
     single scattering loses where f0 is 1, ``1 - E`` with ``E = scale + bias``; it as a part of E;
     or the albedo of cloth, after scale and bias, or after the columns for multiple scattering.
-    `size` is that of `environment_table`.
 
     References: Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image Based
     Lighting"; Turquin 2019, "Practical multiple scattering compensation for microfacet models".
@@ -200,8 +199,6 @@ def columns_table(kind: str, size: int) -> Array:
 
 def moments_table(size: int) -> Array:
     """Compute the moments of the lobe of every roughness: the table of SH exponentials.
-
-    `size` is that of `environment_table`.
 
     Returns an array of shape (size, size, 6): the integrals of 1, N.L and T.L / sin(theta_v) over
     the lobe without Fresnel's term, then with Schlick's tail; see `lobe_moments`. The quotient

@@ -108,8 +108,6 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike) -> Array:
     2e-5 of the albedo, or of 1 where that is less.
 
     `cosines`, of shape (n,), are N.V; values below 1e-5 count as 1e-5.
-
-    Raises BrdfError if the BRDF is one that `MaterialLobe` refuses.
     """
     width = MaterialLobe(brdf).width
     view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
@@ -166,8 +164,6 @@ def albedo_table(brdf: Brdf, size: int) -> Array:
 
     Returns an array of shape (size, size, 3), read-only where the process keeps it for the next map
     of this BRDF.
-
-    Raises BrdfError if the BRDF has no roughness, or is one that `MaterialLobe` refuses.
     """
     return remembered(brdf, ("albedo table", size), lambda: _tabulated(brdf, size))
 

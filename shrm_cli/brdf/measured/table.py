@@ -118,10 +118,7 @@ class Table(MeasuredBrdf):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Table":
-        """Read a table from OpenEXR or .npz.
-
-        Raises BrdfError if the file is missing or damaged, or holds something else.
-        """
+        """Read a table from OpenEXR or .npz."""
         values = file_values(path)
         return cls(*read_table(path), values)
 

@@ -170,8 +170,6 @@ class ExplicitMap(CentralMap):
     def check_images(cls, size: int, count: int) -> None:
         """Check that a map of `count` images can be kept in memory.
 
-        `size` is the number of texels along a face's edge.
-
         Raises MapError if the map would be too large.
         """
         values = 18 * size**2 * count

@@ -36,8 +36,6 @@ def lambert_factors(order: int) -> Array:
 
     They are pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
 
-    `order` is the largest degree l.
-
     References: Eq. 4.11. Its factorials ``l! / (2^l (l/2)!^2)`` are computed by the ratio ``(l - 1)
     / l`` of one to the one before.
     """
@@ -202,8 +200,6 @@ class Irradiance(FixedMap, ReflectionMap):
         """Return the matrix M of each channel, shape (3, 4, 4).
 
         ``E = (x y z 1) M (x y z 1)^T`` for a unit normal (eq. 4.14, 4.15).
-
-        Raises MapError if the map's order is above 2, where E is not a quadratic polynomial.
         """
         c1, c2, c3, c4, c5 = matrix_constants()
         l00, l1_1, l10, l11, l2_2, l2_1, l20, l21, l22 = self.nine()

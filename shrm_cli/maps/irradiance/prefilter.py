@@ -45,9 +45,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     `in_form` does: which numbers are kept of degree 2. The window ``auto`` changes nothing where
     nothing is negative.
 
-    Returns the map, and a warning if its irradiance is negative all the same. Raises MapError if
-    the window is unknown, or the cube is too large. Raises ProbeError if the probe cannot be read,
-    or its light is beyond 32-bit floats.
+    Returns the map, and a warning if its irradiance is negative all the same.
     """
     order_f = request.order_f
     assert order_f is not None  # it has a default
@@ -73,11 +71,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
 
 def converted(source: Map, to: str, form: str | None = None, **options: Any) -> Map:
-    """Return an irradiance map in one of the forms of `maps.irradiance.zh3`; see `Map.converted`.
-
-    Raises MapError or ArgumentError if it is a map of another kind, or not of the order that the
-    form needs.
-    """
+    """Return an irradiance map in one of the forms of ZH3; see `Map.converted`."""
     found = unconverted(source, to, **options)
     if form is None or not isinstance(found, Irradiance):
         return found

@@ -46,8 +46,7 @@ def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
     eq. 4.16; above it sums the harmonics of the even degrees. The code in the language C is C89,
     which later standards and C++ take too. It computes in double precision.
 
-    Returns the code; its last line ends with a newline too. Raises MapError if the language is
-    unknown, the map's order is above 16, or a number does not fit into the language's type.
+    Returns the code; its last line ends with a newline too.
     """
     speech = Language(language)
     if isinstance(irradiance, Zh3):

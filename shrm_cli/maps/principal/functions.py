@@ -237,8 +237,7 @@ class Spectrum:
     def bundle_parts(self, bundles: Sequence[tuple[int, ...]], order: int) -> Array:
         """Return what the light of each degree is multiplied with, for bundles of a degree p.
 
-        `bundles` has for each bundle the index of its function of each order 0 .. p. `order` is the
-        largest order of the light.
+        `bundles` has for each bundle the index of its function of each order 0 .. p.
 
         Returns an array of shape (order+1, p+1, bundles, 3): the coefficients rho_hat_lqk, which
         take the place of rho_hat_lpq.

@@ -282,10 +282,7 @@ class Planner:
         return self.form(self.choices[index], size)
 
     def best_fitting(self, max_size: int, size: int | None) -> Form:
-        """Return the form of the least error of all that fit into a number of bytes.
-
-        Raises ArgumentError if no map fits.
-        """
+        """Return the form of the least error of all that fit into a number of bytes."""
         forms = least_errors(self.rows(max_size, sizes_of(size)))
         if not forms:
             raise nothing_fits(size)
@@ -419,8 +416,6 @@ class Sharing:
         `error` is the relative RMS error of the reflected light that may be made by all causes.
 
         Returns `joint`; and `is_met`, whether its error is at most the one that was asked for.
-
-        Raises ArgumentError if no map fits.
         """
         sizes = sizes_of(size)
         most = max_size if len(self.planners) == 1 else min(_FIRST_BYTES, max_size)

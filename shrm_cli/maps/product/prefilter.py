@@ -52,8 +52,7 @@ def product_texture(
 
     The predicted error of the map is that under white noise: the root of the energy that is missed.
     The fact ``residual`` is the relative RMS change of the coefficients when the nodes of their
-    quadrature are doubled. Raises BrdfError if the BRDF is not finite, and MapError if the texture
-    would be too large.
+    quadrature are doubled.
     """
     return Prefiltered(*_texture(brdf, order, texels, order)[:2])
 
@@ -66,9 +65,8 @@ def varying_steps(
 ) -> tuple[Steps, list[tuple[float, ...]]]:
     """Choose the values of parameters for which there are textures; see `steps.chosen_steps`.
 
-    `brdf` and `order` are as `varying_texture` takes them. `ranges` are the ranges of one parameter
-    or two, which are numbers or colours. `steps` is the number of values of each; by default as
-    many as it takes.
+    `ranges` are the ranges of one parameter or two, which are numbers or colours. `steps` is the
+    number of values of each; by default as many as it takes.
 
     Returns `steps`; and `points`, the values of the parameters for each texture.
     """
@@ -100,8 +98,7 @@ def varying_texture(
 ) -> Prefiltered:
     """Make product textures of a BRDF of which parameters vary, without light.
 
-    `brdf`, `order` and `texels` are as `product_texture` takes them. `steps` and `points` are as
-    `varying_steps` returns them.
+    `steps` and `points` are as `varying_steps` returns them.
     """
     _check_size(order, texels, len(points))
     each = [_with_values(brdf, steps.values, point) for point in points]
@@ -137,8 +134,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     The predicted error of the map is the relative RMS error of the reflected light of this probe,
     over all orientations of the surface and all views above it, by Parseval; the added error is
-    that of the window. Raises BrdfError and MapError as `product_texture` raises them, and MapError
-    if the window is unknown. Raises ProbeError if the probe cannot be read.
+    that of the window.
     """
     brdf, own = request.brdf, request.own
     order, window = own["order"], own["window"]

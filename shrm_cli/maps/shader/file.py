@@ -87,7 +87,7 @@ def read_layers_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     """What a file of textures says of itself; None if a file is none.
 
     Returns the representation and the probe of the map that they were made from, and layers, height
-    and width of each texture by its name. Raises MapError if the file is damaged.
+    and width of each texture by its name.
     """
     file = peek(path)
     if file is None or not file.first.text(_MARK):

@@ -100,8 +100,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     range of perceptual ``roughness`` to fit, by default that of the paper, whose alpha begins at
     0.2, and the ``law``: how the degrees are attenuated, and how they are fitted. ``paper`` is the
     linear least-squares fit in log space of Silvennoinen et al. 2025.
-
-    Raises MapError if the probe is black. Raises ProbeError if the probe cannot be read.
     """
     p_order, q_order = request.own["p_order"], request.own["q_order"]
     law, roughness = request.own["law"], request.own["roughness"]

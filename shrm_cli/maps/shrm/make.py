@@ -103,9 +103,6 @@ def affordable(
 
     Returns `choice`; and `coefficients`, the coefficients of the BRDF, to at least the orders of
     the choice.
-
-    Raises ArgumentError if no map fits. Raises OrderError, BrdfError or ProbeError if the tolerance
-    is none, or the BRDF or the probe cannot be used.
     """
     allowed, size = request.allowed, request.size
     most_p = most_order_p(allowed, size, most)
@@ -125,8 +122,6 @@ def fitting(
 
     `lighting` is the light, to at least the order of the coefficients. `most` is the largest P in
     any case.
-
-    Raises ArgumentError if not even P = 0 fits.
     """
     eps, allowed, size = request.eps, request.allowed, request.size
     largest = choose_size(least_orders(coefficients, eps).order_f)
@@ -201,8 +196,7 @@ def halved(
 def refuse_large(size: int, images: int, max_size: int | None) -> None:
     """Refuse a map whose form is given by hand, if it exceeds the bytes that were asked for.
 
-    `images` is the number of RGB cubes. `max_size` is the most bytes that were asked for. None
-    refuses nothing.
+    `images` is the number of RGB cubes. None refuses nothing.
     """
     stored = stored_bytes(size, images)
     if max_size is not None and stored > max_size:
@@ -263,8 +257,6 @@ def centered(request: Request) -> tuple[Request, Notes]:
 
     Returns `request`; and `notes`, how the center was chosen; empty unless it is ``auto``, the one
     of the fewest coefficients.
-
-    Raises BrdfError or OrderError if the BRDF cannot be expanded about that center.
     """
     brdf, center = request.brdf, request.center
     if center is None:
@@ -307,9 +299,6 @@ def prefilter_shrm(
     `dtype` is as `Shrm.from_coefficients` takes it.
 
     Returns the map, and what it misses of the tolerance as a warning, if the orders are chosen.
-    Raises ArgumentError if no map fits into the bytes, or those of the given orders do not. Raises
-    OrderError, ProbeError, BrdfError or MapError if the tolerance cannot be met with a given order,
-    the probe or the BRDF cannot be used, or the map would be too large.
     """
     expansion, warnings = expand(light, request, SHRM_FORM, chosen)
     made = from_expansion(expansion, light.probe, request, dtype)

@@ -128,8 +128,6 @@ def converted(
     `order_p` is the order P of the SHRM; that of the source by default. `frame` is the frame of the
     SHRM; local by default if the source is a local SHRM, else global. `compress` is how far the
     SHRM is compressed, as `shrm_cli.maps.shrm.shrm.compressed` takes it.
-
-    Raises MapError or ArgumentError if the source has no such SHRM, or an argument does not apply.
     """
     from shrm_cli.maps.shrm.shrm import compressed  # most maps are not
 

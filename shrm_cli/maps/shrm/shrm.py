@@ -115,8 +115,6 @@ class Shrm(CentralMap):
         central direction. `info` says how the map is made. `size` is the number of texels along a
         face's edge; `choose_size` by default. `frame` and `sampling` are the same as the
         attributes. `dtype` is the precision in which the texels are computed.
-
-        Raises MapError if the map would be too large to be kept in memory.
         """
         size = choose_size(brdf.shape[0] - 1) if size is None else size
         check_size(brdf.shape[0] - 1, brdf.shape[1] - 1, size)

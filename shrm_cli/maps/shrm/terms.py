@@ -224,12 +224,7 @@ def _strengths(terms: Sequence[Term], light: Lighting) -> list[float]:
 
 
 def prefilter_terms(plan: Plan, dtype: type = np.float32) -> Prefiltered:
-    """Prefilter the terms of a plan for its probe.
-
-    `dtype` is as `prefilter_shrm` takes it.
-
-    Raises MapError if a term would be too large, or cannot be compressed as asked.
-    """
+    """Prefilter the terms of a plan for its probe. `dtype` is as `prefilter_shrm` takes it."""
     probe, light = plan.light.probe, plan.light
     expansions = [
         carry(light, term.brdf, term.choice.orders, term.coefficients, term.choice.size)
@@ -407,10 +402,7 @@ class ShrmProposals:
     def proposing(
         self, max_size: int, most_p: int = MAX_ORDER_P
     ) -> Callable[[float], Candidate[Prefiltered]]:
-        """Return a function that proposes a map for an error, within a number of bytes and to a P.
-
-        Raises ArgumentError: by that function, if no map fits.
-        """
+        """Return what proposes a map for an error, within a number of bytes and to a P."""
 
         def propose(error: float) -> Candidate[Prefiltered]:
             found = fewest_bytes(self.rows(max_size, most_p), error)

@@ -85,8 +85,7 @@ def latlong_mips(split: SplitSum, height: int, sampling: Sampling = "center") ->
     """Return all levels of a mip-mapped lat-long.
 
     `split` is that of levels that halve. `height` is the number of rows of the first level, a power
-    of two, at least as many as the split sum has levels. `sampling` is where the pixels at the
-    edges lie.
+    of two, at least as many as the split sum has levels.
 
     Returns images of shape (height >> k, 2 height >> k, 3), and one pixel in the end: the split
     sum's level k, interpolated at the pixels' directions; beyond its levels the last one, averaged

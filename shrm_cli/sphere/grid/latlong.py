@@ -283,7 +283,7 @@ def turn_about_axis(matrix: Array, width: int, sampling: Sampling) -> tuple[floa
     """How a turn about the lat-long's axis, and a mirroring with it, move the columns.
 
     `matrix`, of shape (3, 3), is orthogonal, from the axes of the source to those of the target.
-    `width` is the number of columns of the source. `sampling` is that of the source.
+    `width` is the number of columns of the source.
 
     Returns `offset`, the column, not rounded, of the source where the target begins; and
     `backwards`, whether the columns of the target go the other way.

@@ -36,19 +36,13 @@ def check_file(path: str | os.PathLike[str]) -> Path:
 
 
 def first_bytes(path: Path, count: int) -> bytes:
-    """The first `count` bytes of a file, or all of a shorter one.
-
-    Raises BrdfError if the file cannot be read.
-    """
+    """The first `count` bytes of a file, or all of a shorter one."""
     with readable(path) as stream:
         return stream.read(count)
 
 
 def file_values(path: str | os.PathLike[str]) -> dict[str, str]:
-    """What identifies a measured BRDF: the name of its ``file`` alone, and its ``sha256``.
-
-    Raises BrdfError if the file cannot be read.
-    """
+    """What identifies a measured BRDF: the name of its ``file`` alone, and its ``sha256``."""
     path = check_file(path)
     with readable(path) as stream:
         digest = hashlib.file_digest(stream, "sha256")

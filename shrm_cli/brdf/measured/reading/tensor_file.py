@@ -49,11 +49,7 @@ class TensorFile:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "TensorFile":
-        """Read the header of a file.
-
-        Raises BrdfError if the file cannot be read or is no tensor file, or its header contradicts
-        itself or the size of the file.
-        """
+        """Read the header of a file."""
         path = check_file(path)
         with readable(path, "copy it again") as stream:
             size = os.fstat(stream.fileno()).st_size
