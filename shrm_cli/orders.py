@@ -121,8 +121,8 @@ def least_orders(
 
     Where the coefficients reach no orders that meet the tolerance, their largest ones are taken.
 
-    `eps` is the fraction of the energy that may be missed. `order_f` and `order_p` are orders to
-    use instead of the chosen ones; a P above that of the coefficients is lowered.
+    `order_f` and `order_p` are orders to use instead of the chosen ones; a P above that of the
+    coefficients is lowered.
     """
     captured = coefficients.captured()
     enough = captured >= 1 - eps
@@ -138,8 +138,6 @@ def choose_center(brdf: Brdf, eps: float) -> tuple[Brdf, dict[Center, int]]:
     """Recenter a BRDF about the direction that needs the fewest coefficients (section 5.3.1).
 
     A BRDF that is central about the tangent keeps that centre.
-
-    `eps` is the fraction of the BRDF's energy that may be missed, in (0, 1).
 
     Returns `brdf`, the BRDF about the best centre; and `counts`, the number of coefficients that
     each centre would need. Centres about which the tolerance cannot be met are left out; if it can
@@ -178,9 +176,8 @@ def extended(
 ) -> BrdfCoefficients:
     """Compute the coefficients of a BRDF to a higher order F, and the same order P.
 
-    `coefficients` are its coefficients to the orders that they have. `eps` is the fraction of the
-    energy that may be missed, which sets the accuracy of sampling. `order_f` is the order F of the
-    result, where it is higher than that of the coefficients.
+    `eps` is the fraction of the energy that may be missed, which sets the accuracy of sampling.
+    `order_f` is the order F of the result, where it is higher than that of the coefficients.
     """
     if order_f <= coefficients.order_f:
         return coefficients
@@ -260,8 +257,7 @@ def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, eps: flo
 
     `energy_above` estimates it. What no F finds, because it has q > P, does not count.
 
-    `coefficients` are what is known to the order F. `eps` is the fraction of the energy that may
-    lie beyond.
+    `eps` is the fraction of the energy that may lie beyond.
 
     Returns 0 .. `_MOST_OCTAVES`; 2 where energies have not begun to fall.
     """

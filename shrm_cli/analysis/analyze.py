@@ -258,9 +258,7 @@ def order_pictures(
 ) -> OrderPictures:
     """Draw spheres for P = 0 .. 5 and for the truth (figure 5.6).
 
-    `lighting` holds coefficients of the light to at least the order of those of the BRDF.
-    `coefficients` are coefficients of the BRDF to a much higher F than `order_f`. If their P is
-    less than 5, the pictures stop at it. `truth` is the exact reflected light, such as
+    The pictures stop at the P of the coefficients. `truth` is the exact reflected light, such as
     `shrm_cli.reference.Reference`.
     """
     orders = range(min(PICTURE_ORDER_P, coefficients.order_p) + 1)

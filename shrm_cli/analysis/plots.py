@@ -49,7 +49,7 @@ def plot_energy(
 
     `captured`, of shape (F+1, P+1), holds fractions of the energy. `orders` are the orders that
     meet each tolerance. A line marks the tolerance, and a circle the orders if they lie within the
-    grid. `title` is the name of the BRDF.
+    grid.
     """
     floor = min((tolerance for *_, tolerance in orders), default=0.01) / 20
     with _default_style():
@@ -91,8 +91,7 @@ def plot_accuracy(
     """Draw the accuracy of the reflected light and estimates of it against F (figure 5.5).
 
     `curves` are, each of shape (F+1,), ``accuracy``, ``estimate_minimum``, ``estimate_brdf`` and
-    ``estimate_bound``: fractions of the energy. `order_p` is P, the same for all F. `title` holds
-    names of the BRDF and the probe.
+    ``estimate_bound``: fractions of the energy.
     """
     with _default_style():
         figure, (axes,) = _figure(f"{title}, P = {order_p}", columns=1, width=_WIDTH)
@@ -124,9 +123,8 @@ def plot_materials(
 ) -> None:
     """Draw the energy that orders capture of several BRDFs as bars, as in figure 5.7.
 
-    `names` are a label for each bar. `captured`, of shape (materials, P+1), holds fractions of the
-    energy. The energy that each further P adds is a part of the bar. `order_f` is F, the same for
-    all BRDFs.
+    `captured`, of shape (materials, P+1), holds fractions of the energy. The energy that each
+    further P adds is a part of the bar.
     """
     with _default_style():
         from matplotlib import colormaps

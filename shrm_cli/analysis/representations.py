@@ -140,10 +140,9 @@ def plan_comparison(
 ) -> Plan:
     """Choose what to make, and estimate the memory that it takes.
 
-    `probe`, `surfaces`, `tolerance`, `viewers` and `size` are the same as in `Plan`. `height` is
-    the number of rows that the probe is averaged down to for the truth; by default it is not
-    averaged. `max_memory` is the most bytes of memory that may be taken; by default half of the
-    machine's memory. Where they are too few, maps of fewer bytes than the default are made.
+    `height` is the number of rows that the probe is averaged down to for the truth; by default it
+    is not averaged. `max_memory` is the most bytes of memory that may be taken; by default half of
+    the machine's memory. Where they are too few, maps of fewer bytes than the default are made.
     """
     heights = [height] * len(surfaces)
     memory = within_limit(probe, heights, len(viewers), size, len(COMPARED), max_memory)
@@ -158,7 +157,7 @@ def compare_representations(plan: Plan, progress: Progress | None = None) -> Rep
     The pictures are drawn from maps that were written and read again, so that they include the
     rounding of the files. One map is in memory at a time.
 
-    `plan` is what `plan_comparison` returns. If a map cannot be made, its result says so instead.
+    If a map cannot be made, its result says so instead.
     """
     stages = Stages(progress, plan.truths + plan.maps)
     stages.done(0, 0)

@@ -313,14 +313,9 @@ def found_probes(
 def without_outputs(names: Iterable[str]) -> tuple[list[str], list[str]]:
     """Divide files into those that may be probes, and those that `shrm` wrote.
 
-    Outputs often lie beside their probes, so that a pattern such as ``*.exr`` matches both from the
-    second run on. On disk a map, a table or a picture says what it is at its beginning, and of what
-    an engine's export wrote, the README beside it names the files. Of a listing from elsewhere
-    nothing is known but names.
-
-    Pixels are not read; it takes some 40 microseconds a file.
-
-    `names` are paths or URLs.
+    On disk a map, a table or a picture says what it is at its beginning, and of what an engine's
+    export wrote, the README beside it names the files. Of a listing from elsewhere nothing is known
+    but names.
 
     Returns the probes, and the outputs, in the order of the names.
     """

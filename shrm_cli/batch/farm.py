@@ -62,7 +62,6 @@ def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batc
     many is the job's parameter ``PartsPerCommand``, which whoever submits it can set.
 
     `arguments` is what follows ``shrm batch``, without the flags that ask for this template.
-    `parts` is the number of parts. `name` is what the farm calls the job.
 
     Returns JSON, which is YAML too.
 

@@ -237,8 +237,6 @@ class ProductQuadrature:
     def coefficients(self, views: Array, order: int) -> Array:
         """Project product functions onto the harmonics.
 
-        `views`, of shape (n, 3), are directions to the viewer, unit, in the frame of the surface.
-
         Returns an array of shape (n, (order+1)^2, channels): index l(l+1)+m; one channel for a grey
         BRDF, else three.
         """
@@ -344,9 +342,8 @@ class ProductFunctions:
     def expanded(self, views: Array, order: int) -> tuple[Array, Array]:
         """Project product functions, and integrate their squares.
 
-        Returns `coefficients` of shape (n, (order+1)^2, channels); and `energy` of shape (n,
-        channels), the integrals of the squared product functions. What the terms of a sum have
-        beyond the order is taken to be in phase, which is the most that it can be.
+        What the terms of a sum have beyond the order is taken to be in phase, which is the most
+        that it can be.
         """
         coefficients, beyond = (np.zeros((len(views), k, 1)) for k in ((order + 1) ** 2, 1))
         for weight, rule, part in self._jobs(views):

@@ -29,9 +29,6 @@ class Sum(Brdf):
 
     `terms` are the weights and the terms, two at least. All must be defined about the normal or the
     mirror direction, since a BRDF about the tangent is evaluated in another frame.
-
-    Raises BrdfError if there are too few terms, a term is about the tangent, or a weight is
-    negative or beyond 1e30.
     """
 
     name = "sum"

@@ -383,9 +383,7 @@ def compute_coefficients(
     They are those of `compute_transfer`, expanded over theta_o.
 
     `order_f` and `order_p` are the largest l and p. A zonal BRDF has p = 0 only, whatever `order_p`
-    is. `accuracy` is the fraction of the energy that the sampling may miss.
-
-    Where the samples were not enough for the accuracy, the result tells what they reached.
+    is.
     """
     order_p = 0 if brdf.zonal else order_p
     if isinstance(brdf, Sum):

@@ -83,9 +83,8 @@ def open_stage(
 ) -> tuple[Stage, list[str]]:
     """Read a mesh or a scene, and check that there is a map for all of it.
 
-    `mesh` is the file. `maps` and `names` are the maps that pictures are drawn of, and their files'
-    names; objects of a scene may name their own. `values` are those of the options `OF_SURFACES`,
-    for a mesh.
+    `maps` and `names` are the maps that pictures are drawn of, and their files' names; objects of a
+    scene may name their own. `values` are those of the options `OF_SURFACES`, for a mesh.
 
     Returns the stage, and warnings.
     """
@@ -194,8 +193,7 @@ def open_baked(
     The lamps of a probe are taken out of its light, and cast shadows of their own. Without a map
     the surface is diffuse, and its light is the probe's.
 
-    `transfer` is the file. `maps` and `names` are the maps that pictures are drawn of, and their
-    files' names. `probe` is the light of maps that hold none. `window` is as `lit_maps` takes it.
+    `probe` is the light of maps that hold none.
     """
     from shrm_cli.maps.info import probe_name
     from shrm_cli.render.lit import lit_maps

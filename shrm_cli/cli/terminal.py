@@ -58,7 +58,7 @@ def echo(text: str, err: bool = False) -> None:
     Characters that the encoding of the stream lacks are printed as escapes, too. If there is no
     stderr, nothing is printed there.
 
-    `err` says whether to print to stderr. Raises OSError if there is no stdout.
+    Raises OSError if there is no stdout.
     """
     _write(_shortened(escaped(shown(text)), _MOST_RESULT), err)
 

@@ -171,10 +171,10 @@ def check_outputs(
 ) -> None:
     """Check, before work begins, that outputs can be written and overwrite no input.
 
-    `targets` are the outputs. `files` are paths of inputs that have not been opened yet; all others
-    are known, see `files.whole`. `specs` are specifications of BRDFs, which may name files that
-    have not been opened yet. `suffixes` are the suffixes that the targets' names may have, in lower
-    case; by default any.
+    `files` are paths of inputs that have not been opened yet; all others are known, see
+    `files.whole`. `specs` are specifications of BRDFs, which may name files that have not been
+    opened yet. `suffixes` are the suffixes that the targets' names may have, in lower case; by
+    default any.
     """
     from shrm_cli.brdf.spec import named_files
 

@@ -119,9 +119,6 @@ def decoded(data: bytes, texels: TexelFormat, count: int, size: int) -> Array:
 
     Other code than what packs them reads them: of BC6H this is OpenImageIO, of ASTC Arm's decoder.
     UASTC HDR is rewritten as BC6H first, which has coarser ends.
-
-    `count` and `size` are the number of images, which are squares, and the texels along their
-    edges.
     """
     if texels.name in ("bc6h", "uastc"):
         data = uastc.to_bc6h(data) if texels.name == "uastc" else data

@@ -79,9 +79,7 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
     """Encode an image, little-endian, and tell what was clipped.
 
     `image`, of shape (..., 3), is linear radiance. The texels are written in the order of the
-    array. `what` is what the image is called in messages.
-
-    Returns `data` and `clipped`.
+    array.
     """
     broken = int(np.count_nonzero(~np.isfinite(image).all(axis=-1)))
     if broken:
@@ -283,8 +281,7 @@ def rgbd_pictures(faces: Array, what: str) -> tuple[list[bytes], Clipped]:
     The pictures stand on their heads: Babylon.js, and glTF's image-based light with it, counts the
     rows of a face as those of other textures, from below.
 
-    `faces`, of shape (6, N, N, 3), are linear radiance. `what` is what the level is called in
-    messages.
+    `faces`, of shape (6, N, N, 3), are linear radiance.
     """
     data, clipped = encoded(faces, RGBD, what)
     pixels = np.frombuffer(data, np.uint8).reshape(*faces.shape[:-1], 4)[:, ::-1]

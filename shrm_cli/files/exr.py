@@ -33,8 +33,6 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
     """Write an OpenEXR file, whole or not at all; see `files.parts.write_parts`.
 
     It has a digest of itself, see `files.exr_header.seal`.
-
-    `pixel_type` is one of ``half``, ``float``.
     """
     dtype = np.float32 if pixel_type == "float" else np.float16
 

@@ -89,7 +89,7 @@ def read_toml(
 
     `what` is what the file should be, for the error messages: ``a manifest``. `most_bytes` is the
     size of the largest file that is read. `too_large` is what is said of a larger file: that it is
-    too large, and what to do. `error` is the class of the errors.
+    too large, and what to do.
 
     Returns `values`, the keys of the file; and `text`, the file as it is.
     """

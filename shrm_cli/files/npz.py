@@ -58,8 +58,8 @@ class Archive:
     def numbers(self, name: str, dimensions: int, most: int | None = None) -> NDArray[np.floating]:
         """Return an array of 32 or 64-bit floats.
 
-        `dimensions` is how many axes the array has. `most` is the most bytes of its numbers. By
-        default they must not be packed, so that they are no more than what the file holds.
+        `most` is the most bytes of its numbers. By default they must not be packed, so that they
+        are no more than what the file holds.
 
         Raises ValueError if there is no such array, or it is another one than expected.
         """

@@ -194,10 +194,9 @@ def choose_storage(
 ) -> Storage:
     """Choose how to store values, and tell what half costs them.
 
-    `planes` are the values. The `precision` ``auto`` is half, but float where half would overflow,
-    or make a larger error than is allowed: below 6e-5 it has fewer digits, and below 3e-8 none.
-    `allowed` is the relative RMS error that half may make. Ordinary rounding, `HALF_ROUNDING`,
-    always may.
+    The `precision` ``auto`` is half, but float where half would overflow, or make a larger error
+    than is allowed: below 6e-5 it has fewer digits, and below 3e-8 none. `allowed` is the relative
+    RMS error that half may make. Ordinary rounding, `HALF_ROUNDING`, always may.
     """
     return _examined(path, list(planes), precision, allowed)[0]
 

@@ -18,8 +18,6 @@ _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 def encode_srgb(pixels: ArrayLike) -> NDArray[np.uint8]:
     """Encode linear Rec.709 values as 8-bit sRGB, clipped to 0 .. 1, of the same shape.
 
-    `pixels` are linear, of any shape.
-
     References: IEC 61966-2-1:1999, the sRGB transfer function.
     """
     linear = np.clip(np.asarray(pixels, dtype=np.float32), 0, 1)

@@ -324,8 +324,6 @@ def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Pat
     """Context manager that yields a new folder, which is removed at the end with all in it.
 
     A process that is killed leaves its folder behind; the next one that makes one there removes it.
-
-    `inside` is where the folder is made; by default where the system has its temporary files.
     """
     try:
         where = Path(tempfile.gettempdir() if inside is None else inside)

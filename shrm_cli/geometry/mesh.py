@@ -378,8 +378,7 @@ _NOWHERE = 1e-9
 def face_normals(vertices: Array, faces: Integers) -> Array:
     """Return the unit normals of triangles.
 
-    `vertices`, of shape (n, 3), are finite. `faces`, of shape (m, 3), are counterclockwise as seen
-    from where the normals point to.
+    `faces`, of shape (m, 3), are counterclockwise as seen from where the normals point to.
 
     Returns an array of shape (m, 3): 0 where a triangle has no area.
     """
@@ -398,8 +397,6 @@ def smooth_normals(vertices: Array, faces: Integers) -> Array:
     The result does not depend on how a surface is cut into triangles (Thurmer and Wuthrich 1998,
     "Computing vertex normals from polygonal facets"). Vertices at one place are one, so that
     seams of texture coordinates are not seen. Triangles without an area do not count.
-
-    `vertices` are of shape (n, 3). `faces` are of shape (m, 3).
 
     Returns an array of shape (n, 3). Where normals cancel each other, as on the two sides of a
     sheet, the normal is that of one of the vertex's own triangles.
@@ -454,8 +451,8 @@ def smooth_points(mesh: "Mesh", faces: Integers, weights: Array, normals: Array)
     look over what shadows them. Here they are moved half as far, and a plane below a point, as
     where the surface turns from convex to concave, counts against one above it.
 
-    `faces` are of shape (n,). `weights`, of shape (n, 3), are barycentric. `normals`, of shape (n,
-    3), are those of the side that is looked from.
+    `weights`, of shape (n, 3), are barycentric. `normals`, of shape (n, 3), are those of the side
+    that is looked from.
     """
     corners = mesh.faces[faces]
     points = mesh.interpolated(mesh.vertices, faces, weights)

@@ -74,9 +74,6 @@ class Rays:
 
         Rays begin a little in front of their origin (1e-5 of half the diagonal of the mesh), so
         that points of the surface do not hide themselves.
-
-        `origins` and `directions`, each of shape (k, 3), broadcastable, are in the mesh's own
-        coordinates; directions are unit.
         """
         start, along = np.broadcast_arrays(
             np.asarray(origins, dtype=float), np.asarray(directions, dtype=float)

@@ -130,8 +130,6 @@ def chart_numbers(mesh: Mesh, texcoords: Array) -> Integers:
 
     Vertices are the same where place, normal and texture coordinates are. So charts end at creases,
     over which a texel would have to have two normals.
-
-    `texcoords` are of shape (m, 3, 2).
     """
     corners = mesh.faces.ravel()
     known = [mesh.vertices[corners], mesh.normals[corners], texcoords.reshape(-1, 2)]

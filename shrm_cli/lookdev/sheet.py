@@ -332,7 +332,7 @@ def lookdev_page(
 
     `heads` and `sides` are the names of the probes and of the materials. `tiles` are for each
     column the picture of each material, shape (size, size, 3), linear Rec.709 and exposed, or why
-    there is none. `size` is the width of a cell, pixels.
+    there is none.
     """
     style = f":root {{ --cell: {size}px; }}\n" + asset("lookdev", "page.css")
     script = asset("lookdev", "page.js")

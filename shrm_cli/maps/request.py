@@ -268,9 +268,8 @@ def with_wrong_share(
     Whoever asks for an SHRM gets one, but not in silence. One line says it: that about the light's
     error is left out.
 
-    `lines` are the warnings. `share` is the share of what is visible that is predicted to be wrong
-    by more than `vocabulary.WRONG`. `error` is the predicted relative RMS error. `instead` is what
-    ``auto`` would make, where that is known.
+    `share` is the share of what is visible that is predicted to be wrong by more than
+    `vocabulary.WRONG`. `instead` is what ``auto`` would make, where that is known.
     """
     chosen = "chooses the form that it needs" if instead is None else f"would make {instead}"
     said = (

@@ -118,7 +118,7 @@ def first_that_keeps(
 ) -> Prefiltered:
     """Make the map of the coarsest settings that keeps the error, and the share, of a request.
 
-    `make` is the maker of the form. `request` has an error, or a share of wrong pixels, or both.
+    `request` has an error, or a share of wrong pixels, or both.
 
     Where none keeps them, the map of the least error is returned.
     """

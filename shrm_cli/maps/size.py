@@ -242,9 +242,8 @@ def shrm_look_up_error(
     Small cubes are looked through, because a prediction is up to a fifth off where they show a
     single lamp.
 
-    `lighting`, `coefficients`, `order_p`, `size` and `sampling` are the same as for
-    `shrm_cli.reflected.filtering_error`. `factors`, of shape (F+1, P+1), are what the map
-    multiplies each degree of the light and each one of the view with.
+    `factors`, of shape (F+1, P+1), are what the map multiplies each degree of the light and each
+    one of the view with.
 
     Returns the error of the map as it is made, without that of its orders; 0 for black light.
     """

@@ -97,8 +97,7 @@ class PixelPolicy:
 def find_nonfinite(pixels: Array, first_row: int, report: PixelReport) -> NDArray[np.bool_] | None:
     """Find the pixels of a block that are NaN or infinite, and count them in the report.
 
-    `pixels` are of shape (rows, columns, 3). `first_row` is where the block begins in its image.
-    `report` is what is added to.
+    `first_row` is where the block begins in its image.
 
     Returns an array of bool of shape (rows, columns), or None where all pixels are finite.
     """
@@ -147,7 +146,7 @@ def fill_nonfinite(
     are filled or filled from. `rounds` is how deep to fill; what lies deeper stays as it is. By
     default no depth is too great.
 
-    Returns an array, a copy. If no used pixel is finite, nothing can be filled.
+    If no used pixel is finite, nothing can be filled.
     """
     pixels = pixels.copy()
     good = _finite(pixels)

@@ -119,8 +119,7 @@ def read_series(
 def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array:
     """Return coefficients of radiance in our basis, shape (n, 3).
 
-    `values` are of shape (n, 3), (n, 1) or (n,), or flat, with n = 1, 4, 9, 16, ... `basis` and
-    `of` are as `read_series` takes them.
+    `values` are of shape (n, 3), (n, 1) or (n,), or flat, with n = 1, 4, 9, 16, ...
 
     Raises ValueError if they are something else.
     """

@@ -116,9 +116,8 @@ class Comparison:
         The baseline comes first. Each other map follows, and then its absolute difference from
         the baseline.
 
-        `baseline_name` is the label of the baseline. `names` are labels of the others. `exposure`
-        is in stops, the same for all pictures and differences. `amplification` is the factor of the
-        differences alone.
+        `exposure` is in stops, the same for all pictures and differences. `amplification` is the
+        factor of the differences alone.
 
         Returns an array of float32 of shape (*comparison_layout(M, V, S).shape, 3): linear. The
         tiles are exposed; the paper and the labels are not.

@@ -102,9 +102,8 @@ class Film:
 def on_sphere(lit: Lit, size: int, values: Mapping[str, Any]) -> Drawing:
     """Return a sphere that is drawn.
 
-    `size` is the width and height of its picture, pixels. `values` are ``roughness``, ``f0``,
-    ``anisotropy`` and ``taps``, as `shaded_maps` takes them; and ``place`` and ``radius``, where
-    the sphere is within the boxes of its maps.
+    `values` are ``roughness``, ``f0``, ``anisotropy`` and ``taps``, as `shaded_maps` takes them;
+    and ``place`` and ``radius``, where the sphere is within the boxes of its maps.
     """
     asked = [values[name] for name in ("roughness", "f0", "anisotropy", "taps")]
     drawn, surface, warnings = shaded_maps(lit.maps, lit.names, *asked)

@@ -91,11 +91,10 @@ def shaded_maps(
 ) -> tuple[list[ReflectedLight], dict[str, Any], list[str]]:
     """Give a surface to the maps of light alone, such as split sums and SH exponentials.
 
-    `names` are names of the maps' files, for warnings. `roughness` is the perceptual roughness of
-    the surface; `DEFAULT_ROUGHNESS` by default. `f0` is its reflectance at normal incidence, as
-    `reflectance` takes it; that of `Ggx` by default. The colors of metals are converted to the
-    primaries of each map. `anisotropy` and `taps` are those of a brushed surface, as `shown_as`
-    takes them.
+    `roughness` is the perceptual roughness of the surface; `DEFAULT_ROUGHNESS` by default. `f0` is
+    its reflectance at normal incidence, as `reflectance` takes it; that of `Ggx` by default. The
+    colors of metals are converted to the primaries of each map. `anisotropy` and `taps` are those
+    of a brushed surface, as `shown_as` takes them.
 
     Returns `maps`, all maps, those of light alone with the surface; `surface`, roughness and
     reflectance of the first map's surface, for a result; without a reflectance where that is a BRDF
@@ -122,8 +121,7 @@ def lit_maps(
 ) -> tuple[list[Map], list[str]]:
     """Give the light of a probe to the maps that hold a BRDF alone, which are product textures.
 
-    `names` are names of the maps' files, for the message. `window` is the window of the light;
-    ``auto`` by default.
+    `window` is the window of the light; ``auto`` by default.
 
     Returns `maps`; and `warnings`, one for each map that reflects less than nothing somewhere.
     """

@@ -68,8 +68,6 @@ class MeshSubject:
     """Draws a stage from anywhere around it.
 
     `is_boxed` tells whether light is looked up where rays meet the boxes that maps know of.
-
-    Raises MeshError if embreex is not installed.
     """
 
     def __init__(self, stage: Stage, lens: Lens, aim: Aim, is_boxed: bool = True) -> None:
@@ -294,7 +292,7 @@ def facing(normals: Array, flat: Array, views: Array) -> Array:
     viewer, in the plane of both, until N.V = `MIN_COSINE`.
 
     `normals` and `flat`, each of shape (n, 3), are unit normals, interpolated and of the triangles
-    themselves. `views`, of shape (n, 3), are unit, to the viewer.
+    themselves.
     """
     front = np.einsum("ij,ij->i", flat, views) * np.einsum("ij,ij->i", flat, normals)
     turned = np.where((front < 0)[:, None], -normals, normals)

@@ -74,12 +74,9 @@ class Painted:
 class Paint:
     """A material with its textures opened.
 
-    `mesh` is one that has the material. `shelf` is where its textures are. `matrix`, of shape (3,
-    3), leads from Rec.709 to the primaries of the light.
+    `matrix`, of shape (3, 3), leads from Rec.709 to the primaries of the light.
 
     `normal_set` is the set of texture coordinates of its normal map; -1 without any.
-
-    Raises MeshError if a texture cannot be read, or lies over coordinates that the mesh lacks.
     """
 
     def __init__(

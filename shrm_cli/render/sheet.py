@@ -80,9 +80,8 @@ def arrange(
 ) -> SheetLayout:
     """Lay out a sheet.
 
-    `count` is the number of tiles. `tile` is the width of a tile, pixels. `columns` are tiles
-    beside each other; by default the sheet is as square as possible. `tall` is the height of a
-    tile; by default tiles are square.
+    `columns` are tiles beside each other; by default the sheet is as square as possible. `tall` is
+    the height of a tile; by default tiles are square.
     """
     wanted = columns or isqrt(count - 1) + 1
     layout = SheetLayout(count, min(wanted, count), tile, tall)
@@ -226,8 +225,7 @@ def shorten(text: str, fits: Callable[[str], bool]) -> str:
 def text_coverage(text: str, font_size: int, width: int, height: int) -> Array:
     """Draw a line of text in the middle of a strip.
 
-    The text is shortened in its middle if it is too wide. `font_size` is the height of the font,
-    pixels. `width` and `height` are those of the strip, pixels.
+    The text is shortened in its middle if it is too wide.
 
     Returns an array of float32 of shape (height, width, 1): the fraction of each pixel that the
     text covers.

@@ -50,7 +50,7 @@ class Variation:
         They are interpolated between vertices, or bilinearly between pixels.
 
         `faces`, of shape (n,), are the triangles of the points. `weights`, of shape (n, 3), are
-        their barycentric coordinates. `count` is the number of parameters.
+        their barycentric coordinates.
 
         Returns an array of shape (n,) or (n, count), the brightness for one parameter; red and
         green for two.

@@ -183,14 +183,10 @@ class VertexColors:
     negative under a bare sun changed the light by 10 % to 21 % RMS, and no window did for a dragon.
     What is made black is 0.1 % to 5 %.
 
-    `mesh` is the one that the transfer was baked for. `lighting`, of shape (n, 3), holds
-    coefficients of the light in world axes. `product` is that of a glossy surface; by default the
-    surface is diffuse, with the transfer's albedo. `lamps` are what the mesh reflects of lamps that
-    `lighting` lacks. A diffuse mesh is white to them. `variation` is what parameters of the BRDF
-    follow that vary; by default they are in the middle.
-
-    Raises TransferError if the transfer was baked for another mesh, or lacks the matrices of a
-    glossy surface.
+    `lighting`, of shape (n, 3), holds coefficients of the light in world axes. `product` is that of
+    a glossy surface; by default the surface is diffuse, with the transfer's albedo. `lamps` are
+    what the mesh reflects of lamps that `lighting` lacks. A diffuse mesh is white to them.
+    `variation` is what parameters of the BRDF follow that vary; by default they are in the middle.
     """
 
     def __init__(

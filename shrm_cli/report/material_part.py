@@ -39,9 +39,9 @@ def material_part(
 ) -> Html:
     """Return the part of a page about a material.
 
-    `count` is its number, from 1, for links. `exposure` is that of its pictures, stops; what suits
-    the truth by default. `view` is the interactive view. `worded` is how messages of the library,
-    which name its arguments in backticks, are shown.
+    `exposure` is that of its pictures, stops; what suits the truth by default. `view` is the
+    interactive view. `worded` is how messages of the library, which name its arguments in
+    backticks, are shown.
     """
     stops = exposure_of(material) if exposure is None else exposure
     assert material.comparison is not None

@@ -38,8 +38,6 @@ def bake(
 ) -> ProbeGrid:
     """Find the light at the probes of a lattice, and how far it is off between them.
 
-    `samples` is the number of directions along which each probe looks.
-
     The facts of the result have the relative RMS errors of the irradiance at random points,
     ``error`` of all light and ``error_reflected`` of that which does not come straight from lamps.
     """

@@ -149,8 +149,7 @@ def turned(vectors: Array, angle: float) -> Array:
 def views_around(centers: ArrayLike, theta: float, count: int) -> Iterator[Array]:
     """Yield directions at an angle from each center, at evenly spaced azimuths of its local frame.
 
-    `centers`, of shape (..., 3), are unit vectors. `theta` is the angle, radians. `count` is the
-    number of azimuths.
+    `centers`, of shape (..., 3), are unit vectors. `theta` is the angle, radians.
 
     Yields an array of shape (..., 3).
     """

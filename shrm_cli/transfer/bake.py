@@ -55,8 +55,6 @@ class Plan:
     vertices' frames, unit vectors at right angles to the normals; horizontal by default. `texture`
     is the number of texels along the edge of a texture for which is baked, in place of the
     vertices.
-
-    Raises ArgumentError if an option has a value that it cannot have.
     """
 
     mesh: "Mesh"
@@ -179,12 +177,9 @@ def transfer_plan(
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
 
-    `bounces` says how often light is reflected within the mesh. `albedo` is what the mesh reflects,
-    as `Plan` takes it, or the colors of its vertices. `samples` is the number of rays of each
-    vertex and bounce. `matrices` tells whether matrices are baked too, for glossy surfaces. `brush`
+    `albedo` is what the mesh reflects, as `Plan` takes it, or the colors of its vertices. `brush`
     says the tangents of the matrices, as `brushed_tangents` takes them. `brdf` is what the mesh
-    reflects in bounces in place of `albedo`; matrices are baked with it. `texture` is the number of
-    texels along the edge of a texture for which is baked, in place of the vertices.
+    reflects in bounces in place of `albedo`; matrices are baked with it.
     """
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.maps.product.prefilter import product_texture
@@ -254,10 +249,9 @@ def bake(
 ) -> Any:
     """Bake the transfer of a mesh.
 
-    `rays` are what traces rays; `geometry.rays.Rays` of the mesh by default. `keep` is an output
-    beside which unfinished work is kept, so that a later run goes on with it. The arrays are on
-    disk then rather than in memory. `use` is called with the transfer; unfinished work is kept
-    until it returns. With `keep` the transfer is valid until then only.
+    `keep` is an output beside which unfinished work is kept, so that a later run goes on with it.
+    The arrays are on disk then rather than in memory. `use` is called with the transfer; unfinished
+    work is kept until it returns. With `keep` the transfer is valid until then only.
 
     Returns the transfer, or what `use` returns.
     """

@@ -213,10 +213,9 @@ Sent = DiffuseLight | GlossyLight
 class Gathering:
     """Transfer of light to the vertices of a mesh, for some of them at a time.
 
-    `sites` are the vertices of the mesh, or its texels. `frames` are of shape (v, 3, 3). The rows
-    are the axes x', y', z' of each site's frame in world axes; z' is the normal. `rays` meet the
-    same mesh. `samples` is the number of directions of the hemisphere above each vertex, along
-    which a ray is traced.
+    `frames` are of shape (v, 3, 3). The rows are the axes x', y', z' of each site's frame in world
+    axes; z' is the normal. `rays` meet the same mesh. `samples` is the number of directions of the
+    hemisphere above each vertex, along which a ray is traced.
     """
 
     def __init__(self, sites: Sites, frames: Array, rays: Rays, order: int, samples: int) -> None:
@@ -245,8 +244,8 @@ class Gathering:
     def transfer(self, part: slice, sent: Sent | None = None, glossy: bool = False) -> Both:
         """Transfer vectors of some vertices, and their matrices if these are asked for.
 
-        `part` tells which vertices, k in number. `sent` is what each vertex of the mesh sends. By
-        default the mesh blocks light and sends none. `glossy` tells whether to return matrices.
+        `sent` is what each vertex of the mesh sends. By default the mesh blocks light and sends
+        none.
 
         Returns vectors of shape (k, n, channels), ``n = (order+1)^2``, index l(l+1)+m, world axes,
         of one channel if nothing is sent; and matrices of shape (k, n, n, channels), or None, from

@@ -203,9 +203,8 @@ def glossy_colors(
 ) -> Array:
     """Return the radiance of a glossy surface towards a viewer.
 
-    `transfer` has matrices. `product` is the product function of the surface's BRDF. `lighting`, of
-    shape (m, 3), is as `diffuse_colors` takes it. `views`, of shape (3,) or (v, 3), are unit
-    vectors to the viewer in world axes.
+    `lighting`, of shape (m, 3), is as `diffuse_colors` takes it. `views`, of shape (3,) or (v, 3),
+    are unit vectors to the viewer in world axes.
 
     Returns an array of shape (v, 3): 0 where a vertex faces away.
     """

@@ -26,9 +26,8 @@ def described_shapes(
 ) -> list[dict[str, Any]]:
     """Describe the shapes for the page, the sphere first, and keep their triangles.
 
-    `mesh` is the user's, in world axes. Vertices, normals and indices are added to `blocks`.
-    `is_brushed` tells whether a map cares for tangents: those along texture coordinates are added
-    then, too.
+    Vertices, normals and indices are added to `blocks`. `is_brushed` tells whether a map cares for
+    tangents: those along texture coordinates are added then, too.
     """
     shapes = [{"name": "Sphere", "file": ""}, _described(figure(), "Figure", "", blocks)]
     if mesh is not None:

@@ -36,8 +36,7 @@ def lobe_moments(roughness: float, cosines: ArrayLike) -> Array:
     reflects the view, ``R = (N.V) N + sin(theta_v) T``. All integrals are exact to 1e-5, at any
     roughness and down to N.V = 1e-5.
 
-    `roughness` is perceptual, in 0 .. 1. `cosines`, of shape (n,), are N.V; values below 1e-5 count
-    as 1e-5.
+    `cosines`, of shape (n,), are N.V; values below 1e-5 count as 1e-5.
 
     Returns an array of shape (2, 3, n), indexed [without Fresnel's term or with the tail; 1, N.L or
     T.L; view].
@@ -90,8 +89,6 @@ class LobeMoments(ViewTable):
     """The moments of one roughness, tabulated over N.V for rendering.
 
     Interpolated values differ from those of `lobe_moments` by 2e-5 at most, at any roughness.
-
-    `roughness` is perceptual, in 0 .. 1.
     """
 
     def __init__(self, roughness: float) -> None:
@@ -127,8 +124,7 @@ def whole_lobe(moments: Array, f0: float) -> tuple[Array, Array]:
 
     Schlick's term is ``f0 + (1 - f0) (1 - V.H)^5``.
 
-    `moments`, of shape (2, 3, ...), are as `lobe_moments` returns them. `f0` is the reflectance at
-    normal incidence.
+    `moments`, of shape (2, 3, ...), are as `lobe_moments` returns them.
 
     Returns `albedo` of shape (...); and `mean` of shape (2, ...), N.L and T.L, averaged over the
     lobe; the vector is never longer than 1. Where nothing is reflected, as by a mirror of f0 = 0
@@ -220,10 +216,6 @@ class DirectionalAlbedo:
     """The environment BRDF of one roughness, tabulated over N.V for rendering.
 
     Interpolated values differ from the integrals by 2e-5 at most.
-
-    `roughness` is perceptual, in 0 .. 1.
-
-    Raises MapError if the roughness is outside 0 .. 1.
     """
 
     def __init__(self, roughness: float) -> None:
@@ -309,11 +301,9 @@ def brushed_table(brdf: Ggx, size: int) -> Array:
     Between the azimuths both are quadratic in ``w = cos(2 phi)``, which is 1, 0 and -1 there.
 
     `brdf` is one whose anisotropy, and the mapping of it, all rows have. `size` is the number of
-    rows, over the perceptual roughness, and of columns, over N.V. Both are sampled at texel
-    centers, ``(k + 0.5) / size``. The first row is the smoothest.
+    rows, over the perceptual roughness, and of columns, over N.V.
 
-    Returns an array of shape (size, size, 6): scale and bias along, between and across. Raises
-    BrdfError if the BRDF has alphas of its own, a roughness or a reflectance.
+    Returns an array of shape (size, size, 6): scale and bias along, between and across.
     """
     usual = Ggx().values
     if any(brdf.values.get(key) != value for key, value in usual.items()):

@@ -107,7 +107,6 @@ def write_dfg(
 
     `table`, of shape (N, N, channels), is indexed [perceptual roughness, N.V, channel]; the
     channels are those of its `MEANINGS`. `kind` says which table it is, one of `MEANINGS`.
-    `precision` is the pixel type to write. `brdf` is the specification of the BRDF.
     """
     meaning = MEANINGS[kind]
     header = {

@@ -74,9 +74,6 @@ class MaterialLobe(NormalLobe):
     """The lobe ``f_r N.L`` of any isotropic BRDF for ``N = V``, normalized to be a mean of light.
 
     It is the mean of the lobes of the three channels: one lobe for all of them.
-
-    Raises BrdfError if the BRDF is anisotropic, lies about a tangent or reflects light from below
-    the surface, or if what it reflects along the normal is nothing, or not finite.
     """
 
     def __init__(self, material: Brdf) -> None:

@@ -159,8 +159,7 @@ def _integral(brdf: Brdf, width: float, view: Array, count: int) -> Array:
 def albedo_table(brdf: Brdf, size: int) -> Array:
     """Compute the directional albedo of a BRDF for every roughness.
 
-    `size` is the number of rows, over the perceptual roughness, and of columns, over N.V. Both are
-    sampled at texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
+    `size` is the number of rows, over the perceptual roughness, and of columns, over N.V.
 
     Returns an array of shape (size, size, 3), read-only where the process keeps it for the next map
     of this BRDF.

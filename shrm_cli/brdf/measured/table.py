@@ -178,8 +178,6 @@ def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
     steps, dense at grazing angles, where Fresnel terms rise. Nodes of phi_d have equal steps.
     Nodes whose light or view lies below the horizon, where nothing is known, take the value half a
     degree above it, so that no zero is interpolated into the grazing angles.
-
-    `shape` holds the numbers of nodes of theta_h, theta_d and phi_d.
     """
     if not brdf.isotropic:
         raise BrdfError(f"{brdf!r}: anisotropic; a table holds isotropic BRDFs only")

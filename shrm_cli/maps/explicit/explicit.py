@@ -127,7 +127,7 @@ class ExplicitMap(CentralMap):
         """Return the images between which a view lies, and their weights.
 
         `centers` and `views`, each of shape (..., 3), broadcastable, are unit vectors in world
-        axes. `count` is the number of images of the map.
+        axes.
 
         Returns `indices` and `weights`, each of shape (..., k), the images, and weights that sum to
         1.
@@ -152,8 +152,7 @@ class ExplicitMap(CentralMap):
         `slices` and `views` are the arguments of Kautz and McCool's maps and of light fields. Each
         kind of map takes its own argument or none.
 
-        Returns None where the number is not given. Raises ArgumentError if the argument of another
-        kind is given.
+        Returns None where the number is not given.
         """
         refuse_arguments(f"maps of representation {cls.representation}", slices=slices, views=views)
         return None
@@ -185,8 +184,6 @@ class ExplicitMap(CentralMap):
 
         `view_count` is the number of samples along an axis of the view; `default_view_count` of the
         SHRM's order by default.
-
-        Raises MapError if the map would be too large.
         """
         view_count = cls.default_view_count(shrm.order_p) if view_count is None else view_count
         count = cls.image_count(view_count)
@@ -207,8 +204,6 @@ class ExplicitMap(CentralMap):
 
         `order_p` is the order P of the SHRM. By default it is that of the map's `info`, as far as
         the samples determine it. `frame` is the frame of the SHRM; that of the samples by default.
-
-        Raises MapError if the samples do not determine so high an order.
         """
         basis = self._fit_basis(order_p)
         weights = np.sqrt(self.view_weights(self.count))[:, None]

@@ -223,8 +223,7 @@ def tabulate(
     """Make an explicit map of a given kind, by one integral for each texel of each image.
 
     `integral` is asked for its `central_radiance`, or its `zonal_radiance` where views are local.
-    `center`, `info` and `sampling` are attributes of the map. `view_count` is the number of samples
-    along an axis of the view.
+    `view_count` is the number of samples along an axis of the view.
     """
     count = kind.image_count(view_count)
     kind.check_images(size, count)

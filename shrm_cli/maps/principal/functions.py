@@ -103,9 +103,8 @@ class Spectrum:
     ) -> "Spectrum":
         """Prepare to factorize transfer functions.
 
-        `light`, of shape (>= F+1, 3), is as the attribute. `divide` tells whether to factorize the
-        BRDF divided by its directional albedo, so that the error is small relative to the albedo.
-        Otherwise it is small relative to a power of it.
+        `divide` tells whether to factorize the BRDF divided by its directional albedo, so that the
+        error is small relative to the albedo. Otherwise it is small relative to a power of it.
         """
         weights = np.where(transfer.theta_o <= span_of(center), transfer.weights, 0.0)
         return cls(transfer, center, light[: transfer.order_f + 1], weights, divide)
@@ -225,7 +224,7 @@ class Spectrum:
         """Return the energy of reflected light that the first functions of an order q make up.
 
         `parts`, of shape (k, F+1, 3), are what the light of each degree is multiplied with, for the
-        first k functions. `light`, of shape (F+1, 3), is as the attribute, to the same degree.
+        first k functions.
 
         Returns that of both signs of q together, integrated over visible views.
         """
@@ -333,8 +332,7 @@ class Spectrum:
     ) -> Array:
         """Return what some of the functions leave out of the transfer functions of an order q.
 
-        `counts` and `factors` are the same as for `missing`. `nodes`, of shape (n,), are the nodes
-        of the transfer functions; all of them by default.
+        `nodes`, of shape (n,), are the nodes of the transfer functions; all of them by default.
 
         Returns an array of shape (F+1, n, 3), in the units of the transfer functions, at the nodes.
         """

@@ -126,10 +126,9 @@ def planner_of(
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked.
 
-    `divide` tells whether to factorize the BRDF divided by its directional albedo. `known` is what
-    this function returned for a larger error. `scouted` is the coarse look at a brushed lobe, which
-    tells the orders to begin with. `is_coarse` tells whether no map of a brushed lobe
-    keeps what is asked for by far; see `proposal.is_out_of_reach`.
+    `known` is what this function returned for a larger error. `scouted` is the coarse look at a
+    brushed lobe, which tells the orders to begin with. `is_coarse` tells whether no map of a
+    brushed lobe keeps what is asked for by far; see `proposal.is_out_of_reach`.
     """
     brushed_q = _COARSE_Q if is_coarse else _MOST_BRUSHED_Q
     most_q = 0 if brdf.zonal else MAX_Q if brdf.isotropic else brushed_q

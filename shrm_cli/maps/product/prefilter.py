@@ -46,9 +46,8 @@ def product_texture(
 ) -> Prefiltered:
     """Make the product texture of a BRDF, without any light.
 
-    `brdf` is any BRDF: isotropic or not, a model or measured, also a sum. `order` is the largest
-    degree of the harmonics. `texels` is their number along an edge of the parabolic map of the
-    views.
+    `order` is the largest degree of the harmonics. `texels` is their number along an edge of the
+    parabolic map of the views.
 
     The predicted error of the map is that under white noise: the root of the energy that is missed.
     The fact ``residual`` is the relative RMS change of the coefficients when the nodes of their

@@ -153,7 +153,7 @@ def with_rims(stack: Array, sampling: Sampling) -> Array:
 def drawn(pages: Pages, stacks: Sequence[Array], sampling: Sampling) -> Array:
     """Draw cubes where they lie.
 
-    `pages` are made by `arrange` for these stacks. `stacks` are each of shape (6N, N, K, 3).
+    `stacks` are each of shape (6N, N, K, 3).
 
     Returns an array of float32 of shape (layers, height, width, 3): texels where no cube lies are
     0; those beyond the range of float32 are infinite.

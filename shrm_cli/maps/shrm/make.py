@@ -99,8 +99,6 @@ def affordable(
 ) -> tuple[Choice, BrdfCoefficients]:
     """Choose the orders and the size of a map: those that a tolerance asks for, if they fit.
 
-    `most` is the largest P in any case.
-
     Returns `choice`; and `coefficients`, the coefficients of the BRDF, to at least the orders of
     the choice.
     """
@@ -219,9 +217,7 @@ def shortfall(
 
     The line is None where the tolerance is met, and where what is missed is not seen.
 
-    `coefficients` are the coefficients from which the orders were chosen. `kept` holds the orders
-    of the map. `error` is the predicted relative RMS error of the reflected light. `form` is what
-    the map holds.
+    `kept` holds the orders of the map.
     """
     if kept.captured >= 1 - kept.eps:
         return None
@@ -295,8 +291,7 @@ def prefilter_shrm(
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
 
-    `light` is the light of the probe. `chosen` is what `affordable` returns, where it is known.
-    `dtype` is as `Shrm.from_coefficients` takes it.
+    `chosen` is what `affordable` returns, where it is known.
 
     Returns the map, and what it misses of the tolerance as a warning, if the orders are chosen.
     """
@@ -322,8 +317,7 @@ def expand(
 ) -> tuple[Expansion, tuple[str, ...]]:
     """Choose the orders and the size of a map within its bytes, and expand light and BRDF.
 
-    `light`, `request` and `chosen` are the same as for `prefilter_shrm`. `form` is what the map
-    holds that the SHRM is made for. Both have to fit into the bytes.
+    `form` is what the map holds that the SHRM is made for. Both have to fit into the bytes.
 
     Returns `expansion`; and `warnings`, what the map misses of the tolerance, and BRDFs that were
     not sampled finely enough.

@@ -112,9 +112,8 @@ class Shrm(CentralMap):
         `lighting`, of shape (>= (F+1)^2, 3), are the coefficients of the light over the real
         harmonics of world axes. `brdf`, of shape (F+1, P+1, P+1, 3), are the coefficients
         rho_hat_lpq of the BRDF to exactly the orders of the map, for q >= 0. `center` is the BRDF's
-        central direction. `info` says how the map is made. `size` is the number of texels along a
-        face's edge; `choose_size` by default. `frame` and `sampling` are the same as the
-        attributes. `dtype` is the precision in which the texels are computed.
+        central direction. `size` is the number of texels along a face's edge; `choose_size` by
+        default. `dtype` is the precision in which the texels are computed.
         """
         size = choose_size(brdf.shape[0] - 1) if size is None else size
         check_size(brdf.shape[0] - 1, brdf.shape[1] - 1, size)

@@ -115,8 +115,7 @@ def plan_terms(
     the tolerance of the whole would ask too much of one of them. Therefore the terms are compared
     with the whole by the error of the reflected light, as it is predicted for this probe.
 
-    `light` is the light of the probe. A size in `request` is that of every term. `chosen` is what
-    `affordable` returns for the whole, where it is known.
+    A size in `request` is that of every term.
 
     Returns None if there is nothing to split, or the terms cannot reach the error of the whole
     within the bytes.

@@ -196,7 +196,6 @@ class LatLongAnalysis:
     def add(self, start: int, pixels: Array, weights: Array | None = None) -> None:
         """Take in a block of rows of the image.
 
-        `start` is the index of the first row. `pixels` are of shape (rows, width, channels).
         `weights` is not used. Other analyses need the solid angles of the pixels; this one has
         separate weights for rows and columns, which it knows.
         """

@@ -82,9 +82,7 @@ def first_lines(head: bytes) -> list[str]:
 def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]:
     """Read the lines of a text that are not blank or comments (``#``), with numbers from 1.
 
-    `what` is what the file should be, for the messages, such as ``a goniometer file``. Raises
-    BrdfError if it is no regular file, too large, not text, or has too many lines or too long a
-    line.
+    `what` is what the file should be, for the messages, such as ``a goniometer file``.
     """
     path = check_file(path)
     content = first_bytes(path, MAX_BYTES + 1)
