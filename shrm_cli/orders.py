@@ -241,10 +241,7 @@ def _first_order_f(brdf: Brdf) -> int:
 
 
 def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] | None) -> bool:
-    """Tell whether the largest P that is allowed misses so much that no higher F is worth its time.
-
-    `most_p` is as `choose_orders` takes it.
-    """
+    """Tell whether the largest P allowed misses so much that no higher F is worth its time."""
     if most_p is None or coefficients.order_p < most_p(coefficients.order_f):
         return False
     by_degree = coefficients.degree_energy.sum(axis=-1)

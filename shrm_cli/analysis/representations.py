@@ -188,10 +188,7 @@ def _draw_truth(plan: Plan, stages: Stages) -> tuple[Picture, list[float | None]
 def _judge(
     representation: Representation, plan: Plan, truth: Picture, stages: Stages, done: int
 ) -> RepresentationResult:
-    """Make, write, read and draw the maps of a representation, and compare with the truth.
-
-    `done` stages are finished before.
-    """
+    """Make, write, read and draw the maps of a representation, and compare with the truth."""
     pictures: list[Picture | None] = []
     failures, files, stored, seconds = [], 0, 0, 0.0
     with scratch_folder() as folder:

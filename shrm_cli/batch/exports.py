@@ -56,10 +56,7 @@ def checked(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
-    """Say in what a job's folder differs from what this program would write, or return None.
-
-    `sources` is the fingerprint of the program.
-    """
+    """Say in what a job's folder differs from what this program would write, or return None."""
     folder = Path(job.output)
     if not os.path.lexists(folder):
         return MISSING

@@ -207,11 +207,7 @@ def parse_recorded(
 
 
 def of_model(spec: str, primaries: Primaries | None, parse: Callable[[str], Brdf]) -> Brdf:
-    """The BRDF of a model that has a name, and of the values after it.
-
-    `primaries` are as `parse_recorded` takes it. `parse` makes the BRDFs that values hold of their
-    specifications.
-    """
+    """The BRDF of a model that has a name, and of the values after it."""
     name, colon, rest = spec.strip().partition(":")
     model = find_model(name)
     check_number(spec)

@@ -45,10 +45,7 @@ class FileTerm:
 
 
 def file_term(text: str) -> FileTerm | None:
-    """The parts of a term that names a Python file, or None if it names none.
-
-    The file is not opened.
-    """
+    """The parts of a term that names a Python file, or None if it names none."""
     match = _TERM.fullmatch(text.strip())
     if match is None:
         return None

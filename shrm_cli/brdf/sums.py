@@ -232,10 +232,7 @@ def term_texts(spec: str) -> list[str]:
 
 
 def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
-    """Parse a sum such as ``0.5*lambertian+0.5*ggx:roughness=0.3``.
-
-    `parse` makes the BRDF of one term from its specification.
-    """
+    """Parse a sum such as ``0.5*lambertian+0.5*ggx:roughness=0.3``."""
     terms = []
     parts = list(cut(_PLUS, spec))
     if len(parts) > MAX_TERMS:

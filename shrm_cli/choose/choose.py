@@ -123,11 +123,7 @@ class PrincipalForms:
 
 
 class ShrmForms:
-    """SHRMs of every order P and size.
-
-    `known` is the BRDF about the center that the map shall have, whose transfer functions are
-    known.
-    """
+    """SHRMs of every order P and size."""
 
     def __init__(
         self, light: Projection, brdf: Brdf, known: tuple[Brdf, Planner] | None = None
@@ -163,10 +159,7 @@ _ROWS = 64, 256
 
 
 class Truth:
-    """The light that a BRDF reflects of a probe, spread evenly over the pixels of spheres.
-
-    `progress` is called with the number of points done, and of points in all.
-    """
+    """The light that a BRDF reflects of a probe, spread evenly over the pixels of spheres."""
 
     def __init__(self, probe: Probe, brdf: Brdf, progress: Progress | None = None) -> None:
         self._probe, self._brdf, self._progress = probe, brdf, progress

@@ -327,10 +327,7 @@ class _Bar:
 
 @contextmanager
 def ticking(label: str, total: int) -> Iterator[Callable[[Totals], None]]:
-    """Yield a callable that shows how far a run of many jobs has come, and how fast.
-
-    `total` is the number of jobs in all.
-    """
+    """Yield a callable that shows how far a run of many jobs has come, and how fast."""
     if usage.is_quiet():
         yield lambda totals: None
     elif has_terminal():

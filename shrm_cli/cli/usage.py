@@ -184,10 +184,7 @@ def check_outputs(
 
 
 def keep_other_map(target: str, probe: Probe, request: Request, precision: Precision) -> None:
-    """Refuse to replace a map that was not made like the one that is asked for.
-
-    `target` is the name of the file, which need not exist.
-    """
+    """Refuse to replace a map that was not made like the one that is asked for."""
     from shrm_cli.batch.made import difference
 
     if os.path.lexists(target):
@@ -216,11 +213,7 @@ def readable_map(path: str) -> Map | None:
 
 
 def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
-    """Refuse to replace an EXR picture that was not made by the same recipe.
-
-    `target` is the name of the file, which need not exist. `recipe` is what `picture_attributes`
-    will store.
-    """
+    """Refuse to replace an EXR picture that was not made by the same recipe."""
     from shrm_cli.files.parts import peek
 
     if not os.path.lexists(target):

@@ -98,10 +98,7 @@ def ktx2_file(
 def packed_levels(
     made: Package, name: str, levels: Sequence[Array], texels: TexelFormat, lookup: Array = WORLD
 ) -> list[bytes]:
-    """Return the texels of the levels of a file, and tell what was clipped and what is lost.
-
-    The parameters are those of `ktx2_file`.
-    """
+    """Return the texels of the levels of a file, and tell what was clipped and what is lost."""
     packed, clips, losses = [], [], []
     for k, cube in enumerate(levels):
         faces = to_lookup(cube, lookup)

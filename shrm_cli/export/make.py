@@ -192,10 +192,7 @@ class Asked:
 def export(
     source: Source, engine: Engine, asked: Asked, progress: Progress | None = None
 ) -> Package:
-    """Make the files of an engine.
-
-    Returns all files, the README among them; `write` writes them.
-    """
+    """Make the files of an engine."""
     check(engine, asked)
     asset = None if asked.into is None else open_asset(asked.into)
     work = Rising(progress)

@@ -42,10 +42,7 @@ def is_animated(path: str | os.PathLike[str]) -> bool:
 
 
 def held_bytes(path: str | os.PathLike[str], pixels: int, frames: int) -> int:
-    """Return how many bytes of memory the frames of a moving picture take while it is written.
-
-    `pixels` is the number of those of a frame.
-    """
+    """Return how many bytes of memory the frames of a moving picture take while it is written."""
     return _HELD.get(Path(path).suffix.lower(), 0) * pixels * frames
 
 

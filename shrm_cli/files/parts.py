@@ -103,10 +103,7 @@ class StoredPart(ABC):
 
 
 def sound_primaries(value: Any) -> tuple[float, ...] | None:
-    """Return the primaries and white of an attribute, if it is eight finite numbers, or None.
-
-    `value` is the value of the attribute, or None.
-    """
+    """Return the primaries and white of an attribute, if it is eight finite numbers, or None."""
     if not isinstance(value, tuple) or len(value) != 8:
         return None
     is_sound = all(isinstance(each, float) and math.isfinite(each) for each in value)

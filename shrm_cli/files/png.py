@@ -51,10 +51,7 @@ def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def png_of_lines(width: int, lines: NDArray[np.uint8], level: int, marks: bytes = b"") -> bytes:
-    """Return a PNG of 8 bits of filtered lines, shape (H, 1 + 3 W) or (H, 1 + 4 W).
-
-    `level` is how hard zlib packs them. `marks` are chunks that stand before the pixels.
-    """
+    """Return a PNG of 8 bits of filtered lines, shape (H, 1 + 3 W) or (H, 1 + 4 W)."""
     color = {3: 2, 4: 6}[(lines.shape[1] - 1) // width]
     header = _chunk(b"IHDR", struct.pack(">IIBBBBB", width, len(lines), 8, color, 0, 0, 0))
     data = _chunk(b"IDAT", zlib.compress(lines.tobytes(), level))

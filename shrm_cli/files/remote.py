@@ -68,10 +68,7 @@ def fetched(
 
 @contextlib.contextmanager
 def written(output: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield the path to write, on disk; what is meant for a URL is uploaded at the end.
-
-    `output` is a path, which is checked, or a URL.
-    """
+    """Yield the path to write, on disk; what is meant for a URL is uploaded at the end."""
     if not is_remote(output):
         check_target(output)
         yield Path(output)

@@ -75,10 +75,7 @@ def mean_color(texture: Path | bytes, is_srgb: bool) -> Array:
 
 
 def read_texture(texture: Path | bytes, is_srgb: bool) -> Array:
-    """Return a texture's pixels, shape (height, width, 4), linear, of 32-bit floats.
-
-    Parameters and errors are those of `mean_color`; missing channels are as it has them.
-    """
+    """Return a texture's pixels, shape (height, width, 4), linear, of 32-bit floats."""
     pixels = _stored(texture)
     count = pixels.shape[2]
     result = np.ones((*pixels.shape[:2], 4), dtype=np.float32)

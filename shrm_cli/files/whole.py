@@ -285,10 +285,7 @@ def own_prefix(name: str) -> str:
 
 
 def abandoned(folder: Path, prefix: str, suffix: str = "") -> list[Path]:
-    """Return temporary files and folders whose processes no longer run on this machine.
-
-    `prefix` is what `own_prefix` returns. `suffix` is what their names end in.
-    """
+    """Return temporary files and folders whose processes no longer run on this machine."""
     found = []
     with contextlib.suppress(OSError):
         for name in os.listdir(folder):  # which is fast, as folders may hold ten thousands

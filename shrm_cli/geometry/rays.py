@@ -20,10 +20,7 @@ _START = 1e-5
 
 
 class Rays:
-    """Asks what rays meet of a mesh.
-
-    Raises MeshError if embreex is not installed.
-    """
+    """Asks what rays meet of a mesh."""
 
     def __init__(self, mesh: Mesh) -> None:
         try:

@@ -123,10 +123,7 @@ def metered(probe: Probe) -> float:
 def make_column(
     path: str, reading: ReadOptions, wanted: Wanted, progress: Progress | None = None
 ) -> Column:
-    """Make the maps of a probe. Where it cannot be used, all cells say why.
-
-    `reading` is how the probe is read.
-    """
+    """Make the maps of a probe. Where it cannot be used, all cells say why."""
     count = len(wanted.specs)
     try:
         probe = shared(open_probe(path, reading))

@@ -134,10 +134,7 @@ def carried_band(
 
 
 def view_band(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> Band:
-    """Choose how the degrees of the view end that a map has.
-
-    `lighting` is the light, to at least the order of the coefficients.
-    """
+    """Choose how the degrees of the view end that a map has."""
     return Band.of_views(visible_beyond_p(lighting, coefficients, order_p), order_p)
 
 

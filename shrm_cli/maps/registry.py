@@ -268,10 +268,7 @@ def names() -> list[str]:
 
 
 def sources(representation: str) -> str:
-    """Return the fingerprint of all code that makes the maps of a representation.
-
-    To that of `shrm` comes that of the installed package which offers the form, if one does.
-    """
+    """Return the fingerprint of all code that makes the maps of a representation."""
     from shrm_cli.sources import fingerprint, fingerprint_with  # which --help does not need
 
     if representation in (vocabulary.AUTO, *vocabulary.REPRESENTATIONS):

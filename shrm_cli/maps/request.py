@@ -174,10 +174,7 @@ def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_arguments(to: str, given: Iterable[str]) -> None:
-    """Check that a representation is known, obeys all given arguments, and has all that it needs.
-
-    `given` holds names of the arguments of `shrm_cli.prefilter.prefilter` that are given.
-    """
+    """Check that a representation is known, obeys all arguments, and has all that it needs."""
     chosen, given = registry.description(to), set(given)
     known = registry.descriptions(to)
     for name in sorted(given - chosen.arguments):

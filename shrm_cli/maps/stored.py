@@ -54,10 +54,7 @@ _MOST_NAME = 40
 
 
 def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
-    """Return the attributes that every part of a map carries.
-
-    `order_p` is the order P of the map, which may be lower than that of its BRDF.
-    """
+    """Return the attributes that every part of a map carries."""
     info = reflection_map.info
     if not np.isfinite([info.predicted_error, info.filter_error, info.added_error]).all():
         raise MapError(
@@ -145,10 +142,7 @@ def has_map_attributes(part: StoredPart) -> bool:
 
 
 def read_attributes(part: StoredPart) -> dict[str, Any]:
-    """Read the ``shrm:`` attributes of a part, and check that they have the right types and values.
-
-    Returns the value of each attribute by its name without the prefix ``shrm:``.
-    """
+    """Read the ``shrm:`` attributes of a part, checked, by their names without the prefix."""
     from shrm_cli.files.json_text import parse_json
 
     path, found = part.path, part.attribute("shrm:representation")
@@ -177,10 +171,7 @@ def read_attributes(part: StoredPart) -> dict[str, Any]:
 
 
 def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
-    """Return how a map was made, from the attributes of one of its parts.
-
-    `attributes` are the attributes of the part, as `read_attributes` returns them.
-    """
+    """Return how a map was made, from the attributes of one of its parts."""
     values = {each.field: attributes[name] for name, each in _ATTRIBUTES.items() if each.field}
     values["carried"] = None if attributes["carried"] < 0 else attributes["carried"]
     primaries = sound_primaries(part.attribute("chromaticities"))
@@ -294,10 +285,7 @@ def store(
 
 @record
 class Arrangement:
-    """How the planes of a file are laid out.
-
-    Raises MapError if maps are not laid out so.
-    """
+    """How the planes of a file are laid out."""
 
     layout: vocabulary.Layout = "openexr"
     """A cube layout in one image, or ``latlong``."""
@@ -415,10 +403,7 @@ class StoredImage:
         }
 
     def check_channels(self, names: Sequence[str], what: str) -> None:
-        """Check that the part has exactly these channels.
-
-        `names` are the names of the channels. `what` is what the channels make up, for the message.
-        """
+        """Check that the part has exactly these channels."""
         if not self.part.holds(names):
             raise MapError(f"{self.path}: its channels are not those of {what}")
 

@@ -228,10 +228,7 @@ def _of_latlongs(width: int, height: int) -> str:
 
 
 def proportions(layout: Layout, images: int = 1) -> tuple[int, int]:
-    """Width and height of a layout's image, in faces or in another unit.
-
-    `images` are 1, or 6 where each face is an image of its own.
-    """
+    """Width and height of a layout's image, in faces or in another unit."""
     if images > 1:
         return 1, 1
     if layout in CUBES:

@@ -178,10 +178,7 @@ AnyProbe = Probe | str | os.PathLike[str] | NDArray[np.floating]
 
 
 def as_probe(probe: AnyProbe) -> Probe:
-    """A probe from itself, from the name of its file, or from its pixels.
-
-    Files and pixels are understood as `open_probe` and `Probe.from_array` do without options.
-    """
+    """A probe from itself, from the name of its file, or from its pixels."""
     if isinstance(probe, Probe):
         return probe
     if isinstance(probe, np.ndarray):

@@ -144,10 +144,7 @@ def mean_flip(errors: Sequence[FlipError | None]) -> float | None:
 
 
 def comparison_layout(others: int, views: int, size: int) -> SheetLayout:
-    """Lay out the tiles of a comparison's picture.
-
-    `others` and `views` are how many there are. `size` is the width and height of a tile, pixels.
-    """
+    """Lay out the tiles of a comparison's picture."""
     columns = 1 + 2 * others
     return arrange(columns * views, size, columns)
 

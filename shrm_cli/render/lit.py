@@ -56,10 +56,7 @@ def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color
 
 
 def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:
-    """Return a warning for each map that was not made for a roughness.
-
-    `maps` are maps by the names of their files.
-    """
+    """Return a warning for each map that was not made for a roughness."""
     lines = []
     for path, each in maps.items():
         low, high = each.roughness_range

@@ -65,10 +65,7 @@ class _Hits:
 
 
 class MeshSubject:
-    """Draws a stage from anywhere around it.
-
-    `is_boxed` tells whether light is looked up where rays meet the boxes that maps know of.
-    """
+    """Draws a stage from anywhere around it."""
 
     def __init__(self, stage: Stage, lens: Lens, aim: Aim, is_boxed: bool = True) -> None:
         self._is_boxed = is_boxed

@@ -220,10 +220,7 @@ def check_values(frames: Iterable[Moment], maps: Sequence[Map]) -> None:
 
 
 def check_blend(first: Map, second: Map, name: str) -> None:
-    """Check that the light of one map can become that of another.
-
-    `name` is the second one's file, for the message.
-    """
+    """Check that the light of one map can become that of another."""
     one, other = first.info, second.info
     are_lights = isinstance(first, LightMap), isinstance(second, LightMap)
     if are_lights[0] != are_lights[1] or one.brdf != other.brdf:

@@ -208,10 +208,7 @@ _ELLIPSIS = "..."  # the font has no single character for an ellipsis
 
 
 def shorten(text: str, fits: Callable[[str], bool]) -> str:
-    """Shorten a text in its middle until it fits, to nothing if not even the ellipsis does.
-
-    `fits` says whether a text is short enough.
-    """
+    """Shorten a text in its middle until it fits, to nothing if not even the ellipsis does."""
     if fits(text):
         return text
 

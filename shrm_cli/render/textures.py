@@ -53,10 +53,7 @@ class Pyramid:
 
 
 class MipMap:
-    """A texture over a mesh, in halving sizes.
-
-    `texture` is how it lies over the mesh.
-    """
+    """A texture over a mesh, in halving sizes."""
 
     def __init__(self, pyramid: Pyramid, texture: Texture) -> None:
         self._pyramid, self._texture = pyramid, texture

@@ -95,10 +95,7 @@ class Looked:
 
 
 class Gathering:
-    """What is seen from points of a room.
-
-    `order` and `samples` are as `bake` takes them.
-    """
+    """What is seen from points of a room."""
 
     def __init__(self, brightness: Brightness, order: int, samples: int) -> None:
         self._brightness, self._order = brightness, order

@@ -291,11 +291,7 @@ class Seen:
 
 
 class Brightness:
-    """The light that each patch of a room sends from its front, besides that of lamps.
-
-    `size` is the longest edge of a patch. `progress` is called with the patches done, and all of
-    them.
-    """
+    """The light that each patch of a room sends from its front, besides that of lamps."""
 
     def __init__(
         self, room: Room, rays: Rays, size: float, progress: Progress | None = None

@@ -42,10 +42,7 @@ def from_azimuth_elevation(azimuth: float, elevation: float) -> Array:
 
 
 def to_azimuth_elevation(direction: ArrayLike) -> tuple[float, float]:
-    """Azimuth in -180 .. 180 and elevation of a direction, shape (3,), of any length; degrees.
-
-    The other way round than `from_azimuth_elevation`.
-    """
+    """Azimuth in -180 .. 180 and elevation of a direction, shape (3,), of any length; degrees."""
     x, y, z = (float(part) for part in np.asarray(direction))
     return float(np.degrees(np.arctan2(x, z))), float(np.degrees(np.arctan2(y, np.hypot(x, z))))
 

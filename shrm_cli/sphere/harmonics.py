@@ -132,10 +132,7 @@ def real_harmonics(order: int, directions: ArrayLike, first: int = 0) -> Array:
 
 
 def harmonic_planes(order: int, directions: ArrayLike, first: int = 0) -> Array:
-    """Values of real spherical harmonics, one array for each, shape ((order+1)^2 - first^2, ...).
-
-    The parameters are those of `real_harmonics`.
-    """
+    """Values of `real_harmonics`, one array for each, shape ((order+1)^2 - first^2, ...)."""
     directions = np.asarray(directions, dtype=float)
     x, y, z = np.moveaxis(directions, -1, 0)
     sine = np.hypot(x, y)

@@ -62,11 +62,7 @@ _AGAIN = "make it again with shrm transfer"
 def write_transfer(
     path: str | os.PathLike[str], transfer: Transfer, mesh: Mesh | None = None
 ) -> None:
-    """Write a transfer, whole or not at all; the same transfer gives the same bytes.
-
-    `mesh` is the mesh of the transfer, which tells which row is which vertex of its file. Raises
-    OutputError if the file cannot be written.
-    """
+    """Write a transfer, whole or not at all; the same transfer gives the same bytes."""
     arrays: dict[str, Any] = {"vectors": transfer.vectors, "albedo": transfer.albedo}
     if transfer.direct is not None:
         arrays["direct"] = transfer.direct

@@ -94,10 +94,7 @@ class Sites:
 
 
 def sites_of(mesh: Mesh, texture: int | None = None) -> Sites:
-    """Return the vertices of a mesh, or the texels of a texture over it.
-
-    `texture` is the number of texels along the texture's edge, as `charted` takes them.
-    """
+    """Return the vertices of a mesh, or the texels of a texture over it."""
     lift = OFFSET * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     if texture is None:
         inset = INSET * _ways_inwards(mesh.vertices, mesh.normals, mesh.faces)

@@ -111,10 +111,7 @@ class Transfer:
         return replace(self, vectors=self.vectors - self.direct, direct=None)
 
     def check_mesh(self, digest: str, mesh: Mesh) -> None:
-        """Check that a mesh is the one that the transfer was baked for.
-
-        `digest` is `bake.mesh_digest` of the mesh.
-        """
+        """Check that a mesh is the one that the transfer was baked for."""
         fits = self.texels is None or len(self.texels.texcoords) == len(mesh.faces)
         if digest != self.facts.mesh_sha256 or not fits:
             raise TransferError(
@@ -158,10 +155,7 @@ class Product(Protocol):
 
 
 def fitted(lighting: ArrayLike, count: int) -> Array:
-    """Return coefficients to another order, cut off or followed by 0, shape (count, 3).
-
-    `lighting` is of shape (m, 3). `count` is how many coefficients are asked for.
-    """
+    """Return coefficients to another order, cut off or followed by 0, shape (count, 3)."""
     lighting = np.asarray(lighting, dtype=float)
     result = np.zeros((count, 3))
     result[: len(lighting)] = lighting[:count]

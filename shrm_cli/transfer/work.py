@@ -38,10 +38,7 @@ _WRITTEN = 1 << 32
 
 
 class Work:
-    """Arrays of 32-bit floats in memory.
-
-    `step` is the length of a block along the first axis.
-    """
+    """Arrays of 32-bit floats in memory."""
 
     def __init__(self, shapes: Shapes, step: int) -> None:
         self.shapes, self.step = dict(shapes), step

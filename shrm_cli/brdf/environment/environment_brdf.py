@@ -213,10 +213,7 @@ def moments_table(size: int) -> Array:
 
 
 class DirectionalAlbedo:
-    """The environment BRDF of one roughness, tabulated over N.V for rendering.
-
-    Interpolated values differ from the integrals by 2e-5 at most.
-    """
+    """The environment BRDF of one roughness, tabulated over N.V for rendering."""
 
     def __init__(self, roughness: float) -> None:
         if not 0 <= roughness <= 1:

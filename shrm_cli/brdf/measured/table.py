@@ -271,10 +271,7 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
 
 
 def is_table(path: str | os.PathLike[str]) -> bool:
-    """Tell whether a file is an OpenEXR image or a .npz that holds a table of a BRDF.
-
-    Whether the table is sound, reading it tells.
-    """
+    """Tell whether a file is an OpenEXR image or a .npz that holds a table of a BRDF."""
     if not os.path.isfile(path):
         return False
     try:

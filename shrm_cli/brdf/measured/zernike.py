@@ -40,10 +40,7 @@ MAX_ORDER = 20
 
 
 class Term(NamedTuple):
-    """The orders of one function of the basis: n >= m >= azimuth >= 0, all odd or all even.
-
-    The azimuth is the order l of the cosine.
-    """
+    """The orders of one function of the basis: n >= m >= azimuth >= 0, all odd or all even."""
 
     n: int
     m: int

@@ -90,10 +90,7 @@ class ExplicitMap(CentralMap):
     @classmethod
     @abstractmethod
     def image_count(cls, view_count: int) -> int:
-        """Return the number of images of a map with `view_count` samples along an axis of the view.
-
-        Cabral's maps have twelve images whatever the number.
-        """
+        """Return the number of images of a map with so many samples along an axis of the view."""
 
     @classmethod
     @abstractmethod
@@ -167,10 +164,7 @@ class ExplicitMap(CentralMap):
 
     @classmethod
     def check_images(cls, size: int, count: int) -> None:
-        """Check that a map of `count` images can be kept in memory.
-
-        Raises MapError if the map would be too large.
-        """
+        """Check that a map of `count` images can be kept in memory."""
         values = 18 * size**2 * count
         if values > _MOST_VALUES:
             raise MapError(
@@ -284,10 +278,7 @@ class ExplicitMap(CentralMap):
         raise AssertionError("a single image determines P = 0")
 
     def _norm(self, planes: Array) -> float:
-        """Return the root of the integral of the squares over views, texels and channels.
-
-        `planes` are of shape (K, 3, 6N, N).
-        """
+        """Return the root of the integral of the squares over views, texels and channels."""
         texels = np.tile(cube_solid_angles(self.size, self.sampling), (6, 1))
         squares = np.einsum("kcij,kcij,ij->k", planes, planes, texels, dtype=float)
         return float(np.sqrt(squares @ self.view_weights(self.count)))

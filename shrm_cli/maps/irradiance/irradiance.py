@@ -52,10 +52,7 @@ def lambert_factors(order: int) -> Array:
 
 
 def irradiance_energies(power: ArrayLike) -> Array:
-    """Return ``A_l^2 sum_m L_lm^2``; their sum is the integral of E^2, shape (order+1, 3).
-
-    `power`, of shape (order+1, 3), is ``sum_m L_lm^2`` of each degree and channel.
-    """
+    """Return ``A_l^2 sum_m L_lm^2``; their sum is the integral of E^2, shape (order+1, 3)."""
     power = np.asarray(power)
     return lambert_factors(len(power) - 1)[:, None] ** 2 * power
 
@@ -144,10 +141,7 @@ class Irradiance(FixedMap, ReflectionMap):
     def with_planes(
         self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
     ) -> "Irradiance":
-        """Return the same coefficients with the size and the sampling of another cube.
-
-        The cube's texels are not kept, because the coefficients make them.
-        """
+        """Return the same coefficients with the size and the sampling of another cube."""
         (cube,) = planes
         return replace(self, size=cube.shape[1], sampling=sampling, info=info)
 
@@ -363,10 +357,7 @@ def with_change(info: MapInfo, change: float) -> MapInfo:
 
 
 def zonal_harmonics(axes: Array) -> Array:
-    """Return the coefficients of unit zonal harmonics of degree 2 about axes, shape (n, 5).
-
-    An axis that is 0 has none.
-    """
+    """Return the coefficients of unit zonal harmonics of degree 2 about axes, shape (n, 5)."""
     is_axis = np.any(axes != 0, axis=-1, keepdims=True)
     return np.where(is_axis, np.sqrt(4 * np.pi / 5) * real_harmonics(2, axes, first=2), 0.0)
 

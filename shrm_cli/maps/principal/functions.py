@@ -152,10 +152,7 @@ class Spectrum:
 
     @property
     def functions(self) -> Iterator[Array]:
-        """For each q what the transfer functions are expanded in: `vectors` in no unit.
-
-        They are many megabytes, and made anew each time.
-        """
+        """For each q what the transfer functions are expanded in: `vectors` in no unit."""
         return (vectors * self.unit for vectors in self.vectors)
 
     @cached_property

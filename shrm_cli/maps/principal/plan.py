@@ -428,10 +428,7 @@ class Sharing:
         return found
 
     def kept(self, error: float, max_size: int, size: int | None) -> tuple[Joint, bool]:
-        """Find the least forms that keep an error with their tables, too, which searches leave out.
-
-        The arguments and results are those of `within_error`, of errors that are exact.
-        """
+        """Find the least forms that keep an error with their tables, which searches leave out."""
         allowed = error
         for _ in range(policy.TRIES):
             found, is_met = self.within_error(allowed, max_size, size)

@@ -114,10 +114,7 @@ class Proposal:
 
 
 class Proposals:
-    """The maps of a probe and a BRDF that could be made.
-
-    `request` is what is asked of the whole map.
-    """
+    """The maps of a probe and a BRDF that could be made."""
 
     def __init__(self, light: Projection, request: Request) -> None:
         self.light, self.brdf, self.asked = light, request.brdf, Wanted.of(request)
@@ -159,11 +156,7 @@ class Proposals:
         return _coherence(self.parts, self.planners, self.sampling)
 
     def propose(self, error: float | None = None) -> Proposal:
-        """Choose the form of every term.
-
-        `error` is the error of the light that the map may have; the one that is asked for by
-        default.
-        """
+        """Choose the form of every term."""
         if error is None:
             error = self.asked.error
         else:

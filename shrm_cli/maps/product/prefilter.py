@@ -95,10 +95,7 @@ def varying_texture(
     order: int = DEFAULT_PRODUCT_ORDER,
     texels: int = DEFAULT_PRODUCT_SIZE,
 ) -> Prefiltered:
-    """Make product textures of a BRDF of which parameters vary, without light.
-
-    `steps` and `points` are as `varying_steps` returns them.
-    """
+    """Make product textures of a BRDF of which parameters vary, without light."""
     _check_size(order, texels, len(points))
     each = [_with_values(brdf, steps.values, point) for point in points]
     stages = Stages(current(), len(each))

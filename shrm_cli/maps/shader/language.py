@@ -84,10 +84,7 @@ LANGUAGES = tuple(_WORDS)
 
 @record
 class Language:
-    """A language that code is written in.
-
-    Raises MapError if there is no such language.
-    """
+    """A language that code is written in."""
 
     name: str
     """One of "glsl", "hlsl", "wgsl" and "c"."""

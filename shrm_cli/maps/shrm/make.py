@@ -266,10 +266,7 @@ def centered(request: Request) -> tuple[Request, Notes]:
 
 
 def order_warnings(made: Prefiltered, request: Request) -> tuple[str, ...]:
-    """Return a line for each way in which orders that are given fall short of what was asked for.
-
-    `request` is what it was made for.
-    """
+    """Return a line for each way in which given orders fall short of what was asked for."""
     if request.is_free:
         return ()
     from shrm_cli.plan import policy  # most orders are chosen

@@ -147,10 +147,7 @@ class Shrm(CentralMap):
         return replace(self, coefficients=turned.reshape(self.coefficients.shape), frame=frame)
 
     def truncated(self, order_p: int | None) -> Shrm:
-        """Return the same map without the coefficients above an order P; None keeps all.
-
-        The `info` of the result includes what that adds to the relative RMS error.
-        """
+        """Return the same map without the coefficients above an order P; None keeps all."""
         if order_p is None or order_p >= self.order_p:
             return self
         kept = (order_p + 1) ** 2

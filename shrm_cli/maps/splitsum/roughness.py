@@ -93,10 +93,7 @@ def blend(roughness: float, levels: Sequence[float], mapping: LevelMapping) -> t
 
 
 def level_numbers(roughness: Array, levels: Sequence[float], mapping: LevelMapping) -> Array:
-    """Return the places of many roughnesses among the levels: 1.25 is a quarter of level 2.
-
-    The weights are those of `blend`, for roughnesses of any shape.
-    """
+    """Return the places of many roughnesses among the levels: 1.25 is a quarter of level 2."""
     position = _POSITIONS[mapping]
     known = [position(level) for level in levels]
     within = np.clip(roughness, levels[0], levels[-1]).ravel().tolist()
