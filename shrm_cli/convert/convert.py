@@ -104,7 +104,7 @@ def convert(
     if to not in (vocabulary.MIP_LAYOUTS if view is None else ("latlong",)):
         raise ArgumentError("to", f"{to} is no plain image; take latlong")
     refuse_arguments("plain images", orientation=orientation, **options)
-    from shrm_cli.convert.made import mips_of, seen_from
+    from shrm_cli.convert.plain import mips_of, seen_from
 
     if view is None:
         made: Any = mips_of(found, name, to, size, sampling)

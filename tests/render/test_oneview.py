@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from shrm_cli.convert.made import LEAST_COSINE, ignores_views, lookup_of, one_view
+from shrm_cli.convert.plain import LEAST_COSINE, ignores_views, lookup_of, one_view
 from shrm_cli.errors import ArgumentError
 from shrm_cli.render.camera import Viewer
 from tests.render.materials import Painted, furnace, spot, under_random_light

@@ -18,13 +18,11 @@ from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.brdf.environment.material_albedo import MaterialAlbedo
-from shrm_cli.brdf.environment.taps import taps
 from shrm_cli.brdf.library import parse_recorded
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo, record_of, spec_of
 from shrm_cli.maps.kinds import LightMap, Shaded
-from shrm_cli.maps.shader.source import TABLE_SIZE, ggx_moments
 from shrm_cli.maps.splitsum.roughness import blend, level_numbers
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import CubeSampler
@@ -307,7 +305,6 @@ def _record_of_all(roughness: Sequence[float], level_info: Sequence[MapInfo]) ->
 #
 # with the c and d that `research.taps` fits by least squares to the integrals themselves.
 
-
 TURNS = {"total": (-1.06, 1.354), "bias": (0.964, 0.286)}
 """The numbers c and d, for ``scale + bias`` and for the bias."""
 
@@ -320,7 +317,7 @@ class BrushedSplitSum(Shaded):
     in.
     """
 
-    light: "SplitSum"
+    light: SplitSum
     anisotropy: float = 0.0
     taps: int = DEFAULT_TAPS
 
@@ -340,6 +337,8 @@ class BrushedSplitSum(Shaded):
         return self.brushed_radiance(normals, horizontal_tangents(normals), views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        from shrm_cli.brdf.environment.taps import taps
+
         normals, tangents, views = np.broadcast_arrays(
             *(np.asarray(each, dtype=float) for each in (normals, tangents, views))
         )
@@ -353,6 +352,8 @@ class BrushedSplitSum(Shaded):
 
     def _albedo(self, local: Array) -> Array:
         """The directional albedo, shape (..., 3)."""
+        from shrm_cli.maps.shader.source import ggx_moments
+
         moments = ggx_moments()
         total, bias = (
             _filtered(moments[..., column], equal_roughness(part, self.brdf.alphas, local), local)
@@ -375,12 +376,9 @@ def equal_roughness(part: str, alphas: tuple[float, float], views: ArrayLike) ->
 
 def _filtered(table: Array, roughness: Array, local: Array) -> Array:
     """Look up a table of roughness and N.V as shaders do."""
-    places = [
-        np.clip(each * TABLE_SIZE - 0.5, 0, TABLE_SIZE - 1) for each in (roughness, local[..., 2])
-    ]
-    (row, column), (down, across) = zip(
-        *(_split(place, TABLE_SIZE) for place in places), strict=True
-    )
+    size = len(table)
+    places = [np.clip(each * size - 0.5, 0, size - 1) for each in (roughness, local[..., 2])]
+    (row, column), (down, across) = zip(*(_split(place, size) for place in places), strict=True)
     above = (1 - across) * table[row, column] + across * table[row, column + 1]
     below = (1 - across) * table[row + 1, column] + across * table[row + 1, column + 1]
     return np.asarray((1 - down) * above + down * below)
@@ -392,7 +390,7 @@ def _split(place: Array, count: int) -> tuple[Array, Array]:
     return index, place - index
 
 
-def _prefiltered(light: "SplitSum", roughness: Array, directions: Array) -> Array:
+def _prefiltered(light: SplitSum, roughness: Array, directions: Array) -> Array:
     """Return light of many roughnesses (...) in directions (..., 3), filtered as for one."""
     level, share = _split(
         level_numbers(roughness, light.roughness, light.mapping), len(light.roughness)
