@@ -20,9 +20,8 @@ from shrm_cli.files.png import encode_srgb, write_png
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.lighting import project
-from shrm_cli.render.camera import Viewer, sphere_normals
+from shrm_cli.render.camera import Lens, Viewer, aimed, sphere_normals
 from shrm_cli.render.image import expose, suitable_exposure
-from shrm_cli.render.perspective import Lens, aimed
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.latlong import latlong_directions
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shrm_cli.files.picture import write_picture
+from shrm_cli.files.image import write_picture
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.render.basis import basis_maps, basis_names, basis_subject
 from shrm_cli.render.camera import Viewer

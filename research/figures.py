@@ -18,7 +18,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
-from shrm_cli.files.picture import write_picture
+from shrm_cli.files.image import write_picture
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool

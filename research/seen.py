@@ -35,8 +35,7 @@ from shrm_cli.maps.size import supported_order, total_error
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.flip import can_flip, hdr_flip
-from shrm_cli.render.seen import seen_errors
+from shrm_cli.render.seen import can_flip, hdr_flip, seen_errors
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import horizontal_tangents
 from shrm_cli.vocabulary import COARSE_ROWS, MAX_PRINCIPAL_MAPS

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from research.exponentials import F0, Scene, exact_split_sum, exponentials
 from research.glossy_truth import sphere
-from shrm_cli.files.picture import Picture, write_picture
+from shrm_cli.files.image import Picture, write_picture
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import arrange, draw_sheet

@@ -82,10 +82,7 @@ class Points:
     """The width of the core of their lobes and how far from the center it reaches, radians."""
 
     def transfer(self, directions: Array) -> Array:
-        """The transfer function of light from directions, (m, 3): (channels, points, m).
-
-        There is one channel where it is grey.
-        """
+        """The transfer function of light from directions, (m, 3): (channels, points, m)."""
         count, points = self.rows.shape[:2]
         rows = self.rows.reshape(-1, 3)
         parts = []

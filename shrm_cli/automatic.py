@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING
 from shrm_cli.brdf.sums import split
 from shrm_cli.maps.expansion import LampsBeside, beside_lamps
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import Prefiltered, Truth, examined, truth_of
 from shrm_cli.maps.principal.proposal import Proposals
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request, Truth, examined, truth_of
 from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best, known_error
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
-from shrm_cli.maps.shrm.proposal import ShrmProposals
+from shrm_cli.maps.shrm.terms import ShrmProposals
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import (
     Candidate,

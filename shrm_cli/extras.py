@@ -38,10 +38,7 @@ STORES = {
 
 
 def install(extra: str) -> str:
-    """Return the command that installs an extra, such as "pip install trimesh embreex".
-
-    `extra` is a key of `EXTRAS`.
-    """
+    """Return the command that installs an extra, such as "pip install trimesh embreex"."""
     return " ".join(("pip install", *EXTRAS[extra]))
 
 

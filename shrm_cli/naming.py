@@ -70,10 +70,7 @@ def _decoded(text: str) -> list[str]:
 
 
 def shortened(text: str, most: int) -> str:
-    """Return a text of at most so many bytes: a longer one ends in eight digits of its SHA-256.
-
-    So texts that begin alike are told apart.
-    """
+    """Return a text of at most so many bytes: a longer one ends in eight digits of its SHA-256."""
     from hashlib import sha256
 
     data = os.fsencode(text)

@@ -77,10 +77,6 @@ def choose_orders(
 
     Returns `orders`; and `coefficients`, the coefficients of the BRDF, to orders at least as high
     as `orders`.
-
-    Raises OrderError if the tolerance is outside (0, 1) or, without `most_p`, cannot be met within
-    F = 512 and P = 32, or if a given order is outside these limits. Raises BrdfError if the
-    coefficients of the BRDF cannot be computed.
     """
     if not 0 < eps < 1:
         raise OrderError(f"the tolerance must lie between 0 and 1, not {eps:g}")
@@ -95,22 +91,15 @@ def choose_orders(
 
 
 def known_coefficients(brdf: Brdf, eps: float) -> BrdfCoefficients:
-    """Compute coefficients that meet a tolerance, and so every larger one, or those to the limits.
-
-    `brdf` and `eps` are as `choose_orders` takes them.
-
-    Raises BrdfError if the coefficients of the BRDF cannot be computed.
-    """
+    """Compute coefficients that meet a tolerance and every larger one, or those to the limits."""
     return _sufficient_coefficients(brdf, eps, 0, 0, None)
 
 
 def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, eps: float) -> Orders:
     """Find the least orders that meet a tolerance among those of known coefficients.
 
-    `brdf` is the BRDF of the coefficients. `coefficients` are what `known_coefficients` returns for
-    this tolerance or a smaller one. `eps` is the fraction of the energy that may be missed.
-
-    Raises OrderError if the tolerance cannot be met.
+    `coefficients` are what `known_coefficients` returns for this tolerance or a smaller one. `eps`
+    is the fraction of the energy that may be missed.
     """
     missed = 1 - coefficients.captured()[-1, -1]
     if missed > eps:
@@ -132,8 +121,8 @@ def least_orders(
 
     Where the coefficients reach no orders that meet the tolerance, their largest ones are taken.
 
-    `eps` is the fraction of the energy that may be missed. `order_f` and `order_p` are orders to
-    use instead of the chosen ones; a P above that of the coefficients is lowered.
+    `order_f` and `order_p` are orders to use instead of the chosen ones; a P above that of the
+    coefficients is lowered.
     """
     captured = coefficients.captured()
     enough = captured >= 1 - eps
@@ -149,8 +138,6 @@ def choose_center(brdf: Brdf, eps: float) -> tuple[Brdf, dict[Center, int]]:
     """Recenter a BRDF about the direction that needs the fewest coefficients (section 5.3.1).
 
     A BRDF that is central about the tangent keeps that centre.
-
-    `eps` is the fraction of the BRDF's energy that may be missed, in (0, 1).
 
     Returns `brdf`, the BRDF about the best centre; and `counts`, the number of coefficients that
     each centre would need. Centres about which the tolerance cannot be met are left out; if it can
@@ -189,11 +176,8 @@ def extended(
 ) -> BrdfCoefficients:
     """Compute the coefficients of a BRDF to a higher order F, and the same order P.
 
-    `coefficients` are its coefficients to the orders that they have. `eps` is the fraction of the
-    energy that may be missed, which sets the accuracy of sampling. `order_f` is the order F of the
-    result, where it is higher than that of the coefficients.
-
-    Raises BrdfError if the coefficients cannot be computed.
+    `eps` is the fraction of the energy that may be missed, which sets the accuracy of sampling.
+    `order_f` is the order F of the result, where it is higher than that of the coefficients.
     """
     if order_f <= coefficients.order_f:
         return coefficients
@@ -257,10 +241,7 @@ def _first_order_f(brdf: Brdf) -> int:
 
 
 def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] | None) -> bool:
-    """Tell whether the largest P that is allowed misses so much that no higher F is worth its time.
-
-    `most_p` is as `choose_orders` takes it.
-    """
+    """Tell whether the largest P allowed misses so much that no higher F is worth its time."""
     if most_p is None or coefficients.order_p < most_p(coefficients.order_f):
         return False
     by_degree = coefficients.degree_energy.sum(axis=-1)
@@ -273,8 +254,7 @@ def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, eps: flo
 
     `energy_above` estimates it. What no F finds, because it has q > P, does not count.
 
-    `coefficients` are what is known to the order F. `eps` is the fraction of the energy that may
-    lie beyond.
+    `eps` is the fraction of the energy that may lie beyond.
 
     Returns 0 .. `_MOST_OCTAVES`; 2 where energies have not begun to fall.
     """

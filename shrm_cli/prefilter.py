@@ -13,8 +13,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import REMEDY, Map
-from shrm_cli.maps.prefiltered import Prefiltered, examined, truth_of
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request, examined, truth_of
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Rising, using

@@ -91,8 +91,7 @@ class Stages:
     Both methods are progress callables: `done` is called for whole stages, and `within` for the
     stage that is being worked on. What is told never falls, even where a stage begins anew within.
 
-    `progress` is called with how far all stages together have come. `total` is the number of
-    stages. Work beyond the last stage takes hardly any time and is not shown.
+    Work beyond the last stage takes hardly any time and is not shown.
     """
 
     def __init__(self, progress: Progress | None, total: int) -> None:
@@ -123,8 +122,6 @@ class Rising:
     Every stage reports its own progress to the object, from little to all of it. What is told never
     falls: each stage takes a quarter of what its predecessors left. A stage that underrates its
     work reports the same for a while; such reports move on by little.
-
-    `progress` is called with how far all work has come.
     """
 
     def __init__(self, progress: Progress | None) -> None:
@@ -168,9 +165,8 @@ def in_order(
     No more results than twice the number of threads wait to be taken, so that they never fill the
     memory. Within a job there is one thread, lest pools within pools multiply.
 
-    `work` is called with a job. Calls at the same time must not disturb each other. `is_large`
-    tells whether all jobs together take longer than some milliseconds; else no threads are started,
-    which takes that long.
+    Calls at the same time must not disturb each other. `is_large` tells whether all jobs together
+    take longer than some milliseconds; else no threads are started, which takes that long.
 
     Raises whatever `work` raises; jobs that have not begun are then left out.
     """
@@ -203,8 +199,6 @@ def at_once(work: Callable[[Job], object], jobs: Sequence[Job], is_large: bool =
     """Call a function with each job, several at a time, for what it writes.
 
     No two jobs may write to the same place.
-
-    `work`, `jobs` and `is_large` are as `in_order` takes them.
     """
     for _ in in_order(work, jobs, is_large):
         pass

@@ -30,8 +30,6 @@ def record(cls: Any = None, /, *, eq: bool = True) -> Any:
     `cls` is a class with annotated fields, as of `dataclasses.dataclass`. `eq` tells whether two
     instances are compared, and hashed, by their fields; if not, an instance is equal to itself
     only.
-
-    Returns the class itself.
     """
     if cls is None:
         return lambda found: _finished(found, eq)

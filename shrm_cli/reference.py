@@ -67,10 +67,9 @@ class Reference:
     With a `source_height` the probe is averaged down to a lat-long of this height first. With a
     `tolerance` the lobe is truncated where it holds all but this fraction of its energy. By default
     it is not truncated. `dtype` is the precision of the integrand. Sums over tiles are float64.
-    `progress` is called with the number of points done, and of points in all. `exact` sums over all
-    pixels of the source, each as a point in its middle, however coarse they are. So it is with
-    small sources, too, and with lobes that are narrow far from their central directions, where the
-    adaptive sum does not pay.
+    `exact` sums over all pixels of the source, each as a point in its middle, however coarse they
+    are. So it is with small sources, too, and with lobes that are narrow far from their central
+    directions, where the adaptive sum does not pay.
 
     `source` is a pyramid where sums are adaptive. `pixels` are those of the source, before they are
     cut where they are coarse. `angle` is where the lobe is truncated, radians from the central

@@ -69,8 +69,6 @@ def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients | TransferF
 
     The integral is over all orientations, views and channels, and counts the energy beyond the
     coefficients; see `energy_beyond`.
-
-    `lighting` is the light, to at least the order of the coefficients.
     """
     light = weighted_power(lighting, coefficients.order_f)
     known = np.sum(light * coefficients.degree_energy)
@@ -95,8 +93,6 @@ def energies_beyond(
     the light that is left sits in the first unknown degree, as in eq. 5.19. The rest has higher
     azimuthal orders than the known ones, which glossy lobes have at grazing views, and lies at
     known degrees of the light.
-
-    `lighting` is the light, to at least the order of the coefficients.
 
     Returns `above` and `aside`, what lies at higher degrees, and at higher azimuthal orders of
     known degrees. In the units of ``|B|^2``, integrated over orientations and views, all channels
@@ -167,8 +163,7 @@ def visible_beyond(
     It is the RMS over all orientations and views of the known terms with p <= P beyond l, in the
     channel where it is largest relative to the channel's mean. The last entry is 0.
 
-    `lighting` is the light, to at least the order of the coefficients. `order_p` is the order P of
-    the map; every p by default.
+    `order_p` is the order P of the map; every p by default.
 
     Returns an array of shape (coefficients.order_f + 1,).
     """
@@ -242,7 +237,6 @@ def filter_matrices(factors: Array, order: int, p: int) -> Array:
     that takes from the functions of one azimuthal order, and adds to those of others.
 
     `factors`, of shape (>= order+p+1,), are what the filter multiplies each degree of cubes with.
-    `order` is the largest degree of the light.
 
     Returns an array of shape (order+1, p+1, p+1), [l, q, r]: what part q takes of part r.
     """
@@ -275,7 +269,7 @@ def filtering_error(
     """Predict the relative RMS error of looking a map up by bilinear filtering.
 
     `lighting`, `coefficients`, `order_f`, `order_p` and `factors` are the same as for
-    `predicted_error`. `size` and `sampling` are those of the map's cubes.
+    `predicted_error`.
 
     Returns the error of the map as it is made, without that of its orders; 0 for black light.
     """
@@ -313,8 +307,8 @@ def truncated_lobe_error(
     The integral is that of `predicted_error`, but the error is the light that the missing part
     of the lobe would reflect, instead of what lies beyond some orders.
 
-    `lighting` is the light, to at least the order of the coefficients. `coefficients` and `tail`
-    are the coefficients of the whole BRDF and of the part that is missing, to the same order_f.
+    `coefficients` and `tail` are the coefficients of the whole BRDF and of the part that is
+    missing, to the same order_f.
     """
     whole = reflected_rms(lighting, coefficients)
     return reflected_rms(lighting, tail) / whole if whole > 0 else 0.0
@@ -338,8 +332,6 @@ def error_bound(
 
     `lighting`, `coefficients`, `order_f`, `order_p` and `factors` are the same as for
     `predicted_error`.
-
-    Returns the error, which is 0 for black light.
     """
     light = weighted_power(lighting, order_f)
     kept = _kept(coefficients, order_f, order_p, factors)

@@ -55,10 +55,7 @@ def current() -> Settings:
 
 
 def cache_folder() -> Path:
-    """Return the folder of the cache: what the settings, the environment or the system says.
-
-    Raises OutputError if the system knows no home folder of the user, as in containers.
-    """
+    """Return the folder of the cache: what the settings, the environment or the system says."""
     set_here = current().cache
     if isinstance(set_here, Path):
         return set_here

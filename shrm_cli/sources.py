@@ -45,10 +45,7 @@ def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
 
 @functools.cache
 def fingerprint_with(module: str) -> str:
-    """Return a digest of what decides maps, with the package or module of somebody else's in it.
-
-    Parameters and result are those of `package_digest` and `fingerprint`.
-    """
+    """Return a digest of what decides maps, with the package or module of somebody else's in it."""
     return hashlib.sha256(fingerprint().encode() + package_digest(module)).hexdigest()[:16]
 
 

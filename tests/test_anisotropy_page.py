@@ -5,8 +5,8 @@ import subprocess
 
 import pytest
 
-from shrm_cli.maps.splitsum.brushed import TURNS
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
+from shrm_cli.maps.splitsum.split_sum import TURNS
 from tests.cli.helpers import ROOT
 from tests.maps.khronos import compile_fragment
 from tests.maps.shader.test_code import STRICT, compiler_of_c

@@ -75,7 +75,7 @@ EXTRAS = {
     "files/animation.py": {"PIL"},
     "files/remote.py": {"fsspec"},
     "probe/usd.py": {"pxr"},
-    "render/flip.py": {"flip_evaluator"},
+    "render/seen.py": {"flip_evaluator"},
     "geometry/load.py": {"trimesh"},
     "geometry/rays.py": {"embreex"},
     "geometry/texels.py": {"xatlas"},

@@ -6,13 +6,13 @@ import pytest
 from shrm_cli import automatic
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.split import split_lamps
-from shrm_cli.maps import prefiltered
+from shrm_cli.maps import request
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal import proposal as principal_proposal
+from shrm_cli.maps.request import Prefiltered
 from shrm_cli.maps.seen import kept_or_best
-from shrm_cli.maps.shrm import proposal
+from shrm_cli.maps.shrm import terms
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal
@@ -239,9 +239,7 @@ def test_lamps_taken_out_by_hand_leave_as_much_to_be_missed():
 
 def test_what_is_missed_beside_lamps_is_told_of_all_light():
     """What is left may miss much of its own light, which nobody should read as that of all."""
-    missed = Candidate(
-        "principal", 1000, 1, 0.6, lambda: 0.01, lambda: prefiltered.Prefiltered(None)
-    )
+    missed = Candidate("principal", 1000, 1, 0.6, lambda: 0.01, lambda: request.Prefiltered(None))
     (line,) = kept_or_best(lambda error: missed, Goal(0.4, 0.05), 2**25, left=0.125).warnings
     assert "no map keeps an RMS error of 5% of all light and 5% wrong pixels" in line
     assert "the one made has 7.5% RMS error and 1% of pixels wrong" in line
@@ -310,12 +308,12 @@ def test_dark_maps_are_made_without_lamps_too(bare_sun, monkeypatch):
     """Where all that keep the error are negative beside the lamp."""
     asked = {"brdf": "ggx:roughness=0.5", "error": 0.3, "seen": 0.9}
     assert not isinstance(made(bare_sun, **asked).map, LampMap)
-    counted = prefiltered.negative_share
+    counted = request.negative_share
 
     def dark(map_, truth=None):
         return counted(map_, truth) if isinstance(map_, LampMap) else 0.3
 
-    monkeypatch.setattr(prefiltered, "negative_share", dark)
+    monkeypatch.setattr(request, "negative_share", dark)
     assert isinstance(made(bare_sun, **asked).map, LampMap)
 
 
@@ -328,7 +326,7 @@ def test_dark_places_are_given_more(probe, monkeypatch):
         asked.append(texels(map_))
         return shares[len(asked) - 1]
 
-    monkeypatch.setattr(prefiltered, "negative_share", share)
+    monkeypatch.setattr(request, "negative_share", share)
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     found = made(probe, brdf=MICROFACET, sun="keep").map
     assert len(asked) == policy.TRIED_DARK
@@ -350,9 +348,9 @@ def counting(monkeypatch, owner, name):
 
 def test_nothing_is_found_out_twice(probe, monkeypatch):
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
-    dark = counting(monkeypatch, prefiltered, "negative_share")
+    dark = counting(monkeypatch, request, "negative_share")
     wrong = counting(monkeypatch, principal_proposal, "predicted_wrong_share")
-    expanded = counting(monkeypatch, proposal, "choose_orders")
+    expanded = counting(monkeypatch, terms, "choose_orders")
     found = made(probe, brdf=SKIN)
     judged = len(wrong)
     assert found.map.representation == "principal"

@@ -107,7 +107,7 @@ class Ambient(FixedMap, ReflectionMap):
 import numpy as np
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.maps.ambient.ambient import Ambient
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.request import Prefiltered
 from shrm_cli.maps.info import provenance
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
@@ -122,7 +122,7 @@ def report(result):
 """One pixel."""
 from shrm_cli.files.parts import Part
 from shrm_cli.maps.ambient.ambient import Ambient
-from shrm_cli.maps.attributes import common_header, map_info, read_attributes
+from shrm_cli.maps.stored import common_header, map_info, read_attributes
 from shrm_cli.maps.stored import image_channels
 def encode(ambient):
     return [Part(image_channels(ambient.mean[None]), common_header(ambient, 0))]

@@ -617,10 +617,10 @@ FORMS = """
 import numpy as np
 import shrm_cli as shrm
 from shrm_cli.files.parts import Part
-from shrm_cli.maps.attributes import common_header, map_info, read_attributes
+from shrm_cli.maps.stored import common_header, map_info, read_attributes
 from shrm_cli.maps.kinds import FixedMap, ReflectionMap
 from shrm_cli.maps.options import Option, Representation
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.request import Prefiltered
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.records import record
 
@@ -677,10 +677,10 @@ FLAT = """
 import numpy as np
 import shrm_cli as shrm
 from shrm_cli.files.parts import Part
-from shrm_cli.maps.attributes import common_header, map_info, read_attributes
+from shrm_cli.maps.stored import common_header, map_info, read_attributes
 from shrm_cli.maps.kinds import FixedMap, ReflectionMap
 from shrm_cli.maps.options import Representation
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.request import Prefiltered
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.records import record
 

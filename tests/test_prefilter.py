@@ -9,7 +9,7 @@ import pytest
 from shrm_cli.brdf.base import Brdf, Parameter
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, BrdfError, ProbeError, ShrmError, ShrmWarning
-from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.shrm.shrm import CompressedShrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.open import open_probe

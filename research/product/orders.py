@@ -11,7 +11,7 @@ from research.extent import Extent
 from research.product.scenes import exposure, write_sheet
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.product.product import LitProduct
 from shrm_cli.maps.request import Request

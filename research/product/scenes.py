@@ -12,16 +12,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.files.picture import Picture, write_picture
+from shrm_cli.files.image import Picture, write_picture
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh, make_mesh
 from shrm_cli.geometry.tangents import projected_tangents
 from shrm_cli.maps.base import Map
 from shrm_cli.probe.probe import Probe
-from shrm_cli.render.camera import Viewer
+from shrm_cli.render.camera import Aim, Lens, Viewer, aimed
 from shrm_cli.render.image import expose
 from shrm_cli.render.mesh import MeshSubject
-from shrm_cli.render.perspective import Aim, Lens, aimed
 from shrm_cli.render.sheet import arrange, draw_sheet
 from shrm_cli.render.stage import Actor, Look, Reflector, Stage
 from shrm_cli.render.variation import Variation

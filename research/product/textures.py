@@ -11,7 +11,7 @@ from research.extent import Extent
 from research.product.scenes import Shot, exposure, vase, write_sheet
 from shrm_cli.brdf.product import ProductFunctions
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import make_window
 from shrm_cli.maps.product.product import ProductTexture, VaryingProduct

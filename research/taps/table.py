@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
+from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.source import Source

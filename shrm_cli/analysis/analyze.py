@@ -15,7 +15,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
@@ -84,9 +84,6 @@ def energy_grid(
     `tolerances` are at least one fraction of the energy, in (0, 1), that orders may miss. `order_f`
     and `order_p` are the largest orders of the grid; by default 32 and 8, or more if a tolerance
     needs them. A zonal BRDF has P = 0 only.
-
-    Raises OrderError if a tolerance is outside (0, 1), or cannot be met. Raises BrdfError if the
-    BRDF is anisotropic, or its coefficients do not converge.
     """
     # Attempts at the orders of each tolerance follow one another, and nobody knows how many.
     rising = Rising(progress)
@@ -116,8 +113,7 @@ def material_energies(
     """Compute the energy that F = `order_f` and P = 0 .. `order_p` capture of several BRDFs.
 
     Returns an array of shape (BRDFs, P+1): fractions of the energy (eq. 5.18) for P = 0, 1, and so
-    on. A BRDF that does not depend on the view has the same fraction for all P. Raises BrdfError if
-    a BRDF is anisotropic, or its coefficients do not converge.
+    on. A BRDF that does not depend on the view has the same fraction for all P.
     """
     rows = []
     for index, brdf in enumerate(brdfs):
@@ -228,8 +224,6 @@ class OrderPictures:
         There is a column for each P and one for the truth. Each view has a row of pictures and a
         row of absolute differences from the truth, which are not amplified. The exposure, in
         stops, is the same for both.
-
-        Raises OutputError if the sheet would be too large, or its labels cannot be drawn.
         """
         orders = len(self.pictures)
         tiles: list[Picture] = []
@@ -264,13 +258,8 @@ def order_pictures(
 ) -> OrderPictures:
     """Draw spheres for P = 0 .. 5 and for the truth (figure 5.6).
 
-    `lighting` holds coefficients of the light to at least the order of those of the BRDF.
-    `coefficients` are coefficients of the BRDF to a much higher F than `order_f`. If their P is
-    less than 5, the pictures stop at it. `center` is the BRDF's central direction. `order_f` is F
-    of all maps. `truth` is the exact reflected light, such as `shrm_cli.reference.Reference`.
-
-    Raises MapError if the map of these orders would be too large. Raises OutputError if the sheet
-    of all pictures would be too large.
+    The pictures stop at the P of the coefficients. `truth` is the exact reflected light, such as
+    `shrm_cli.reference.Reference`.
     """
     orders = range(min(PICTURE_ORDER_P, coefficients.order_p) + 1)
     _pictures_layout(len(orders), len(views), size, truth is not None)

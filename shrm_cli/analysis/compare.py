@@ -17,9 +17,8 @@ from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
-from shrm_cli.render.flip import FlipError
-from shrm_cli.render.lit import lit_maps, shaded_maps
-from shrm_cli.render.primaries import in_same_primaries
+from shrm_cli.render.lit import in_same_primaries, lit_maps, shaded_maps
+from shrm_cli.render.seen import FlipError
 
 
 @record(eq=False)

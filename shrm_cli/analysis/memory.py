@@ -81,11 +81,8 @@ def within_limit(
     """Estimate the memory of a comparison, and make its maps smaller if it would exceed a limit.
 
     `heights` are rows that the probe is averaged down to for the truth of each surface; None for
-    its own. `views` is the number of pictures of each surface. `representations` is how many of
-    them are compared. `limit` is the most bytes that the comparison may take; `default_max_memory`
-    by default.
-
-    Raises ArgumentError if it would take more even with small maps.
+    its own. `limit` is the most bytes that the comparison may take; `default_max_memory` by
+    default.
     """
     limit = default_max_memory() if limit is None else limit
     pixels = views * len(heights) * size**2
@@ -118,12 +115,9 @@ def within_limit(
 def check_sheet(pixels: int, size: int, held: int, limit: int | None = None) -> None:
     """Check, before it is drawn, that a sheet of spheres does not take too much memory.
 
-    `pixels` is the number of those of the sheet. `size` is the width and height of a sphere's
-    picture, pixels. `held` is the number of bytes of the frames of a moving picture that are kept
-    until it is written. `limit` is the most bytes that it may take; `default_max_memory` by
-    default.
-
-    Raises ArgumentError if it would take more.
+    `pixels` is the number of those of the sheet. `held` is the number of bytes of the frames of a
+    moving picture that are kept until it is written. `limit` is the most bytes that it may take;
+    `default_max_memory` by default.
     """
     limit = default_max_memory() if limit is None else limit
     needed = _PROGRAM + pixels * _PIXEL_OF_SHEET + _drawing(size) + held

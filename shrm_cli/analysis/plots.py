@@ -47,11 +47,9 @@ def plot_energy(
 ) -> None:
     """Draw the energy of a BRDF that orders capture: a curve over F for each P.
 
-    `path` is the PNG to write, whole or not at all. `captured`, of shape (F+1, P+1), holds
-    fractions of the energy. `orders` are the orders that meet each tolerance. A line marks the
-    tolerance, and a circle the orders if they lie within the grid. `title` is the name of the BRDF.
-
-    Raises OutputError if the file cannot be written.
+    `captured`, of shape (F+1, P+1), holds fractions of the energy. `orders` are the orders that
+    meet each tolerance. A line marks the tolerance, and a circle the orders if they lie within the
+    grid.
     """
     floor = min((tolerance for *_, tolerance in orders), default=0.01) / 20
     with _default_style():
@@ -92,11 +90,8 @@ def plot_accuracy(
 ) -> None:
     """Draw the accuracy of the reflected light and estimates of it against F (figure 5.5).
 
-    `path` is the PNG to write, whole or not at all. `curves` are, each of shape (F+1,),
-    ``accuracy``, ``estimate_minimum``, ``estimate_brdf`` and ``estimate_bound``: fractions of the
-    energy. `order_p` is P, the same for all F. `title` holds names of the BRDF and the probe.
-
-    Raises OutputError if the file cannot be written.
+    `curves` are, each of shape (F+1,), ``accuracy``, ``estimate_minimum``, ``estimate_brdf`` and
+    ``estimate_bound``: fractions of the energy.
     """
     with _default_style():
         figure, (axes,) = _figure(f"{title}, P = {order_p}", columns=1, width=_WIDTH)
@@ -128,11 +123,8 @@ def plot_materials(
 ) -> None:
     """Draw the energy that orders capture of several BRDFs as bars, as in figure 5.7.
 
-    `path` is the PNG to write, whole or not at all. `names` are a label for each bar. `captured`,
-    of shape (materials, P+1), holds fractions of the energy. The energy that each further P adds is
-    a part of the bar. `order_f` is F, the same for all BRDFs.
-
-    Raises OutputError if the file cannot be written.
+    `captured`, of shape (materials, P+1), holds fractions of the energy. The energy that each
+    further P adds is a part of the bar.
     """
     with _default_style():
         from matplotlib import colormaps
@@ -155,10 +147,7 @@ def plot_materials(
 def plot_offers(path: str | os.PathLike[str], choices: Sequence[tuple[str, Choice]]) -> None:
     """Draw the errors of maps over what they cost, with the front and what is recommended.
 
-    `path` is the PNG to write, whole or not at all. `choices` are at least one, with the path of
-    its probe: a row of charts for each.
-
-    Raises OutputError if the file cannot be written.
+    `choices` are at least one, with the path of its probe: a row of charts for each.
     """
     with _default_style():
         from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -192,9 +192,9 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
 def _irradiance(light: Array, lamps: Sequence[Lamp]) -> Array:
     """Return the irradiance of surfaces whose normals are `AXES`, shape (6, 3).
 
-    `light` are coefficients of all light. What lies beyond their degrees is small beside that, but
-    much on the dark side of a sun, where it would make a sixth of the sky's light: of the pixels of
-    lamps it is added, as the difference of the cosine and its expansion.
+    What lies beyond their degrees is small beside that, but much on the dark side of a sun, where
+    it would make a sixth of the sky's light: of the pixels of lamps it is added, as the difference
+    of the cosine and its expansion.
     """
     order = order_of(len(light))
     axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]

@@ -10,7 +10,7 @@ import numpy as np
 from shrm_cli.analysis.memory import Memory, within_limit
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ShrmError
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.files.whole import scratch_folder
 from shrm_cli.maps import registry
 from shrm_cli.maps.file import open_map
@@ -102,8 +102,6 @@ class RepresentationTable:
         """Draw a labelled sheet of the first view.
 
         It has a row for each roughness, which begins with the truth. The exposure is in stops.
-
-        Raises OutputError if the sheet would be too large, or its labels cannot be drawn.
         """
         size = self.truth.shape[-2]
         tiles, labels = [], []
@@ -120,10 +118,7 @@ class RepresentationTable:
 
 
 def table_layout(surfaces: int, size: int) -> SheetLayout:
-    """Lay out a sheet for a number of surfaces, with tiles of a size in pixels.
-
-    Raises OutputError if the sheet would be too large.
-    """
+    """Lay out a sheet for a number of surfaces, with tiles of a size in pixels."""
     columns = 1 + len(COMPARED)
     return arrange(columns * surfaces, size, columns)
 
@@ -145,12 +140,9 @@ def plan_comparison(
 ) -> Plan:
     """Choose what to make, and estimate the memory that it takes.
 
-    `probe`, `surfaces`, `tolerance`, `viewers` and `size` are the same as in `Plan`. `height` is
-    the number of rows that the probe is averaged down to for the truth; by default it is not
-    averaged. `max_memory` is the most bytes of memory that may be taken; by default half of the
-    machine's memory. Where they are too few, maps of fewer bytes than the default are made.
-
-    Raises ArgumentError if the pictures or the probe alone would take more.
+    `height` is the number of rows that the probe is averaged down to for the truth; by default it
+    is not averaged. `max_memory` is the most bytes of memory that may be taken; by default half of
+    the machine's memory. Where they are too few, maps of fewer bytes than the default are made.
     """
     heights = [height] * len(surfaces)
     memory = within_limit(probe, heights, len(viewers), size, len(COMPARED), max_memory)
@@ -165,8 +157,7 @@ def compare_representations(plan: Plan, progress: Progress | None = None) -> Rep
     The pictures are drawn from maps that were written and read again, so that they include the
     rounding of the files. One map is in memory at a time.
 
-    `plan` is what `plan_comparison` returns. Raises ProbeError if the probe cannot be read. If a
-    map cannot be made, its result says so instead.
+    If a map cannot be made, its result says so instead.
     """
     stages = Stages(progress, plan.truths + plan.maps)
     stages.done(0, 0)
@@ -197,10 +188,7 @@ def _draw_truth(plan: Plan, stages: Stages) -> tuple[Picture, list[float | None]
 def _judge(
     representation: Representation, plan: Plan, truth: Picture, stages: Stages, done: int
 ) -> RepresentationResult:
-    """Make, write, read and draw the maps of a representation, and compare with the truth.
-
-    `done` stages are finished before.
-    """
+    """Make, write, read and draw the maps of a representation, and compare with the truth."""
     pictures: list[Picture | None] = []
     failures, files, stored, seconds = [], 0, 0, 0.0
     with scratch_folder() as folder:

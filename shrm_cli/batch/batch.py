@@ -31,12 +31,7 @@ _GRACE = 2.0
 
 
 class ProcessWorkers:
-    """A pool of processes with one thread each.
-
-    `count` is the number of processes.
-
-    `executor` is another one after each `renew`.
-    """
+    """A pool of processes with one thread each. `executor` is another one after each `renew`."""
 
     def __init__(self, count: int) -> None:
         self.workers = count

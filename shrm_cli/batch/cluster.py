@@ -53,10 +53,7 @@ class ClusterWorkers:
         self.executor, self.workers = executor, workers
 
     def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
-        """Hand a call to the cluster.
-
-        Raises ClusterError if the scheduler has been away for so long that dask has given it up.
-        """
+        """Hand a call to the cluster."""
         try:
             return self.executor.submit(function, *arguments)
         except Exception as error:
@@ -157,10 +154,7 @@ def limit_worker_threads() -> None:
 
 @contextlib.contextmanager
 def _started(jobs: int | None) -> Iterator[Any]:
-    """Start a cluster on this machine, reached by nobody else, and end it after the block.
-
-    Raises ClusterError if the package that makes certificates is missing.
-    """
+    """Start a cluster on this machine, reached by nobody else, and end it after the block."""
     import dask
     from distributed import LocalCluster
 
@@ -205,10 +199,7 @@ def _stop_pages(server: Any) -> None:
 
 
 def _prepare(client: Any, scheduler: str) -> None:
-    """Wait for a worker, compare its versions with ours, and limit the threads of all workers.
-
-    Raises ClusterError if there is no worker, or one that cannot take part.
-    """
+    """Wait for a worker, compare its versions with ours, and limit the threads of all workers."""
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)
     except TimeoutError as error:
@@ -248,8 +239,6 @@ def _check_versions(client: Any, scheduler: str) -> None:
 
     The functions that are run belong to the standard library: a worker that lacks `shrm` knows
     them too.
-
-    Raises ClusterError if a worker has another `shrm`, none, or a Python of another minor version.
     """
     ours = {"Python": sysconfig.get_python_version(), "shrm": __version__}
     found = {

@@ -119,9 +119,6 @@ def lighting_of(probe: Probe, order: int, what: What = "radiance", window: str =
 
     Returns an array of shape ((order+1)^2, 3), over the real harmonics of world axes, index
     l(l+1)+m.
-
-    Raises OrderError if the order is outside 0 .. 512. Raises MapError if the window is unknown.
-    Raises ProbeError if the probe cannot be read, or its light is beyond 32-bit floats.
     """
     if not 0 <= order <= MAX_ORDER_F:
         raise OrderError(f"order {order} is outside 0 .. {MAX_ORDER_F}")
@@ -132,11 +129,7 @@ def lighting_of(probe: Probe, order: int, what: What = "radiance", window: str =
 
 
 def check_collection(path: str | os.PathLike[str]) -> None:
-    """Check, before the work begins, that a collection can be written.
-
-    Raises OutputError if the suffix is none of `SUFFIXES`, the file cannot be written, or a package
-    is missing. Raises RemoteError if it is a URL whose store cannot be reached.
-    """
+    """Check, before the work begins, that a collection can be written."""
     said = _printable(path)
     if Path(path).suffix.lower() not in SUFFIXES:
         raise OutputError(f"{said}: collections are .npz or .parquet; name it so")
@@ -154,9 +147,6 @@ def write_collection(path: str | os.PathLike[str], collection: Collection) -> No
     An archive holds the arrays ``coefficients``, ``names`` and ``sha256``, and the text
     ``settings``. A table has a row for each probe, with the columns ``probe``, ``sha256`` and
     ``coefficients``: a list of fixed length, the three channels of the first coefficient first.
-
-    Raises OutputError if there is nothing to write, or the file cannot be written. Raises
-    RemoteError if it cannot be uploaded.
     """
     check_collection(path)
     if not collection.names:
@@ -180,10 +170,7 @@ def _write(path: Path, collection: Collection, settings: str) -> None:
 
 
 def read_collection(path: str | os.PathLike[str]) -> Collection:
-    """Read a collection from an ``.npz``.
-
-    Raises MapError if the file is missing or damaged, or holds something else.
-    """
+    """Read a collection from an ``.npz``."""
     missing, again = "name one that shrm batch wrote", "collect it again with shrm batch"
     with npz.told(Path(path), MapError, missing, again) as archive:
         what, order, window = _settings(parse_json(archive.text("settings")))
@@ -216,10 +203,7 @@ def _printable(name: str | os.PathLike[str]) -> str:
 
 
 def _parquet(path: str | os.PathLike[str]) -> tuple[Any, Any]:
-    """Return pyarrow and its module for Parquet.
-
-    Raises OutputError if it is not installed.
-    """
+    """Return pyarrow and its module for Parquet."""
     try:
         import pyarrow
         import pyarrow.parquet

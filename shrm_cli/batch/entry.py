@@ -258,10 +258,7 @@ def every_engine(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def _check_field(value: str, name: str, probe: str) -> None:
-    """Refuse what would lead an output out of its folder, as names in a server's listing may.
-
-    Raises ProbeError as `unsound` tells.
-    """
+    """Refuse what would lead an output out of its folder, as names in a server's listing may."""
     why = unsound(value)
     if why:
         raise ProbeError(
@@ -284,8 +281,6 @@ def found_probes(
 
     Returns names of files and of patterns in the order of the patterns, and of the alphabet within
     each; each probe once.
-
-    Raises ProbeError if a pattern matches no probe.
     """
     found: dict[str, str] = {}
     outputs: dict[str, None] = {}
@@ -318,14 +313,9 @@ def found_probes(
 def without_outputs(names: Iterable[str]) -> tuple[list[str], list[str]]:
     """Divide files into those that may be probes, and those that `shrm` wrote.
 
-    Outputs often lie beside their probes, so that a pattern such as ``*.exr`` matches both from the
-    second run on. On disk a map, a table or a picture says what it is at its beginning, and of what
-    an engine's export wrote, the README beside it names the files. Of a listing from elsewhere
-    nothing is known but names.
-
-    Pixels are not read; it takes some 40 microseconds a file.
-
-    `names` are paths or URLs.
+    On disk a map, a table or a picture says what it is at its beginning, and of what an engine's
+    export wrote, the README beside it names the files. Of a listing from elsewhere nothing is known
+    but names.
 
     Returns the probes, and the outputs, in the order of the names.
     """
@@ -387,11 +377,7 @@ def _below(name: str, pattern: str) -> str:
 
 
 def checked(jobs: list[Job]) -> list[Job]:
-    """Return jobs whose outputs have names of their own, and are none of the inputs.
-
-    Raises OutputError if two jobs have one output, an output is an input, or has a suffix that no
-    map has.
-    """
+    """Return jobs whose outputs have names of their own, and are none of the inputs."""
     inputs = _inputs((job.probe for job in jobs), jobs)
     made: dict[str, Job] = {}
     for job in jobs:
@@ -422,8 +408,6 @@ def check_others(others: Iterable[str], chunks: Sequence[Chunk]) -> None:
     """Check that what a batch writes besides its outputs is none of these, and none of its inputs.
 
     `others` are paths or URLs of logs, pages, collections and files of farms.
-
-    Raises OutputError if one is an input, an output, or another one of them.
     """
     jobs = [job for chunk in chunks for job in chunk.jobs]
     inputs = _inputs((chunk.probe for chunk in chunks), jobs)

@@ -56,10 +56,7 @@ def checked(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
-    """Say in what a job's folder differs from what this program would write, or return None.
-
-    `sources` is the fingerprint of the program.
-    """
+    """Say in what a job's folder differs from what this program would write, or return None."""
     folder = Path(job.output)
     if not os.path.lexists(folder):
         return MISSING
@@ -87,10 +84,7 @@ def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
 
 
 def made(job: Job, probe: Probe, sources: str) -> dict[str, Any]:
-    """Make the folder of a job, and return what its record tells of it.
-
-    Raises ShrmError if the engine does not take the probe, or a file cannot be written.
-    """
+    """Make the folder of a job, and return what its record tells of it."""
     folder, arguments = Path(job.output), job.recipe.arguments
     source = Source(probe_stem(job.probe), probe_name(probe), probe)
     asked = _asked(arguments, keeps_primaries=job.reading.get("working") is not None)

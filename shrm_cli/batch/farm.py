@@ -33,10 +33,7 @@ def part_of(name: str, count: int) -> int:
 
 
 def parse_part(text: str) -> tuple[int, int, int]:
-    """Return the first part, the last part and the number of parts that a text such as 3-5/9 names.
-
-    Raises ArgumentError if the text is not ``K/N`` or ``A-B/N`` with 1 <= A <= B <= N.
-    """
+    """Return the first part, the last and the number of parts that a text such as 3-5/9 names."""
     match = _PART.fullmatch(text)
     if match is not None:
         first, last, count = int(match[1]), int(match[2] or match[1]), int(match[3])
@@ -52,8 +49,6 @@ def command_lines(arguments: Sequence[str], parts: int) -> list[str]:
 
     `arguments` is what follows ``shrm batch``, without the flags that ask for these lines. `parts`
     is the number of parts.
-
-    Raises ArgumentError if an argument holds a line break or another control character.
     """
     _check(arguments, "commands")
     words = shlex.join(arguments)
@@ -67,11 +62,8 @@ def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batc
     many is the job's parameter ``PartsPerCommand``, which whoever submits it can set.
 
     `arguments` is what follows ``shrm batch``, without the flags that ask for this template.
-    `parts` is the number of parts. `name` is what the farm calls the job.
 
     Returns JSON, which is YAML too.
-
-    Raises ArgumentError if an argument holds a line break or another control character.
 
     References: Open Job Description, Template Schemas 2023-09, and RFC 0001, Task Chunking.
     """

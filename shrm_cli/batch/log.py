@@ -81,10 +81,7 @@ Log = Callable[[Record], None]
 
 @contextmanager
 def opened_log(path: str | os.PathLike[str], jobs: int) -> Iterator[Log]:
-    """Append to a log, which is made if there is none.
-
-    Raises OutputError if it cannot be written.
-    """
+    """Append to a log, which is made if there is none."""
     try:
         if os.path.exists(path) and not os.path.isfile(path):
             raise OutputError(f"{path}: not a regular file; name another `log`")

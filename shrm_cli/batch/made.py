@@ -55,8 +55,8 @@ def difference(
 ) -> Difference | None:
     """Say in what a file differs from the map that a run would write, or return None.
 
-    `path` is a file that exists. `sources` is the fingerprint of the program that must have written
-    the file; any, where it is empty.
+    `sources` is the fingerprint of the program that must have written the file; any, where it is
+    empty.
     """
     to, brdf = request.to, request.brdf
     found = recorded(path)

@@ -61,10 +61,7 @@ def is_manifest(name: str) -> bool:
 
 
 def read_manifest(name: str) -> list[Entry]:
-    """Read the entries of a manifest.
-
-    Raises ProbeError if there is no such file, it is no TOML, or a key or a value is unknown.
-    """
+    """Read the entries of a manifest."""
     found = _read(name)
     note(name)
     shared = {key: value for key, value in found.items() if key != "entry"}

@@ -88,10 +88,7 @@ class _Feeder:
         self._suspects: list[Task] = []
 
     def tasks(self, chunks: Sequence[Chunk]) -> Iterator[Task]:
-        """Gather chunks in tasks that take as long as they should, as far as that is known.
-
-        Every worker can have several of them, so that few chunks keep all workers busy too.
-        """
+        """Gather chunks in tasks that take as long as they should, as far as that is known."""
         waiting = iter(chunks)
         most = min(_MOST_TOGETHER, -(-len(chunks) // (_AHEAD * self._workers.workers)))
         while True:

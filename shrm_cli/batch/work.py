@@ -153,10 +153,7 @@ def _record(job: Job, probe: Probe, terms: Terms, start: float) -> Record:
 
 
 def _do(job: Job, probe: Probe, terms: Terms) -> Record:
-    """Make a map, unless it is there already.
-
-    Raises OutputError if a file is there that is none of this output's earlier states.
-    """
+    """Make a map, unless it is there already."""
     is_export = job.recipe.to == EXPORT
     request = None if is_export else request_of(job.recipe, probe)
     found = _FORCED if terms.force else _difference(job, probe, request)
@@ -217,10 +214,7 @@ def local_file(name: str) -> Iterator[Path]:
 
 
 def request_of(recipe: Recipe, probe: Probe) -> Request:
-    """Return what a recipe asks of a probe, the BRDF with the probe's primaries.
-
-    Raises BrdfError if the BRDF cannot be used.
-    """
+    """Return what a recipe asks of a probe, the BRDF with the probe's primaries."""
     if recipe.brdf is None:
         return Request.of(recipe.to, recipe.arguments, probe)
     key = (recipe.brdf, recipe.runs_code, probe.chromaticities)

@@ -398,10 +398,7 @@ def cut(pattern: re.Pattern[str], text: str) -> Iterator[str]:
 
 
 def inside(key: str, value: object) -> str:
-    """The specification that a value holds in its parentheses.
-
-    Raises BrdfError if the value has none.
-    """
+    """The specification that a value holds in its parentheses."""
     text = str(value)
     if not (isinstance(value, str) and text.startswith("(") and text.endswith(")")):
         raise BrdfError(f"{key}={text:.40} is no BRDF in parentheses, such as {key}=(lambertian)")

@@ -116,12 +116,9 @@ def compute_brushed_transfer(
 ) -> TransferFunctions:
     """Compute the transfer functions of an anisotropic BRDF.
 
-    `order_f` and `max_q` are the largest l and q. `accuracy` is the fraction of the energy that the
-    sampling may miss. `most_steps` is the most steps of azimuths in a quarter turn.
+    `most_steps` is the most steps of azimuths in a quarter turn.
 
     Nodes of the result are indexed [part, azimuth, theta_o], flattened: real parts come first.
-
-    Raises BrdfError for the reasons of `compute_transfer`.
     """
     azimuths = Azimuths(FEWEST_STEPS, quarters_that_differ(brdf))
     most = FEWEST_STEPS if brdf.is_measured else most_steps

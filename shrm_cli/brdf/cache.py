@@ -77,11 +77,7 @@ def cached_coefficients(
 def cached_transfer(
     brdf: Brdf, order_f: int, max_q: int, accuracy: float, compute: Callable[..., TransferFunctions]
 ) -> TransferFunctions:
-    """Take transfer functions from the cache, or compute them, as `cached_coefficients` does.
-
-    `brdf` and `accuracy` are as of `cached_coefficients`. `compute` is `compute_transfer`, or a
-    function with its parameters and result.
-    """
+    """Take transfer functions from the cache, or compute them, as `cached_coefficients` does."""
     return _cached(_transfer_kind(), brdf, (order_f, max_q, accuracy), compute)
 
 

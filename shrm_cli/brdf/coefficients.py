@@ -110,10 +110,7 @@ class BrdfCoefficients(Sampled):
         return energy_above(self.degree_energy)
 
     def energies(self) -> Array:
-        """The energy of each l and p, shape (F+1, P+1, 3): the sum of squares over all q.
-
-        The array is read-only.
-        """
+        """The energy of each l and p, shape (F+1, P+1, 3): the sum of squares over all q."""
         return self._energies
 
     @cached_property

@@ -26,10 +26,7 @@ _WHITE = 1 - 1e-12
 
 
 def film_of(brdf: Brdf) -> tuple[float, float] | None:
-    """The thickness and the index of refraction of a BRDF's film, whose default joins its values.
-
-    Raises BrdfError if it has the index alone.
-    """
+    """The thickness and index of refraction of a BRDF's film, whose default joins its values."""
     if "film" in brdf.values:
         # It stands where it would if it had been given, so that records are parsed to the same.
         values = {"film_ior": FILM[1].default, **brdf.values}

@@ -55,10 +55,7 @@ def _module_names(places: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def load_class(package: str, name: str) -> type[Brdf]:
-    """Load one module of a package, and return its BRDF: the class that calls itself `name`.
-
-    Raises BrdfError if the module holds none of that name, or several.
-    """
+    """Load one module of a package, and return its BRDF: the class that calls itself `name`."""
     module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
     found = [each for each in brdf_classes(module) if each.name == name]
     if len(found) != 1:
@@ -105,11 +102,7 @@ def model_names() -> list[str]:
 
 
 def find_model(name: str) -> type[Brdf]:
-    """Load the model of that name, and no other. The names of `shrm` itself come first.
-
-    Raises BrdfError if there is none, and then names that look like it are suggested; or if an
-    installed package has one that cannot be used.
-    """
+    """Load the model of that name, and no other. The names of `shrm` itself come first."""
     for package in (MODELS, LAYERED):
         if name in module_names(package):
             return load_class(package, name)
@@ -139,9 +132,6 @@ def checked_model(found: object, where: str) -> type[Brdf]:
 
     `found` is what has the name that the user gave. `where` is where it is, for the messages:
     ``mine.py: Mine``.
-
-    Raises BrdfError if it is no subclass of `Brdf`, lacks `evaluate`, or says impossible things of
-    itself.
     """
     if not (isinstance(found, type) and issubclass(found, Brdf)):
         raise BrdfError(f"{where} is not a subclass of Brdf; make it one")
@@ -159,11 +149,7 @@ def checked_model(found: object, where: str) -> type[Brdf]:
 
 
 def make_checked(model: type[Brdf], values: Mapping[str, Value], where: str) -> Brdf:
-    """An instance of a foreign model, evaluated once at a few directions.
-
-    Raises BrdfError if making or evaluating it fails, or what it returns is not what
-    `Brdf.evaluate` should.
-    """
+    """An instance of a foreign model, evaluated once at a few directions."""
     try:
         brdf = model(**values)
     except BrdfError:
@@ -209,8 +195,6 @@ def parse_recorded(
     `open_file` returns the measured BRDF that a term stands for, or None where it is the name of a
     model, which all of them are by default. `primaries` are the chromaticities that the colors of
     metals are converted to; those of Rec.709 by default.
-
-    Raises BrdfError if a model or a parameter is unknown, malformed, repeated or out of its range.
     """
 
     def parse(term: str) -> Brdf:
@@ -223,13 +207,7 @@ def parse_recorded(
 
 
 def of_model(spec: str, primaries: Primaries | None, parse: Callable[[str], Brdf]) -> Brdf:
-    """The BRDF of a model that has a name, and of the values after it.
-
-    `primaries` are as `parse_recorded` takes it. `parse` makes the BRDFs that values hold of their
-    specifications.
-
-    Raises BrdfError as of `parse_recorded`.
-    """
+    """The BRDF of a model that has a name, and of the values after it."""
     name, colon, rest = spec.strip().partition(":")
     model = find_model(name)
     check_number(spec)

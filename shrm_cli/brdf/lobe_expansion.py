@@ -157,8 +157,6 @@ class LobeExpander:
         `theta_o`, of shape (n,), is in radians. `count` and `azimuth_count` are the numbers of
         nodes in theta_i and, over half a turn, in phi: multiples of 3. `azimuth` is that of the
         views from the tangent of an anisotropic BRDF, radians.
-
-        Raises BrdfError if a value of the BRDF is not finite.
         """
         weights, coarse_weights = (self.rule.nodes(n)[1] for n in (count, count // 3))
         # phi runs over half a circle, and its mirror image doubles that; the other 2 pi is the

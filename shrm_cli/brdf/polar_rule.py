@@ -221,7 +221,7 @@ def _lights(theta: Array, phi: Array, tilt: Array, azimuth: float, dtype: type) 
     Components lie apart in memory, so that functions of them need no gaps to be skipped.
 
     `theta` is of shape (rows,). `phi` is of shape (n, azimuths). `tilt`, of shape (n,), holds the
-    angles between C and the normal. `azimuth` is that of the views. `dtype` is that of the result.
+    angles between C and the normal.
     """
     theta, tilt = theta[:, None, None], tilt[:, None]
     sine: Array = np.sin(theta).astype(dtype)

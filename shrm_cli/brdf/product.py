@@ -214,8 +214,6 @@ class ProductQuadrature:
         `brdf` is no sum; the terms of a sum have rules of their own. `views`, of shape (n, 3), are
         directions to the viewer, unit, in the frame of the surface. `accuracy` is the relative RMS
         change at which to stop, if no more nodes are needed than the BRDF is worth.
-
-        Raises BrdfError if the BRDF is not finite.
         """
         effort = _MODELS
         if brdf.is_measured:
@@ -239,8 +237,6 @@ class ProductQuadrature:
     def coefficients(self, views: Array, order: int) -> Array:
         """Project product functions onto the harmonics.
 
-        `views`, of shape (n, 3), are directions to the viewer, unit, in the frame of the surface.
-
         Returns an array of shape (n, (order+1)^2, channels): index l(l+1)+m; one channel for a grey
         BRDF, else three.
         """
@@ -252,8 +248,6 @@ class ProductQuadrature:
         Returns `coefficients` of shape (n, (order+1)^2, channels); and `energy` of shape (n,
         channels), the integrals of the squared product functions, which by Parseval are the sums of
         the squared coefficients of all degrees.
-
-        Raises BrdfError if a value is not finite.
         """
         parts = [self._block(views[part], order) for part in self.blocks(len(views))]
         coefficients, energy = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -327,10 +321,7 @@ class ProductFunctions:
         return sum(max(rule.along * rule.around for rule in rules) for _, rules in self.terms)
 
     def coefficients(self, views: Array, order: int) -> Array:
-        """Project the functions of all terms, as `ProductQuadrature.coefficients` does of one.
-
-        Raises BrdfError if a value of the BRDF is not finite.
-        """
+        """Project the functions of all terms, as `ProductQuadrature.coefficients` does of one."""
         jobs = self._jobs(views)
         count = sum(len(part) * rule.along * rule.around for _, rule, part in jobs)
         result: Array = np.zeros((len(views), (order + 1) ** 2, 1))
@@ -351,9 +342,8 @@ class ProductFunctions:
     def expanded(self, views: Array, order: int) -> tuple[Array, Array]:
         """Project product functions, and integrate their squares.
 
-        Returns `coefficients` of shape (n, (order+1)^2, channels); and `energy` of shape (n,
-        channels), the integrals of the squared product functions. What the terms of a sum have
-        beyond the order is taken to be in phase, which is the most that it can be.
+        What the terms of a sum have beyond the order is taken to be in phase, which is the most
+        that it can be.
         """
         coefficients, beyond = (np.zeros((len(views), k, 1)) for k in ((order + 1) ** 2, 1))
         for weight, rule, part in self._jobs(views):

@@ -45,10 +45,7 @@ class FileTerm:
 
 
 def file_term(text: str) -> FileTerm | None:
-    """The parts of a term that names a Python file, or None if it names none.
-
-    The file is not opened.
-    """
+    """The parts of a term that names a Python file, or None if it names none."""
     match = _TERM.fullmatch(text.strip())
     if match is None:
         return None
@@ -56,10 +53,7 @@ def file_term(text: str) -> FileTerm | None:
 
 
 def load_model(term: FileTerm) -> type[Brdf]:
-    """Run a Python file, and return the class that a term names.
-
-    Raises BrdfError if there is no such file, it fails, or it has no BRDF of that name.
-    """
+    """Run a Python file, and return the class that a term names."""
     if not term.is_there:
         raise BrdfError(f"{term.path}: no such file; give path/to/file.py:Class")
     module = _run(term.path)

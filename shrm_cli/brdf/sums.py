@@ -29,9 +29,6 @@ class Sum(Brdf):
 
     `terms` are the weights and the terms, two at least. All must be defined about the normal or the
     mirror direction, since a BRDF about the tangent is evaluated in another frame.
-
-    Raises BrdfError if there are too few terms, a term is about the tangent, or a weight is
-    negative or beyond 1e30.
     """
 
     name = "sum"
@@ -235,13 +232,7 @@ def term_texts(spec: str) -> list[str]:
 
 
 def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
-    """Parse a sum such as ``0.5*lambertian+0.5*ggx:roughness=0.3``.
-
-    `parse` makes the BRDF of one term from its specification.
-
-    Raises BrdfError if there are too many terms, or one is empty or has no sound weight, or cannot
-    be parsed or added.
-    """
+    """Parse a sum such as ``0.5*lambertian+0.5*ggx:roughness=0.3``."""
     terms = []
     parts = list(cut(_PLUS, spec))
     if len(parts) > MAX_TERMS:

@@ -155,9 +155,6 @@ def compute_transfer(
 
     Where the samples were not enough for the accuracy, as with noise and kinks of measured data,
     the result tells the accuracy that they reached.
-
-    Raises BrdfError if the BRDF is anisotropic or not finite, or if a model, that is not measured,
-    is missed by more than a fiftieth of its energy.
     """
     if not brdf.isotropic:
         raise BrdfError(
@@ -386,12 +383,7 @@ def compute_coefficients(
     They are those of `compute_transfer`, expanded over theta_o.
 
     `order_f` and `order_p` are the largest l and p. A zonal BRDF has p = 0 only, whatever `order_p`
-    is. `accuracy` is the fraction of the energy that the sampling may miss.
-
-    Where the samples were not enough for the accuracy, the result tells what they reached.
-
-    Raises BrdfError if the BRDF is anisotropic or not finite, or cannot be sampled; see
-    `compute_transfer`.
+    is.
     """
     order_p = 0 if brdf.zonal else order_p
     if isinstance(brdf, Sum):

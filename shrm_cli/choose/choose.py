@@ -1,16 +1,42 @@
-"""`choose`: every form of a probe and a material, and the one to ship."""
+"""`choose`: every form of a probe and a material, and the one to ship.
 
-from collections.abc import Iterator, Sequence
+SHRMs and maps of principal functions come in rows of ever more cubes, known by bytes and errors
+before any is made, so that hundreds of them can be searched. Forms of which no error is predicted,
+and the light itself, are made to be known.
+"""
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.choose import forms
 from shrm_cli.choose.offer import Choice, Offer, decided
-from shrm_cli.errors import ArgumentError, ShrmError
+from shrm_cli.errors import ArgumentError, PluginError, ShrmError
+from shrm_cli.maps import registry
+from shrm_cli.maps.base import Map, ReflectedLight
+from shrm_cli.maps.expansion import visible_pairs
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.lobes_lit import keeping_light
-from shrm_cli.maps.options import parse_bytes
+from shrm_cli.maps.offers import LookUp, Setting
+from shrm_cli.maps.options import counted, parse_bytes
+from shrm_cli.maps.principal.plan import Joint, Planner
+from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
+from shrm_cli.maps.principal.selection import bundle_degrees
+from shrm_cli.maps.principal.terms import Wanted, planner_of
+from shrm_cli.maps.request import Prefiltered, Request
+from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
+from shrm_cli.maps.shrm.terms import ShrmProposals, Tried
+from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Goal, Row, fewest_bytes
+from shrm_cli.plan.search import Candidate, Goal, Row, fewest_bytes
+from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.open import AnyProbe, as_probe
@@ -18,7 +44,220 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Progress, Rising, Stages, using
 from shrm_cli.records import record
+from shrm_cli.reference import Reference
+from shrm_cli.render.seen import seen_errors
+from shrm_cli.render.sphere import Reflecting
+from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
+
+ASKED = Request("principal", error=policy.LEAST_ERROR)
+"""What all maps are proposed for: the BRDF is sampled once, as far as the best of them need it."""
+
+
+@record(eq=False)
+class Known:
+    """A map that could be made, and what is known of it before its errors are looked at closely."""
+
+    bytes: int
+    total_error: float
+    """Its relative RMS error, roughly for maps of principal functions."""
+    find: Callable[[], Candidate[Prefiltered]]
+    """Returns it as the planner knows it, with exact errors and the share of wrong pixels."""
+    find_share: Callable[[], float | None]
+    """Predicts the share of wrong pixels, which takes far less time than exact errors."""
+    what: str
+    """Its cubes in words."""
+    cost: Cost
+    arguments: Mapping[str, Any] | None
+    """Those of `shrm_cli.prefilter.prefilter`; None where no arguments make it."""
+
+    @cached_property
+    def candidate(self) -> Candidate[Prefiltered]:
+        """The map, with exact errors."""
+        return replace(self.find(), find_wrong_share=lambda: self.wrong_share)
+
+    @cached_property
+    def wrong_share(self) -> float | None:
+        """The predicted share of what is visible whose luminance is wrong."""
+        return self.find_share()
+
+
+Rows = list[list[Known]]
+"""Maps of a form, in each row by rising bytes. Those of a row have cubes of one size, so that
+hardly any is more often wrong than the one before; that none has more error is nearly true."""
+
+
+class PrincipalForms:
+    """Maps of principal functions."""
+
+    def __init__(self, light: Projection, brdf: Brdf) -> None:
+        self._proposals = Proposals(light, replace(ASKED, brdf=brdf))
+        rows = self._proposals.sharing.rows(DEFAULT_MAX_SIZE)
+        self.rows: Rows = [[self._known(joint) for joint in row.every()] for row in rows]
+
+    @property
+    def single(self) -> tuple[Brdf, Planner] | None:
+        """The only term and its planner; None of a sum."""
+        found = self._proposals
+        return (found.parts[0], found.planners[0]) if len(found.parts) == 1 else None
+
+    def _known(self, joint: Joint) -> Known:
+        forms, parts = joint.forms, self._proposals.parts
+        cost = Cost(0, 0)
+        for form, part in zip(forms, parts, strict=True):
+            cost += principal_cost(bundle_degrees(form.counts), part.center)
+        what = " + ".join(f"{counted(form.cubes, 'cube')} of {form.size}" for form in forms)
+        arguments: dict[str, Any] | None = None
+        if len(forms) == 1:
+            arguments = {"to": "principal", "maps": forms[0].cubes, "size": forms[0].size}
+        find, find_share = partial(self._candidate, joint), partial(self._wrong_share, joint)
+        return Known(joint.bytes, joint.total_error, find, find_share, what, cost, arguments)
+
+    def _candidate(self, joint: Joint) -> Candidate[Prefiltered]:
+        """Return the map with exact errors."""
+        exact = self._proposals.sharing.joint(joint.forms, is_exact=True)
+        return self._proposals.proposal(exact.forms).candidate()
+
+    def _wrong_share(self, joint: Joint) -> float:
+        """Predict the share of wrong pixels, of which look-ups between texels are no part."""
+        return predicted_wrong_share(list(zip(self._proposals.planners, joint.forms, strict=True)))
+
+
+class ShrmForms:
+    """SHRMs of every order P and size."""
+
+    def __init__(
+        self, light: Projection, brdf: Brdf, known: tuple[Brdf, Planner] | None = None
+    ) -> None:
+        self._own_center = brdf.center
+        if known is None:
+            known = brdf, planner_of(light, brdf, Wanted.of(ASKED), False, "center")
+        self._brdf, planner = known
+        transfer = planner.spectrum.transfer
+        self._proposals = ShrmProposals.of(light, self._brdf, transfer)
+        rows = self._proposals.rows(DEFAULT_MAX_SIZE)
+        self.rows: Rows = [[self._known(tried) for tried in row.every()] for row in rows]
+
+    def _known(self, tried: Tried) -> Known:
+        size, order_p = tried.choice.size, tried.choice.orders.order_p
+        arguments: dict[str, Any] = {"to": "shrm", "order_p": order_p, "size": size}
+        if self._brdf.center != self._own_center:
+            arguments["center"] = self._brdf.center
+        find = partial(self._proposals.candidate, tried, DEFAULT_MAX_SIZE)
+        return Known(
+            tried.bytes, tried.total_error, find, lambda: find().wrong_share,
+            f"P = {order_p}, {counted((order_p + 1) ** 2, 'cube')} of {size}",
+            shrm_cost(order_p, self._brdf.center), arguments,
+        )  # fmt: skip
+
+
+_POINTS = 400
+"""The pairs of a mirror direction and a view. A share of 5 % is known to 1.1 % of all by them."""
+_ROWS_OF_LOBE = 24.0
+"""Rows of the probe for the truth times the width of the lobe, as `shrm compare` takes them."""
+_ROWS = 64, 256
+"""The fewest and the most rows. More would take longer than the maps that are measured."""
+
+
+class Truth:
+    """The light that a BRDF reflects of a probe, spread evenly over the pixels of spheres."""
+
+    def __init__(self, probe: Probe, brdf: Brdf, progress: Progress | None = None) -> None:
+        self._probe, self._brdf, self._progress = probe, brdf, progress
+        mirrored, self._views = visible_pairs(_POINTS)
+        self._normals = bisector(mirrored, self._views)
+
+    @cached_property
+    def _radiance(self) -> Array:
+        rows = int(np.clip(np.ceil(_ROWS_OF_LOBE / lobe_width(self._brdf)), *_ROWS))
+        height = rows if self._probe.grid.latlong_rows > rows else None
+        truth = Reference(self._probe, self._brdf, height, progress=self._progress)
+        return truth.radiance(self._normals, self._views)
+
+    def errors(self, shown: Reflecting, scale: ArrayLike = 1.0) -> tuple[float, float]:
+        """Measure a map.
+
+        `scale`, of shape (3,), is what its light is multiplied with.
+
+        Returns `error`, the relative RMS error; 0 where nothing is reflected and nothing shown; and
+        `wrong_share`, the share of points whose luminance is wrong by more than 5 %.
+        """
+        found = shown.radiance(self._normals, self._views) * np.asarray(scale)
+        truth = self._radiance
+        missed, whole = np.linalg.norm(found - truth), np.linalg.norm(truth)
+        error = missed / whole if whole > 0 else np.inf if missed > 0 else 0.0
+        return float(error), seen_errors(found, truth).wrong_share
+
+
+def others_of(brdf: Brdf, missing: list[str] | None = None) -> list[tuple[str, Setting]]:
+    """Return the maps of other forms that can hold a material: the forms, and what to ask of them.
+
+    They are the forms whose descriptions say that they are offered, of installed packages too.
+
+    `missing` gets why a form is left out that an installed package offers, and that cannot be used.
+    """
+    found: list[tuple[str, Setting]] = []
+    for form in registry.names():
+        try:
+            if registry.description(form).is_offered:
+                settings = registry.module(form, "offers").settings(brdf)
+                found += [(form, setting) for setting in settings]
+        except PluginError as reason:
+            if missing is not None:
+                missing.append(f"no {form}: {reason}")
+    return found
+
+
+def made_offers(
+    form: str,
+    setting: Setting,
+    probe: Probe,
+    brdf: Brdf,
+    truth: Truth,
+    progress: Progress | None = None,
+) -> list[Offer]:
+    """Make a map once, and measure it as it is looked up in each way."""
+    needed = {"brdf": brdf} if registry.description(form).needs_brdf else {}
+
+    def make(progress: Progress | None = None) -> Map:
+        return prefilter_with_facts(probe, form, {**setting.arguments, **needed}, progress).map
+
+    made = make(progress)
+    looked_up = registry.module(form, "offers").look_up
+    return [
+        _measured(made, looked_up(made, brdf, taps), taps, setting, brdf, truth, make)
+        for taps in setting.taps or (None,)
+    ]
+
+
+def _measured(
+    made: Map,
+    look_up: LookUp,
+    taps: int | None,
+    setting: Setting,
+    brdf: Brdf,
+    truth: Truth,
+    make: Callable[[], Map],
+) -> Offer:
+    """Measure a map, with so many taps where the surface is brushed."""
+    shown: ReflectedLight = made.shaded()
+    if taps is not None:
+        roughness, anisotropy, f0 = brdf.brushed_surface  # type: ignore[attr-defined]
+        shown = made.shaded(roughness, f0, anisotropy, taps)
+    elif isinstance(made, LightMap):
+        shown = made.shaded(brdf.number("roughness"), brdf.color("f0"))
+    error, share = truth.errors(shown, brdf.color("albedo") if made.is_white else 1.0)
+    measured: tuple[str, ...] = ("error", "wrong_share")
+    if not isinstance(made, LightMap):
+        error, measured = total_error(made.stated_error), ("wrong_share",)
+    form, cost = made.representation, look_up.cost
+    return Offer(
+        form, look_up.what, look_up.bytes, error, share, measured, cost.look_ups,
+        cost.multiply_adds, {"to": form, **setting.arguments}, make,
+    )  # fmt: skip
+
+
+# ---- the choice ----------------------------------------------------------------------------------
 
 ERRORS = 0.2, 0.1, 0.05, 0.025, 0.0125
 """The errors for each of which the map of the fewest bytes is offered."""
@@ -79,10 +318,7 @@ def choose(
 
 
 def checked_budget(budget: int | str | None) -> int | None:
-    """Return a number of bytes from itself or from text.
-
-    Raises ArgumentError if it is none.
-    """
+    """Return a number of bytes from itself or from text."""
     count = parse_bytes(budget) if isinstance(budget, str) else budget
     if budget is not None and (count is None or count < 1):
         raise ArgumentError("budget", f"{budget!r} is not a number of bytes such as 200kB")
@@ -94,22 +330,22 @@ def _chosen(
 ) -> Choice:
     """Choose for a probe and a material."""
     work = Rising(progress)
-    truth = forms.Truth(probe, brdf, work)
+    truth = Truth(probe, brdf, work)
     offers: list[Offer] = []
     missing: list[str] = []
     light = Projection(shared(fine_probe(probe)))
     most = DEFAULT_MAX_SIZE if budget is None else min(budget, DEFAULT_MAX_SIZE)
     with using(work):
-        principal = forms.PrincipalForms(light, brdf)
+        principal = PrincipalForms(light, brdf)
         held = [principal.rows]
         if brdf.isotropic:  # an SHRM knows no tangent
-            held.append(forms.ShrmForms(light, brdf, principal.single).rows)
+            held.append(ShrmForms(light, brdf, principal.single).rows)
         for rows in held:
             known = dict.fromkeys([*_ladder(rows), *_for_goal(rows, goal, most)])
             offers += [_offer(each) for each in known]
-    for form, setting in forms.others_of(brdf, missing):
+    for form, setting in others_of(brdf, missing):
         try:
-            offers += forms.made_offers(form, setting, probe, brdf, truth, work)
+            offers += made_offers(form, setting, probe, brdf, truth, work)
         except ShrmError as reason:
             missing.append(f"no {form}: {reason}")
     work.end()
@@ -121,7 +357,7 @@ def _chosen(
 class _Judged:
     """A map by how far it is from the goal: its `total_error` is 1 where it just keeps it."""
 
-    known: forms.Known
+    known: Known
     goal: Goal
 
     @property
@@ -142,7 +378,7 @@ class _Judged:
         return self.known.candidate.badness(self.goal)
 
 
-def _ladder(rows: forms.Rows) -> Iterator[forms.Known]:
+def _ladder(rows: Rows) -> Iterator[Known]:
     """Yield the map of the fewest bytes for each of the `ERRORS`, up to what there is."""
     for error in ERRORS:
         found = _least(rows, error, DEFAULT_MAX_SIZE)
@@ -152,7 +388,7 @@ def _ladder(rows: forms.Rows) -> Iterator[forms.Known]:
                 return
 
 
-def _for_goal(rows: forms.Rows, goal: Goal, max_size: int) -> Iterator[forms.Known]:
+def _for_goal(rows: Rows, goal: Goal, max_size: int) -> Iterator[Known]:
     """Yield the map that keeps the goal in the fewest bytes, or else that of the least error."""
     found = fewest_bytes((_judged_row(row, goal, max_size) for row in rows), 1.0)
     if found is not None and found[1]:
@@ -161,7 +397,7 @@ def _for_goal(rows: forms.Rows, goal: Goal, max_size: int) -> Iterator[forms.Kno
         yield best
 
 
-def _least(rows: forms.Rows, error: float, max_size: int) -> forms.Known | None:
+def _least(rows: Rows, error: float, max_size: int) -> Known | None:
     """Return the map of the fewest bytes that keeps an error, or the one of the least error."""
     fitting = [each for row in rows for each in row if each.bytes <= max_size]
     kept = [each for each in fitting if each.total_error <= error]
@@ -170,13 +406,13 @@ def _least(rows: forms.Rows, error: float, max_size: int) -> forms.Known | None:
     return min(fitting, key=lambda each: each.total_error, default=None)
 
 
-def _judged_row(row: Sequence[forms.Known], goal: Goal, max_size: int) -> Row[_Judged]:
+def _judged_row(row: Sequence[Known], goal: Goal, max_size: int) -> Row[_Judged]:
     """Return the maps that roughly keep the error, by how far they really are from the goal."""
     may = [each for each in row if each.total_error <= goal.error and each.bytes <= max_size]
     return Row(len(may), lambda index: may[index].bytes, lambda index: _Judged(may[index], goal))
 
 
-def _offer(known: forms.Known) -> Offer:
+def _offer(known: Known) -> Offer:
     """Return a map as an offer."""
     candidate, share = known.candidate, known.candidate.wrong_share
     assert share is not None  # both forms that are predicted know theirs

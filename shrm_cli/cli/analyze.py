@@ -168,7 +168,7 @@ def _remarks(found: Analysis, order_p: int | None) -> list[str]:
 def _draw(found: Analysis, targets: dict[str, str], exposure: float, title: str) -> None:
     """Write the charts and the pictures that have a name."""
     from shrm_cli.analysis.plots import plot_accuracy, plot_energy
-    from shrm_cli.files.picture import write_picture
+    from shrm_cli.files.image import write_picture
 
     if "energy" in targets:
         marks = [(each.order_f, each.order_p, each.eps) for each in found.grid.orders]
@@ -183,10 +183,7 @@ def _draw(found: Analysis, targets: dict[str, str], exposure: float, title: str)
 def _analyze_materials(
     specs: list[str], order_f: int | None, order_p: int | None, output: str | None, no_plots: bool
 ) -> None:
-    """Print and draw the energy of each BRDF that F and P capture, by default as in figure 5.7.
-
-    The figure is that of Ramamoorthi's thesis, with F = 30 and P = 0 .. 5.
-    """
+    """Print and draw the energy of each BRDF that F and P capture, by default as in figure 5.7."""
     from shrm_cli.analysis.analyze import MATERIAL_F, MATERIAL_P, material_energies
     from shrm_cli.analysis.plots import can_plot, plot_materials
     from shrm_cli.brdf.spec import parse_spec

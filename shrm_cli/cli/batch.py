@@ -237,11 +237,7 @@ def _without_jobs(entries: list[Entry], left_out: list[str]) -> list[Chunk]:
 
 
 def _gathering_of(collect: str | None, order: int, what: What, window: str) -> Gathering | None:
-    """Return what is gathered; None where nothing is.
-
-    Raises click.UsageError if one of the other options is given without --collect. Raises
-    OutputError if the file cannot be written.
-    """
+    """Return what is gathered; None where nothing is."""
     from shrm_cli.batch.collect import check_collection
     from shrm_cli.batch.work import Gathering
 

@@ -20,7 +20,7 @@ from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS
 if TYPE_CHECKING:
     from shrm_cli.analysis.compare import Compared
     from shrm_cli.render.comparison import Comparison
-    from shrm_cli.render.flip import FlipError
+    from shrm_cli.render.seen import FlipError
 
 _TRUTH = "truth"
 _SIZE = 256
@@ -134,7 +134,7 @@ def compare(
             **{name: shown[name] for name in _SHOWN_OF_ALL}, **values,
         )  # fmt: skip
         return
-    from shrm_cli.files.picture import file_type
+    from shrm_cli.files.image import file_type
     from shrm_cli.render.comparison import comparison_layout
     from shrm_cli.render.image import expose, exposure_advice
 
@@ -203,7 +203,7 @@ def _picture(
     target: str, comparison: Comparison, labels: Sequence[str], settings: dict[str, Any]
 ) -> str:
     """Write the picture, and say what it is."""
-    from shrm_cli.files.picture import write_picture
+    from shrm_cli.files.image import write_picture
 
     pixels = comparison.picture(labels[0], labels[1:], settings["exposure"], settings["amplify"])
     attributes = _attributes(settings, {comparison.primaries})
@@ -278,7 +278,7 @@ def _flips(
     compared: Compared, no_flip: bool
 ) -> tuple[list[list[FlipError | None]] | None, list[str]]:
     """Return HDR-FLIP, if it will be printed and can be measured, and all warnings."""
-    from shrm_cli.render.flip import can_flip
+    from shrm_cli.render.seen import can_flip
 
     if no_flip or (usage.is_quiet() and not usage.wants_json()):
         return None, compared.warnings

@@ -54,10 +54,7 @@ farm_options = several(
 
 
 def refuse_for_farms() -> None:
-    """Refuse options that hold for a whole run, beside those that divide it.
-
-    Raises click.UsageError if one is given.
-    """
+    """Refuse options that hold for a whole run, beside those that divide it."""
     given = usage.given_options()
     for name in _FOR_ALL.keys() & given.keys():
         raise usage.wrong_usage(f"leave out {given[name]}, {_FOR_ALL[name]}")

@@ -107,10 +107,7 @@ def _edit(values: dict[str, Any]) -> shrm.Edit:
 
 
 def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> tuple[Tables, Any]:
-    """Return the tables of a light file after the edit, with those of lights that are added.
-
-    Raises ProbeError if one lies in another folder than what is written.
-    """
+    """Return the tables of a light file after the edit, with those of lights that are added."""
     from shrm_cli.errors import ProbeError
 
     folder = Path(output).absolute().parent.resolve()
@@ -191,7 +188,7 @@ def basis(
     """
     import numpy as np
 
-    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.render.basis import basis_maps, basis_names, basis_subject
     from shrm_cli.render.scene import Scene

@@ -150,7 +150,7 @@ def _write(
 ) -> str:
     """Draw and write the sheets or the page, and say what they are."""
     from shrm_cli.files.animation import is_animated, write_animation
-    from shrm_cli.files.picture import write_picture
+    from shrm_cli.files.image import write_picture
     from shrm_cli.files.png import encode_srgb
     from shrm_cli.files.whole import write_bytes
 

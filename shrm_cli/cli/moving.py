@@ -62,10 +62,7 @@ LIGHT_MOVES = ("turn_light", "blend_to", "blend", "irradiance_to", "background_t
 
 
 def split_vary(texts: Sequence[str]) -> tuple[str | None, dict[str, tuple[float, float]]]:
-    """Return what parameters follow, ``vertex`` or an image, or the ways of their values.
-
-    Raises click.UsageError if it is more than one of these.
-    """
+    """Return what parameters follow, ``vertex`` or an image, or the ways of their values."""
     known = {text: way(text) for text in texts}
     follows = [text for text, found in known.items() if found is None]
     ways = {found[0]: found[1:] for found in known.values() if found is not None}
@@ -77,11 +74,7 @@ def split_vary(texts: Sequence[str]) -> tuple[str | None, dict[str, tuple[float,
 
 
 def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str]]:
-    """Return how many frames there are, None for a picture, and the files that they make.
-
-    Raises OutputError if what writes a moving picture is not installed, or a name has a number and
-    should have none, or the other way round.
-    """
+    """Return how many frames there are, None for a picture, and the files that they make."""
     from shrm_cli.files.animation import check_animation, is_animated
     from shrm_cli.render.moving import check_one_file, frame_paths
 
@@ -97,10 +90,7 @@ def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str
 
 
 def scene_keys(mesh: str | None) -> list[Key]:
-    """Return the keyframes of a scene, which say how many frames there are.
-
-    Raises click.UsageError if there are some, and an option says the same.
-    """
+    """Return the keyframes of a scene, which say how many frames there are."""
     from shrm_cli.render.moving import read_keys
     from shrm_cli.render.scene_file import is_scene_name
 
@@ -117,10 +107,7 @@ def moments(
     keys: Sequence[Key],
     ways: Mapping[str, tuple[float, float]],
 ) -> list[Moment]:
-    """Return the frames that are drawn, or the one picture; parameters go the ways over them.
-
-    Raises click.UsageError if an option does not apply.
-    """
+    """Return the frames that are drawn, or the one picture; parameters go the ways over them."""
     from shrm_cli.render.moving import Moment, moving_light, turntable, with_ways
 
     blends = usage.Applies(bool(values["blend_to"]), "with --blend-to")
@@ -147,11 +134,7 @@ def moments(
 
 
 def open_others(paths: Sequence[str], maps: Sequence[Map]) -> list[Map]:
-    """Read the maps that others become, and check that they can.
-
-    Raises click.UsageError if there is not one for each map. Raises MapError if a map cannot be
-    read, or cannot become the other one.
-    """
+    """Read the maps that others become, and check that they can."""
     from shrm_cli.render.moving import check_blend
 
     if paths and len(paths) != len(maps):
@@ -163,12 +146,7 @@ def open_others(paths: Sequence[str], maps: Sequence[Map]) -> list[Map]:
 
 
 def open_other_light(stage: Stage, values: dict[str, Any]) -> Stage:
-    """Return the stage under the irradiance that its own becomes, the same one where it has none.
-
-    Raises click.UsageError if light besides that of MAP would stay as it is, or --irradiance-to
-    does not apply. Raises MapError if its map is no irradiance, or cannot be what the first one
-    becomes.
-    """
+    """Return the stage under the irradiance that its own becomes, itself where it has none."""
     from shrm_cli.render.moving import check_blend
     from shrm_cli.render.scene_file import as_irradiance
 

@@ -104,10 +104,7 @@ def _own_options(
     """Return the options of the installed forms that words of a command line name by ``--to``.
 
     `command` has the options that it shares with other forms already. `is_lenient` tells whether a
-    form that cannot be used has none, because a shell completes. `wanted` is as
-    `command_with_headings` takes it.
-
-    Raises PluginError if the form cannot be used.
+    form that cannot be used has none, because a shell completes.
     """
     kinds = [e.type for e in command.params if isinstance(e.type, Named) and "--to" in e.opts]
     if not kinds:
@@ -321,8 +318,7 @@ def making_options(
     """Return a decorator that adds the options of making maps, each of them once.
 
     `probes` and `cubes` are what the command calls what it reads and writes: ``probe`` or
-    ``probes``. `wanted` tells of an option whether one of the representations' own options is
-    added.
+    ``probes``.
     """
     return several(
         shared_options("eps", "error", "seen", "order_f", "order_p", "center"),

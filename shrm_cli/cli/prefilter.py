@@ -21,7 +21,7 @@ from shrm_cli.progress import using
 if TYPE_CHECKING:
     from shrm_cli.files.parts import Storage
     from shrm_cli.maps.base import Map
-    from shrm_cli.maps.prefiltered import Prefiltered
+    from shrm_cli.maps.request import Prefiltered
     from shrm_cli.probe.probe import Probe
 
 _OWN_BRDFS = listing(
@@ -114,8 +114,7 @@ def prefilter(
       shrm prefilter probe.exr --to splitsum --brdf charlie:color=0.6/0.2/0.1
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
-    from shrm_cli.maps.prefiltered import with_wrong_share
-    from shrm_cli.maps.request import Request, check_arguments, resolved_form
+    from shrm_cli.maps.request import Request, check_arguments, resolved_form, with_wrong_share
     from shrm_cli.maps.stored import store
     from shrm_cli.plan import policy
     from shrm_cli.prefilter import make

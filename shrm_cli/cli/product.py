@@ -110,11 +110,7 @@ def product(
 
 
 def _ranges(texts: tuple[str, ...]) -> list[tuple[str, float, float]]:
-    """Return the names and the ends of the ranges that --vary means.
-
-    Raises click.UsageError if one is not NAME=LOW..HIGH with LOW below HIGH, or if they are too
-    many.
-    """
+    """Return the names and the ends of the ranges that --vary means."""
     found: dict[str, tuple[float, float]] = {}
     for text in texts:
         name, *ends = way(text) or ("", 0.0, 0.0)

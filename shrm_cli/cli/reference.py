@@ -58,7 +58,7 @@ def reference(
       shrm reference probe.exr --brdf microfacet -o truth.png
     """
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.maps.info import record_of
     from shrm_cli.reference import Reference
     from shrm_cli.render.image import expose, exposure_advice

@@ -18,7 +18,7 @@ from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.cli.stage import Baked
-    from shrm_cli.files.picture import Picture
+    from shrm_cli.files.image import Picture
     from shrm_cli.maps.info import MapInfo
     from shrm_cli.probe.probe import Probe
     from shrm_cli.progress import Progress
@@ -110,7 +110,7 @@ def render(
       shrm render --probe probe.exr --mesh a.obj --transfer a.transfer.npz
     """
     from shrm_cli.files.animation import is_animated
-    from shrm_cli.files.picture import file_type
+    from shrm_cli.files.image import file_type
     from shrm_cli.render.drawing import Film
 
     if not maps and mesh is None:
@@ -254,7 +254,7 @@ def _write_animation(
     """Write a moving picture; return what JSON has of it, and a line about it."""
     from shrm_cli.analysis.memory import check_sheet
     from shrm_cli.files.animation import held_bytes, write_animation
-    from shrm_cli.files.picture import in_srgb
+    from shrm_cli.files.image import in_srgb
 
     (height, width), count, fps = film.shape, len(film.moments), fps or DEFAULT_FPS
     held = held_bytes(target, width * height, count)
@@ -273,7 +273,7 @@ def _write_pictures(
     settings: dict[str, Any],
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Write a picture of each moment; return what JSON has of them, and lines about them."""
-    from shrm_cli.files.picture import write_picture
+    from shrm_cli.files.image import write_picture
 
     (height, width), drawing = film.shape, film.drawing
     written: list[dict[str, Any]] = []

@@ -54,7 +54,7 @@ def print_representations(
         plan_comparison,
         table_layout,
     )
-    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.render.image import expose, exposure_advice
     from shrm_cli.render.lit import ggx_surface, reflectance
 

@@ -83,13 +83,10 @@ def open_stage(
 ) -> tuple[Stage, list[str]]:
     """Read a mesh or a scene, and check that there is a map for all of it.
 
-    `mesh` is the file. `maps` and `names` are the maps that pictures are drawn of, and their files'
-    names; objects of a scene may name their own. `values` are those of the options `OF_SURFACES`,
-    for a mesh.
+    `maps` and `names` are the maps that pictures are drawn of, and their files' names; objects of a
+    scene may name their own. `values` are those of the options `OF_SURFACES`, for a mesh.
 
     Returns the stage, and warnings.
-
-    Raises click.UsageError if there is no map, one too many, or an option that does not apply.
     """
     from shrm_cli.errors import ArgumentError
     from shrm_cli.geometry.load import load_mesh
@@ -139,9 +136,7 @@ def open_stage(
 def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | None) -> None:
     """Refuse options that say nothing to what is drawn.
 
-    `follows` is what --vary lets parameters follow, if anything. Raises click.UsageError if an
-    option about meshes is given without one, a transfer with a scene, or an option that says of a
-    surface what its transfer holds.
+    `follows` is what --vary lets parameters follow, if anything.
     """
     with_mesh = usage.Applies(mesh is not None, "with --mesh")
     usage.refuse_inapplicable({k: with_mesh for k in _OPTIONS if k != "vary" or follows})
@@ -171,10 +166,7 @@ class Baked:
     warnings: list[str]
 
     def drawn(self, stage: Stage) -> list[list[Any]]:
-        """Return the surfaces of a mesh with its own shadows, under each of the maps.
-
-        Raises TransferError if the transfer does not fit the mesh or a map.
-        """
+        """Return the surfaces of a mesh with its own shadows, under each of the maps."""
         from shrm_cli.render.vertex_colors import vertex_colors
 
         follows = stage.looks[0].variation
@@ -201,11 +193,7 @@ def open_baked(
     The lamps of a probe are taken out of its light, and cast shadows of their own. Without a map
     the surface is diffuse, and its light is the probe's.
 
-    `transfer` is the file. `maps` and `names` are the maps that pictures are drawn of, and their
-    files' names. `probe` is the light of maps that hold none. `window` is as `lit_maps` takes it.
-
-    Raises click.UsageError if there is neither a map nor a probe, or a window does not apply.
-    Raises TransferError or ProbeError if a file cannot be read.
+    `probe` is the light of maps that hold none.
     """
     from shrm_cli.maps.info import probe_name
     from shrm_cli.render.lit import lit_maps

@@ -58,7 +58,7 @@ def echo(text: str, err: bool = False) -> None:
     Characters that the encoding of the stream lacks are printed as escapes, too. If there is no
     stderr, nothing is printed there.
 
-    `err` says whether to print to stderr. Raises OSError if there is no stdout.
+    Raises OSError if there is no stdout.
     """
     _write(_shortened(escaped(shown(text)), _MOST_RESULT), err)
 
@@ -327,10 +327,7 @@ class _Bar:
 
 @contextmanager
 def ticking(label: str, total: int) -> Iterator[Callable[[Totals], None]]:
-    """Yield a callable that shows how far a run of many jobs has come, and how fast.
-
-    `total` is the number of jobs in all.
-    """
+    """Yield a callable that shows how far a run of many jobs has come, and how fast."""
     if usage.is_quiet():
         yield lambda totals: None
     elif has_terminal():

@@ -92,8 +92,7 @@ def transfer(
     """
     from shrm_cli.errors import OutputError
     from shrm_cli.transfer.bake import bake, transfer_plan
-    from shrm_cli.transfer.export import FACES, WRITERS
-    from shrm_cli.transfer.file import write_transfer
+    from shrm_cli.transfer.file import FACES, WRITERS, write_transfer
 
     matrices = matrices or brdf is not None
     usage.refuse_inapplicable({

@@ -370,10 +370,7 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 class Named(click.Choice):  # type: ignore[type-arg]  # it is generic since 8.2 only
-    """Names of `shrm`; installed packages are asked only for what it has not.
-
-    `names` are those of `shrm`. `more` returns those of installed packages.
-    """
+    """Names of `shrm`; installed packages are asked only for what it has not."""
 
     def __init__(self, names: Sequence[str], more: Callable[[], Iterable[str]]) -> None:
         super().__init__(names)

@@ -113,8 +113,6 @@ def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:
     """Refuse options that are given on the command line and would have no effect.
 
     `rules` are rules by the names of the options' values. Options without a rule always apply.
-
-    Raises click.UsageError if an option was given that does not apply.
     """
     for name, flag in given_options().items():
         rule = rules.get(name)
@@ -127,8 +125,6 @@ def renamed(**options: str) -> Iterator[None]:
     """Within this context refusals of an argument speak of the option that it came from.
 
     `**options` are by the library's name of an argument: the command's name for it.
-
-    Raises ArgumentError if the block raises one.
     """
     try:
         yield
@@ -138,10 +134,7 @@ def renamed(**options: str) -> Iterator[None]:
 
 
 def exclude(one: str, other: str) -> None:
-    """Refuse two options, given by the names of their values, that contradict each other.
-
-    Raises click.UsageError if both are given on the command line.
-    """
+    """Refuse two options, given by the names of their values, that contradict each other."""
     given = given_options()
     if one in given and other in given:
         raise wrong_usage(f"{given[one]} and {given[other]} exclude each other; leave one out")
@@ -178,12 +171,10 @@ def check_outputs(
 ) -> None:
     """Check, before work begins, that outputs can be written and overwrite no input.
 
-    `targets` are the outputs. `files` are paths of inputs that have not been opened yet; all others
-    are known, see `files.whole`. `specs` are specifications of BRDFs, which may name files that
-    have not been opened yet. `suffixes` are the suffixes that the targets' names may have, in lower
-    case; by default any.
-
-    Raises OutputError if a target cannot be written, is one of the inputs, or has another suffix.
+    `files` are paths of inputs that have not been opened yet; all others are known, see
+    `files.whole`. `specs` are specifications of BRDFs, which may name files that have not been
+    opened yet. `suffixes` are the suffixes that the targets' names may have, in lower case; by
+    default any.
     """
     from shrm_cli.brdf.spec import named_files
 
@@ -193,11 +184,7 @@ def check_outputs(
 
 
 def keep_other_map(target: str, probe: Probe, request: Request, precision: Precision) -> None:
-    """Refuse to replace a map that was not made like the one that is asked for.
-
-    `target` is the name of the file, which need not exist. Raises OutputError if the file exists,
-    and other inputs or options made it.
-    """
+    """Refuse to replace a map that was not made like the one that is asked for."""
     from shrm_cli.batch.made import difference
 
     if os.path.lexists(target):
@@ -207,10 +194,7 @@ def keep_other_map(target: str, probe: Probe, request: Request, precision: Preci
 
 
 def keep_edited(target: str) -> None:
-    """Refuse to replace what `shrm` wrote and somebody has edited since.
-
-    Raises OutputError if the file exists and its digest tells so.
-    """
+    """Refuse to replace what `shrm` wrote and somebody has edited since."""
     from shrm_cli.batch.made import change_of
 
     found = change_of(target) if os.path.isfile(target) else None
@@ -229,13 +213,7 @@ def readable_map(path: str) -> Map | None:
 
 
 def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
-    """Refuse to replace an EXR picture that was not made by the same recipe.
-
-    `target` is the name of the file, which need not exist. `recipe` is what `picture_attributes`
-    will store.
-
-    Raises OutputError if the file exists, and another recipe, or none, made it.
-    """
+    """Refuse to replace an EXR picture that was not made by the same recipe."""
     from shrm_cli.files.parts import peek
 
     if not os.path.lexists(target):

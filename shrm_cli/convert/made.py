@@ -51,10 +51,7 @@ class Converted(ABC):
 
     @abstractmethod
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
-        """Write it, whole or not at all, and return what is to be told of it.
-
-        Raises OutputError if it cannot be written.
-        """
+        """Write it, whole or not at all, and return what is to be told of it."""
 
 
 def kept_precision(made: Map, precision: Precision) -> Precision:
@@ -163,11 +160,7 @@ class ConvertedProbe(Converted):
     sampling: Sampling
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
-        """Write the image, or six of them, whose names have the faces in place of ``%``.
-
-        Raises ArgumentError if there should be six, and the name has no ``%``. Raises OutputError
-        if one cannot be written.
-        """
+        """Write the image, or six of them, whose names have the faces in place of ``%``."""
         from shrm_cli.files.image import probe_attributes, write_images
         from shrm_cli.probe.open import face_paths
         from shrm_cli.probe.proxy import box_attributes

@@ -80,8 +80,6 @@ def seen_from(
     """Draw what a map reflects to a viewer at an azimuth and an elevation, degrees.
 
     `surface` has the roughness and reflectance of maps of light alone.
-
-    Raises ArgumentError if the map is none of those. Raises MapError if it holds no light.
     """
     if isinstance(found, MaterialMap):
         raise MapError(
@@ -143,10 +141,7 @@ class Mips(Converted):
 def mips_of(
     made: Map, name: str, layout: Layout, size: int | None, sampling: Sampling | None
 ) -> Mips:
-    """Return the mip levels of a split sum.
-
-    Raises MapError if the map is no split sum whose levels halve.
-    """
+    """Return the mip levels of a split sum."""
     found, sampled = mip_chain(made, name), sampling or "center"
     if layout == "openexr":
         levels = cube_mips(found)
@@ -203,11 +198,11 @@ def one_view(
     ``normal``: the normal itself. Normals that face away from the viewer are not seen: they get the
     light of the nearest normal on the silhouette, so that filters find something sensible there.
     `everywhere` tells whether normals that face away are looked up as they are, as for
-    `ignores_views`. `sampling` is where the pixels at the edge of the image lie.
+    `ignores_views`.
 
     Returns an array of float32 of shape (height, 2 height, 3): radiance, linear, in the primaries
     of the map: +Z in the centre, +X in the left quarter, +Y in the top row. Small negative values
-    of truncated expansions are kept. Raises ArgumentError if `by` is something else.
+    of truncated expansions are kept.
     """
     if by not in LOOKUPS:
         raise ArgumentError("by", f"{by!r} is none of {', '.join(LOOKUPS)}")

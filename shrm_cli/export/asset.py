@@ -65,11 +65,7 @@ class Asset:
 
 
 def open_asset(path: str) -> Asset:
-    """Read a glTF or GLB file, and what lies beside it.
-
-    Raises MapError if it cannot be read, or cannot hold a light. Raises MeshError if it is damaged,
-    or not of version 2.
-    """
+    """Read a glTF or GLB file, and what lies beside it."""
     try:
         if Path(path).stat().st_size > gltf.MOST_BYTES:
             raise MapError(f"{path}: larger than {gltf.MOST_BYTES:,} bytes; simplify it")

@@ -12,15 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
+from shrm_cli.errors import MapError
 from shrm_cli.export.blocks import astc, uastc
 from shrm_cli.export.dds import dds_image
-from shrm_cli.export.engine import Package
+from shrm_cli.export.engine import Engine, Package
 from shrm_cli.export.ktx import can_compress, ktx2
 from shrm_cli.export.pixels import TexelFormat, encoded, loss
 from shrm_cli.extras import install
 from shrm_cli.files.openimageio import image_of
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-from shrm_cli.sphere.cube import face_axes, turned_face
+from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.sphere.cube import CubeSampler, cube_directions, face_axes, turned_face
 from shrm_cli.vocabulary import FACES
 
 DIFFUSE_SIZE = 64
@@ -96,10 +98,7 @@ def ktx2_file(
 def packed_levels(
     made: Package, name: str, levels: Sequence[Array], texels: TexelFormat, lookup: Array = WORLD
 ) -> list[bytes]:
-    """Return the texels of the levels of a file, and tell what was clipped and what is lost.
-
-    The parameters are those of `ktx2_file`.
-    """
+    """Return the texels of the levels of a file, and tell what was clipped and what is lost."""
     packed, clips, losses = [], [], []
     for k, cube in enumerate(levels):
         faces = to_lookup(cube, lookup)
@@ -117,9 +116,6 @@ def decoded(data: bytes, texels: TexelFormat, count: int, size: int) -> Array:
 
     Other code than what packs them reads them: of BC6H this is OpenImageIO, of ASTC Arm's decoder.
     UASTC HDR is rewritten as BC6H first, which has coarser ends.
-
-    `count` and `size` are the number of images, which are squares, and the texels along their
-    edges.
     """
     if texels.name in ("bc6h", "uastc"):
         data = uastc.to_bc6h(data) if texels.name == "uastc" else data
@@ -139,3 +135,70 @@ def decoded(data: bytes, texels: TexelFormat, count: int, size: int) -> Array:
     # Unsigned floats are half floats without a sign and without their last bits.
     channels = [(words & 2047) << 4, (words >> 11 & 2047) << 4, (words >> 22) << 5]
     return np.stack(channels, axis=-1).astype(np.uint16).view(np.float16).astype(float)
+
+
+# ---- the levels of a split sum, as an engine looks them up ---------------------------------------
+# The levels of a file are taken where they fit the engine's law, and refused where they do not,
+# with the command that makes the right ones.
+
+
+_SAME = 5e-4
+"""Roughnesses that differ by this much are the same: files name them with few digits."""
+
+
+def levels_of_map(
+    split: SplitSum, path: str, engine: Engine, size: int | None
+) -> tuple[tuple[Array, ...], tuple[float, ...], list[str]]:
+    """Take the levels of a split sum for an engine.
+
+    `size` is the number of texels along an edge of level 0, by default those of the file.
+
+    Returns OpenEXR cubes of shape (6 N_k, N_k, 3) in world axes, their roughnesses, and a sentence
+    about each level that was interpolated to the engine's sizes.
+    """
+    wanted = split.size if size is None else size
+    sizes = engine.sizes(wanted)
+    roughness = engine.roughness(sizes)
+    command = _command(engine, wanted, split.lobe)
+    if len(roughness) != len(split.roughness) or not np.allclose(
+        roughness, split.roughness, rtol=0, atol=_SAME
+    ):
+        raise MapError(
+            f"{path}: its levels have roughness {_listed(split.roughness)}; {engine.title} looks "
+            f"up {_listed(roughness)} at size {wanted}; make it by {command}, or "
+            "export the probe itself"
+        )
+    if split.size != wanted:
+        raise MapError(
+            f"{path}: its level 0 has {split.size} texels along an edge, not {wanted}; make it by "
+            f"{command}, or export the probe itself"
+        )
+    levels, changed = [], []
+    for k, (cube, texels) in enumerate(zip(split.levels, sizes, strict=True)):
+        same = cube.shape[1] == texels and split.sampling == "center"
+        levels.append(cube if same else _interpolated(cube, split, texels))
+        changed += [] if same else [f"{k} (from {cube.shape[1]} to {texels})"]
+    told = [f"levels {', '.join(changed)} were interpolated"] if changed else []
+    return tuple(levels), roughness, told
+
+
+def _interpolated(cube: Array, split: SplitSum, size: int) -> Array:
+    """Return a level with other texels; levels are smooth, so that this hardly changes them."""
+    values = CubeSampler(cube, split.sampling)(cube_directions(size))
+    return np.maximum(values, min(float(cube.min()), 0.0))  # a cubic filter overshoots
+
+
+def _command(engine: Engine, size: int, lobe: str) -> str:
+    """Return the command that makes the levels of an engine."""
+    sizes = engine.sizes(size)
+    to = "--to splitsum" if lobe == "ggx" else f"--to splitsum --brdf {lobe}"
+    if engine.mapping is None:
+        levels = ",".join(f"{value:.6g}" for value in engine.roughness(sizes))
+        return f"shrm prefilter PROBE {to} --levels {levels} --size {size}"
+    return (
+        f"shrm prefilter PROBE {to} --mapping {engine.mapping} --levels {len(sizes)} --size {size}"
+    )
+
+
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)

@@ -151,7 +151,7 @@ def ktx1_cube(
 
     `levels` are the encoded faces of each mip, in the order +X -X +Y -Y +Z -Z; each mip has half
     the size of the one before. `size` is the number of texels along an edge of the first mip.
-    `metadata` holds keys and values. Values end in a NUL in the file.
+    Values end in a NUL in the file.
     """
     pairs = b"".join(_pair(key, value) for key, value in metadata.items())
     kind, kind_size, layout, internal, base = _GL[texels.name]

@@ -22,8 +22,6 @@ def rolled(image: Array, degrees: int) -> Array:
 
     `image`, of shape (N, 2 N, 3), is +Z in the centre, +X in the left quarter. `degrees` is a
     multiple of 90: the azimuth of the new centre, from +Z towards +X.
-
-    Raises MapError if the columns are not a whole number of such parts.
     """
     steps, rest = divmod(image.shape[1] * degrees, 360)
     if rest:

@@ -14,9 +14,9 @@ from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export.asset import open_asset
+from shrm_cli.export.cubes import levels_of_map
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
-from shrm_cli.export.levels import levels_of_map
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.quoting import code_span, markdown
 from shrm_cli.export.tamed import tamed
@@ -68,10 +68,7 @@ class Source:
 
     @classmethod
     def of_maps(cls, name: str, maps: Sequence[tuple[str, Map]]) -> "Source":
-        """Return the source that some maps are, by the paths of their files.
-
-        Raises MapError if they are not one split sum, one irradiance map, or one of each.
-        """
+        """Return the source that some maps are, by the paths of their files."""
         split = [(path, each) for path, each in maps if isinstance(each, SplitSum)]
         irradiance = [each for _, each in maps if isinstance(each, Irradiance)]
         for path, each in maps:
@@ -195,12 +192,7 @@ class Asked:
 def export(
     source: Source, engine: Engine, asked: Asked, progress: Progress | None = None
 ) -> Package:
-    """Make the files of an engine.
-
-    Returns all files, the README among them; `write` writes them. Raises ArgumentError if something
-    is asked for that the engine has not. Raises MapError if the source holds nothing that the
-    engine reads, or does not fit it.
-    """
+    """Make the files of an engine."""
     check(engine, asked)
     asset = None if asked.into is None else open_asset(asked.into)
     work = Rising(progress)
@@ -386,8 +378,6 @@ def write(package: Package, folder: Path, kept: bool = True) -> list[Path]:
 
     `folder` is made if it does not exist; the folder that it lies in must. `kept` tells whether
     files that exist are replaced by files of the same bytes only.
-
-    Raises OutputError if a file cannot be written, or would replace another one.
     """
     paths = [folder / file.name for file in package.files]
     with made_folder(folder), keeping(*map(str, paths if kept else [])), together():

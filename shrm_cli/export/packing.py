@@ -31,9 +31,6 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
 
     `name` is that of the texels, or ``auto``; by default the engine's own, and its spare ones for
     light whose lamps these change.
-
-    Raises ArgumentError if the format, or all of those that ``auto`` chooses from, change the light
-    by more.
     """
     limit = MAX_ERROR if name == "auto" and max_error is None else max_error
     names = _candidates(engine, name)

@@ -25,8 +25,7 @@ def write_texture(path: str | os.PathLike[str], table: Array, precision: Precisi
     The third column of `table`, of shape (N, N, 2 or 3), is 0 where there are two. `precision`
     holds the texels of KTX 2; ``auto`` is half, as engines read it.
 
-    Returns what the texels are: ``"half"``, ``"float"`` or ``"16 bits"``. Raises OutputError if the
-    file cannot be written, or cannot hold the table.
+    Returns what the texels are: ``"half"``, ``"float"`` or ``"16 bits"``.
     """
     if table.shape[-1] > _COLUMNS:
         raise OutputError(f"{path}: textures hold three columns, not {table.shape[-1]}; take .exr")

@@ -42,18 +42,12 @@ def is_animated(path: str | os.PathLike[str]) -> bool:
 
 
 def held_bytes(path: str | os.PathLike[str], pixels: int, frames: int) -> int:
-    """Return how many bytes of memory the frames of a moving picture take while it is written.
-
-    `pixels` is the number of those of a frame.
-    """
+    """Return how many bytes of memory the frames of a moving picture take while it is written."""
     return _HELD.get(Path(path).suffix.lower(), 0) * pixels * frames
 
 
 def check_animation(path: str | os.PathLike[str]) -> None:
-    """Check, before the work begins, that what writes a moving picture is installed.
-
-    Raises OutputError if it is not.
-    """
+    """Check, before the work begins, that what writes a moving picture is installed."""
     if Path(path).suffix.lower() == ".mp4":
         _ffmpeg(path)
     else:
@@ -67,8 +61,6 @@ def write_animation(path: str | os.PathLike[str], frames: Iterable[Image8], rate
     has 256 colours in each of them. An MP4 has an even number of rows and of columns: the last ones
     are repeated in black where it must be. `rate` is in frames a second. GIFs count in hundredths
     of a second.
-
-    Raises OutputError if the file cannot be written, or what writes it is not installed.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in ANIMATED:

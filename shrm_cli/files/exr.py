@@ -33,10 +33,6 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
     """Write an OpenEXR file, whole or not at all; see `files.parts.write_parts`.
 
     It has a digest of itself, see `files.exr_header.seal`.
-
-    `pixel_type` is one of ``half``, ``float``.
-
-    Raises OutputError if the file cannot be written.
     """
     dtype = np.float32 if pixel_type == "float" else np.float16
 
@@ -45,11 +41,15 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
         return np.ascontiguousarray(plane, dtype)
 
     stored: list[Any] = []
+    shapes = [plane.shape for part in parts for plane in part.channels.values()]
+    height, width = (max(lengths) for lengths in zip(*shapes, strict=True))
+    # Parts of different sizes have to share a canvas.
+    canvas = np.array([0, 0], np.int32), np.array([width - 1, height - 1], np.int32)
     for part in parts:
         planes = list(part.channels.values())
         is_large = sum(plane.size for plane in planes) > LARGE
         packed = in_order(contiguous, planes, is_large)
-        header = _header(part) | ({} if stored else {SEAL: UNSEALED})
+        header = _header(part) | {"displayWindow": canvas} | ({} if stored else {SEAL: UNSEALED})
         stored.append(OpenEXR.Part(header, dict(zip(part.channels, packed, strict=True))))
     with replacing(path) as temporary:
         try:
@@ -68,18 +68,11 @@ def _header(part: Part) -> dict[str, Any]:
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **part.header}
     if "envmap" in header:
         header["envmap"] = _ENVMAPS[header["envmap"]]
-    if "displayWindow" in header:
-        width, height = header["displayWindow"]
-        corners = np.array([0, 0], np.int32), np.array([width - 1, height - 1], np.int32)
-        header["displayWindow"] = corners
     return header
 
 
 def open_file(path: str | os.PathLike[str]) -> "ExrFile | None":
-    """Open an OpenEXR file; return None if it is missing, damaged or of another format.
-
-    Raises MapError if it has so many channels, attributes or parts that nothing sound has as many.
-    """
+    """Open an OpenEXR file; return None if it is missing, damaged or of another format."""
     if much := excess(path):
         raise MapError(f"{os.fspath(path)}: {much}, which is too much; export it again")
     source = _open_image(path)

@@ -75,10 +75,7 @@ def excess(path: str | os.PathLike[str]) -> str:
 
 
 def ends_whole(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file of scan lines has all its chunks, to the last byte of the last one.
-
-    `path` is a file that OpenEXR has written; it may be cut off anywhere.
-    """
+    """Return whether a file of scan lines has all its chunks, to the last byte of the last one."""
     with (
         open(path, "rb") as stream,
         suppress(IndexError, struct.error, ValueError),
@@ -244,10 +241,7 @@ def says_map(path: str | os.PathLike[str]) -> bool:
 
 
 def seal(path: str | os.PathLike[str]) -> None:
-    """Write the digest of a file into it, if its first header has a place for it.
-
-    `path` is an OpenEXR file that was just written.
-    """
+    """Write the digest of a file into it, if its first header has a place for it."""
     with open(path, "r+b") as stream, mmap.mmap(stream.fileno(), 0) as data:
         place = _place(data)
         if place is not None:

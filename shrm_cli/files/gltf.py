@@ -31,11 +31,7 @@ _MOST_DEPTH = 64
 
 
 def read_tree(name: str, data: bytes) -> tuple[Json, bytes | None]:
-    """Return the JSON of a glTF or GLB file, and the binary chunk of a GLB.
-
-    `name` is the path of the file, for messages. Raises MeshError if it is damaged, or not of
-    version 2.
-    """
+    """Return the JSON of a glTF or GLB file, and the binary chunk of a GLB."""
     text, chunk = _chunks(name, data) if data.startswith(GLB_HEAD) else (data, None)
     try:
         tree = table(parse_json(text.decode("utf-8-sig"), most_depth=_MOST_DEPTH))
@@ -113,8 +109,8 @@ def buffers_of(name: str, tree: Json, chunk: bytes | None) -> list[bytes]:
 def bytes_at(name: str, uri: str, most: int, what: str = "a buffer") -> bytes:
     """Return the bytes at an address of a glTF file: those in the text, or a file's beside it.
 
-    `name` is the path of the glTF file. `most` is how many bytes are read of a file, at most.
-    `what` is what the bytes are, for messages.
+    `most` is how many bytes are read of a file, at most. `what` is what the bytes are, for
+    messages.
     """
     if uri.startswith("data:"):
         return embedded(uri)

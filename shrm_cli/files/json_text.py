@@ -87,13 +87,11 @@ def read_toml(
 ) -> tuple[dict[str, Any], bytes]:
     """Read a file in TOML that is no larger than its kind can be.
 
-    `name` is the file. `what` is what the file should be, for the error messages: ``a manifest``.
-    `most_bytes` is the size of the largest file that is read. `too_large` is what is said of a
-    larger file: that it is too large, and what to do. `error` is the class of the errors.
+    `what` is what the file should be, for the error messages: ``a manifest``. `most_bytes` is the
+    size of the largest file that is read. `too_large` is what is said of a larger file: that it is
+    too large, and what to do.
 
     Returns `values`, the keys of the file; and `text`, the file as it is.
-
-    Raises ShrmError: of the class `error`, if the file cannot be read, is larger, or is no TOML.
     """
     try:
         with open(name, "rb") as stream:

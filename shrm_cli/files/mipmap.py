@@ -32,8 +32,6 @@ def write_mipmap(
     and as high as the one before, rounded down, and at least 1. `attributes` are texts, numbers and
     ``chromaticities`` by name. ``envmap`` of ``latlong`` marks a border-sampled lat-long, as
     texture systems want it.
-
-    Raises OutputError if a value is not finite, half would overflow, or the file cannot be written.
     """
     pixel_type = choose_storage(path, levels, precision).pixel_type
     with replacing(path) as temporary:

@@ -58,8 +58,8 @@ class Archive:
     def numbers(self, name: str, dimensions: int, most: int | None = None) -> NDArray[np.floating]:
         """Return an array of 32 or 64-bit floats.
 
-        `dimensions` is how many axes the array has. `most` is the most bytes of its numbers. By
-        default they must not be packed, so that they are no more than what the file holds.
+        `most` is the most bytes of its numbers. By default they must not be packed, so that they
+        are no more than what the file holds.
 
         Raises ValueError if there is no such array, or it is another one than expected.
         """
@@ -192,8 +192,6 @@ def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
 
     Numbers are written as they lie, in pieces, so that arrays on disk are never in memory whole.
     They are not packed: what is large here hardly becomes smaller.
-
-    Raises OutputError if the file cannot be written.
     """
     with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, value in arrays.items():

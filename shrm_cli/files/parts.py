@@ -45,8 +45,7 @@ class Part:
     header: dict[str, Any] = field(default_factory=dict)
     """Attributes by name: numbers, text or tuples of numbers. ``name`` is the name of the part,
     which every part of a file with several parts must have. ``envmap`` says that the image is a
-    border-sampled environment map, and is its layout: ``"openexr"`` or ``"latlong"``.
-    ``displayWindow`` is the width and height of the canvas that parts of different sizes share."""
+    border-sampled environment map, and is its layout: ``"openexr"`` or ``"latlong"``."""
     is_table: bool = False
     """Whether it holds numbers of about 1 that images are multiplied with, which half always holds
     well enough, instead of an image."""
@@ -104,10 +103,7 @@ class StoredPart(ABC):
 
 
 def sound_primaries(value: Any) -> tuple[float, ...] | None:
-    """Return the primaries and white of an attribute, if it is eight finite numbers, or None.
-
-    `value` is the value of the attribute, or None.
-    """
+    """Return the primaries and white of an attribute, if it is eight finite numbers, or None."""
     if not isinstance(value, tuple) or len(value) != 8:
         return None
     is_sound = all(isinstance(each, float) and math.isfinite(each) for each in value)
@@ -150,9 +146,6 @@ def write_parts(
 
     The `precision` ``auto`` is half unless a value exceeds its range, or light is so dim that it
     loses digits.
-
-    Raises OutputError if the suffix is unknown, a value is not finite, half would overflow, or the
-    file cannot be written.
     """
     storage, parts = prepared(path, parts, precision)
     write_chosen(path, parts, storage.pixel_type)
@@ -186,10 +179,7 @@ def prepared(
 def write_chosen(
     path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: PixelType
 ) -> None:
-    """Write a file as `write_parts` does, of values that `choose_storage` has looked at already.
-
-    Raises OutputError if the suffix is unknown, or the file cannot be written.
-    """
+    """Write a file as `write_parts` does, of values that `choose_storage` has looked at already."""
     _container(path).write(path, parts, pixel_type)
 
 
@@ -201,13 +191,9 @@ def choose_storage(
 ) -> Storage:
     """Choose how to store values, and tell what half costs them.
 
-    `path` is the name of the file, for messages. `planes` are the values. The `precision` ``auto``
-    is half, but float where half would overflow, or make a larger error than is allowed: below 6e-5
-    it has fewer digits, and below 3e-8 none. `allowed` is the relative RMS error that half may
-    make. Ordinary rounding, `HALF_ROUNDING`, always may.
-
-    Raises OutputError if a value is not finite in 32-bit float, or half is asked for and would
-    overflow.
+    The `precision` ``auto`` is half, but float where half would overflow, or make a larger error
+    than is allowed: below 6e-5 it has fewer digits, and below 3e-8 none. `allowed` is the relative
+    RMS error that half may make. Ordinary rounding, `HALF_ROUNDING`, always may.
     """
     return _examined(path, list(planes), precision, allowed)[0]
 
@@ -259,10 +245,7 @@ def _rounded(plane: Array) -> tuple[Array, float, float]:
 
 
 def open_file(path: str | os.PathLike[str]) -> StoredFile:
-    """Open a file of parts.
-
-    Raises MapError if it is missing, is not a regular file, or is of no known container format.
-    """
+    """Open a file of parts."""
     if not Path(path).exists():
         raise MapError(f"{path}: no such file")
     if not Path(path).is_file():  # opening a pipe would block
@@ -288,10 +271,7 @@ def peek(path: str | os.PathLike[str]) -> StoredFile | None:
 
 
 def _container(path: str | os.PathLike[str]) -> ModuleType:
-    """Return the module that writes files with the suffix of a name.
-
-    Raises OutputError if the suffix is not that of a container format.
-    """
+    """Return the module that writes files with the suffix of a name."""
     suffix = Path(path).suffix.lower()
     if suffix not in CONTAINERS:
         raise OutputError(f"{path}: what is written is {' or '.join(CONTAINERS)}; name it so")

@@ -18,8 +18,6 @@ _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 def encode_srgb(pixels: ArrayLike) -> NDArray[np.uint8]:
     """Encode linear Rec.709 values as 8-bit sRGB, clipped to 0 .. 1, of the same shape.
 
-    `pixels` are linear, of any shape.
-
     References: IEC 61966-2-1:1999, the sRGB transfer function.
     """
     linear = np.clip(np.asarray(pixels, dtype=np.float32), 0, 1)
@@ -53,10 +51,7 @@ def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def png_of_lines(width: int, lines: NDArray[np.uint8], level: int, marks: bytes = b"") -> bytes:
-    """Return a PNG of 8 bits of filtered lines, shape (H, 1 + 3 W) or (H, 1 + 4 W).
-
-    `level` is how hard zlib packs them. `marks` are chunks that stand before the pixels.
-    """
+    """Return a PNG of 8 bits of filtered lines, shape (H, 1 + 3 W) or (H, 1 + 4 W)."""
     color = {3: 2, 4: 6}[(lines.shape[1] - 1) // width]
     header = _chunk(b"IHDR", struct.pack(">IIBBBBB", width, len(lines), 8, color, 0, 0, 0))
     data = _chunk(b"IDAT", zlib.compress(lines.tobytes(), level))
@@ -71,8 +66,6 @@ def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8 | np.uint16
     """Write a picture of 8-bit sRGB values, or 16-bit linear ones, whole or not at all.
 
     `pixels`, of shape (H, W, 3), are of 8 or 16 bits.
-
-    Raises OutputError if the file cannot be written.
     """
     with replacing(path) as temporary:
         _write_png(temporary, pixels)

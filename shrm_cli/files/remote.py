@@ -33,7 +33,7 @@ def matching(pattern: str) -> list[str]:
 
     `pattern` is a URL, in which ``*``, ``?``, ``[...]`` and ``**`` mean what they mean in a shell.
     In addresses of web servers ``?`` begins the query, and servers that list no folders match
-    nothing but whole addresses. Raises RemoteError if the place cannot be listed.
+    nothing but whole addresses.
     """
     with _reached(pattern) as (system, path):
         found = system.glob(path, detail=True)
@@ -42,10 +42,7 @@ def matching(pattern: str) -> list[str]:
 
 
 def exists(url: str) -> bool:
-    """Whether there is a file at a URL.
-
-    Raises RemoteError if the place cannot be asked.
-    """
+    """Whether there is a file at a URL."""
     with _reached(url) as (system, path):
         try:
             return system.info(path)["type"] == "file"
@@ -61,9 +58,6 @@ def fetched(
 
     `folder` is where the copy is made, in a folder of its own; by default where the system has its
     temporary files. `most_bytes` is the most bytes that the file may have.
-
-    Raises RemoteError if the file cannot be fetched, has more bytes, or ends before its stated
-    size.
     """
     with scratch_folder(folder) as own:
         with _reached(url) as (system, path):
@@ -74,11 +68,7 @@ def fetched(
 
 @contextlib.contextmanager
 def written(output: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield the path to write, on disk; what is meant for a URL is uploaded at the end.
-
-    `output` is a path, which is checked, or a URL. Raises OutputError if the path cannot be
-    written. Raises RemoteError if the file cannot be uploaded.
-    """
+    """Yield the path to write, on disk; what is meant for a URL is uploaded at the end."""
     if not is_remote(output):
         check_target(output)
         yield Path(output)
@@ -97,8 +87,6 @@ def publish(local: str | os.PathLike[str], url: str) -> None:
     file grows visibly while it is written, as on disks and on SFTP servers, it is uploaded under
     another name beside the target, and renamed. File systems of the second kind are known by
     their own way to rename: fsspec's general one copies, which would gain nothing.
-
-    Raises RemoteError if the file cannot be uploaded.
     """
     with _reached(url) as (system, path):
         if not _renames(system):
@@ -121,8 +109,6 @@ def _opened(url: str) -> tuple[Any, str]:
     """Return the file system of a URL and the path in it; nothing is known from an earlier call.
 
     File systems remember lists of files, which other processes change.
-
-    Raises RemoteError if a package is missing, or the URL is one within another.
     """
     match = SCHEME.match(url)
     if match is None or "::" in url:

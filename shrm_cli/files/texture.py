@@ -36,8 +36,7 @@ _NO_NUMBERS = "a texture has pixels that are no numbers; export it again"
 def beside(name: str, path: str, what: str = "texture") -> Path:
     """Return the file that another file names, which lies in that one's folder or below it.
 
-    `name` is the file that names it. `path` is what it is called there, with slashes. `what` is
-    what it is, for messages.
+    `path` is what it is called there, with slashes.
 
     Raises ValueError if it leads elsewhere, or there is no such file.
     """
@@ -61,8 +60,7 @@ def beside(name: str, path: str, what: str = "texture") -> Path:
 def mean_color(texture: Path | bytes, is_srgb: bool) -> Array:
     """Return the mean of a texture's pixels.
 
-    `texture` is a file, or its content. `is_srgb` tells whether colors are encoded as sRGB has it;
-    alpha never is.
+    `is_srgb` tells whether colors are encoded as sRGB has it; alpha never is.
 
     Returns an array of shape (4,): linear red, green, blue, and alpha. A channel that is missing is
     as the first one; alpha is 1 then. Raises ValueError if it cannot be read, with why and what to
@@ -77,10 +75,7 @@ def mean_color(texture: Path | bytes, is_srgb: bool) -> Array:
 
 
 def read_texture(texture: Path | bytes, is_srgb: bool) -> Array:
-    """Return a texture's pixels, shape (height, width, 4), linear, of 32-bit floats.
-
-    Parameters and errors are those of `mean_color`; missing channels are as it has them.
-    """
+    """Return a texture's pixels, shape (height, width, 4), linear, of 32-bit floats."""
     pixels = _stored(texture)
     count = pixels.shape[2]
     result = np.ones((*pixels.shape[:2], 4), dtype=np.float32)

@@ -111,8 +111,6 @@ def check_target(
 
     `suffixes` are the suffixes that the target's name may have, in lower case; by default any.
     `makes_folder` tells whether a folder that is missing will be made for it.
-
-    Raises OutputError if the target cannot be written, is one of the inputs, or has another suffix.
     """
     if os.fspath(target).endswith((os.sep, os.altsep or os.sep)):  # which a Path forgets
         raise OutputError(f"{target}: a directory; name a file to write")
@@ -222,10 +220,7 @@ def write_bytes(target: str | os.PathLike[str], data: bytes) -> None:
 
 @contextlib.contextmanager
 def together() -> Iterator[None]:
-    """Context manager within which files become their targets at its end, or none of them does.
-
-    Raises OutputError if a file cannot become its target; those before it have become theirs then.
-    """
+    """Context manager within which files become their targets at its end, or none of them does."""
     waiting: list[tuple[Path, Path]] = []
     token = _together.set(waiting)
     try:
@@ -290,10 +285,7 @@ def own_prefix(name: str) -> str:
 
 
 def abandoned(folder: Path, prefix: str, suffix: str = "") -> list[Path]:
-    """Return temporary files and folders whose processes no longer run on this machine.
-
-    `prefix` is what `own_prefix` returns. `suffix` is what their names end in.
-    """
+    """Return temporary files and folders whose processes no longer run on this machine."""
     found = []
     with contextlib.suppress(OSError):
         for name in os.listdir(folder):  # which is fast, as folders may hold ten thousands
@@ -329,9 +321,6 @@ def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Pat
     """Context manager that yields a new folder, which is removed at the end with all in it.
 
     A process that is killed leaves its folder behind; the next one that makes one there removes it.
-
-    `inside` is where the folder is made; by default where the system has its temporary files.
-    Raises OutputError if no folder can be made there.
     """
     try:
         where = Path(tempfile.gettempdir() if inside is None else inside)

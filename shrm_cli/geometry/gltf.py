@@ -14,8 +14,7 @@ from typing import Any
 
 from shrm_cli.errors import MeshError
 from shrm_cli.files import gltf
-from shrm_cli.geometry.mesh import MOST_FACES, too_many
-from shrm_cli.geometry.surface import Matrix, SurfaceMaterial, Texture, Wrap
+from shrm_cli.geometry.mesh import MOST_FACES, Matrix, SurfaceMaterial, Texture, Wrap, too_many
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
@@ -186,12 +185,10 @@ _KNOWN = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantizatio
 def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial | None]]:
     """Check a glTF or GLB file, and return it as a plain GLB.
 
-    `name` is the path of the file. Buffers in other files are looked for in its folder.
+    Buffers in other files are looked for in its folder.
 
     Returns `data`, a GLB with nothing but nodes and triangles; `kind`, ``"glb"``; and `materials`,
     those of the primitives, in their order.
-
-    Raises MeshError if it is damaged, claims more than is there, or needs what is not read.
     """
     tree, chunk = gltf.read_tree(name, data)
     with gltf.damage(name, MeshError):

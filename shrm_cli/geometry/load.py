@@ -27,10 +27,9 @@ from shrm_cli.extras import install
 from shrm_cli.files.gltf import MOST_BYTES
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.gltf import read_gltf
-from shrm_cli.geometry.mesh import MOST_FACES, Mesh, joined, make_mesh, too_many
+from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, make_mesh, too_many
 from shrm_cli.geometry.mtl import PAINTED, read_materials
 from shrm_cli.geometry.obj import read_obj
-from shrm_cli.geometry.surface import SurfaceMaterial
 from shrm_cli.records import record
 
 _MOST_TEXT = 2**27
@@ -51,10 +50,7 @@ _WORDS = re.compile(rb"\s*solid\b.*?facet\s+normal\b", re.DOTALL | re.IGNORECASE
 
 
 def check_ply(name: str, data: bytes) -> None:
-    """Check that a PLY file is long enough for the elements that its header declares.
-
-    Raises MeshError if it is not, or the header is damaged.
-    """
+    """Check that a PLY file is long enough for the elements that its header declares."""
     end = data.find(b"end_header", 0, _MOST_HEADER)
     if end < 0:
         raise MeshError(f"{name}: its PLY header does not end; export it again")
@@ -98,10 +94,7 @@ def _check_rows(name: str, rows: list[tuple[str, int, int]], left: int) -> None:
 
 
 def check_stl(name: str, data: bytes) -> None:
-    """Check that a binary STL file is as long as its triangles, and that others are text.
-
-    Raises MeshError if it is neither.
-    """
+    """Check that a binary STL file is as long as its triangles, and that others are text."""
     count = int.from_bytes(data[_STL_HEADER - 4 : _STL_HEADER], "little")
     if len(data) >= _STL_HEADER and len(data) == _STL_HEADER + count * _STL_TRIANGLE:
         if count > MOST_FACES:
@@ -155,8 +148,6 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     OBJ. The vertices of a file are numbered from 0: the lines `v` of OBJ, the rows of the element
     `vertex` of PLY, the corners of the triangles of STL, and of glTF the elements of the POSITION
     of all primitives of triangles, mesh after mesh.
-
-    Raises MeshError if the file cannot be read, is damaged or too large, or has nothing to draw.
     """
     name = os.fspath(path)
     note(path)

@@ -1,15 +1,94 @@
-"""Triangle meshes as everything else takes them: finite, indexed soundly, with unit normals."""
+"""Triangle meshes as everything else takes them: finite, indexed soundly, with unit normals.
+
+What files say of surfaces is in the terms of glTF's metallic-roughness model. Textures are named,
+and are read only where a picture is drawn of them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
-from shrm_cli.geometry.surface import SurfaceMaterial
 from shrm_cli.records import record
+
+Wrap = Literal["repeat", "clamp", "mirror"]
+Matrix = tuple[float, float, float, float, float, float]
+
+
+@record
+class Texture:
+    """A texture over a mesh."""
+
+    picture: Path | bytes | str
+    """The file of its pixels, or the content of one, or a text that says why there is none."""
+    is_srgb: bool = False
+    """Whether its colours are encoded as sRGB has it."""
+    uv_set: int = 0
+    """The texture coordinates that it lies over. One of 0 and 1."""
+    matrix: Matrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    """Two rows that multiply columns (u, 1 - v, 1), and give the place in shares of the width from
+    the left and of the height from the top."""
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    """What is to the left and right, and above and below."""
+    is_nearest: bool = False
+    """Whether its pixels are seen as squares where they are larger than those of the picture."""
+
+
+@record
+class SurfaceMaterial:
+    """A surface, whose numbers are factors of its textures."""
+
+    name: str = ""
+    """Empty if it has none."""
+    base_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """Linear RGB, 0 .. 1."""
+    metallic: float = 1.0
+    roughness: float = 1.0
+    """`metallic` and `roughness`: 0 .. 1; GGX's alpha is the square of the roughness."""
+    color_map: Texture | None = None
+    """Base colour, and opacity in alpha."""
+    metallic_map: Texture | None = None
+    metallic_channel: int = 2
+    roughness_map: Texture | None = None
+    """`metallic_map` and `roughness_map`: of which the channels `metallic_channel` and
+    `roughness_channel` count."""
+    roughness_channel: int = 1
+    normal_map: Texture | None = None
+    """Normals in the tangent frame, x along u and y along v: each channel 0 .. 1 for -1 .. 1."""
+    normal_scale: float = 1.0
+    """Factor of x and y of the normals."""
+    occlusion_map: Texture | None = None
+    """In red the share of the light that reaches the surface."""
+    occlusion_strength: float = 1.0
+    """0 .. 1, how far it counts."""
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """What the surface emits, linear RGB, at least 0."""
+    emission_map: Texture | None = None
+    colored: Literal["", "linear", "srgb"] = ""
+    """How vertex colours are encoded that multiply the base colour; empty where none do."""
+    opacity: float = 1.0
+    """Factor of the opacity."""
+    cutoff: float | None = None
+    """The least opacity that is seen; None where all of it is."""
+    unread: tuple[str, ...] = ()
+    """What else the file says of it, which is not drawn."""
+
+    @property
+    def textures(self) -> tuple[Texture, ...]:
+        maps = (
+            self.color_map, self.metallic_map, self.roughness_map, self.normal_map,
+            self.occlusion_map, self.emission_map,
+        )  # fmt: skip
+        return tuple(each for each in maps if each is not None)
+
+
+# ---- meshes --------------------------------------------------------------------------------------
+
 
 Integers = NDArray[np.int64]
 
@@ -81,8 +160,6 @@ class Mesh:
         `matrix`, of shape (3, 4) or (4, 4), multiplies columns (x, y, z, 1). Normals stay
         perpendicular to the surface, and mirrored triangles are turned, so that their outside stays
         outside.
-
-        Raises MeshError if the transformation is not finite or flattens the mesh.
         """
         rows = np.asarray(matrix, dtype=float)[:3]
         linear, shift = rows[:, :3], rows[:, 3]
@@ -125,18 +202,15 @@ def make_mesh(
     coordinates and colours that are not finite, or not one for each vertex, are left out as a
     whole.
 
-    `name` is for messages. `vertices` and `normals`, of any length, are of shape (n, 3), `faces` of
-    (m, 3), `uvs` and `uvs_1` of (n, 2). Integers in `colors`, of shape (n, 3 or 4), stand for
-    fractions of the largest that their type holds. The first of the `materials` is that of all
-    triangles, unless `face_materials` says otherwise. `face_materials`, of shape (m,), are the
-    indices of their materials; -1 for none. `tangents`, of shape (n, 4), are as `Mesh` has them.
-    `file_vertices`, of shape (n,), tells which vertex of its file each vertex is; by default the
-    one of the same number. `file_count` is the number of vertices of the file; by default as many
-    as there are here. `file_rows`, of shape (k,), tells which vertex each vertex of the file is,
-    where several of the file are one here; by default the first that `file_vertices` gives.
-
-    Raises MeshError if there are no triangles with an area, a coordinate is not finite, or a
-    triangle names a vertex that does not exist.
+    `vertices` and `normals`, of any length, are of shape (n, 3), `faces` of (m, 3), `uvs` and
+    `uvs_1` of (n, 2). Integers in `colors`, of shape (n, 3 or 4), stand for fractions of the
+    largest that their type holds. The first of the `materials` is that of all triangles, unless
+    `face_materials` says otherwise. `face_materials`, of shape (m,), are the indices of their
+    materials; -1 for none. `tangents`, of shape (n, 4), are as `Mesh` has them. `file_vertices`, of
+    shape (n,), tells which vertex of its file each vertex is; by default the one of the same
+    number. `file_count` is the number of vertices of the file; by default as many as there are
+    here. `file_rows`, of shape (k,), tells which vertex each vertex of the file is, where several
+    of the file are one here; by default the first that `file_vertices` gives.
     """
     points, triangles = np.asarray(vertices, dtype=float), np.asarray(faces)
     if points.ndim != 2 or points.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
@@ -304,8 +378,7 @@ _NOWHERE = 1e-9
 def face_normals(vertices: Array, faces: Integers) -> Array:
     """Return the unit normals of triangles.
 
-    `vertices`, of shape (n, 3), are finite. `faces`, of shape (m, 3), are counterclockwise as seen
-    from where the normals point to.
+    `faces`, of shape (m, 3), are counterclockwise as seen from where the normals point to.
 
     Returns an array of shape (m, 3): 0 where a triangle has no area.
     """
@@ -324,8 +397,6 @@ def smooth_normals(vertices: Array, faces: Integers) -> Array:
     The result does not depend on how a surface is cut into triangles (Thurmer and Wuthrich 1998,
     "Computing vertex normals from polygonal facets"). Vertices at one place are one, so that
     seams of texture coordinates are not seen. Triangles without an area do not count.
-
-    `vertices` are of shape (n, 3). `faces` are of shape (m, 3).
 
     Returns an array of shape (n, 3). Where normals cancel each other, as on the two sides of a
     sheet, the normal is that of one of the vertex's own triangles.
@@ -380,8 +451,8 @@ def smooth_points(mesh: "Mesh", faces: Integers, weights: Array, normals: Array)
     look over what shadows them. Here they are moved half as far, and a plane below a point, as
     where the surface turns from convex to concave, counts against one above it.
 
-    `faces` are of shape (n,). `weights`, of shape (n, 3), are barycentric. `normals`, of shape (n,
-    3), are those of the side that is looked from.
+    `weights`, of shape (n, 3), are barycentric. `normals`, of shape (n, 3), are those of the side
+    that is looked from.
     """
     corners = mesh.faces[faces]
     points = mesh.interpolated(mesh.vertices, faces, weights)

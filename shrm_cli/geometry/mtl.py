@@ -15,7 +15,7 @@ from typing import Any
 from shrm_cli.errors import MeshError
 from shrm_cli.files.texture import beside
 from shrm_cli.files.whole import note
-from shrm_cli.geometry.surface import SurfaceMaterial, Texture, Wrap
+from shrm_cli.geometry.mesh import SurfaceMaterial, Texture, Wrap
 
 PAINTED = SurfaceMaterial(metallic=0.0, roughness=0.5, colored="srgb")
 """What files without materials have whose vertices have colours."""
@@ -42,11 +42,9 @@ def read_materials(
 ) -> list[SurfaceMaterial]:
     """Return the materials that an OBJ file names.
 
-    `name` is the path of the OBJ file. Materials and textures are looked for in its folder.
-    `libraries` are the files of materials that it names. Missing ones are passed over. `wanted`
-    holds the names of the materials. Those that no file has say so in their `unread`.
-
-    Raises MeshError if a file of materials is too large, or is damaged.
+    Materials and textures are looked for in its folder. `libraries` are the files of materials that
+    it names. Missing ones are passed over. `wanted` holds the names of the materials. Those that no
+    file has say so in their `unread`.
     """
     known: dict[str, SurfaceMaterial] = {}
     for each in libraries:

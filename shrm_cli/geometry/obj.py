@@ -133,13 +133,9 @@ class _Reader:
 def read_obj(name: str, data: bytes) -> dict[str, Any]:
     """Read an OBJ file.
 
-    `name` is for messages.
-
     Returns ``vertices``, ``faces`` and more, as `make_mesh` takes them. A vertex is what its
     corners have in common: position, texture coordinates and normal. ``libraries`` are the files
-    that hold the materials ``material_names``, whose places ``face_materials`` has. Raises
-    MeshError if it is not OBJ, a face is no polygon or names what is not there, or there are none
-    or too many.
+    that hold the materials ``material_names``, whose places ``face_materials`` has.
     """
     if b"\0" in data:
         raise MeshError(f"{name}: it is not text, so it is not OBJ; export it again")

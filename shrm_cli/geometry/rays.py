@@ -20,10 +20,7 @@ _START = 1e-5
 
 
 class Rays:
-    """Asks what rays meet of a mesh.
-
-    Raises MeshError if embreex is not installed.
-    """
+    """Asks what rays meet of a mesh."""
 
     def __init__(self, mesh: Mesh) -> None:
         try:
@@ -74,9 +71,6 @@ class Rays:
 
         Rays begin a little in front of their origin (1e-5 of half the diagonal of the mesh), so
         that points of the surface do not hide themselves.
-
-        `origins` and `directions`, each of shape (k, 3), broadcastable, are in the mesh's own
-        coordinates; directions are unit.
         """
         start, along = np.broadcast_arrays(
             np.asarray(origins, dtype=float), np.asarray(directions, dtype=float)

@@ -35,8 +35,6 @@ def brushed_tangents(mesh: Mesh, brush: str | tuple[float, float, float] | None 
     """Return unit tangents of a mesh's vertices, shape (n, 3).
 
     `brush` is along the texture coordinate u, or a direction; by default around +Y.
-
-    Raises ArgumentError if they are to follow texture coordinates, and the mesh has none.
     """
     if brush is None:
         return horizontal_tangents(mesh.normals)

@@ -130,8 +130,6 @@ def chart_numbers(mesh: Mesh, texcoords: Array) -> Integers:
 
     Vertices are the same where place, normal and texture coordinates are. So charts end at creases,
     over which a texel would have to have two normals.
-
-    `texcoords` are of shape (m, 3, 2).
     """
     corners = mesh.faces.ravel()
     known = [mesh.vertices[corners], mesh.normals[corners], texcoords.reshape(-1, 2)]
@@ -225,8 +223,6 @@ def charted(mesh: Mesh, size: int) -> Sampled:
 
     `size` is the number of texels along the edge: of a square texture for the mesh's own
     coordinates, and the most for charts that are made.
-
-    Raises MeshError if xatlas is needed and not installed, or the charts do not fit.
     """
     if mesh.uvs is not None and mesh.uvs.min() >= 0 and mesh.uvs.max() <= 1:
         own = mesh.uvs[mesh.faces]

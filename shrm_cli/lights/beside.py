@@ -23,7 +23,7 @@ from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
 from shrm_cli.maps.lamps.models import bytes_of_table
 from shrm_cli.maps.lamps.rule import LitDiscs
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.prefiltered import Prefiltered, negative_warnings
+from shrm_cli.maps.request import Prefiltered, negative_warnings
 from shrm_cli.plan import policy
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of

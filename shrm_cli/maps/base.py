@@ -49,10 +49,7 @@ REMEDY = "dim them by `clamp`"
 
 
 class ReflectedLight(ABC):
-    """Light that surfaces of one BRDF reflect, for all of their orientations and all views.
-
-    Its `info` is how its map was made, and of which BRDF.
-    """
+    """Light that surfaces of one BRDF reflect, for all of their orientations and all views."""
 
     if TYPE_CHECKING:
 

@@ -168,9 +168,8 @@ _LEAST_BLOCKS = 8
 def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
     """Compute the coefficients over R of every coefficient map of the global SHRM.
 
-    `lighting`, of shape (>= (F+1)^2, channels), holds the coefficients of the light over the real
-    harmonics of world axes. `brdf`, of shape (F+1, P+1, P+1, channels), is the coefficients
-    rho_hat_lpq of the BRDF for q >= 0, indexed [l, p, q, channel].
+    `brdf`, of shape (F+1, P+1, P+1, channels), is the coefficients rho_hat_lpq of the BRDF for q >=
+    0, indexed [l, p, q, channel].
 
     Returns an array of shape ((F+P+1)^2, (P+1)^2, channels): the coefficients over real harmonics
     of R (first index ``J (J+1) + M``) and of V (second index ``p (p+1) + q``), both in world axes.

@@ -136,10 +136,7 @@ def carried_band(
 
 
 def view_band(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> Band:
-    """Choose how the degrees of the view end that a map has.
-
-    `lighting` is the light, to at least the order of the coefficients.
-    """
+    """Choose how the degrees of the view end that a map has."""
     return Band.of_views(visible_beyond_p(lighting, coefficients, order_p), order_p)
 
 
@@ -157,9 +154,6 @@ def carry(
     `coefficients` are the coefficients of the BRDF, to at least the orders. `is_exact` tells
     whether to carry nothing beyond F. `is_exact_view` tells whether to keep every degree of the
     view up to P as it is.
-
-    Raises ProbeError or BrdfError if the probe cannot be read, or the coefficients cannot be
-    extended.
     """
     f, p = orders.order_f, orders.order_p
     most = min(largest_f(p), MAX_ORDER_F)

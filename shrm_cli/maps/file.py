@@ -6,10 +6,10 @@ from collections.abc import Callable
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredFile, WithoutLast, open_file, peek
 from shrm_cli.maps import registry
-from shrm_cli.maps.attributes import has_map_attributes, map_info, read_attributes
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.size import MAX_VALUES
+from shrm_cli.maps.stored import has_map_attributes, map_info, read_attributes
 from shrm_cli.records import record
 
 

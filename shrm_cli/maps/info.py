@@ -226,11 +226,7 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Br
     is looked for in the folders of the maps, and nowhere else: what a map says leads to no other
     file, and runs no code.
 
-    `infos` are the records of maps by the paths of their files; at least one. `advice` is what an
-    error message tells the user to do.
-
-    Raises BrdfError if the BRDFs of the maps differ or cannot be evaluated, or a measured file is
-    not there.
+    `infos` are the records of maps by the paths of their files; at least one.
     """
     (path, first), *others = infos.items()
     for other, info in others:
@@ -326,10 +322,9 @@ def differing_origins(
 
     A map that does not record its probe or its BRDF is not said to differ in it.
 
-    `infos` are the records of maps by the paths of their files. `probe` is what the lines call the
-    expected probe. `probe_sha256` is the digest of the expected probe's bytes; nothing is compared
-    where it is empty. `brdf` is the expected BRDF, as maps record it; nothing is compared where it
-    is empty.
+    `infos` are the records of maps by the paths of their files. `probe_sha256` is the digest of the
+    expected probe's bytes; nothing is compared where it is empty. `brdf` is the expected BRDF, as
+    maps record it; nothing is compared where it is empty.
     """
     lines = []
     for path, info in infos.items():

@@ -31,10 +31,7 @@ def names() -> list[str]:
 
 @cache
 def description(name: str) -> Representation:
-    """Return the description of a form.
-
-    Raises ArgumentError if there is none of that name. Raises PluginError if it cannot be used.
-    """
+    """Return the description of a form."""
     point = installed(FORMS).get(name)
     if point is None:
         known = ", ".join([*REPRESENTATIONS, *names()])
@@ -53,11 +50,7 @@ def description(name: str) -> Representation:
 
 
 def module(name: str, part: str) -> SimpleNamespace:
-    """Return the functions of a form, among which are those of a module such as ``file``.
-
-    Raises PluginError if the form's home cannot be loaded, or lacks one; and where one fails.
-    Raises MapError if it is ``shader``, and the form has none.
-    """
+    """Return the functions of a form, among which are those of a module such as ``file``."""
     found = home(name)
     if part == "shader" and not hasattr(found, "source"):
         raise MapError(f"a map of representation {name} has no shader; look it up by shrm render")

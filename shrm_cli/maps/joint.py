@@ -17,9 +17,9 @@ _PAIRS = 4096
 def joint_error(strengths: ArrayLike, errors: Sequence[float], whole: float) -> float:
     """Return the error of a sum relative to the sum, taking those of its terms as independent.
 
-    `strengths`, of shape (terms,), are the RMS of the light that each term reflects. `errors` are
-    the relative errors of the terms. `whole` is the RMS of the sum. It is the sum of the strengths
-    only where all terms are bright in the same places.
+    `strengths`, of shape (terms,), are the RMS of the light that each term reflects. `whole` is the
+    RMS of the sum. It is the sum of the strengths only where all terms are bright in the same
+    places.
     """
     return float(np.linalg.norm(np.multiply(strengths, errors)) / max(whole, 1e-300))
 

@@ -164,10 +164,7 @@ class HarmonicLight:
 
 @record
 class Shaded(ReflectedLight):
-    """A GGX surface under the light of a map.
-
-    Raises MapError if a value is out of range.
-    """
+    """A GGX surface under the light of a map."""
 
     light: LightMap
     roughness: float

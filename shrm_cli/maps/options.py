@@ -42,10 +42,7 @@ class Option:
     """The value where it is not given; None where that follows from something else."""
 
     def checked(self, value: object) -> Any:
-        """Return a value as the makers of maps take it: numbers of numpy become Python's.
-
-        Raises ArgumentError if it is of another kind or outside the limits.
-        """
+        """Return a value as the makers of maps take it: numbers of numpy become Python's."""
         try:
             found = _CHECKS[self.kind](self, value)
         except (TypeError, ValueError, OverflowError):

@@ -21,8 +21,6 @@ def in_primaries(found: Map, primaries: tuple[float, ...]) -> Map:
 
     A BRDF with colors stays the one that it was in the old primaries, and so does the record of it.
     The errors that the map states are those in the old primaries.
-
-    Raises MapError if the map holds no light, or what it makes is not linear in it.
     """
     matrix = conversion(found.info.chromaticities, primaries)
     info = found.info.in_primaries(primaries)

@@ -210,8 +210,6 @@ def module(representation: str, name: str) -> Any:
 
     `representation` is one of `vocabulary.REPRESENTATIONS`, or a form of an installed package.
     `name` is one of the names that the docstring of `shrm_cli.maps.base` lists.
-
-    Raises PluginError if the form of an installed package cannot be used.
     """
     if representation not in vocabulary.REPRESENTATIONS:
         from shrm_cli.maps import installed
@@ -222,10 +220,7 @@ def module(representation: str, name: str) -> Any:
 
 
 def map_class(representation: str) -> "type[Map]":
-    """Return the class of the maps of a representation.
-
-    Raises PluginError if the form of an installed package has none.
-    """
+    """Return the class of the maps of a representation."""
     if representation in vocabulary.REPRESENTATIONS:
         defining = importlib.import_module(
             f"shrm_cli.maps.{vocabulary.REPRESENTATIONS[representation]}"
@@ -245,11 +240,7 @@ def map_class(representation: str) -> "type[Map]":
 
 
 def description(representation: str) -> Representation:
-    """Return the description of a representation; ``auto`` has one too, though it is none.
-
-    Raises ArgumentError if there is no such representation. Raises PluginError if it is a form of
-    an installed package that cannot be used.
-    """
+    """Return the description of a representation; ``auto`` has one too, though it is none."""
     if representation == vocabulary.AUTO:
         return AUTOMATIC
     if representation in DESCRIPTIONS:
@@ -277,10 +268,7 @@ def names() -> list[str]:
 
 
 def sources(representation: str) -> str:
-    """Return the fingerprint of all code that makes the maps of a representation.
-
-    To that of `shrm` comes that of the installed package which offers the form, if one does.
-    """
+    """Return the fingerprint of all code that makes the maps of a representation."""
     from shrm_cli.sources import fingerprint, fingerprint_with  # which --help does not need
 
     if representation in (vocabulary.AUTO, *vocabulary.REPRESENTATIONS):
@@ -300,10 +288,7 @@ def descriptions(*more: str) -> dict[str, Representation]:
 
 
 def unconverted(source: "Map", to: str, **options: Any) -> "Map":
-    """Return a map of a form that nothing else becomes, which no option changes.
-
-    Raises ArgumentError if it is of another form, or an option is given.
-    """
+    """Return a map of a form that nothing else becomes, which no option changes."""
     if source.representation != to:
         why = f"it is made from the probe, by shrm prefilter PROBE --to {to}"
         raise ArgumentError("to", f"{to} does not apply to {source.what}; {why}")

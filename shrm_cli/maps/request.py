@@ -3,27 +3,37 @@
 The makers of maps take a `Request`, files record it, and batches compare their outputs with it.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import field, replace
 from types import MappingProxyType
 from typing import Any, Self, cast
 
+import numpy as np
+
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.library import foreign_modules
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import record_of
-from shrm_cli.maps.options import SHARED, Representation, listing, owners
+from shrm_cli.maps.options import SHARED, Representation, bytes_text, listing, owners
 from shrm_cli.maps.size import stored_bytes
 from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sources import package_digest
+from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import (
     AUTO,
     DEFAULT_EPS,
     DEFAULT_MAX_SIZE,
     EXPANDED,
+    LUMINANCE,
+    NEGATIVE_SHARE,
+    SEEN_FLOOR,
+    WRONG,
     Domain,
     Frame,
     Sampling,
@@ -62,12 +72,8 @@ class Request:
     def of(cls, to: str, given: Mapping[str, Any], probe: Probe) -> Self:
         """Check arguments, and resolve what they mean.
 
-        `to` is the representation, or ``auto``. `given` are the arguments of
-        `shrm_cli.prefilter.prefilter` by name. One that is None counts as not given. `probe` is the
-        light, in whose primaries the colours of the BRDF are taken.
-
-        Raises ArgumentError or BrdfError if an argument does not apply, or has a value that it
-        cannot have.
+        `given` are the arguments of `shrm_cli.prefilter.prefilter` by name. One that is None counts
+        as not given. `probe` is the light, in whose primaries the colours of the BRDF are taken.
         """
         to = resolved_form(to, given)
         named = {name: value for name, value in given.items() if value is not None}
@@ -147,18 +153,15 @@ def _listed(values: Mapping[str, Any]) -> dict[str, Any]:
 def resolved_form(to: str, given: Mapping[str, Any]) -> str:
     """Return the representation that is asked for: with arguments of SHRMs, ``auto`` is one.
 
-    `to` is the representation, or ``auto``. `given` are the arguments of
-    `shrm_cli.prefilter.prefilter` by name. One that is None counts as not given.
+    `given` are the arguments of `shrm_cli.prefilter.prefilter` by name. One that is None counts as
+    not given.
     """
     named = {name for name, value in given.items() if value is not None}
     return EXPANDED if to == AUTO and named - registry.description(AUTO).arguments else to
 
 
 def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments but for the BRDF as the makers of maps take them.
-
-    Raises ArgumentError if one has a value that it cannot have, or is of the other domain.
-    """
+    """Return the arguments but for the BRDF as the makers of maps take them."""
     is_angular = given.get("domain") == "angular"
     for name in ("order_f", "order_p") if is_angular else ("source_height",):
         if name in given:
@@ -169,13 +172,7 @@ def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_arguments(to: str, given: Iterable[str]) -> None:
-    """Check that a representation is known, obeys all given arguments, and has all that it needs.
-
-    `given` holds names of the arguments of `shrm_cli.prefilter.prefilter` that are given.
-
-    Raises ArgumentError if the representation is unknown, does not obey an argument, or lacks a
-    BRDF.
-    """
+    """Check that a representation is known, obeys all arguments, and has all that it needs."""
     chosen, given = registry.description(to), set(given)
     known = registry.descriptions(to)
     for name in sorted(given - chosen.arguments):
@@ -202,3 +199,175 @@ def _not_for(
         return ArgumentError(name, "is no argument of prefilter")
     why = f"; {chosen.why_no_brdf}" if name == "brdf" else ""
     return ArgumentError(name, f"applies with `to` {listing(of, 'or')}{why}")
+
+
+# ---- what was made, with facts about it that its file does not keep ------------------------------
+# Where its picture is wrong, the functions here say what, by how much, and one thing that helps. A
+# series that is cut off swings about the light, and where the light is dark beside a lamp it swings
+# below zero, which a screen shows as black: how much of a map is so is looked at here, too.
+
+
+_WRONG = "the reflected light is wrong by"
+"""How all lines about the error of the light begin."""
+Truth = Callable[[Array, Array], Array]
+"""From normals and views to what is reflected, shape (n, 3)."""
+Notes = tuple[tuple[str, str], ...]
+"""Headings and texts that tell people what was chosen automatically."""
+
+
+@record(eq=False)
+class Prefiltered:
+    """A map, and what is known of how it was made."""
+
+    map: Map
+    facts: dict[str, Any] = field(default_factory=dict)
+    """Facts that the map's own `summary` does not have, by the names used in JSON. For maps that
+    are made for a BRDF ``error_bound`` is among them: the conservative relative RMS error of eq.
+    5.19, or None in the angular domain."""
+    notes: Notes = ()
+    """Headings and texts that tell people what was chosen automatically."""
+    warnings: tuple[str, ...] = ()
+    """Lines that the user should know about the map."""
+    further: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
+    """Facts that take a while to find, by functions that find them when somebody asks for the
+    `summary`. For maps that are made for a BRDF ``predicted_wrong_share`` is here or among the
+    facts: the share of what is visible whose luminance is wrong by more than `vocabulary.WRONG`, or
+    None where it is not known."""
+
+    def quick_summary(self) -> dict[str, Any]:
+        """Return what the `summary` has but for the further facts, which take as long as a map."""
+        return {**self.map.summary(), **self.facts, **self.map.info.origin()}
+
+    def summary(self) -> dict[str, Any]:
+        """Return the numbers that users and scripts ask for, by the names used in JSON."""
+        found = {name: find() for name, find in self.further.items()}
+        return {**self.map.summary(), **self.facts, **found, **self.map.info.origin()}
+
+
+def wrong_light(error: float, why: str, remedy: str) -> str:
+    """Return the line about a map whose relative RMS error is seen."""
+    return f"{_WRONG} {error:.1%} (RMS), {why}; {remedy}"
+
+
+def unkept_error(asked: float, error: float, max_size: int, remedy: str) -> str:
+    """Return the line about the best map within some bytes, which misses the error asked for."""
+    within = f"over `error` {asked:g}, in the best map of {bytes_text(max_size)} before packing"
+    return wrong_light(error, within, remedy)
+
+
+def with_wrong_share(
+    lines: Sequence[str], share: float, error: float, instead: str | None = None
+) -> list[str]:
+    """Add to the warnings of an SHRM which part of the picture is wrong.
+
+    Whoever asks for an SHRM gets one, but not in silence. One line says it: that about the light's
+    error is left out.
+
+    `share` is the share of what is visible that is predicted to be wrong by more than
+    `vocabulary.WRONG`. `instead` is what ``auto`` would make, where that is known.
+    """
+    chosen = "chooses the form that it needs" if instead is None else f"would make {instead}"
+    said = (
+        f"{share:.0%} of the picture is predicted to be wrong by more than 5 %, its light by "
+        f"{error:.1%} (RMS); `to` auto, without `eps` or orders, {chosen}"
+    )
+    return [*(line for line in lines if not line.startswith(_WRONG)), said]
+
+
+def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
+    """Return lines about the orders, the energy and the errors of a map made for a BRDF.
+
+    `result` is the object that `shrm prefilter --json` prints. `added_by` is what causes the added
+    error of the map, in words.
+    """
+    captured, bound = result["brdf_energy_captured"], result["error_bound"]
+    energy = f"{captured:.2%} captured, {1 - result['epsilon']:.2%} asked"
+    if "+" in result["center"]:
+        energy = f"{captured:.2%} captured by the terms, whose error together is that of one map"
+    if result["domain"] == "angular":
+        energy = f"{captured:.2%} in the truncated lobe"
+    at_most = "" if bound is None else f", {bound:.2%} at most"
+    carried = result["order_carried"]
+    further = f"; carried to {carried}" if carried > result["order_f"] else ""
+    lines = [
+        f"orders         F = {result['order_f']}, P = {result['order_p']}{further}",
+        f"BRDF energy    {energy}",
+        f"RMS error      {result['predicted_error']:.2%} of the reflected light predicted{at_most}",
+    ]
+    if result["added_error"] >= 5e-5:
+        lines.append(f"and            {result['added_error']:.2%} from {added_by}")
+    if result["filter_error"]:
+        lines.append(
+            f"and            {result['filter_error']:.2%} from bilinear look-ups, as on a GPU"
+        )
+    share = result["predicted_wrong_share"]
+    if share is not None:
+        lines.append(f"pixels         {share:.1%} predicted to be wrong by more than 5%")
+    return lines
+
+
+_DARK_PAIRS = 1024
+"""The number of those with negative light whose truth is looked at, about."""
+
+
+def truth_of(probe: Probe, brdf: Brdf) -> Truth:
+    """Return what looks up what a BRDF reflects of a probe, by normals and views."""
+
+    def radiance(normals: Array, views: Array) -> Array:
+        from shrm_cli.reference import Reference  # which maps that are not negative do not need
+
+        with using(None):
+            return Reference(probe, brdf).radiance(normals, views)
+
+    return radiance
+
+
+def negative_share(map_: Map, truth: Truth | None = None) -> float:
+    """Estimate the share of what is visible of a map whose luminance is below 0.
+
+    Mirror directions and views are spread evenly over all pairs. These are the pixels of spheres,
+    seen in parallel projection from all sides. Lamps that are to lie beside the map light it.
+
+    `truth` is what is reflected, where it is known: what is black in truth may be so in the map.
+
+    Returns it in 0 .. 1, to about 0.001 where it is small.
+    """
+    from shrm_cli.maps.expansion import lamps_beside, visible_pairs  # maps of light alone need none
+
+    mirrored, views = visible_pairs()
+    shown = map_.shaded().rough_radiance(mirrored, views) @ LUMINANCE
+    if (lamps := lamps_beside.get()) is not None:
+        shown = shown + lamps.visible
+    dark = np.flatnonzero(shown < 0)
+    share = len(dark) / len(shown)
+    if truth is None or share <= NEGATIVE_SHARE:
+        return share
+    dark = dark[:: -(-len(dark) // _DARK_PAIRS)]
+    light = truth(bisector(mirrored[dark], views[dark]), views[dark]) @ LUMINANCE
+    seen = WRONG * SEEN_FLOOR * float(np.maximum(shown, 0).mean())
+    return share * float(np.mean(light > seen))
+
+
+def examined(made: Prefiltered, truth: Truth | None = None) -> Prefiltered:
+    """Record the negative share of a map that was just made, and warn of it where it is seen.
+
+    Where that was done, as the share decides which map is made, it is not done again. The truth is
+    that of `negative_share`.
+    """
+    if "negative_share" in made.further:
+        return made
+    share = negative_share(made.map, truth)
+    # It stands behind the facts that are still to be found, so that JSON keeps its order.
+    further = {**made.further, "negative_share": lambda: share}
+    warnings = (*made.warnings, *negative_warnings(made.map, share))
+    return replace(made, further=further, warnings=warnings)
+
+
+def negative_warnings(map_: Map, share: float) -> tuple[str, ...]:
+    """Return a line about the negative share of a map, and what helps, if anybody would see it."""
+    if share <= NEGATIVE_SHARE:
+        return ()
+    return (
+        f"{share:.1%} of what is visible is black, mostly beside lamps, for it is negative there; "
+        f"{map_.against_negatives}",
+    )

@@ -16,8 +16,7 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import SHARED, bytes_text
-from shrm_cli.maps.prefiltered import Prefiltered, Truth, examined
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request, Truth, examined
 from shrm_cli.maps.size import stored_bytes, total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising
@@ -119,12 +118,9 @@ def first_that_keeps(
 ) -> Prefiltered:
     """Make the map of the coarsest settings that keeps the error, and the share, of a request.
 
-    `make` is the maker of the form. `request` has an error, or a share of wrong pixels, or both.
+    `request` has an error, or a share of wrong pixels, or both.
 
     Where none keeps them, the map of the least error is returned.
-
-    Raises ArgumentError if a setting is given that the error chooses. Raises OrderError,
-    ProbeError, BrdfError or MapError as the maker has them.
     """
     form = registry.description(request.to)
     asking = "error" if request.seen is None else "seen"

@@ -67,10 +67,7 @@ def choose_size(order_f: int) -> int:
 
 
 def supported_order(size: int, order_p: int = 1) -> int:
-    """Return the largest order that cubes with so many texels along an edge support.
-
-    `order_p` is the order P of the map; with 0 it has a single cube.
-    """
+    """Return the largest order that cubes with so many texels along an edge support."""
     return int((_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
 
 
@@ -90,10 +87,7 @@ def sizes_of(size: int | None) -> tuple[int, ...]:
 
 
 def nothing_fits(size: int | None, terms: int = 1) -> ArgumentError:
-    """Return the error that refuses a number of bytes which not even a cube a term fits into.
-
-    `terms` is the number of terms that need a cube each.
-    """
+    """Return the error that refuses a number of bytes which not even a cube a term fits into."""
     least = stored_bytes(TRIED_SIZES[0] if size is None else size, terms)
     return ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
 
@@ -123,13 +117,7 @@ def largest_f(order_p: int) -> int:
 
 
 def check_size(order_f: int, order_p: int, size: int | None = None) -> None:
-    """Check that a map of these orders can be computed and kept in memory.
-
-    `order_f` and `order_p` are the orders F and P. `size` is the number of texels along a face's
-    edge; `choose_size` by default.
-
-    Raises MapError if the map would be too large.
-    """
+    """Check that a map of these orders can be computed and kept in memory."""
     series = (order_f + order_p + 1) ** 2 * (order_p + 1) ** 2 * 3
     if series > MAX_SERIES:
         raise MapError(
@@ -245,9 +233,8 @@ def shrm_look_up_error(
     Small cubes are looked through, because a prediction is up to a fifth off where they show a
     single lamp.
 
-    `lighting`, `coefficients`, `order_p`, `size` and `sampling` are the same as for
-    `shrm_cli.reflected.filtering_error`. `factors`, of shape (F+1, P+1), are what the map
-    multiplies each degree of the light and each one of the view with.
+    `factors`, of shape (F+1, P+1), are what the map multiplies each degree of the light and each
+    one of the view with.
 
     Returns the error of the map as it is made, without that of its orders; 0 for black light.
     """

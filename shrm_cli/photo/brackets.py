@@ -256,8 +256,7 @@ def _places(values: Array) -> Array:
 def _exposure(opened: ImageFile) -> float:
     """Return what an exposure let in, by its Exif: seconds x sensitivity / f-number squared.
 
-    Raises ProbeError if it does not say its time. An aperture or a sensitivity that it does not say
-    counts as 1.
+    An aperture or a sensitivity that it does not say counts as 1.
     """
     time = opened.number("ExposureTime")
     if time is None:

@@ -44,9 +44,6 @@ def fine_probe(probe: Probe) -> Probe:
     Returns the probe itself where it is as fine, has no degrees beyond those of its pixels, or is a
     sum of lights. Otherwise a probe in memory, with the digest of the first one, whose report tells
     what the pixels needed.
-
-    Raises ProbeError if the file is damaged, or has NaN or infinite pixels that are not to be
-    filled.
     """
     count = int(np.ceil(COARSE_ROWS / probe.grid.resolution))
     if count < 2 or probe.sampling != "center" or _is_sum(probe) or not _goes_on(probe):

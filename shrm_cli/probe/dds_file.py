@@ -57,10 +57,7 @@ class DdsFile:
 
     @classmethod
     def open(cls, path: Path) -> "DdsFile | None":
-        """Open a file; None where it is no DDS file, or one that image libraries can read.
-
-        Raises ProbeError if it is a DDS file of no use as a probe, or cut short.
-        """
+        """Open a file; None where it is no DDS file, or one that image libraries can read."""
         with open(path, "rb") as stream:
             head = stream.read(_HEADER.size + _EXTENSION.size)
         if not head.startswith(_MAGIC):

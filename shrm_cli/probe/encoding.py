@@ -71,8 +71,6 @@ def radiance_encoding(path: Path) -> Encoding | None:
     They were multiplied by the product of all EXPOSURE and COLORCORR. PIXASPECT is the height of a
     pixel over its width.
 
-    Raises ProbeError if the pixels are XYZ or not linear, or a number of the header cannot be one.
-
     References: Ward, The RADIANCE Picture File Format; `GAMMA` is Walter's, of his rgbe.c.
     """
     with open(path, "rb") as stream:
@@ -147,8 +145,6 @@ def encoding_of(path: Path, spec: Any, file_format: str, integers: bool) -> Enco
 
     `file_format` is OpenImageIO's name of the format. `integers` tells whether the pixels are
     integers, which are decoded.
-
-    Raises ProbeError if the numbers are encoded in a way that is not known here.
     """
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
     primaries = sound_primaries(spec.getattribute("chromaticities")) or _of_profile(
@@ -255,9 +251,6 @@ def choose_layer(path: Path, source: Any, part: str | None, layer: str | None) -
 
     `part` is the name or number, from 0, of the part that is wanted. `layer` is the name of the
     layer or view that is wanted.
-
-    Raises ProbeError if nothing is light, or what is cannot be told from the rest, or there is no
-    such part or layer.
     """
     found = list(_layers(path, source, part))
     found = [each for each in found if each.is_color] or found

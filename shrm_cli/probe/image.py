@@ -144,8 +144,6 @@ class ArrayImage:
         """Make an image from a copy of an array.
 
         `array` is of a floating type and of shape (H, W, 3) or (H, W).
-
-        Raises ProbeError if it cannot be radiance.
         """
         values = np.asarray(array)
         if values.ndim not in (2, 3) or values.shape[2:] not in ((), (3,)) or values.size == 0:
@@ -195,10 +193,7 @@ def digest(images: tuple[ProbeImage, ...]) -> str:
 def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
     """Layout of an image, from its attribute `envmap`, else from its aspect ratio.
 
-    `name` is what messages call the image. `envmap` is ``latlong``, ``cube`` or, of files of this
-    program, ``angular``, or empty.
-
-    Raises ProbeError if they do not tell.
+    `envmap` is ``latlong``, ``cube`` or, of files of this program, ``angular``, or empty.
     """
     if envmap:
         return "openexr" if envmap == "cube" else envmap
@@ -233,10 +228,7 @@ def _of_latlongs(width: int, height: int) -> str:
 
 
 def proportions(layout: Layout, images: int = 1) -> tuple[int, int]:
-    """Width and height of a layout's image, in faces or in another unit.
-
-    `images` are 1, or 6 where each face is an image of its own.
-    """
+    """Width and height of a layout's image, in faces or in another unit."""
     if images > 1:
         return 1, 1
     if layout in CUBES:
@@ -247,8 +239,8 @@ def proportions(layout: Layout, images: int = 1) -> tuple[int, int]:
 def check_shape(name: str, layout: Layout, width: int, height: int, images: int = 1) -> None:
     """Check that an image's size suits its layout.
 
-    `name` is what messages call the image. `width` and `height` are those of each image. `images`
-    are 1, or 6 where each face is an image of its own.
+    `width` and `height` are those of each image. `images` are 1, or 6 where each face is an image
+    of its own.
     """
     columns, rows = proportions(layout, images)
     size = width // columns

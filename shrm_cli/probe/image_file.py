@@ -98,8 +98,6 @@ class ImageFile:
 
         `linearize` tells whether to decode integer pixels as the file says, or else as sRGB; they
         are refused otherwise. `part` and `layer` say which of several to read; see `choose_layer`.
-
-        Raises ProbeError if there is no such image, or it is not usable as radiance.
         """
         path = check_file(path)
         _check_whole(path)
@@ -231,10 +229,7 @@ class ImageFile:
         return canvas
 
     def whole(self) -> Array:
-        """All pixels, as `read` has them.
-
-        Raises ProbeError if one is not finite, or the file is damaged.
-        """
+        """All pixels, as `read` has them."""
         pixels = self.read(0, self.height)
         if not np.isfinite(pixels).all():
             raise ProbeError(f"{self.path}: it holds numbers that are not finite; export it again")
@@ -330,8 +325,6 @@ def open_picture(
 
     `linearize` tells whether to decode integers; they are refused otherwise. `as_stored` tells
     whether to leave all numbers as they are stored, integers as parts of the largest.
-
-    Raises ProbeError if there is no such image, it is turned, or too large.
     """
     opened = ImageFile.open(path, linearize or as_stored)
     if opened.width * opened.height > _MOST_OF_A_PICTURE:
@@ -343,10 +336,7 @@ def open_picture(
 
 
 def check_file(name: str | os.PathLike[str]) -> Path:
-    """The path of a file, without what would block, mislead, or make noise when it is opened.
-
-    Raises ProbeError.
-    """
+    """The path of a file, without what would block, mislead, or make noise when it is opened."""
     path = Path(name)
     try:
         str(path).encode()  # image libraries take no other names

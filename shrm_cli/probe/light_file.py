@@ -61,11 +61,8 @@ _DISC_KEYS = {
 def open_light_file(name: str, options: ReadOptions, opening: Callable[..., Probe]) -> LightSum:
     """Open a light file, and the probes that it names.
 
-    `name` is the file. Names in it are relative to its folder. `options` are what turns the whole;
-    other options say nothing about a light file. `opening` opens the probes that it names, as
-    `open_probe` does.
-
-    Raises ProbeError if it is no sound light file, or an option does not apply.
+    Names in it are relative to its folder. `options` are what turns the whole; other options say
+    nothing about a light file. `opening` opens the probes that it names, as `open_probe` does.
     """
     _check_options(name, options)
     path = check_file(name)
@@ -112,10 +109,7 @@ def _box_of(
 
 
 def read_light_tables(name: str) -> tuple[dict[str, list[dict[str, Any]]], Any]:
-    """Return the tables of a light file by their kinds, as they are, and what it says of `working`.
-
-    Raises ProbeError if it is no TOML of such tables.
-    """
+    """Return the tables of a light file by their kinds, and what it says of `working`."""
     return _parsed(name)[:2]
 
 

@@ -193,10 +193,7 @@ class LightSum(Probe):
         colors: Mapping[str, list[float]] | None = None,
         proxy: "ProxyBox | None" = None,
     ) -> "LightSum":
-        """Make the sum of the lights of an image; the matrix turns all of them.
-
-        The last three arguments are attributes of `Probe`.
-        """
+        """Make the sum of the lights of an image; the matrix turns all of them."""
         return cls(
             image.name, LatLong(image.height), "latlong", None, matrix, PixelPolicy(),
             chromaticities, (image,), PixelReport(notes=image.notes), colors or {},

@@ -180,10 +180,7 @@ class Projection:
         self._known: Lighting | None = None
 
     def to_order(self, order: int) -> Lighting:
-        """Return the light to an order at least as high as this one.
-
-        Raises ProbeError if the probe cannot be read.
-        """
+        """Return the light to an order at least as high as this one."""
         if self._known is None or self._known.order < order:
             self._known = project(self.probe, order)
         return self._known

@@ -178,12 +178,7 @@ AnyProbe = Probe | str | os.PathLike[str] | NDArray[np.floating]
 
 
 def as_probe(probe: AnyProbe) -> Probe:
-    """A probe from itself, from the name of its file, or from its pixels.
-
-    Files and pixels are understood as `open_probe` and `Probe.from_array` do without options.
-
-    Raises ProbeError.
-    """
+    """A probe from itself, from the name of its file, or from its pixels."""
     if isinstance(probe, Probe):
         return probe
     if isinstance(probe, np.ndarray):
@@ -206,9 +201,6 @@ def read_by_package(name: str) -> tuple[ReadImage, Mapping[str, Any]] | None:
     """Read a file by the package that names its suffix; None where none does.
 
     Returns the image, and what the package says of it: `Probe.from_array` has these arguments.
-
-    Raises PluginError if the package's function cannot be loaded, fails, or returns something else.
-    Raises ProbeError if there is no such file, or the pixels are no image.
     """
     from shrm_cli import plugins  # rarely needed
 

@@ -139,10 +139,7 @@ class ReadKeywords(TypedDict, total=False):
 
 
 def with_keywords(options: ReadOptions, keywords: ReadKeywords) -> ReadOptions:
-    """The options with some of them replaced.
-
-    Raises ProbeError if a keyword is not one of `ReadKeywords`, or its value is not one of its own.
-    """
+    """The options with some of them replaced."""
     of_pixels = {each.name for each in fields(PixelPolicy)}
     known = {each.name for each in fields(ReadOptions)} | of_pixels
     unknown = sorted(keywords.keys() - known)
@@ -162,8 +159,6 @@ def chromaticities_of(
 
     `argument` is its name, for the message. `value` is a name of `vocabulary.PRIMARIES`, or CIE x
     and y of red, green, blue and white.
-
-    Raises ProbeError if it is neither, or light cannot have such primaries.
     """
     if value is None:
         return None

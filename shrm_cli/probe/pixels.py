@@ -97,8 +97,7 @@ class PixelPolicy:
 def find_nonfinite(pixels: Array, first_row: int, report: PixelReport) -> NDArray[np.bool_] | None:
     """Find the pixels of a block that are NaN or infinite, and count them in the report.
 
-    `pixels` are of shape (rows, columns, 3). `first_row` is where the block begins in its image.
-    `report` is what is added to.
+    `first_row` is where the block begins in its image.
 
     Returns an array of bool of shape (rows, columns), or None where all pixels are finite.
     """
@@ -117,10 +116,7 @@ def find_nonfinite(pixels: Array, first_row: int, report: PixelReport) -> NDArra
 
 
 def refuse_nonfinite(name: str, report: PixelReport) -> None:
-    """Raise if any pixel was found to be NaN or infinite.
-
-    Raises ProbeError.
-    """
+    """Raise if any pixel was found to be NaN or infinite."""
     if report.first_nonfinite is not None:
         column, row = report.first_nonfinite
         raise ProbeError(
@@ -150,7 +146,7 @@ def fill_nonfinite(
     are filled or filled from. `rounds` is how deep to fill; what lies deeper stays as it is. By
     default no depth is too great.
 
-    Returns an array, a copy. If no used pixel is finite, nothing can be filled.
+    If no used pixel is finite, nothing can be filled.
     """
     pixels = pixels.copy()
     good = _finite(pixels)
@@ -228,11 +224,7 @@ class BlockReader:
     """What is added to."""
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the image in blocks of rows, by faces, or as a whole where it cannot be cut.
-
-        Raises ProbeError if a file is damaged, or has NaN or infinite pixels that are not to be
-        filled.
-        """
+        """Yield the image in blocks of rows, by faces, or as a whole where it cannot be cut."""
         if self.grid.most_pixels is None:
             return self._by_rows()
         if self.layout == "faces" and len(self.images) > 1 and self.grid.size > _SMALL_FACE:

@@ -278,8 +278,6 @@ def make_probe(
 
     `images` is one image, or six faces. `sampling`, `chromaticities` and `proxy` are what the
     images say of themselves; the options overrule the sampling.
-
-    Raises ProbeError if the images do not suit the layout, or an option does not suit them.
     """
     first = images[0]
     check_shape(name, layout, first.width, first.height, len(images))

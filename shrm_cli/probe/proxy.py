@@ -38,10 +38,7 @@ class ProxyBox:
 
     @classmethod
     def of(cls, low: ArrayLike, high: ArrayLike, at: ArrayLike | None = None) -> "ProxyBox":
-        """Return a box by two corners; the probe was captured in its middle by default.
-
-        Raises ProbeError if the box is flat, or the place is not within it.
-        """
+        """Return a box by two corners; the probe was captured in its middle by default."""
         corners = np.array([low, high], dtype=float).reshape(2, 3)
         place = corners.mean(axis=0) if at is None else np.asarray(at, dtype=float).reshape(3)
         if not (np.isfinite(corners).all() and (corners[1] > corners[0]).all()):

@@ -35,10 +35,7 @@ class OldRuns:
 
     @classmethod
     def of(cls, path: Path, width: int, height: int) -> "OldRuns | None":
-        """Read a Radiance picture; None if all pixels are stored, or runs are of the newer kind.
-
-        Raises ProbeError if there are more or fewer pixels than the header says.
-        """
+        """Read a Radiance picture; None if all pixels are stored, or runs are of the newer kind."""
         with open(path, "rb") as stream:
             head = stream.read(_LONGEST)
             end = head.find(b"\n\n") + 2

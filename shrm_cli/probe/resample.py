@@ -50,8 +50,7 @@ def coarse_probe(probe: Probe, rows: int) -> Probe:
 
     Returns the probe itself where no k suits its size, or its grid cannot be read by rows.
     Otherwise a probe in memory, without the files of the first one; what the pixels needed stands
-    in the report of the first one. Raises ProbeError if the file is damaged, or has NaN or infinite
-    pixels that are not to be filled.
+    in the report of the first one.
     """
     found = probe.grid.area_ratios()
     for count in range(probe.height // max(rows, LEAST_ROWS), 1, -1):
@@ -140,8 +139,6 @@ def to_grid(probe: Probe, target: Grid) -> Array:
 
     Returns an array of float32 of shape (rows, columns, 3), not negative, and 0 where the grid
     holds nothing.
-
-    Raises ProbeError if the size is out of its range, or the probe cannot be read.
     """
     if not target.smallest <= target.size <= target.largest:
         raise ProbeError(

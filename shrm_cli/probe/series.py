@@ -85,8 +85,6 @@ def read_series(
     `basis` is one of `BASES`; by default what the file says, or "real". `of` is what the numbers
     are coefficients of; irradiance has degrees up to 2. `part` is the number of a light among
     several.
-
-    Raises ProbeError if the file holds no such numbers.
     """
     path, suffix = check_file(name), Path(name).suffix.lower()
     if suffix == ".exr":
@@ -121,8 +119,7 @@ def read_series(
 def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array:
     """Return coefficients of radiance in our basis, shape (n, 3).
 
-    `values` are of shape (n, 3), (n, 1) or (n,), or flat, with n = 1, 4, 9, 16, ... `basis` and
-    `of` are as `read_series` takes them.
+    `values` are of shape (n, 3), (n, 1) or (n,), or flat, with n = 1, 4, 9, 16, ...
 
     Raises ValueError if they are something else.
     """
@@ -154,10 +151,7 @@ def sum_of(lights: Sequence[Array]) -> Array | None:
 
 
 def open_series(name: str, options: ReadOptions) -> "LightSum":
-    """Open a file of coefficients as a probe.
-
-    Raises ProbeError if it holds none, or an option does not apply.
-    """
+    """Open a file of coefficients as a probe."""
     from shrm_cli.probe.light_sum import LightSum, SumImage
 
     _check_options(name, options)
@@ -174,10 +168,7 @@ def open_series(name: str, options: ReadOptions) -> "LightSum":
 
 
 def _check_options(name: str, options: ReadOptions) -> None:
-    """Refuse options that say nothing about coefficients.
-
-    Raises ProbeError if one is given.
-    """
+    """Refuse options that say nothing about coefficients."""
     plain = ReadOptions()
     for each in ("layout", "orientation", "sampling", "linearize", "layer", "pixels"):
         if getattr(options, each) != getattr(plain, each):

@@ -81,10 +81,7 @@ def _lights(directions: Array, light: Array, dtype: type) -> tuple[Array, Array,
 
 
 def source_pixels(probe: Probe, height: int | None = None) -> tuple[Array, Array]:
-    """Return world directions and radiance times solid angle of lights, shape (H, W, 3) each.
-
-    `probe` and `height` are as `Source.of` takes them.
-    """
+    """Return world directions and radiance times solid angle of lights, shape (H, W, 3) each."""
     probe = coarse_probe(probe, LEAST_ROWS)
     if height is None:
         return _pixels(probe)
@@ -105,8 +102,6 @@ def latlong_light(probe: Probe, height: int) -> Array:
 
     `probe` is averaged down, or interpolated, if it is no such lat-long itself. `height` is the
     number of rows of the lat-long.
-
-    Raises ProbeError if the probe cannot be read.
     """
     grid = LatLong(height)
     with using(None):
@@ -164,10 +159,7 @@ class Pyramid:
 
     @classmethod
     def of(cls, probe: Probe, height: int | None = None, dtype: type = np.float32) -> "Pyramid":
-        """Make the pyramid of a probe.
-
-        `probe`, `height` and `dtype` are as `Source.of` takes them.
-        """
+        """Make the pyramid of a probe."""
         directions, light = source_pixels(probe, height)
         pixels = light.shape[0] * light.shape[1]
         # Pixels that are large beside a lobe are cut on the way down from a cell: there is one.

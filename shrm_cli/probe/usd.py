@@ -50,9 +50,6 @@ def open_stage(name: str, options: ReadOptions, opening: Callable[..., Probe]) -
     `name` is a file that ends with .usda, .usdc, .usd or .usdz. `options` are what turns a probe
     turns the stage, after its up axis was turned to +Y; all else is said of the textures. `opening`
     opens the textures, as `open_probe` does.
-
-    Raises ProbeError if OpenUSD is not installed, the stage is damaged or has no such light, or one
-    of its layers or textures lies elsewhere or cannot be read.
     """
     try:
         import pxr.Tf

@@ -7,9 +7,8 @@ import numpy as np
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-from shrm_cli.render.camera import Viewer
+from shrm_cli.render.camera import DEFAULT_FOV, Lens, Viewer, aimed
 from shrm_cli.render.mesh import MeshSubject
-from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
 from shrm_cli.render.scene import SphereSubject
 from shrm_cli.render.stage import Actor, Look, Stage
 from shrm_cli.render.vertex_colors import vertex_colors
@@ -50,8 +49,6 @@ def basis_subject(
     """Return what `Scene` draws: a subject, and its material for each of the maps.
 
     Without a `mesh` a sphere is drawn. `transfer` is what was baked of the mesh.
-
-    Raises TransferError if it was baked for another mesh.
     """
     if mesh is None:
         return SphereSubject(size), list(maps)

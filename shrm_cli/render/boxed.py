@@ -118,10 +118,7 @@ class Placed(ReflectedLight):
     def of(
         cls, made: Map, shown: ReflectedLight, name: str, place: ArrayLike, radius: float | None
     ) -> "Placed":
-        """Place a map; the radius is a tenth of the box's shortest edge by default.
-
-        Raises ArgumentError if the map knows of no box.
-        """
+        """Place a map; the radius is a tenth of the box's shortest edge by default."""
         box = made.info.proxy
         if box is None:
             raise ArgumentError(

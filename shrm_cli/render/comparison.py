@@ -8,13 +8,12 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.color import mix_channels, to_rec709
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, whole_coverage
-from shrm_cli.render.flip import FlipError, hdr_flip
 from shrm_cli.render.image import expose
-from shrm_cli.render.seen import seen_errors
+from shrm_cli.render.seen import FlipError, hdr_flip, seen_errors
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import Reflecting, render_sphere
 
@@ -117,13 +116,11 @@ class Comparison:
         The baseline comes first. Each other map follows, and then its absolute difference from
         the baseline.
 
-        `baseline_name` is the label of the baseline. `names` are labels of the others. `exposure`
-        is in stops, the same for all pictures and differences. `amplification` is the factor of the
-        differences alone.
+        `exposure` is in stops, the same for all pictures and differences. `amplification` is the
+        factor of the differences alone.
 
         Returns an array of float32 of shape (*comparison_layout(M, V, S).shape, 3): linear. The
-        tiles are exposed; the paper and the labels are not. Raises OutputError if the sheet would
-        be too large, or the labels cannot be drawn.
+        tiles are exposed; the paper and the labels are not.
         """
         many, views, size = self.others.shape[:3]
         tiles, labels = [], []
@@ -147,12 +144,7 @@ def mean_flip(errors: Sequence[FlipError | None]) -> float | None:
 
 
 def comparison_layout(others: int, views: int, size: int) -> SheetLayout:
-    """Lay out the tiles of a comparison's picture.
-
-    `others` and `views` are how many there are. `size` is the width and height of a tile, pixels.
-
-    Raises OutputError if the sheet would be too large.
-    """
+    """Lay out the tiles of a comparison's picture."""
     columns = 1 + 2 * others
     return arrange(columns * views, size, columns)
 

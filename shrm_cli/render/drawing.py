@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.probe.probe import Probe
@@ -13,12 +13,10 @@ from shrm_cli.probe.resample import coarse_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.render.boxed import Placed, outside
-from shrm_cli.render.camera import background_rows
-from shrm_cli.render.lit import shaded_maps
+from shrm_cli.render.camera import DEFAULT_FOV, Lens, aimed, background_rows
+from shrm_cli.render.lit import in_same_primaries, one_of, shaded_maps
 from shrm_cli.render.mesh import MeshSubject
 from shrm_cli.render.moving import Moment
-from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
-from shrm_cli.render.primaries import in_same_primaries, one_of
 from shrm_cli.render.scene import Scene, SphereSubject
 from shrm_cli.render.stage import Stage
 
@@ -104,9 +102,8 @@ class Film:
 def on_sphere(lit: Lit, size: int, values: Mapping[str, Any]) -> Drawing:
     """Return a sphere that is drawn.
 
-    `size` is the width and height of its picture, pixels. `values` are ``roughness``, ``f0``,
-    ``anisotropy`` and ``taps``, as `shaded_maps` takes them; and ``place`` and ``radius``, where
-    the sphere is within the boxes of its maps.
+    `values` are ``roughness``, ``f0``, ``anisotropy`` and ``taps``, as `shaded_maps` takes them;
+    and ``place`` and ``radius``, where the sphere is within the boxes of its maps.
     """
     asked = [values[name] for name in ("roughness", "f0", "anisotropy", "taps")]
     drawn, surface, warnings = shaded_maps(lit.maps, lit.names, *asked)

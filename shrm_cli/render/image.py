@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.vocabulary import LUMINANCE
 
 _BRIGHT, _SHOWN_AS = 0.75, 0.4

@@ -2,17 +2,25 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, ReflectedLight
+from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap, MaterialMap
-from shrm_cli.maps.prefiltered import negative_share, negative_warnings
+from shrm_cli.maps.request import negative_share, negative_warnings
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
+from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS
 
 _ROUNDING = 1e-6
@@ -27,8 +35,6 @@ def ggx_surface(
     `roughness` is perceptual roughness: GGX's alpha is its square. The default is that of `Ggx`.
     `f0` is the reflectance at normal incidence, linear RGB. The default is that of `Ggx`.
     `anisotropy` is that of glTF; without it the surface is not brushed.
-
-    Raises BrdfError if a parameter is out of its range.
     """
     given = {"roughness": roughness, "f0": f0, "anisotropy": anisotropy or None}
     return Ggx(**{key: value for key, value in given.items() if value is not None})
@@ -45,16 +51,12 @@ def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color
     """Return the linear RGB, each channel within 0 .. 1, that a text such as ``gold`` means.
 
     `primaries` are the chromaticities of the light, which the colors of metals are converted to.
-    Raises BrdfError if it is no color.
     """
     return parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
 
 
 def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:
-    """Return a warning for each map that was not made for a roughness.
-
-    `maps` are maps by the names of their files.
-    """
+    """Return a warning for each map that was not made for a roughness."""
     lines = []
     for path, each in maps.items():
         low, high = each.roughness_range
@@ -86,11 +88,10 @@ def shaded_maps(
 ) -> tuple[list[ReflectedLight], dict[str, Any], list[str]]:
     """Give a surface to the maps of light alone, such as split sums and SH exponentials.
 
-    `names` are names of the maps' files, for warnings. `roughness` is the perceptual roughness of
-    the surface; `DEFAULT_ROUGHNESS` by default. `f0` is its reflectance at normal incidence, as
-    `reflectance` takes it; that of `Ggx` by default. The colors of metals are converted to the
-    primaries of each map. `anisotropy` and `taps` are those of a brushed surface, as `shown_as`
-    takes them.
+    `roughness` is the perceptual roughness of the surface; `DEFAULT_ROUGHNESS` by default. `f0` is
+    its reflectance at normal incidence, as `reflectance` takes it; that of `Ggx` by default. The
+    colors of metals are converted to the primaries of each map. `anisotropy` and `taps` are those
+    of a brushed surface, as `shown_as` takes them.
 
     Returns `maps`, all maps, those of light alone with the surface; `surface`, roughness and
     reflectance of the first map's surface, for a result; without a reflectance where that is a BRDF
@@ -117,13 +118,9 @@ def lit_maps(
 ) -> tuple[list[Map], list[str]]:
     """Give the light of a probe to the maps that hold a BRDF alone, which are product textures.
 
-    `names` are names of the maps' files, for the message. `window` is the window of the light;
-    ``auto`` by default.
+    `window` is the window of the light; ``auto`` by default.
 
     Returns `maps`; and `warnings`, one for each map that reflects less than nothing somewhere.
-
-    Raises MapError if a map needs light and there is none, or there is no such window. Raises
-    ProbeError if the probe cannot be read.
     """
     light = None if probe is None else Projection(probe)
     found, warnings = [], []
@@ -147,3 +144,48 @@ def lit_maps(
         warnings += [f"{name}: {line}" for line in negative_warnings(lit, negative_share(lit))]
         found.append(lit)
     return found, warnings
+
+
+# ---- brought to the same primaries ---------------------------------------------------------------
+
+
+@record(eq=False)
+class Recolored(ReflectedLight):
+    """A map whose radiance is shown in other primaries; that is exact for maps of every form."""
+
+    shown: ReflectedLight
+    matrix: Array
+    """From the map's linear RGB to that which is wanted, shape (3, 3)."""
+    primaries: tuple[float, ...] | None
+    """Of that; None is Rec.709."""
+
+    @cached_property
+    def info(self) -> MapInfo:
+        """How the map was made, with the new primaries."""
+        return replace(self.shown.info, chromaticities=self.primaries)
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        return np.asarray(self.shown.radiance(normals, views) @ self.matrix.T)
+
+
+def in_same_primaries(
+    maps: Sequence[ReflectedLight], primaries: tuple[float, ...] | None
+) -> list[ReflectedLight]:
+    """Return maps that are all shown in the same primaries, which None says are Rec.709."""
+    found: list[ReflectedLight] = []
+    for each in maps:
+        matrix = conversion(each.info.chromaticities, primaries)
+        found.append(each if matrix is None else Recolored(each, matrix, primaries))
+    return found
+
+
+def one_of(stated: set[tuple[float, ...] | None]) -> tuple[float, ...] | None:
+    """Return the primaries that all maps of a mesh have; None where nobody states any."""
+    first, *others = sorted(stated, key=lambda each: each or ()) or [None]
+    for other in others:
+        if not same_primaries(first, other):
+            raise MapError(
+                f"maps in {title_of(first)} and in {title_of(other)} do not add up; convert one "
+                "of them, by shrm convert MAP --to REPRESENTATION with `working`"
+            )
+    return next((each for each in stated if each is not None), None)

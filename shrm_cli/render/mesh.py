@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, slices
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.geometry.mesh import face_normals
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
-from shrm_cli.render.camera import Viewer
+from shrm_cli.render.camera import Aim, Lens, Viewer
 from shrm_cli.render.paint import Points
-from shrm_cli.render.perspective import Aim, Lens
 from shrm_cli.render.sphere import Surroundings
 from shrm_cli.render.stage import Reflector, Stage
 from shrm_cli.render.textures import FINER
@@ -66,12 +65,7 @@ class _Hits:
 
 
 class MeshSubject:
-    """Draws a stage from anywhere around it.
-
-    `is_boxed` tells whether light is looked up where rays meet the boxes that maps know of.
-
-    Raises MeshError if embreex is not installed.
-    """
+    """Draws a stage from anywhere around it."""
 
     def __init__(self, stage: Stage, lens: Lens, aim: Aim, is_boxed: bool = True) -> None:
         self._is_boxed = is_boxed
@@ -295,7 +289,7 @@ def facing(normals: Array, flat: Array, views: Array) -> Array:
     viewer, in the plane of both, until N.V = `MIN_COSINE`.
 
     `normals` and `flat`, each of shape (n, 3), are unit normals, interpolated and of the triangles
-    themselves. `views`, of shape (n, 3), are unit, to the viewer.
+    themselves.
     """
     front = np.einsum("ij,ij->i", flat, views) * np.einsum("ij,ij->i", flat, normals)
     turned = np.where((front < 0)[:, None], -normals, normals)

@@ -207,10 +207,7 @@ def with_ways(frames: Sequence[Moment], ways: Mapping[str, tuple[float, float]])
 
 
 def check_values(frames: Iterable[Moment], maps: Sequence[Map]) -> None:
-    """Check that values are those of parameters that vary in maps.
-
-    Raises MapError if a parameter varies in none of them, or a value is outside the range of one.
-    """
+    """Check that values are those of parameters that vary in maps."""
     ways = [way for each in maps for way in each.ways.items()]
     for name, value in sorted({pair for each in frames for pair in each.values.items()}):
         own = [ends for known, ends in ways if known == name]
@@ -223,11 +220,7 @@ def check_values(frames: Iterable[Moment], maps: Sequence[Map]) -> None:
 
 
 def check_blend(first: Map, second: Map, name: str) -> None:
-    """Check that the light of one map can become that of another.
-
-    `name` is the second one's file, for the message. Raises MapError if they are of different
-    BRDFs, or in different primaries.
-    """
+    """Check that the light of one map can become that of another."""
     one, other = first.info, second.info
     are_lights = isinstance(first, LightMap), isinstance(second, LightMap)
     if are_lights[0] != are_lights[1] or one.brdf != other.brdf:
@@ -246,10 +239,7 @@ _NUMBER = re.compile(r"%0([1-9]\d?)d")
 
 
 def frame_paths(pattern: str, count: int) -> list[str]:
-    """Return the names of frames, numbered from 1 where the pattern has ``%04d`` or the like.
-
-    Raises OutputError if the pattern, without its folder, does not have exactly one such place.
-    """
+    """Return the names of frames, numbered from 1 where the pattern has ``%04d`` or the like."""
     folder, name = os.path.split(pattern)
     if len(_NUMBER.findall(name)) != 1:
         stem, suffix = os.path.splitext(name)
@@ -260,10 +250,7 @@ def frame_paths(pattern: str, count: int) -> list[str]:
 
 
 def check_one_file(name: str) -> None:
-    """Check that the name of a moving picture, which is one file, has no place for a number.
-
-    Raises OutputError if it has one.
-    """
+    """Check that the name of a moving picture, which is one file, has no place for a number."""
     if _NUMBER.search(name):
         raise OutputError(f"{name}: a moving picture is one file; leave the number out of its name")
 
@@ -309,10 +296,7 @@ class Key:
 
 
 def read_keys(path: str | os.PathLike[str]) -> list[Key]:
-    """Return the keyframes of a scene file; there may be none.
-
-    Raises MeshError if it is no scene file, or a key is not as the top of this module has it.
-    """
+    """Return the keyframes of a scene file; there may be none."""
     name = os.fspath(path)
     keys: list[Key] = []
     for index, each in enumerate(read_tables(name)[1], 1):

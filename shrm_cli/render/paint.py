@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.color import srgb_to_linear
 from shrm_cli.errors import MeshError
-from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.geometry.surface import SurfaceMaterial, Texture
+from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial, Texture
 from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.records import record
 from shrm_cli.render.textures import FINER, Shelf
@@ -75,12 +74,9 @@ class Painted:
 class Paint:
     """A material with its textures opened.
 
-    `mesh` is one that has the material. `shelf` is where its textures are. `matrix`, of shape (3,
-    3), leads from Rec.709 to the primaries of the light.
+    `matrix`, of shape (3, 3), leads from Rec.709 to the primaries of the light.
 
     `normal_set` is the set of texture coordinates of its normal map; -1 without any.
-
-    Raises MeshError if a texture cannot be read, or lies over coordinates that the mesh lacks.
     """
 
     def __init__(

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Sequence
 
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
@@ -58,7 +58,7 @@ def render(
     roughness, f0, anisotropy, taps
         The surface that maps of light alone are shown as, see `shrm_cli.render.lit.shaded_maps`.
     fov, target, distance
-        Of the camera before a mesh, see `shrm_cli.render.perspective`.
+        Of the camera before a mesh, see `shrm_cli.render.camera`.
     place, radius
         Where the sphere is within the proxy boxes of its maps, and how large.
     no_box : bool

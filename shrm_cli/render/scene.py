@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
@@ -95,8 +95,7 @@ class Scene(Generic[Material]):
         """Draw the picture that the viewer sees.
 
         Returns an array of float32 of shape (*shape, 3): linear. The subjects are exposed; the
-        paper and the labels of a sheet are not. Raises OutputError if a sheet would be too large,
-        or its labels cannot be drawn.
+        paper and the labels of a sheet are not.
         """
         layout = self.layout
         behind = None

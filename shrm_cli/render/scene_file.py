@@ -32,8 +32,7 @@ from shrm_cli.errors import BrdfError, MeshError
 from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.load import load_mesh
-from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.geometry.surface import SurfaceMaterial
+from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.records import record
@@ -82,8 +81,6 @@ class Shown:
 
         `primaries` are the chromaticities of the light, which colours are converted to. `shelf`
         holds the textures of the picture; by default those of this mesh alone.
-
-        Raises BrdfError if `f0` is no colour. Raises MeshError if a texture cannot be read.
         """
         given: dict[str, Any] = {
             "map": self.map, "anisotropy": self.anisotropy, "taps": self.taps
@@ -121,9 +118,6 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
 
     `path` is a TOML file; see the top of this module. `maps` are the maps that the pictures are of,
     which objects without a map are drawn by. The first one tells the primaries of the light.
-
-    Raises MeshError if it is no such file, or a mesh cannot be read. Raises MapError or BrdfError
-    if a map cannot be read, or a reflectance is no colour.
     """
     name = os.fspath(path)
     note(path)
@@ -142,10 +136,7 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
 
 
 def read_tables(name: str) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
-    """Return the tables of a scene file: its objects and its keyframes.
-
-    Raises MeshError if it is no such file.
-    """
+    """Return the tables of a scene file: its objects and its keyframes."""
     if not Path(name).is_file():
         raise MeshError(f"{name}: no such file; name a mesh, or a scene in TOML")
     too_large = f"more than {_MOST_BYTES:,} bytes, so it is no scene; name one"
@@ -200,10 +191,7 @@ def _actor(
 
 
 def as_irradiance(path: str, opened: Callable[[str], Map] = open_map) -> Map:
-    """Return the map of a file, which is of a white diffuse surface.
-
-    Raises MeshError if it is another map.
-    """
+    """Return the map of a file, which is of a white diffuse surface."""
     found = opened(path)
     if not found.is_white:
         raise MeshError(

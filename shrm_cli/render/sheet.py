@@ -11,8 +11,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import OutputError
+from shrm_cli.files.image import Picture
 from shrm_cli.files.openimageio import oiio
-from shrm_cli.files.picture import Picture
 from shrm_cli.records import record
 
 MAX_PIXELS = 2**27
@@ -80,11 +80,8 @@ def arrange(
 ) -> SheetLayout:
     """Lay out a sheet.
 
-    `count` is the number of tiles. `tile` is the width of a tile, pixels. `columns` are tiles
-    beside each other; by default the sheet is as square as possible. `tall` is the height of a
-    tile; by default tiles are square.
-
-    Raises OutputError if the sheet has more than `MAX_PIXELS` pixels.
+    `columns` are tiles beside each other; by default the sheet is as square as possible. `tall` is
+    the height of a tile; by default tiles are square.
     """
     wanted = columns or isqrt(count - 1) + 1
     layout = SheetLayout(count, min(wanted, count), tile, tall)
@@ -107,8 +104,6 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
 
     `tiles`, each of shape (tile_height, tile, 3), are linear and already exposed; the paper and the
     labels are not exposed. A label is shortened in its middle if it is wider than its tile.
-
-    Raises OutputError if the labels cannot be drawn.
     """
     sheet = np.full((*layout.shape, 3), PAPER, dtype=np.float32)
     for index, (tile, label) in enumerate(zip(tiles, labels, strict=True)):
@@ -159,10 +154,7 @@ class Grid:
         return self.label + row * step, self.label + column * step
 
     def check(self) -> None:
-        """Check that the sheet is not too large.
-
-        Raises OutputError if it has more than `MAX_PIXELS` pixels.
-        """
+        """Check that the sheet is not too large."""
         _check_size(self.shape, "`size`, or fewer probes or materials")
 
 
@@ -177,8 +169,6 @@ def draw_grid(
     `heads` and `sides` are names of the columns and of the rows; they are shortened where they are
     too wide. `tiles` are row and column of a cell, and its picture, shape (tile, tile, 3), linear
     and exposed, or why there is none.
-
-    Raises OutputError if text cannot be drawn.
     """
     sheet = np.full((*grid.shape, 3), PAPER, dtype=np.float32)
     ink = 1 - PAPER
@@ -218,10 +208,7 @@ _ELLIPSIS = "..."  # the font has no single character for an ellipsis
 
 
 def shorten(text: str, fits: Callable[[str], bool]) -> str:
-    """Shorten a text in its middle until it fits, to nothing if not even the ellipsis does.
-
-    `fits` says whether a text is short enough.
-    """
+    """Shorten a text in its middle until it fits, to nothing if not even the ellipsis does."""
     if fits(text):
         return text
 
@@ -235,11 +222,10 @@ def shorten(text: str, fits: Callable[[str], bool]) -> str:
 def text_coverage(text: str, font_size: int, width: int, height: int) -> Array:
     """Draw a line of text in the middle of a strip.
 
-    The text is shortened in its middle if it is too wide. `font_size` is the height of the font,
-    pixels. `width` and `height` are those of the strip, pixels.
+    The text is shortened in its middle if it is too wide.
 
     Returns an array of float32 of shape (height, width, 1): the fraction of each pixel that the
-    text covers. Raises OutputError if OpenImageIO cannot draw text.
+    text covers.
     """
     # The name of a file may hold bytes that are not text.
     text = text.encode("utf-8", "replace").decode()

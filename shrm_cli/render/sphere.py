@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, slices
-from shrm_cli.files.picture import Picture
+from shrm_cli.files.image import Picture
 from shrm_cli.progress import Progress, tell
 from shrm_cli.render import camera
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.files.texture import read_texture
-from shrm_cli.geometry.surface import Texture, Wrap
+from shrm_cli.geometry.mesh import Texture, Wrap
 from shrm_cli.records import record
 
 MOST_PIXELS = 2**27
@@ -53,10 +53,7 @@ class Pyramid:
 
 
 class MipMap:
-    """A texture over a mesh, in halving sizes.
-
-    `texture` is how it lies over the mesh.
-    """
+    """A texture over a mesh, in halving sizes."""
 
     def __init__(self, pyramid: Pyramid, texture: Texture) -> None:
         self._pyramid, self._texture = pyramid, texture
@@ -165,11 +162,7 @@ class Shelf:
         self._left = MOST_PIXELS
 
     def open(self, name: str, texture: Texture) -> MipMap:
-        """Read a texture.
-
-        `name` is the mesh's file, for messages. Raises MeshError if it is missing or damaged, or
-        all textures are too large.
-        """
+        """Read a texture. `name` is the mesh's file, for messages."""
         key = texture.picture, texture.is_srgb
         try:
             if key not in self._known:

@@ -50,7 +50,7 @@ class Variation:
         They are interpolated between vertices, or bilinearly between pixels.
 
         `faces`, of shape (n,), are the triangles of the points. `weights`, of shape (n, 3), are
-        their barycentric coordinates. `count` is the number of parameters.
+        their barycentric coordinates.
 
         Returns an array of shape (n,) or (n, count), the brightness for one parameter; red and
         green for two.
@@ -81,9 +81,6 @@ def open_variation(follows: str, mesh: Mesh) -> Variation:
 
     `follows` is ``vertex``, or the path of an image, whose numbers are taken as they are stored,
     integers as shares of their largest.
-
-    Raises MeshError if the mesh has no colours, or no texture coordinates for an image; and
-    ProbeError if the image cannot be read, or is too large.
     """
     if follows == "vertex":
         _known(mesh, mesh.colors, "vertex colours")

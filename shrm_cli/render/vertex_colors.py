@@ -24,8 +24,7 @@ from shrm_cli.render.variation import Variation, between_steps
 from shrm_cli.sphere.directions import horizontal_tangents, normalize
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.transfer.bake import mesh_digest
-from shrm_cli.transfer.shading import diffuse_colors, fitted, glossy_colors
-from shrm_cli.transfer.transfer import Transfer
+from shrm_cli.transfer.transfer import Transfer, diffuse_colors, fitted, glossy_colors
 
 # ---- lamps beside the other light of a mesh ------------------------------------------------------
 # Few coefficients hold no shadow of a lamp: to order 4 a dragon under a studio's lamps is 15 % off,
@@ -184,14 +183,10 @@ class VertexColors:
     negative under a bare sun changed the light by 10 % to 21 % RMS, and no window did for a dragon.
     What is made black is 0.1 % to 5 %.
 
-    `mesh` is the one that the transfer was baked for. `lighting`, of shape (n, 3), holds
-    coefficients of the light in world axes. `product` is that of a glossy surface; by default the
-    surface is diffuse, with the transfer's albedo. `lamps` are what the mesh reflects of lamps that
-    `lighting` lacks. A diffuse mesh is white to them. `variation` is what parameters of the BRDF
-    follow that vary; by default they are in the middle.
-
-    Raises TransferError if the transfer was baked for another mesh, or lacks the matrices of a
-    glossy surface.
+    `lighting`, of shape (n, 3), holds coefficients of the light in world axes. `product` is that of
+    a glossy surface; by default the surface is diffuse, with the transfer's albedo. `lamps` are
+    what the mesh reflects of lamps that `lighting` lacks. A diffuse mesh is white to them.
+    `variation` is what parameters of the BRDF follow that vary; by default they are in the middle.
     """
 
     def __init__(
@@ -337,9 +332,6 @@ def vertex_colors(
     light lacks. They cast shadows of their own. `path` is the file of the map, beside which a
     measured BRDF is looked for. `variation` is what parameters of the BRDF follow, where some vary;
     they are in the middle by default.
-
-    Raises TransferError if the map is another one, or the transfer does not fit. Raises BrdfError
-    if there are lamps, and the map's BRDF cannot be evaluated.
     """
     held = light.harmonic_light
     if held is None:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.render.camera import whole_coverage
-from shrm_cli.render.flip import FlipError
 from shrm_cli.render.image import suitable_exposure
+from shrm_cli.render.seen import FlipError
 from shrm_cli.report import pictures, words
 from shrm_cli.report.markup import Html, Part, facts, figure, joined, table, tag
 from shrm_cli.report.measure import Made, Material
@@ -39,9 +39,9 @@ def material_part(
 ) -> Html:
     """Return the part of a page about a material.
 
-    `count` is its number, from 1, for links. `exposure` is that of its pictures, stops; what suits
-    the truth by default. `view` is the interactive view. `worded` is how messages of the library,
-    which name its arguments in backticks, are shown.
+    `exposure` is that of its pictures, stops; what suits the truth by default. `view` is the
+    interactive view. `worded` is how messages of the library, which name its arguments in
+    backticks, are shown.
     """
     stops = exposure_of(material) if exposure is None else exposure
     assert material.comparison is not None

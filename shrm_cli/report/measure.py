@@ -26,8 +26,8 @@ from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
-from shrm_cli.render.flip import FlipError, can_flip
 from shrm_cli.render.lit import ggx_surface, outside_range
+from shrm_cli.render.seen import FlipError, can_flip
 from shrm_cli.vocabulary import AUTO
 
 
@@ -52,10 +52,7 @@ class Plan:
     """Whether HDR-FLIP is measured, where it is installed."""
 
     def recipes(self) -> list[Recipe]:
-        """Return the maps to be made of any probe.
-
-        Raises ArgumentError as `Entry.recipes` has it.
-        """
+        """Return the maps to be made of any probe."""
         entry = Entry((), self.brdfs, self.forms, arguments=self.arguments, runs_code=True)
         return entry.recipes()
 
@@ -143,8 +140,6 @@ def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> 
     """Make all maps, and compare each with the truth.
 
     A BRDF or a form that fails is among the failures of the result, and does not stop the others.
-
-    Raises ArgumentError if nothing of this plan could be made of any probe.
     """
     recipes = plan.recipes()
     if not recipes:

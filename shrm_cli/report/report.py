@@ -82,12 +82,7 @@ def report_page(
     look: Look | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """Return the page of a probe and its maps.
-
-    `statistics` are those of the same probe.
-
-    Raises OutputError if the page without views is larger than it may be.
-    """
+    """Return the page of a probe and its maps. `statistics` are those of the same probe."""
     look = look or Look()
     seen = preview(measured.probe)
     first = probe_part(measured.probe, statistics, seen)
@@ -211,8 +206,6 @@ def _fitting(material: Material, limit: int) -> tuple[list[Map], list[str], str]
 
     Maps get half as many texels along an edge, again and again; where that is not enough, those
     whose sizes are fixed are left out, as split sums are.
-
-    Raises MapError if even small ones are too large.
     """
     able = [each for each in material.maps if _halved(each.map) is not each.map]
     groups = [material.maps, able] if 0 < len(able) < len(material.maps) else [material.maps]

@@ -10,8 +10,7 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, octahedral_directions
-from shrm_cli.rooms.radiosity import Brightness
-from shrm_cli.rooms.room import Emitters, Room, cosines
+from shrm_cli.rooms.room import Brightness, Emitters, Room, cosines
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 
@@ -38,8 +37,6 @@ def bake(
     progress: Progress | None = None,
 ) -> ProbeGrid:
     """Find the light at the probes of a lattice, and how far it is off between them.
-
-    `samples` is the number of directions along which each probe looks.
 
     The facts of the result have the relative RMS errors of the irradiance at random points,
     ``error`` of all light and ``error_reflected`` of that which does not come straight from lamps.
@@ -98,10 +95,7 @@ class Looked:
 
 
 class Gathering:
-    """What is seen from points of a room.
-
-    `order` and `samples` are as `bake` takes them.
-    """
+    """What is seen from points of a room."""
 
     def __init__(self, brightness: Brightness, order: int, samples: int) -> None:
         self._brightness, self._order = brightness, order

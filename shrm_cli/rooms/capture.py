@@ -12,8 +12,7 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
-from shrm_cli.rooms.radiosity import LIFT, Brightness
-from shrm_cli.rooms.room import Emitters, Room, cosines
+from shrm_cli.rooms.room import LIFT, Brightness, Emitters, Room, cosines
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.grid.latlong import LatLong, latlong_points
 

@@ -232,10 +232,7 @@ _DIMENSIONS = {"reflected": 3, "direct": 3, "alive": 1, "moments": 3, "box": 2}
 
 
 def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
-    """Write a grid, whole or not at all; the same grid gives the same bytes.
-
-    Raises OutputError if the file cannot be written.
-    """
+    """Write a grid, whole or not at all; the same grid gives the same bytes."""
     lattice = grid.lattice
     arrays: dict[str, Any] = {
         "reflected": grid.reflected.astype("<f4"),
@@ -255,10 +252,7 @@ def is_grid(path: str | os.PathLike[str]) -> bool:
 
 
 def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
-    """Read a grid.
-
-    Raises MeshError if the file is missing or damaged, or holds something else.
-    """
+    """Read a grid."""
     missing, again = "name a grid that shrm grid wrote", "make it again with shrm grid"
     with npz.told(Path(path), MeshError, missing, again) as archive:
         return _grid(archive.those_of(_DIMENSIONS), parse_json(archive.text("settings")))

@@ -58,10 +58,7 @@ def open_room(
     albedo: Mapping[str, Color] | None = None,
     emission: Mapping[str, Color] | None = None,
 ) -> OpenRoom:
-    """Read a room; the arguments are those of `grid`.
-
-    Raises MeshError or ProbeError if a file cannot be read, or nothing sends light.
-    """
+    """Read a room; the arguments are those of `grid`."""
     albedo, emission = dict(albedo or {}), dict(emission or {})
     mesh = load_mesh(os.fspath(source))
     light = None if probe is None else as_probe(probe)
@@ -235,9 +232,6 @@ def read_positions(
     `path` is CSV with the columns x, y, z and file; files are named relative to its folder.
 
     What the grid holds counts as reflected. Of walls it knows nothing.
-
-    Raises MeshError if it is no such table, or its positions are not all points of a lattice.
-    Raises ProbeError if a probe cannot be read.
     """
     path = Path(path)
     note(path)

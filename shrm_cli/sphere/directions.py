@@ -42,10 +42,7 @@ def from_azimuth_elevation(azimuth: float, elevation: float) -> Array:
 
 
 def to_azimuth_elevation(direction: ArrayLike) -> tuple[float, float]:
-    """Azimuth in -180 .. 180 and elevation of a direction, shape (3,), of any length; degrees.
-
-    The other way round than `from_azimuth_elevation`.
-    """
+    """Azimuth in -180 .. 180 and elevation of a direction, shape (3,), of any length; degrees."""
     x, y, z = (float(part) for part in np.asarray(direction))
     return float(np.degrees(np.arctan2(x, z))), float(np.degrees(np.arctan2(y, np.hypot(x, z))))
 
@@ -149,8 +146,7 @@ def turned(vectors: Array, angle: float) -> Array:
 def views_around(centers: ArrayLike, theta: float, count: int) -> Iterator[Array]:
     """Yield directions at an angle from each center, at evenly spaced azimuths of its local frame.
 
-    `centers`, of shape (..., 3), are unit vectors. `theta` is the angle, radians. `count` is the
-    number of azimuths.
+    `centers`, of shape (..., 3), are unit vectors. `theta` is the angle, radians.
 
     Yields an array of shape (..., 3).
     """

@@ -80,8 +80,6 @@ def legendre_degrees(
 def legendre_table(order: int, z: ArrayLike, max_m: int | None = None) -> Array:
     """The values of `legendre_degrees` as one array.
 
-    `order`, `z` and `max_m` are as `legendre_degrees` takes them.
-
     Returns an array of shape (max_m+1, order+1, *z.shape): ``[m, l - m, ...]``, zero where l >
     order. The parity of ``l - m`` is the parity of the function in z.
     """
@@ -134,10 +132,7 @@ def real_harmonics(order: int, directions: ArrayLike, first: int = 0) -> Array:
 
 
 def harmonic_planes(order: int, directions: ArrayLike, first: int = 0) -> Array:
-    """Values of real spherical harmonics, one array for each, shape ((order+1)^2 - first^2, ...).
-
-    The parameters are those of `real_harmonics`.
-    """
+    """Values of `real_harmonics`, one array for each, shape ((order+1)^2 - first^2, ...)."""
     directions = np.asarray(directions, dtype=float)
     x, y, z = np.moveaxis(directions, -1, 0)
     sine = np.hypot(x, y)

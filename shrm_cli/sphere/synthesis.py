@@ -102,9 +102,9 @@ class CubeSeries:
     ) -> Array:
         """Values at the texels of a cube, shape (maps, 6 size, size).
 
-        `size`, `sampling` and `dtype` are as of `synthesize_cube`. `factors`, of shape (degrees,),
-        are what the degrees are multiplied with, no more of them than the series have. Further
-        degrees are left out. By default the series are taken as they are.
+        `factors`, of shape (degrees,), are what the degrees are multiplied with, no more of them
+        than the series have. Further degrees are left out. By default the series are taken as they
+        are.
         """
         order = self.order if factors is None else len(factors) - 1
         degree = degrees(order)

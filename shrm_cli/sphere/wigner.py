@@ -29,9 +29,9 @@ def small_d_degrees(
 ) -> Iterator[tuple[int, Array]]:
     """Yield ``(l, d^l)`` for l = 0 .. order.
 
-    `order` is the largest degree. `theta` holds angles in radians, any shape. `max_spin` and
-    `min_spin` keep only the columns ``min_spin <= n <= max_spin``; all of them by default, and
-    those from ``-max_spin`` on, which is the least, if `max_spin` alone is given.
+    `theta` holds angles in radians, any shape. `max_spin` and `min_spin` keep only the columns
+    ``min_spin <= n <= max_spin``; all of them by default, and those from ``-max_spin`` on, which is
+    the least, if `max_spin` alone is given.
 
     Yields `l`; and `d` of shape (2l+1, columns, *theta.shape), ``d[m + l, n - k] = d^l_mn(theta)``
     where k is the larger of -l and `min_spin`.

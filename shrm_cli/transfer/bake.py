@@ -55,8 +55,6 @@ class Plan:
     vertices' frames, unit vectors at right angles to the normals; horizontal by default. `texture`
     is the number of texels along the edge of a texture for which is baked, in place of the
     vertices.
-
-    Raises ArgumentError if an option has a value that it cannot have.
     """
 
     mesh: "Mesh"
@@ -87,10 +85,7 @@ class Plan:
             raise ArgumentError("product", "needs matrices, and a product function of their order")
 
     def reflected(self) -> Array:
-        """The albedo of the mesh, or of each site, as an array of shape (1 or s, channels).
-
-        Raises ArgumentError if it has another shape, or numbers outside of 0 .. 1.
-        """
+        """The albedo of the mesh, or of each site, as an array of shape (1 or s, channels)."""
         albedo = np.atleast_2d(np.asarray(self.albedo, dtype=float))
         rows, channels = albedo.shape[0], albedo.shape[-1]
         if albedo.ndim != 2 or rows not in (1, len(self.mesh.vertices)) or channels not in (1, 3):
@@ -182,16 +177,9 @@ def transfer_plan(
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
 
-    `order` is the largest degree of the light's harmonics. `bounces` says how often light is
-    reflected within the mesh. `albedo` is what the mesh reflects, as `Plan` takes it, or the colors
-    of its vertices. `samples` is the number of rays of each vertex and bounce. `matrices` tells
-    whether matrices are baked too, for glossy surfaces. `brush` says the tangents of the matrices,
-    as `brushed_tangents` takes them. `brdf` is what the mesh reflects in bounces in place of
-    `albedo`; matrices are baked with it. `texture` is the number of texels along the edge of a
-    texture for which is baked, in place of the vertices.
-
-    Raises ArgumentError if an argument has a value that it cannot have, or the mesh lacks what it
-    names. Raises MeshError or BrdfError if a file cannot be read.
+    `albedo` is what the mesh reflects, as `Plan` takes it, or the colors of its vertices. `brush`
+    says the tangents of the matrices, as `brushed_tangents` takes them. `brdf` is what the mesh
+    reflects in bounces in place of `albedo`; matrices are baked with it.
     """
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.maps.product.prefilter import product_texture
@@ -261,14 +249,11 @@ def bake(
 ) -> Any:
     """Bake the transfer of a mesh.
 
-    `rays` are what traces rays; `geometry.rays.Rays` of the mesh by default. `keep` is an output
-    beside which unfinished work is kept, so that a later run goes on with it. The arrays are on
-    disk then rather than in memory. `use` is called with the transfer; unfinished work is kept
-    until it returns. With `keep` the transfer is valid until then only.
+    `keep` is an output beside which unfinished work is kept, so that a later run goes on with it.
+    The arrays are on disk then rather than in memory. `use` is called with the transfer; unfinished
+    work is kept until it returns. With `keep` the transfer is valid until then only.
 
     Returns the transfer, or what `use` returns.
-
-    Raises OutputError if unfinished work cannot be kept.
     """
     use = use or (lambda transfer: transfer)
     if rays is None:

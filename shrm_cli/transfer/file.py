@@ -9,19 +9,42 @@ whose triangles name these rows, ``vertex_of_row``, the vertex of the mesh's fil
 and ``row_of_vertex``, the other way round (the first row of several; -1 for vertices without a
 triangle).
 Arrays are not packed, so that a file is never smaller than what it unpacks to.
+
+Other programs read the vectors alone: irradiance-like, without 1/pi and albedo, over the real
+harmonics of world axes without the Condon-Shortley phase, index l(l+1)+m.
+
+glTF (.glb)
+    One primitive with POSITION, NORMAL and the attributes ``_TRANSFER_0``, ``_TRANSFER_1``, ... of
+    floats, and ``_VERTEX``, the number of the vertex in the mesh's file, as a float (exact below
+    2^24). Grey transfer is four coefficients an attribute (VEC4), the last one filled with zeros;
+    coloured transfer one coefficient an attribute, R, G and B (VEC3).
+PLY (.ply)
+    Binary, little-endian. After x y z nx ny nz a vertex has the properties ``transfer_000``, ...,
+    coloured ones ``transfer_000_r``, ``_g``, ``_b``, and last ``file_vertex``, the number of the
+    vertex in the mesh's file.
+PIFu (.txt)
+    A line of 9 numbers for each vertex of the mesh's file, in its order (zeros for those without a
+    triangle), and ``face.npy`` beside it with the triangles, which name these lines, as
+    `prt_util.py` of PIFu writes them (Saito et al. 2019). Its directions are those of its harmonics
+    turned by half a turn about z, which cancels its Condon-Shortley phase: its basis is this one.
 """
 
 import json
 import os
+import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, slices
-from shrm_cli.errors import TransferError
+from shrm_cli.errors import OutputError, TransferError
 from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
+from shrm_cli.files.whole import replacing, together
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.texels import Texels
 from shrm_cli.transfer.transfer import Facts, Transfer
@@ -39,11 +62,7 @@ _AGAIN = "make it again with shrm transfer"
 def write_transfer(
     path: str | os.PathLike[str], transfer: Transfer, mesh: Mesh | None = None
 ) -> None:
-    """Write a transfer, whole or not at all; the same transfer gives the same bytes.
-
-    `mesh` is the mesh of the transfer, which tells which row is which vertex of its file. Raises
-    OutputError if the file cannot be written.
-    """
+    """Write a transfer, whole or not at all; the same transfer gives the same bytes."""
     arrays: dict[str, Any] = {"vectors": transfer.vectors, "albedo": transfer.albedo}
     if transfer.direct is not None:
         arrays["direct"] = transfer.direct
@@ -70,10 +89,7 @@ def write_transfer(
 
 
 def read_transfer(path: str | os.PathLike[str]) -> Transfer:
-    """Read a transfer.
-
-    Raises TransferError if the file is missing or damaged, or holds something else.
-    """
+    """Read a transfer."""
     missing = "name a transfer that shrm transfer wrote"
     with npz.told(Path(path), TransferError, missing, _AGAIN) as archive:
         arrays = archive.those_of(_DIMENSIONS)
@@ -145,3 +161,141 @@ def _facts(held: Any) -> Facts:
         raise ValueError(f"its settings are wrong: {json.dumps(held)[:80]}")
     (mesh, digest), (bounces, count) = texts, numbers
     return Facts(mesh, digest, bounces, count, brdf)  # type: ignore[arg-type]
+
+
+# ---- formats of other programs -------------------------------------------------------------------
+
+
+Writer = Callable[[str | os.PathLike[str], Mesh, Transfer], None]
+
+PIFU_ORDER = 2
+"""The order of PIFu's files."""
+FACES = "face.npy"
+"""The name of the file of triangles beside a file of PIFu's."""
+
+_MOST_GLB = 2**32 - 1
+_FLOAT, _UNSIGNED = 5126, 5125
+_VERTICES, _INDICES = 34962, 34963
+"""glTF's numbers for component types and for what a part of the buffer is."""
+
+
+def write_glb(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> None:
+    """Write a mesh with transfer vectors as binary glTF 2, whole or not at all."""
+    attributes = {
+        "POSITION": mesh.vertices,
+        "NORMAL": mesh.normals,
+        **{f"_TRANSFER_{k}": part for k, part in enumerate(_gltf_parts(transfer.vectors))},
+        "_VERTEX": mesh.file_vertices[:, None],
+    }
+    arrays = [np.ascontiguousarray(part, "<f4") for part in attributes.values()]
+    arrays.append(np.ascontiguousarray(mesh.faces, "<u4").reshape(-1, 1))
+    starts = np.cumsum([0] + [array.nbytes for array in arrays])
+    if starts[-1] > _MOST_GLB // 2:
+        raise OutputError(f"{path}: {starts[-1]:,} bytes are more than a .glb holds; write .npz")
+    low, high = (getattr(arrays[0], which)(axis=0).tolist() for which in ("min", "max"))
+    content = {
+        "asset": {"version": "2.0", "generator": "shrm"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [
+            {
+                "primitives": [
+                    {
+                        "attributes": {name: k for k, name in enumerate(attributes)},
+                        "indices": len(attributes),
+                    }
+                ],
+                "extras": {"shrm:transfer": transfer.summary()},
+            }
+        ],
+        "buffers": [{"byteLength": int(starts[-1])}],
+        "bufferViews": [
+            {
+                "buffer": 0,
+                "byteOffset": int(start),
+                "byteLength": array.nbytes,
+                "target": _INDICES if array.dtype == "<u4" else _VERTICES,
+            }
+            for start, array in zip(starts[:-1], arrays, strict=True)
+        ],
+        "accessors": [_accessor(k, array) for k, array in enumerate(arrays)],
+    }
+    content["accessors"][0] |= {"min": low, "max": high}  # type: ignore[index]
+    text = json.dumps(content, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    length = 12 + 8 + len(text) + 8 + int(starts[-1])
+    with replacing(path) as temporary, open(temporary, "wb") as stream:
+        stream.write(struct.pack("<4sII", b"glTF", 2, length))
+        stream.write(struct.pack("<I4s", len(text), b"JSON") + text)
+        stream.write(struct.pack("<I4s", int(starts[-1]), b"BIN\0"))
+        for array in arrays:
+            stream.write(array.data)
+
+
+def write_ply(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> None:
+    """Write a mesh with transfer vectors as binary PLY, whole or not at all."""
+    count, size, channels = transfer.vectors.shape
+    colors = [""] if channels == 1 else ["_r", "_g", "_b"]
+    names = [*("x", "y", "z", "nx", "ny", "nz")]
+    names += [f"transfer_{k:03d}{color}" for k in range(size) for color in colors]
+    flat = transfer.vectors.reshape(count, -1)
+    faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.faces
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment shrm transfer, order {transfer.order}, bounces {transfer.facts.bounces}",
+        f"element vertex {count}",
+        *(f"property float {name}" for name in names),
+        "property int file_vertex",
+        f"element face {len(mesh.faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    with replacing(path) as temporary, open(temporary, "wb") as stream:
+        stream.write("\n".join(header).encode() + b"\n")
+        rows = np.empty(count, [("numbers", "<f4", len(names)), ("vertex", "<i4")])
+        rows["numbers"] = np.hstack([mesh.vertices, mesh.normals, flat])
+        rows["vertex"] = mesh.file_vertices
+        stream.write(rows.data)
+        stream.write(faces.data)
+
+
+def write_pifu(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> None:
+    """Write the first 9 coefficients as PIFu does, and the triangles beside them."""
+    columns = (PIFU_ORDER + 1) ** 2
+    if transfer.order < PIFU_ORDER or transfer.vectors.shape[2] != 1:
+        raise OutputError(f"{path}: PIFu's files hold grey transfer of order 2; write .npz")
+    is_there = mesh.file_rows >= 0
+    lines = np.zeros((len(is_there), columns))
+    lines[is_there] = transfer.vectors[mesh.file_rows[is_there], :columns, 0]
+    with together():
+        with replacing(path) as temporary, open(temporary, "w") as stream:
+            np.savetxt(stream, lines, fmt="%.8f")
+        beside = Path(path).with_name(FACES)
+        with replacing(beside) as temporary, open(temporary, "wb") as stream:
+            npy.write_array(stream, mesh.file_vertices[mesh.faces], allow_pickle=False)
+
+
+WRITERS: dict[str, Writer] = {".glb": write_glb, ".ply": write_ply, ".txt": write_pifu}
+"""What writes files of each suffix."""
+
+
+def _gltf_parts(vectors: Array) -> list[Array]:
+    count, size, channels = vectors.shape
+    if channels == 3:
+        return [vectors[:, k] for k in range(size)]
+    filled = np.zeros((count, -(-size // 4) * 4), np.float32)
+    filled[:, :size] = vectors[..., 0]
+    return np.split(filled, filled.shape[1] // 4, axis=1)
+
+
+def _accessor(view: int, array: NDArray[Any]) -> dict[str, Any]:
+    kinds = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+    return {
+        "bufferView": view,
+        "componentType": _UNSIGNED if array.dtype == "<u4" else _FLOAT,
+        "count": len(array),
+        "type": kinds[array.shape[1]],
+    }

@@ -58,7 +58,7 @@ from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
-from shrm_cli.transfer.shading import Product
+from shrm_cli.transfer.transfer import Product
 
 Places = Callable[[NDArray[np.integer], Array], tuple[NDArray[np.integer], Array]]
 """From triangles (n,) and barycentric weights (n, 3) to rows and their shares, both (n, k)."""
@@ -94,12 +94,7 @@ class Sites:
 
 
 def sites_of(mesh: Mesh, texture: int | None = None) -> Sites:
-    """Return the vertices of a mesh, or the texels of a texture over it.
-
-    `texture` is the number of texels along the texture's edge, as `charted` takes them.
-
-    Raises MeshError if there are no charts for a texture.
-    """
+    """Return the vertices of a mesh, or the texels of a texture over it."""
     lift = OFFSET * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     if texture is None:
         inset = INSET * _ways_inwards(mesh.vertices, mesh.normals, mesh.faces)
@@ -215,10 +210,9 @@ Sent = DiffuseLight | GlossyLight
 class Gathering:
     """Transfer of light to the vertices of a mesh, for some of them at a time.
 
-    `sites` are the vertices of the mesh, or its texels. `frames` are of shape (v, 3, 3). The rows
-    are the axes x', y', z' of each site's frame in world axes; z' is the normal. `rays` meet the
-    same mesh. `samples` is the number of directions of the hemisphere above each vertex, along
-    which a ray is traced.
+    `frames` are of shape (v, 3, 3). The rows are the axes x', y', z' of each site's frame in world
+    axes; z' is the normal. `rays` meet the same mesh. `samples` is the number of directions of the
+    hemisphere above each vertex, along which a ray is traced.
     """
 
     def __init__(self, sites: Sites, frames: Array, rays: Rays, order: int, samples: int) -> None:
@@ -247,8 +241,8 @@ class Gathering:
     def transfer(self, part: slice, sent: Sent | None = None, glossy: bool = False) -> Both:
         """Transfer vectors of some vertices, and their matrices if these are asked for.
 
-        `part` tells which vertices, k in number. `sent` is what each vertex of the mesh sends. By
-        default the mesh blocks light and sends none. `glossy` tells whether to return matrices.
+        `sent` is what each vertex of the mesh sends. By default the mesh blocks light and sends
+        none.
 
         Returns vectors of shape (k, n, channels), ``n = (order+1)^2``, index l(l+1)+m, world axes,
         of one channel if nothing is sent; and matrices of shape (k, n, n, channels), or None, from

@@ -38,10 +38,7 @@ _WRITTEN = 1 << 32
 
 
 class Work:
-    """Arrays of 32-bit floats in memory.
-
-    `step` is the length of a block along the first axis.
-    """
+    """Arrays of 32-bit floats in memory."""
 
     def __init__(self, shapes: Shapes, step: int) -> None:
         self.shapes, self.step = dict(shapes), step
@@ -113,8 +110,6 @@ def unfinished(output: Path, key: str, shapes: Shapes, step: int) -> Iterator[Fi
     """Yield the arrays in a file beside an output; it is removed when the block succeeds.
 
     A block that fails or is interrupted leaves the file, and the next run goes on with it.
-
-    Raises OutputError if the file cannot be written.
     """
     path = output.with_name(output.name + SUFFIX)
     try:

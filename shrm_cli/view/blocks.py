@@ -58,14 +58,13 @@ class Blocks:
     ) -> dict[str, Any]:
         """Keep an RGB texture, and return how the page finds it.
 
-        `values` are of shape (H, W, 3) or (layers, H, W, 3); row 0 is uploaded first. `what` is
-        what messages call the texture. `is_half` tells whether 16 bits a number will do. `series`
-        is 0 where each layer is seen by itself. Otherwise what is seen at a texel is a sum over the
-        layers of a run, and `series` is the number of runs, one behind the other.
+        `values` are of shape (H, W, 3) or (layers, H, W, 3); row 0 is uploaded first. `is_half`
+        tells whether 16 bits a number will do. `series` is 0 where each layer is seen by itself.
+        Otherwise what is seen at a texel is a sum over the layers of a run, and `series` is the
+        number of runs, one behind the other.
 
         Returns ``format``, ``width``, ``height``, ``depth`` (0 for a single picture), ``block``,
-        and of a rounded one the block of ``exponents`` and its RMS ``error``. Raises MapError if a
-        value is not a number.
+        and of a rounded one the block of ``exponents`` and its RMS ``error``.
         """
         found = np.asarray(values, dtype=np.float32)
         if np.isnan(found).any():

@@ -64,10 +64,7 @@ def sources() -> tuple[str, str]:
 
 
 def page(scene: Scene, urls: Sequence[str] | None = None) -> str:
-    """Return a scene as a whole page: HTML, to be written as UTF-8.
-
-    `urls` are as `section` takes them.
-    """
+    """Return a scene as a whole page: HTML, to be written as UTF-8."""
     parts = section(scene, urls)
     return html_page(
         f"{scene.description['title']} \u2013 shrm",

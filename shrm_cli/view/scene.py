@@ -110,14 +110,10 @@ def make_scene(
 ) -> Scene:
     """Put together what a page shows.
 
-    `files` are the names of the maps' files. `probe` is shown behind the shape, and the truth is
-    computed of it. `mesh` is a shape to show the maps on, in world axes. `max_size` is the most
-    bytes of the blocks, in base64. The probe behind the shape gets fewer rows to keep it. By
-    default there is no limit. `is_rounded` tells whether textures of light are rounded, by a
-    percent or so, to make a page small.
-
-    Raises MapError if a map cannot be shown, or the page would be too large. Raises ProbeError,
-    BrdfError or MeshError if the probe, the BRDF of the truth or the mesh cannot be used.
+    `probe` is shown behind the shape, and the truth is computed of it. `mesh` is a shape to show
+    the maps on, in world axes. `max_size` is the most bytes of the blocks, in base64. The probe
+    behind the shape gets fewer rows to keep it. By default there is no limit. `is_rounded` tells
+    whether textures of light are rounded, by a percent or so, to make a page small.
     """
     start, truth = start or Start(), truth or Truth()
     if not maps:
@@ -231,9 +227,8 @@ def _truth_pictures(
     the middle as a share s of half the picture's width is seen at ``sin(s pi / 2)`` radii from the
     centre of the sphere. They are close together at the silhouette, where reflections are, too.
 
-    `views` are the azimuth and elevation of each viewer, degrees. `size` is the number of pixels
-    along the square around the sphere. `brush` is a direction that tangents follow. A sphere has no
-    texture coordinates to follow.
+    `views` are the azimuth and elevation of each viewer, degrees. `brush` is a direction that
+    tangents follow. A sphere has no texture coordinates to follow.
 
     Returns arrays of float32 of shape (size, size, 3): linear radiance, rows from the highest.
     Pixels beside the silhouette hold what is on it, so that pictures can be interpolated; others
@@ -359,11 +354,8 @@ def described_map(
 ) -> dict[str, Any]:
     """Describe a map for the page, as `viewer.js` knows it, and keep its textures.
 
-    `name` is what the page calls the map. `file` is the name of its file, without a folder. Its
-    textures are added to `blocks`. `taps`, one of 3, 5, 8, are how many look-ups the light of
-    brushed surfaces takes.
-
-    Raises MapError if shaders have no words for the map.
+    `file` is the name of its file, without a folder. Its textures are added to `blocks`. `taps`,
+    one of 3, 5, 8, are how many look-ups the light of brushed surfaces takes.
     """
     if isinstance(made, MaterialMap):
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")

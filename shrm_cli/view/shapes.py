@@ -12,8 +12,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh, make_mesh
 from shrm_cli.geometry.tangents import tangents_from_uvs
-from shrm_cli.render.camera import Viewer
-from shrm_cli.render.perspective import Lens, aimed
+from shrm_cli.render.camera import Lens, Viewer, aimed
 from shrm_cli.view.blocks import Blocks
 
 _AZIMUTHS, _ELEVATIONS = range(0, 360, 30), (-60, -30, 0, 30, 60)
@@ -27,11 +26,8 @@ def described_shapes(
 ) -> list[dict[str, Any]]:
     """Describe the shapes for the page, the sphere first, and keep their triangles.
 
-    `mesh` is the user's, in world axes. Vertices, normals and indices are added to `blocks`.
-    `is_brushed` tells whether a map cares for tangents: those along texture coordinates are added
-    then, too.
-
-    Raises MeshError if the mesh has no extent.
+    Vertices, normals and indices are added to `blocks`. `is_brushed` tells whether a map cares for
+    tangents: those along texture coordinates are added then, too.
     """
     shapes = [{"name": "Sphere", "file": ""}, _described(figure(), "Figure", "", blocks)]
     if mesh is not None:

@@ -5,7 +5,7 @@ import pytest
 
 from shrm_cli.brdf.film import film_reflectance
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.choose.forms import others_of
+from shrm_cli.choose.choose import others_of
 from shrm_cli.errors import BrdfError
 from tests.brdf.layered.test_coated import reflected_share, seen
 from tests.brdf.models.test_analytic import upper

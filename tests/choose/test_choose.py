@@ -7,16 +7,15 @@ import pytest
 
 import shrm_cli as shrm
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.choose import forms
-from shrm_cli.choose.choose import _for_goal
-from shrm_cli.choose.forms import Truth
+from shrm_cli.choose import choose
+from shrm_cli.choose.choose import Truth, _for_goal
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.principal.plan import Sharing
 from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
-from shrm_cli.maps.principal.sharing import Sharing
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.proposal import ShrmProposals
+from shrm_cli.maps.shrm.terms import ShrmProposals
 from shrm_cli.maps.size import TRIED_SIZES
-from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
+from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal
 from shrm_cli.probe.lighting import Projection
@@ -267,14 +266,14 @@ def test_brushed_materials_are_offered_taps_beside_principal_maps(spec):
 
 
 def test_all_taps_share_one_chain(monkeypatch):
-    made, prefilter = [], forms.prefilter_with_facts
+    made, prefilter = [], choose.prefilter_with_facts
     monkeypatch.setattr(
-        forms, "prefilter_with_facts", lambda *asked: made.append(asked) or prefilter(*asked)
+        choose, "prefilter_with_facts", lambda *asked: made.append(asked) or prefilter(*asked)
     )
     brdf = parse_spec("ggx:roughness=0.8,anisotropy=0.5")
-    ((form, setting),) = forms.others_of(brdf)
+    ((form, setting),) = choose.others_of(brdf)
     truth = Truth(light(0, 5), brdf)
-    offers = forms.made_offers(form, setting, light(0, 5), brdf, truth)
+    offers = choose.made_offers(form, setting, light(0, 5), brdf, truth)
     assert len(made) == 1
     assert [offer.look_ups for offer in offers] == [14, 18, 24]
     assert len({offer.error for offer in offers}) == 3

@@ -256,7 +256,7 @@ HINT = "flip-evaluator is not installed, so HDR-FLIP is left out; pip install fl
 
 @pytest.mark.parametrize(("options", "hints"), [([], [HINT]), (["--no-flip"], [])])
 def test_without_flip_its_column_is_left_out(folder, monkeypatch, options, hints):
-    monkeypatch.setattr(import_module("shrm_cli.render.flip"), "can_flip", lambda: False)
+    monkeypatch.setattr(import_module("shrm_cli.render.seen"), "can_flip", lambda: False)
     result = run("compare", "fine.map.exr", "coarse.map.exr", *SMALL, *options)
     assert result.code == 0
     assert result.err.splitlines() == [f"Warning: {hint}" for hint in hints]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import shrm_cli as shrm
-from shrm_cli.render.flip import can_flip
+from shrm_cli.render.seen import can_flip
 from tests.batch.helpers import work_here
 from tests.cli.helpers import assert_refused, done, noise, run, snapshot, write_exr
 

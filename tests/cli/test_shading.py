@@ -11,7 +11,7 @@ import pytest
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap
-from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
+from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.lit import shaded_maps
 from shrm_cli.render.sphere import render_sphere

@@ -5,8 +5,7 @@ import pytest
 
 from shrm_cli.errors import MapError
 from shrm_cli.export.engines.playcanvas import RGBP
-from shrm_cli.export.pixels import FORMATS, clip_warning, encoded, loss, sentence
-from shrm_cli.export.rgbd import RGBD
+from shrm_cli.export.pixels import FORMATS, RGBD, clip_warning, encoded, loss, sentence
 from tests.export.readers import decoded, packed_floats, shared_exponent, small_float
 
 

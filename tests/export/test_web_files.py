@@ -14,8 +14,7 @@ from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.export.harmonics import babylon, ext_lights_image_based
 from shrm_cli.export.make import Asked, Source, gather
 from shrm_cli.export.packing import ALL
-from shrm_cli.export.pixels import FORMATS
-from shrm_cli.export.rgbd import RGBD, rgba_png, rgbd_pictures
+from shrm_cli.export.pixels import FORMATS, RGBD, rgba_png, rgbd_pictures
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid

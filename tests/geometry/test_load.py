@@ -385,7 +385,7 @@ def test_lines_that_go_on_are_joined_once(tmp_path):
 
 def test_materials_of_many_meshes_are_found_without_comparing_all(tmp_path, monkeypatch):
     """4096 materials and 65,536 nodes took 54 s, most of it to compare materials."""
-    from shrm_cli.geometry.surface import SurfaceMaterial
+    from shrm_cli.geometry.mesh import SurfaceMaterial
 
     tree, data = copy.deepcopy(TREE[0]), TREE[1]
     count = 200

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import OutputError
-from shrm_cli.lookdev.page import lookdev_page, material_names, probe_names
-from shrm_cli.lookdev.sheet import Column, metered
+from shrm_cli.lookdev.sheet import Column, lookdev_page, material_names, metered, probe_names
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.image import weighted_quantiles
 from shrm_cli.render.sheet import PAPER, Grid, draw_grid

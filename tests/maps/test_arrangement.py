@@ -13,7 +13,7 @@ from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.file import open_map
-from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.shrm.shrm import CompressedShrm
 from tests import oracles
 from tests.cli.helpers import process
 from tests.maps.explicit.test_file import PEAK, parts, refused, stored_values, write_parts

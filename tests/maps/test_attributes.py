@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shrm_cli.maps.attributes import shortest, shortest_values
+from shrm_cli.maps.stored import shortest, shortest_values
 
 
 def test_many_numbers_are_as_short_as_one():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.maps.shrm.compressed import compressed
+from shrm_cli.maps.shrm.shrm import compressed
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from tests.brute_force import latlong_samples, unit

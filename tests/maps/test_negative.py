@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.maps.prefiltered import negative_share
+from shrm_cli.maps.request import negative_share
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.cube import nearest_texels

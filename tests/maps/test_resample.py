@@ -10,7 +10,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
-from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.shrm.shrm import CompressedShrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from tests.brute_force import unit
 from tests.maps.scenes import make_shrm, normals_of, relative_rms, rms, uniform_points

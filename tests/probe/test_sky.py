@@ -5,12 +5,21 @@ import pytest
 
 from shrm_cli.color import xyz_matrix
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe import sky_data
 from shrm_cli.probe.make import latlong_solid_angles, latlong_texels
 from shrm_cli.probe.sky import (
+    GAS_ABSORPTION,
+    GAS_WAVELENGTHS,
+    LUMINOUS_EFFICACY,
+    OZONE_ABSORPTION,
+    OZONE_WAVELENGTHS,
+    SUN_RADIANCE,
     SUN_RADIUS,
     SUN_SOLID_ANGLE,
+    SUN_WAVELENGTHS,
+    WATER_ABSORPTION,
+    WATER_WAVELENGTHS,
     atmosphere_depth,
+    color_matching,
     sky,
     sky_radiance,
     sun_disc_samples,
@@ -35,28 +44,28 @@ def sun_only(size, azimuth, elevation, turbidity=3.0):
 def test_color_matching_fit_resembles_the_tables():
     # CIE 1931, 2 degrees, at 450, 555 and 600 nm; the fit is good to about 0.03.
     tables = [[0.3362, 0.0380, 1.7721], [0.5121, 1.0000, 0.0057], [1.0622, 0.6310, 0.0008]]
-    fit = sky_data.color_matching(np.array([450.0, 555.0, 600.0]))
+    fit = color_matching(np.array([450.0, 555.0, 600.0]))
     np.testing.assert_allclose(fit, tables, atol=0.04)
 
 
 def test_extraterrestrial_sun_is_the_solar_illuminance_constant():
     # 127.5 to 133 klx are in use; Table 2 ends at 750 nm, where the eye's sensitivity is 1e-4.
     wavelengths = np.arange(380.0, 750.5)
-    spectrum = np.interp(wavelengths, sky_data.SUN_WAVELENGTHS, sky_data.SUN_RADIANCE)
+    spectrum = np.interp(wavelengths, SUN_WAVELENGTHS, SUN_RADIANCE)
     luminance = (
-        sky_data.LUMINOUS_EFFICACY
+        LUMINOUS_EFFICACY
         / 1000
-        * np.trapezoid(spectrum * sky_data.color_matching(wavelengths)[:, 1], wavelengths)
+        * np.trapezoid(spectrum * color_matching(wavelengths)[:, 1], wavelengths)
     )
     assert 124 < luminance * SUN_SOLID_ANGLE < 134
 
 
 def test_tables_are_whole():
     for wavelengths, values in [
-        (sky_data.SUN_WAVELENGTHS, sky_data.SUN_RADIANCE),
-        (sky_data.OZONE_WAVELENGTHS, sky_data.OZONE_ABSORPTION),
-        (sky_data.GAS_WAVELENGTHS, sky_data.GAS_ABSORPTION),
-        (sky_data.WATER_WAVELENGTHS, sky_data.WATER_ABSORPTION),
+        (SUN_WAVELENGTHS, SUN_RADIANCE),
+        (OZONE_WAVELENGTHS, OZONE_ABSORPTION),
+        (GAS_WAVELENGTHS, GAS_ABSORPTION),
+        (WATER_WAVELENGTHS, WATER_ABSORPTION),
     ]:
         assert len(wavelengths) == len(values)
         assert (np.diff(wavelengths) > 0).all()

@@ -14,9 +14,8 @@ from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.render.boxed import Placed
-from shrm_cli.render.camera import Viewer
+from shrm_cli.render.camera import Lens, Viewer, aimed
 from shrm_cli.render.mesh import MeshSubject
-from shrm_cli.render.perspective import Lens, aimed
 from shrm_cli.render.stage import Actor, Look, Stage
 from shrm_cli.rooms.capture import captured
 from shrm_cli.sphere.grid.latlong import latlong_directions

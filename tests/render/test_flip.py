@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.render import flip
-from shrm_cli.render.flip import FlipError, can_flip, hdr_flip
+from shrm_cli.render import seen
+from shrm_cli.render.seen import FlipError, can_flip, hdr_flip
 
 evaluator = pytest.importorskip("flip_evaluator")
 
@@ -160,4 +160,4 @@ def test_without_the_package(monkeypatch):
     assert can_flip()
     monkeypatch.setitem(sys.modules, "flip_evaluator", None)
     with pytest.raises(ModuleNotFoundError):
-        flip.hdr_flip(noise(1), noise(2))
+        seen.hdr_flip(noise(1), noise(2))

@@ -9,7 +9,7 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.errors import OutputError
-from shrm_cli.files.picture import file_type, write_picture
+from shrm_cli.files.image import file_type, write_picture
 from shrm_cli.files.png import encode_srgb, png_bytes
 from shrm_cli.render.image import expose, exposure_advice, suitable_exposure
 
@@ -139,7 +139,7 @@ import resource, sys
 sys.dont_write_bytecode = True
 import numpy as np
 from shrm_cli.errors import OutputError
-from shrm_cli.files.picture import write_picture
+from shrm_cli.files.image import write_picture
 path, limit, width = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
 picture = np.random.default_rng(1).random((width, width, 3)).astype(np.float32)
 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))

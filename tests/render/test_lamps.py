@@ -12,9 +12,8 @@ from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
-from shrm_cli.render.camera import Viewer
+from shrm_cli.render.camera import DEFAULT_FOV, Lens, Viewer, aimed
 from shrm_cli.render.mesh import MeshSubject
-from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
 from shrm_cli.render.stage import Actor, Look, Stage
 from shrm_cli.render.vertex_colors import LampsOnMesh, vertex_colors
 from shrm_cli.transfer.bake import Plan, bake

@@ -12,9 +12,8 @@ from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
-from shrm_cli.render.camera import Viewer
+from shrm_cli.render.camera import Lens, Viewer, aimed
 from shrm_cli.render.mesh import MeshSubject
-from shrm_cli.render.perspective import Lens, aimed
 from shrm_cli.render.stage import Actor, Look, Stage
 from tests.geometry.shapes import icosphere
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from shrm_cli.errors import MeshError
-from shrm_cli.geometry.surface import Texture
+from shrm_cli.geometry.mesh import Texture
 from shrm_cli.render import textures
 from shrm_cli.render.textures import MipMap, Shelf, pyramid_of
 

@@ -7,7 +7,7 @@ from research.taps.environment import turns
 from research.taps.fit import Node, fitted, kinds, missed
 from research.taps.lobes import ORDER, Norm, view
 from shrm_cli.brdf.environment.taps import KINDS, monomials, polynomials
-from shrm_cli.maps.splitsum.brushed import TURNS
+from shrm_cli.maps.splitsum.split_sum import TURNS
 from shrm_cli.vocabulary import TAP_COUNTS
 from tests import brushed_ggx
 from tests.brute_force import unit

@@ -10,8 +10,7 @@ from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.probe import Probe
 from shrm_cli.rooms.bake import Gathering, bake
 from shrm_cli.rooms.grid import Lattice
-from shrm_cli.rooms.radiosity import Brightness, Patches
-from shrm_cli.rooms.room import Emitters
+from shrm_cli.rooms.room import Brightness, Emitters, Patches
 from tests.rooms import shapes
 
 

@@ -11,8 +11,14 @@ import trimesh
 
 from shrm_cli.errors import OutputError, TransferError
 from shrm_cli.transfer.bake import Plan, bake, mesh_digest
-from shrm_cli.transfer.export import write_glb, write_pifu, write_ply
-from shrm_cli.transfer.file import is_transfer, read_transfer, write_transfer
+from shrm_cli.transfer.file import (
+    is_transfer,
+    read_transfer,
+    write_glb,
+    write_pifu,
+    write_ply,
+    write_transfer,
+)
 from tests.transfer import meshes
 
 

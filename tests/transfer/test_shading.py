@@ -6,7 +6,7 @@ import pytest
 from shrm_cli.errors import TransferError
 from shrm_cli.render.vertex_colors import VertexColors
 from shrm_cli.transfer.bake import Plan, bake
-from shrm_cli.transfer.shading import diffuse_colors, glossy_colors
+from shrm_cli.transfer.transfer import diffuse_colors, glossy_colors
 from tests.oracles import real_harmonics as harmonics
 from tests.oracles import sphere_rule
 from tests.transfer import meshes

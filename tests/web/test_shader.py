@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.irradiance.zh3 import in_form
+from shrm_cli.maps.irradiance.irradiance import in_form
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack

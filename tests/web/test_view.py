@@ -15,7 +15,7 @@ from shrm_cli.geometry.tangents import projected_tangents
 from shrm_cli.maps.info import record_of
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.product.make import product
-from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
+from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import open_probe
@@ -360,8 +360,8 @@ def test_the_probe_is_behind_the_sphere(watched, tmp_path, probe):
 
 def test_pictures_of_a_mesh(watched, tmp_path):
     """The inner pixels are those of `shrm render --mesh`; the page smooths edges otherwise."""
+    from shrm_cli.render.camera import Aim, Lens
     from shrm_cli.render.mesh import MeshSubject
-    from shrm_cli.render.perspective import Aim, Lens
     from shrm_cli.render.stage import Actor, Look, Stage
 
     made = cases.irradiance(2)

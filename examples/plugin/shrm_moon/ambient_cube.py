@@ -10,12 +10,12 @@ import numpy as np
 import shrm_cli as shrm
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.files.parts import Part
-from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes
 from shrm_cli.maps.kinds import FixedMap, ReflectionMap
 from shrm_cli.maps.offers import FLOATS, LookUp, Setting
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.request import Prefiltered
 from shrm_cli.maps.shader.cost import Cost
 from shrm_cli.maps.shader.source import Source
+from shrm_cli.maps.stored import COLORS, common_header, map_info, read_attributes
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import spiral_directions

@@ -10,8 +10,12 @@ from numpy.typing import ArrayLike
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array, slices
-from shrm_cli.brdf.environment.material_albedo import albedo_table
-from shrm_cli.brdf.environment.views import ViewTable, half_vectors, unit_rule
+from shrm_cli.brdf.environment.material_albedo import (
+    ViewTable,
+    albedo_table,
+    half_vectors,
+    unit_rule,
+)
 from shrm_cli.brdf.models.charlie import Charlie
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.vectors import GRAZING, fifth_power
@@ -32,13 +36,10 @@ def lobe_moments(roughness: float, cosines: ArrayLike) -> Array:
     reflects the view, ``R = (N.V) N + sin(theta_v) T``. All integrals are exact to 1e-5, at any
     roughness and down to N.V = 1e-5.
 
-    `roughness` is perceptual, in 0 .. 1. `cosines`, of shape (n,), are N.V; values below 1e-5 count
-    as 1e-5.
+    `cosines`, of shape (n,), are N.V; values below 1e-5 count as 1e-5.
 
     Returns an array of shape (2, 3, n), indexed [without Fresnel's term or with the tail; 1, N.L or
     T.L; view].
-
-    Raises MapError if the roughness is outside 0 .. 1.
     """
     if not 0 <= roughness <= 1:
         raise MapError(f"roughness {roughness:g} is outside 0 .. 1")
@@ -88,8 +89,6 @@ class LobeMoments(ViewTable):
     """The moments of one roughness, tabulated over N.V for rendering.
 
     Interpolated values differ from those of `lobe_moments` by 2e-5 at most, at any roughness.
-
-    `roughness` is perceptual, in 0 .. 1.
     """
 
     def __init__(self, roughness: float) -> None:
@@ -125,8 +124,7 @@ def whole_lobe(moments: Array, f0: float) -> tuple[Array, Array]:
 
     Schlick's term is ``f0 + (1 - f0) (1 - V.H)^5``.
 
-    `moments`, of shape (2, 3, ...), are as `lobe_moments` returns them. `f0` is the reflectance at
-    normal incidence.
+    `moments`, of shape (2, 3, ...), are as `lobe_moments` returns them.
 
     Returns `albedo` of shape (...); and `mean` of shape (2, ...), N.L and T.L, averaged over the
     lobe; the vector is never longer than 1. Where nothing is reflected, as by a mirror of f0 = 0
@@ -180,7 +178,6 @@ def columns_table(kind: str, size: int) -> Array:
     `kind`, a key of `environment.file.MEANINGS`, says what the third column is: the light that
     single scattering loses where f0 is 1, ``1 - E`` with ``E = scale + bias``; it as a part of E;
     or the albedo of cloth, after scale and bias, or after the columns for multiple scattering.
-    `size` is that of `environment_table`.
 
     References: Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image Based
     Lighting"; Turquin 2019, "Practical multiple scattering compensation for microfacet models".
@@ -199,8 +196,6 @@ def columns_table(kind: str, size: int) -> Array:
 def moments_table(size: int) -> Array:
     """Compute the moments of the lobe of every roughness: the table of SH exponentials.
 
-    `size` is that of `environment_table`.
-
     Returns an array of shape (size, size, 6): the integrals of 1, N.L and T.L / sin(theta_v) over
     the lobe without Fresnel's term, then with Schlick's tail; see `lobe_moments`. The quotient
     multiplies ``(N.V) N - V``, whose length is sin(theta_v), so that what lies across the normal
@@ -218,14 +213,7 @@ def moments_table(size: int) -> Array:
 
 
 class DirectionalAlbedo:
-    """The environment BRDF of one roughness, tabulated over N.V for rendering.
-
-    Interpolated values differ from the integrals by 2e-5 at most.
-
-    `roughness` is perceptual, in 0 .. 1.
-
-    Raises MapError if the roughness is outside 0 .. 1.
-    """
+    """The environment BRDF of one roughness, tabulated over N.V for rendering."""
 
     def __init__(self, roughness: float) -> None:
         if not 0 <= roughness <= 1:
@@ -310,11 +298,9 @@ def brushed_table(brdf: Ggx, size: int) -> Array:
     Between the azimuths both are quadratic in ``w = cos(2 phi)``, which is 1, 0 and -1 there.
 
     `brdf` is one whose anisotropy, and the mapping of it, all rows have. `size` is the number of
-    rows, over the perceptual roughness, and of columns, over N.V. Both are sampled at texel
-    centers, ``(k + 0.5) / size``. The first row is the smoothest.
+    rows, over the perceptual roughness, and of columns, over N.V.
 
-    Returns an array of shape (size, size, 6): scale and bias along, between and across. Raises
-    BrdfError if the BRDF has alphas of its own, a roughness or a reflectance.
+    Returns an array of shape (size, size, 6): scale and bias along, between and across.
     """
     usual = Ggx().values
     if any(brdf.values.get(key) != value for key, value in usual.items()):

@@ -107,9 +107,6 @@ def write_dfg(
 
     `table`, of shape (N, N, channels), is indexed [perceptual roughness, N.V, channel]; the
     channels are those of its `MEANINGS`. `kind` says which table it is, one of `MEANINGS`.
-    `precision` is the pixel type to write. `brdf` is the specification of the BRDF.
-
-    Raises OutputError if the file cannot be written.
     """
     meaning = MEANINGS[kind]
     header = {
@@ -136,7 +133,7 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
 
     Returns the items ``width``, ``height``, ``multiscatter``, ``moments``, ``channels`` and
     ``reflectance``, for moments ``mean_direction``, and ``columns`` and ``brdf`` where these are
-    others. None if the file is anything else. Raises BrdfError if the table is damaged.
+    others. None if the file is anything else.
     """
     found = peek(path)
     if found is None or found.first.text("shrm:table") != "dfg":

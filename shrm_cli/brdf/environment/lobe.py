@@ -57,11 +57,7 @@ class NormalLobe(Brdf):
 
 
 def check_varies(brdf: Brdf) -> None:
-    """Check that a BRDF has a lobe for every roughness, and that none is asked for.
-
-    Raises BrdfError if the BRDF has no roughness, is one that `MaterialLobe` refuses, or is given a
-    roughness.
-    """
+    """Check that a BRDF has a lobe for every roughness, and that none is asked for."""
     if not brdf.isotropic:
         MaterialLobe(brdf)
     MaterialLobe(brdf.at_roughness(1.0))
@@ -78,9 +74,6 @@ class MaterialLobe(NormalLobe):
     """The lobe ``f_r N.L`` of any isotropic BRDF for ``N = V``, normalized to be a mean of light.
 
     It is the mean of the lobes of the three channels: one lobe for all of them.
-
-    Raises BrdfError if the BRDF is anisotropic, lies about a tangent or reflects light from below
-    the surface, or if what it reflects along the normal is nothing, or not finite.
     """
 
     def __init__(self, material: Brdf) -> None:

@@ -1,6 +1,6 @@
 """What any BRDF reflects of a white, uniform environment: its directional albedo."""
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,8 +10,85 @@ from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.environment.lobe import MaterialLobe
-from shrm_cli.brdf.environment.views import ViewTable, half_vectors, unit_rule
 from shrm_cli.brdf.vectors import GRAZING
+from shrm_cli.sphere.quadrature import gauss_legendre
+
+_TABLE = 129  # nodes in N.V
+
+
+def half_vectors(alpha: float, view: Array, count: int) -> tuple[Array, Array, Array]:
+    """Return nodes of a quadrature over the half vectors with which light comes from above.
+
+    Their coordinates are the azimuth of H from the view, and x, where the slope of H is ``t =
+    tan(theta_h) = alpha sinh(x)``; in x lobes of all widths are smooth. L is above the surface
+    where ``cos(phi) > N.V (t^2 - 1) / (2 t sin(theta_v))``. That holds for all azimuths up to the
+    slope ``(1 - sin(theta_v)) / N.V``, and for none beyond ``(1 + sin(theta_v)) / N.V``. Nodes are
+    dense at both slopes, because the range of azimuths changes there like a square root.
+
+    `alpha` is the width of the lobe, as a slope. `view`, of shape (n, 1), is N.V. `count` is the
+    number of nodes of each half of the integral over x.
+
+    Returns `x`, `measure` and `end`, each of shape (n, 2 count), the nodes, their weights for an
+    integral over x, and the azimuth where L meets the horizon.
+    """
+    sine = np.sqrt(1 - view**2)
+    first, second = np.arcsinh(view / (1 + sine) / alpha), np.arcsinh((1 + sine) / view / alpha)
+    nodes, weights = unit_rule(count)
+    eased, eased_weights = nodes**2 * (3 - 2 * nodes), weights * 6 * nodes * (1 - nodes)
+    span = second - first
+    x = np.concatenate([first * nodes, first + span * eased], axis=1)
+    measure = np.concatenate([first * weights, span * eased_weights], axis=1)
+    slope = alpha * np.sinh(x)
+    limit = view * (slope**2 - 1) / np.maximum(2 * slope * sine, np.finfo(float).tiny)
+    return x, measure, np.arccos(np.clip(limit, -1.0, 1.0))
+
+
+@lru_cache
+def unit_rule(count: int) -> tuple[Array, Array]:
+    """Nodes and weights of Gauss and Legendre's rule on 0 .. 1."""
+    nodes, weights = gauss_legendre(count)
+    return (nodes + 1) / 2, weights / 2
+
+
+class ViewTable:
+    """Nodes in N.V for the table of a lobe, and the interpolation between them.
+
+    What a lobe reflects changes fastest where N.V is less than its width. The nodes are dense
+    there, for any width.
+
+    `width` is the ggx_alpha of the lobe, or of one that is as wide.
+    """
+
+    def __init__(self, width: float) -> None:
+        self._scale = 0.3 * width
+        first, last = np.arcsinh(np.sqrt(np.array([GRAZING, 1.0]) / self._scale)).tolist()
+        self._ends = first, last
+
+    @property
+    def nodes(self) -> Array:
+        """N.V at the nodes, rising from 1e-5 to 1."""
+        return self._scale * np.sinh(np.linspace(*self._ends, _TABLE)) ** 2
+
+    def interpolated(self, table: Array, view: Array) -> Array:
+        """Interpolate each row by the cubic polynomial through the four nearest nodes.
+
+        `table` is of shape (..., nodes). `view` is N.V, from 1e-5 to 1.
+        """
+        first, last = self._ends
+        position = (_TABLE - 1) * (
+            (np.arcsinh(np.sqrt(view / self._scale)) - first) / (last - first)
+        )
+        node = np.clip(position.astype(int), 1, _TABLE - 3)
+        t = position - node
+        result = table[..., node - 1] * (-t * (t - 1) * (t - 2) / 6)
+        result += table[..., node] * ((t + 1) * (t - 1) * (t - 2) / 2)
+        result += table[..., node + 1] * (-(t + 1) * t * (t - 2) / 2)
+        result += table[..., node + 2] * ((t + 1) * t * (t - 1) / 6)
+        return np.asarray(result)
+
+
+# ---- albedo --------------------------------------------------------------------------------------
+
 
 _NODES = 12, 384
 """The fewest nodes over the slope of the half vector, in each half, and the most; over its azimuth
@@ -31,8 +108,6 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike) -> Array:
     2e-5 of the albedo, or of 1 where that is less.
 
     `cosines`, of shape (n,), are N.V; values below 1e-5 count as 1e-5.
-
-    Raises BrdfError if the BRDF is one that `MaterialLobe` refuses.
     """
     width = MaterialLobe(brdf).width
     view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
@@ -84,13 +159,10 @@ def _integral(brdf: Brdf, width: float, view: Array, count: int) -> Array:
 def albedo_table(brdf: Brdf, size: int) -> Array:
     """Compute the directional albedo of a BRDF for every roughness.
 
-    `size` is the number of rows, over the perceptual roughness, and of columns, over N.V. Both are
-    sampled at texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
+    `size` is the number of rows, over the perceptual roughness, and of columns, over N.V.
 
     Returns an array of shape (size, size, 3), read-only where the process keeps it for the next map
     of this BRDF.
-
-    Raises BrdfError if the BRDF has no roughness, or is one that `MaterialLobe` refuses.
     """
     return remembered(brdf, ("albedo table", size), lambda: _tabulated(brdf, size))
 

@@ -24,8 +24,7 @@ def open_material(path: Path, wanted: str, primaries: Primaries | None = None) -
     `wanted` is the material's name or number; empty for the only one. `primaries` are
     chromaticities that colors are converted to, Rec.709 by default.
 
-    Warns for what is averaged, and for what is left out. Raises BrdfError if the file cannot be
-    read, or the material cannot be held.
+    Warns for what is averaged, and for what is left out.
     """
     check_file(path)
     note(path)

@@ -46,10 +46,7 @@ _NORMALS = (
 def read_gltf_material(name: str, data: bytes, wanted: str) -> Material:
     """A material of a glTF or GLB file, by its name or its number.
 
-    `name` is the path of the file. Buffers and textures are looked for in its folder. `wanted` is
-    empty for the only material.
-
-    Raises BrdfError if the file is damaged, has no such material, or needs what is not read.
+    Buffers and textures are looked for in its folder. `wanted` is empty for the only material.
     """
     try:
         tree, chunk = read_tree(name, data)

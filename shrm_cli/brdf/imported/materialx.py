@@ -34,10 +34,8 @@ _PLACES = {"x": 0, "y": 1, "z": 2, "r": 0, "g": 1, "b": 2, "a": 3}
 def read_materialx(name: str, data: bytes, wanted: str) -> Material:
     """A material of a MaterialX file, by its name or its number.
 
-    `name` is the path of the file. Textures are looked for in its folder. `wanted` is the name of a
-    material, or of a surface; empty for the only material.
-
-    Raises BrdfError if the file is damaged, has no such material, or needs what is not read.
+    Textures are looked for in its folder. `wanted` is the name of a material, or of a surface;
+    empty for the only material.
     """
     try:
         import MaterialX

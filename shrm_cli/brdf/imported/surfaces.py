@@ -123,10 +123,7 @@ class Material:
 
 
 def chosen(name: str, names: Sequence[str], wanted: str) -> int:
-    """The place of a material among those of a file, by its name or else by its number.
-
-    Raises BrdfError if there is none, or several and none is named.
-    """
+    """The place of a material among those of a file, by its name or else by its number."""
     if wanted in names and wanted:
         return names.index(wanted)
     if wanted.isascii() and wanted.isdigit() and int(wanted[:9]) < len(names):

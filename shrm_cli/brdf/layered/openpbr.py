@@ -132,10 +132,7 @@ class OpenPbr(Sum):
 
 
 def _held(values: dict[str, Value]) -> dict[str, Value]:
-    """The parameters that decide the surface.
-
-    Raises BrdfError if another one has a weight that cannot be left out.
-    """
+    """The parameters that decide the surface."""
     for name, what in _REFUSED.items():
         if values.get(name, 0.0) != 0:
             given = value_text(values[name])

@@ -114,9 +114,6 @@ def write_merl(path: str | os.PathLike[str], brdf: Brdf) -> None:
 
     The format holds reciprocal BRDFs only. So the BRDF is sampled at the centers of the cells, also
     with light and view exchanged, and the mean is written. Cells below the horizon are invalid.
-
-    Raises BrdfError if it is anisotropic or about a tangent, or its value is not finite. Raises
-    OutputError if the file cannot be written.
     """
     if brdf.center == "tangent" or not brdf.isotropic:
         raise BrdfError(f"{brdf!r}: MERL files hold isotropic BRDFs about a normal alone")

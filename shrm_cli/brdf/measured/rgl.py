@@ -113,11 +113,7 @@ def _polar(directions: Array) -> tuple[Array, Array]:
 
 
 def _to_measured(view: Array, symmetry: int) -> Array:
-    """Factors for x, y and z that bring viewers where they were measured, shape (n, 3).
-
-    That is below the x axis, by half a turn, or in the quarter where x and y are negative, by
-    mirrors.
-    """
+    """Factors for x, y and z that bring viewers where they were measured, shape (n, 3)."""
     signs = np.where(np.signbit(view), view.dtype.type(1), view.dtype.type(-1))
     if symmetry == 2:
         signs[:, 0] = signs[:, 1]

@@ -118,10 +118,7 @@ class Table(MeasuredBrdf):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Table":
-        """Read a table from OpenEXR or .npz.
-
-        Raises BrdfError if the file is missing or damaged, or holds something else.
-        """
+        """Read a table from OpenEXR or .npz."""
         values = file_values(path)
         return cls(*read_table(path), values)
 
@@ -181,10 +178,6 @@ def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
     steps, dense at grazing angles, where Fresnel terms rise. Nodes of phi_d have equal steps.
     Nodes whose light or view lies below the horizon, where nothing is known, take the value half a
     degree above it, so that no zero is interpolated into the grazing angles.
-
-    `shape` holds the numbers of nodes of theta_h, theta_d and phi_d.
-
-    Raises BrdfError if the BRDF is anisotropic, or not finite.
     """
     if not brdf.isotropic:
         raise BrdfError(f"{brdf!r}: anisotropic; a table holds isotropic BRDFs only")
@@ -253,8 +246,6 @@ def read_table(path: str | os.PathLike[str]) -> Stored:
 
     Returns `values` of shape (theta_h, theta_d, phi_d, 1 or 3); `axes`, the angles of the values,
     radians; and `settings`.
-
-    Raises BrdfError if the file is missing or damaged, or holds something else.
     """
     path = check_file(path)
     try:
@@ -269,8 +260,6 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
     The same table gives the same bytes.
 
     The suffix of `path`, .exr or .npz, decides on the format.
-
-    Raises OutputError if the name has another suffix, or the file cannot be written.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".npz":
@@ -282,10 +271,7 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
 
 
 def is_table(path: str | os.PathLike[str]) -> bool:
-    """Tell whether a file is an OpenEXR image or a .npz that holds a table of a BRDF.
-
-    Whether the table is sound, reading it tells.
-    """
+    """Tell whether a file is an OpenEXR image or a .npz that holds a table of a BRDF."""
     if not os.path.isfile(path):
         return False
     try:
@@ -334,10 +320,7 @@ def _read_exr(path: Path) -> Stored:
 
 
 def stored_table(part: StoredPart) -> Stored:
-    """Read a part that `table_part` made, as `read_table` returns it, its values times the scale.
-
-    Raises BrdfError if it is damaged.
-    """
+    """Read a part that `table_part` made, as `read_table` returns it, with its values scaled."""
     path, text = Path(part.path), part.text(ATTRIBUTE)
     held = _json_object(path, text)
     listed = held.pop("axes", None)

@@ -40,10 +40,7 @@ MAX_ORDER = 20
 
 
 class Term(NamedTuple):
-    """The orders of one function of the basis: n >= m >= azimuth >= 0, all odd or all even.
-
-    The azimuth is the order l of the cosine.
-    """
+    """The orders of one function of the basis: n >= m >= azimuth >= 0, all odd or all even."""
 
     n: int
     m: int
@@ -145,8 +142,6 @@ def fit_zernike(
     `values`, of shape (n,) or (n, 3), are the BRDF (1/sr), grey or linear RGB. `order` is 0 to 20.
     With a `smoothing` of 0 the fit reproduces published coefficients. With 1e-3 a fit to sparse
     measurements does not run away where nothing was measured.
-
-    Raises BrdfError if the order is out of range, or there is no measurement.
     """
     if not 0 <= order <= MAX_ORDER:
         raise BrdfError(f"order {order} of a Zernike expansion is outside 0 .. {MAX_ORDER}")

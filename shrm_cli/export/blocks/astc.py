@@ -19,10 +19,7 @@ _QUALITY = 60
 
 
 def library() -> ModuleType:
-    """Return Arm's encoder.
-
-    Raises ArgumentError if it is not installed.
-    """
+    """Return Arm's encoder."""
     try:
         import astc_encoder
     except ImportError as error:

@@ -211,10 +211,7 @@ prices_of = starting_prices
 
 
 def encoded(blocks: Array, prices: Floats) -> Found:
-    """Return blocks of shape (3, 16, n), encoded.
-
-    `prices`, of shape (n,), are as `prices_of` returns them.
-    """
+    """Return blocks of shape (3, 16, n), encoded."""
     texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
     every = np.zeros(blocks.shape[-1], dtype=np.int64)
     prices = prices * ~is_steep(texels)  # lamps keep what they have

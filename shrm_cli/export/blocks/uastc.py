@@ -72,10 +72,7 @@ SPACE = lines.Space(_numbers, _light, 2048, {_STEPS: _FRACTIONS})
 
 
 def encoded(blocks: Array, prices: lines.Floats) -> Found:
-    """Return blocks of shape (3, 16, n), encoded.
-
-    `prices`, of shape (n,), are as `prices_of` returns them.
-    """
+    """Return blocks of shape (3, 16, n), encoded."""
     texels = lines.Texels.of(np.minimum(blocks, LARGEST), SPACE)
     of_channels = texels.weights.sum(axis=1)
     ends = lines.line(texels, _every(texels), _STEPS)

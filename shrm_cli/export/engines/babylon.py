@@ -22,9 +22,8 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.export.cubes import mirrored, to_lookup
 from shrm_cli.export.engine import Engine, Light, Package, halving
 from shrm_cli.export.harmonics import babylon, in_axes
-from shrm_cli.export.pixels import TexelFormat
+from shrm_cli.export.pixels import RGBD, TexelFormat, rgbd_pictures
 from shrm_cli.export.quoting import string, uri
-from shrm_cli.export.rgbd import RGBD, rgbd_pictures
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _MARK = bytes([0x86, 0x16, 0x87, 0x96, 0xF6, 0xD6, 0x96, 0x36])

@@ -17,9 +17,8 @@ from shrm_cli.export.asset import EXTENSION
 from shrm_cli.export.cubes import mirrored, to_lookup
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.harmonics import ext_lights_image_based, in_axes
-from shrm_cli.export.pixels import Clipped, TexelFormat
+from shrm_cli.export.pixels import RGBD, Clipped, TexelFormat, rgbd_pictures
 from shrm_cli.export.quoting import string, uri
-from shrm_cli.export.rgbd import RGBD, rgbd_pictures
 
 LOOKUP = mirrored(1, 1, -1)
 """Where a right-handed scene of Babylon.js looks up a world direction."""

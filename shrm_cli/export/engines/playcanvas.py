@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.export.cubes import diffuse_cube
 from shrm_cli.export.engine import Engine, Light, Package, halving
-from shrm_cli.export.pixels import TexelFormat, encoded
+from shrm_cli.export.pixels import TexelFormat, encoded, rgba_png
 from shrm_cli.export.quoting import string, uri
-from shrm_cli.export.rgbd import rgba_png
 from shrm_cli.sphere.cube import CubeSampler
 
 _LEVELS = 6

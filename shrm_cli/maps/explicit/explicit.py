@@ -90,10 +90,7 @@ class ExplicitMap(CentralMap):
     @classmethod
     @abstractmethod
     def image_count(cls, view_count: int) -> int:
-        """Return the number of images of a map with `view_count` samples along an axis of the view.
-
-        Cabral's maps have twelve images whatever the number.
-        """
+        """Return the number of images of a map with so many samples along an axis of the view."""
 
     @classmethod
     @abstractmethod
@@ -127,7 +124,7 @@ class ExplicitMap(CentralMap):
         """Return the images between which a view lies, and their weights.
 
         `centers` and `views`, each of shape (..., 3), broadcastable, are unit vectors in world
-        axes. `count` is the number of images of the map.
+        axes.
 
         Returns `indices` and `weights`, each of shape (..., k), the images, and weights that sum to
         1.
@@ -152,8 +149,7 @@ class ExplicitMap(CentralMap):
         `slices` and `views` are the arguments of Kautz and McCool's maps and of light fields. Each
         kind of map takes its own argument or none.
 
-        Returns None where the number is not given. Raises ArgumentError if the argument of another
-        kind is given.
+        Returns None where the number is not given.
         """
         refuse_arguments(f"maps of representation {cls.representation}", slices=slices, views=views)
         return None
@@ -168,12 +164,7 @@ class ExplicitMap(CentralMap):
 
     @classmethod
     def check_images(cls, size: int, count: int) -> None:
-        """Check that a map of `count` images can be kept in memory.
-
-        `size` is the number of texels along a face's edge.
-
-        Raises MapError if the map would be too large.
-        """
+        """Check that a map of `count` images can be kept in memory."""
         values = 18 * size**2 * count
         if values > _MOST_VALUES:
             raise MapError(
@@ -187,8 +178,6 @@ class ExplicitMap(CentralMap):
 
         `view_count` is the number of samples along an axis of the view; `default_view_count` of the
         SHRM's order by default.
-
-        Raises MapError if the map would be too large.
         """
         view_count = cls.default_view_count(shrm.order_p) if view_count is None else view_count
         count = cls.image_count(view_count)
@@ -209,8 +198,6 @@ class ExplicitMap(CentralMap):
 
         `order_p` is the order P of the SHRM. By default it is that of the map's `info`, as far as
         the samples determine it. `frame` is the frame of the SHRM; that of the samples by default.
-
-        Raises MapError if the samples do not determine so high an order.
         """
         basis = self._fit_basis(order_p)
         weights = np.sqrt(self.view_weights(self.count))[:, None]
@@ -291,10 +278,7 @@ class ExplicitMap(CentralMap):
         raise AssertionError("a single image determines P = 0")
 
     def _norm(self, planes: Array) -> float:
-        """Return the root of the integral of the squares over views, texels and channels.
-
-        `planes` are of shape (K, 3, 6N, N).
-        """
+        """Return the root of the integral of the squares over views, texels and channels."""
         texels = np.tile(cube_solid_angles(self.size, self.sampling), (6, 1))
         squares = np.einsum("kcij,kcij,ij->k", planes, planes, texels, dtype=float)
         return float(np.sqrt(squares @ self.view_weights(self.count)))

@@ -7,9 +7,8 @@ import numpy as np
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile
 from shrm_cli.maps import registry
-from shrm_cli.maps.attributes import COLORS, common_header
 from shrm_cli.maps.explicit.explicit import ExplicitMap
-from shrm_cli.maps.stored import StoredImage, image_channels
+from shrm_cli.maps.stored import COLORS, StoredImage, common_header, image_channels
 
 
 def encode(explicit: ExplicitMap) -> list[Part]:

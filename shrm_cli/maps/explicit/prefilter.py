@@ -15,9 +15,8 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import shown_wrong_share
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo, provenance
-from shrm_cli.maps.prefiltered import Prefiltered, error_lines
 from shrm_cli.maps.principal.principal import PrincipalMap
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request, error_lines
 from shrm_cli.maps.shrm.make import (
     Choice,
     Form,
@@ -76,9 +75,6 @@ def converted(
     `order_p` is the order P of the SHRM that is tabulated. By default it is the order that the
     source has or determines. A sum of terms is tabulated as it is. `slices` and `views` are the
     numbers of samples along an axis of the view, as `ExplicitMap.view_count` takes them.
-
-    Raises MapError or ArgumentError if the source has no such SHRM, the map would be too large, or
-    an argument does not apply.
     """
     kind = explicit_kind(to)
     refuse_arguments(f"explicit maps such as {to}", frame=frame, **options)
@@ -227,10 +223,7 @@ def tabulate(
     """Make an explicit map of a given kind, by one integral for each texel of each image.
 
     `integral` is asked for its `central_radiance`, or its `zonal_radiance` where views are local.
-    `center`, `info` and `sampling` are attributes of the map. `view_count` is the number of samples
-    along an axis of the view.
-
-    Raises MapError if the map would be too large.
+    `view_count` is the number of samples along an axis of the view.
     """
     count = kind.image_count(view_count)
     kind.check_images(size, count)
@@ -253,8 +246,6 @@ def tabulate_sum(
 
     `view_count` is the number of samples along an axis of the view;
     `ExplicitMap.default_view_count` of the largest P by default.
-
-    Raises MapError if the map would be too large.
     """
     if view_count is None:
         view_count = kind.default_view_count(max(summed.info.order_p, 1))

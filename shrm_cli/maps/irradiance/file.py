@@ -15,11 +15,15 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
-from shrm_cli.maps.attributes import COLORS, common_header, read_numbers
-from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
+from shrm_cli.maps.irradiance.irradiance import (
+    FORMS,
+    POLYNOMIAL_ORDER,
+    Irradiance,
+    Zh3,
+    zonal_harmonics,
+)
 from shrm_cli.maps.irradiance.window import FAMILIES, Window, window_factors
-from shrm_cli.maps.irradiance.zh3 import FORMS, Zh3, zonal_harmonics
-from shrm_cli.maps.stored import StoredImage, image_channels
+from shrm_cli.maps.stored import COLORS, StoredImage, common_header, image_channels, read_numbers
 from shrm_cli.sphere.cube import cube_coordinates, texel_directions
 from shrm_cli.sphere.quadrature import nodes, spiral_directions
 

@@ -14,13 +14,18 @@ import numpy as np
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import provenance
-from shrm_cli.maps.irradiance.irradiance import Irradiance, irradiance_energies, lambert_factors
+from shrm_cli.maps.irradiance.irradiance import (
+    Irradiance,
+    form_errors,
+    in_form,
+    irradiance_energies,
+    lambert_factors,
+    with_change,
+)
 from shrm_cli.maps.irradiance.window import make_window, parse_window
-from shrm_cli.maps.irradiance.zh3 import form_errors, in_form, with_change
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.registry import unconverted
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, project
@@ -40,9 +45,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     `in_form` does: which numbers are kept of degree 2. The window ``auto`` changes nothing where
     nothing is negative.
 
-    Returns the map, and a warning if its irradiance is negative all the same. Raises MapError if
-    the window is unknown, or the cube is too large. Raises ProbeError if the probe cannot be read,
-    or its light is beyond 32-bit floats.
+    Returns the map, and a warning if its irradiance is negative all the same.
     """
     order_f = request.order_f
     assert order_f is not None  # it has a default
@@ -68,11 +71,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
 
 def converted(source: Map, to: str, form: str | None = None, **options: Any) -> Map:
-    """Return an irradiance map in one of the forms of `maps.irradiance.zh3`; see `Map.converted`.
-
-    Raises MapError or ArgumentError if it is a map of another kind, or not of the order that the
-    form needs.
-    """
+    """Return an irradiance map in one of the forms of ZH3; see `Map.converted`."""
     found = unconverted(source, to, **options)
     if form is None or not isinstance(found, Irradiance):
         return found

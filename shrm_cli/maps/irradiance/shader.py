@@ -13,10 +13,9 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance, matrix_constants
-from shrm_cli.maps.irradiance.zh3 import Zh3
-from shrm_cli.maps.shader.harmonics import harmonic_loop
+from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance, Zh3, matrix_constants
 from shrm_cli.maps.shader.language import C_MAY_BE_UNUSED, Language, harmless
+from shrm_cli.maps.shader.source import harmonic_loop
 
 _FLOAT_MAX = float(np.finfo(np.float32).max)
 _MOST_ORDER = 16
@@ -47,8 +46,7 @@ def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
     eq. 4.16; above it sums the harmonics of the even degrees. The code in the language C is C89,
     which later standards and C++ take too. It computes in double precision.
 
-    Returns the code; its last line ends with a newline too. Raises MapError if the language is
-    unknown, the map's order is above 16, or a number does not fit into the language's type.
+    Returns the code; its last line ends with a newline too.
     """
     speech = Language(language)
     if isinstance(irradiance, Zh3):

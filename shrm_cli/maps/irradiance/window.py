@@ -54,8 +54,6 @@ class Window:
         """Make the window of a family and a width, and measure its costs for a series.
 
         The series has the shape ((F+1)^2, 3). Without a width nothing is changed, as by ``none``.
-
-        Raises MapError if there is no such family.
         """
         if name == "none":
             return cls()
@@ -102,12 +100,9 @@ def window_factors(name: str, width: float, order: int) -> Array:
     """Return the factors of the degrees 0 .. order: 1 at 0, and 0 at and beyond the width.
 
     `name` is ``hann`` or ``lanczos``: ``(1 + cos(pi l / w)) / 2`` or ``sin(pi l / w) / (pi l /
-    w)``. `width` is the width w, a positive number that need not be whole. `order` is the largest
-    degree.
+    w)``. `width` is the width w, a positive number that need not be whole.
 
     Returns an array of shape (order+1,).
-
-    Raises MapError if there is no such window.
 
     References: Sloan 2008, Stupid Spherical Harmonics (SH) Tricks, "Windowing".
     """
@@ -123,10 +118,7 @@ def _check_family(name: str) -> None:
 
 
 def parse_window(spec: str) -> tuple[str, float | None]:
-    """Split `NAME` or `NAME:WIDTH` into name and width; the width is None where none is given.
-
-    Raises MapError if the name is unknown, or the width is not a positive number.
-    """
+    """Split `NAME` or `NAME:WIDTH` into name and width; the width is None where none is given."""
     name, colon, text = spec.partition(":")
     if name not in NAMES:
         raise MapError(f"window {spec!r}: no such window; take one of {', '.join(NAMES)}")
@@ -149,8 +141,6 @@ def make_window(spec: str, series: Array) -> Window:
     `spec` is ``NAME`` or ``NAME:WIDTH``, as `parse_window` takes it; the width is F + 1 where none
     is given. ``auto`` asks for `least_window`. `series`, of shape ((F+1)^2, 3), are the
     coefficients of the irradiance, ``A_l L_lm``.
-
-    Raises MapError if the name is unknown, or the width is not a positive number.
     """
     name, width = parse_window(spec)
     if name == "auto":

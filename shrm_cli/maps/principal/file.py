@@ -10,11 +10,10 @@ from shrm_cli.brdf.brushed_transfer import Waves
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
-from shrm_cli.maps.attributes import COLORS, common_header, shortest_values
 from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.functions import MAX_Q
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
-from shrm_cli.maps.stored import StoredImage, image_channels
+from shrm_cli.maps.stored import COLORS, StoredImage, common_header, image_channels, shortest_values
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
 
 _TABLES = "functions"
@@ -33,9 +32,6 @@ def channels_of(count: int) -> list[str]:
 def encode(made: PrincipalMap) -> list[Part]:
     """Return one part for each lobe; every part carries what is known of the whole map."""
     parts, tables = [], []
-    brushed = [each.functions for each in made.lobes if isinstance(each, BrushedLobe)]
-    columns = max([made.size, *(each.shape[-2] for each in brushed)])
-    canvas = columns, max([6 * made.size, *(each[..., 0, 0].size for each in brushed)])
     for k, lobe in enumerate(made.lobes):
         header: dict[str, Any] = common_header(made, made.info.order_p) | {
             "shrm:center": lobe.center,
@@ -43,24 +39,23 @@ def encode(made: PrincipalMap) -> list[Part]:
         }
         if isinstance(lobe, BrushedLobe):
             header["shrm:waves"] = json.dumps(lobe.waves.tolist())
-            tables.append(_table_part(k, lobe, canvas))
+            tables.append(_table_part(k, lobe))
         else:
             header["shrm:functions"] = _text(lobe.functions)
         if lobe.albedo is not None:
             header["shrm:albedo"] = _text(lobe.albedo)
         if len(made.lobes) > 1 or made.is_brushed:
-            header |= {"name": f"lobe{k:02d}", "displayWindow": canvas}
+            header["name"] = f"lobe{k:02d}"
         names = channels_of(lobe.cubes.shape[2])
         planes = lobe.cubes.reshape(*lobe.cubes.shape[:2], -1)
         parts.append(Part(image_channels(planes, names), header))
     return parts + tables
 
 
-def _table_part(k: int, lobe: BrushedLobe, canvas: tuple[int, int]) -> Part:
+def _table_part(k: int, lobe: BrushedLobe) -> Part:
     """Return the functions of a lobe as an image: a row for each wave, functions one by one."""
     table = lobe.functions.reshape(-1, *lobe.functions.shape[2:])
-    header = {"name": f"functions{k:02d}", "displayWindow": canvas}
-    return Part(image_channels(table), header, is_table=True)
+    return Part(image_channels(table), {"name": f"functions{k:02d}"}, is_table=True)
 
 
 def decode(file: StoredFile) -> PrincipalMap:

@@ -103,9 +103,8 @@ class Spectrum:
     ) -> "Spectrum":
         """Prepare to factorize transfer functions.
 
-        `light`, of shape (>= F+1, 3), is as the attribute. `divide` tells whether to factorize the
-        BRDF divided by its directional albedo, so that the error is small relative to the albedo.
-        Otherwise it is small relative to a power of it.
+        `divide` tells whether to factorize the BRDF divided by its directional albedo, so that the
+        error is small relative to the albedo. Otherwise it is small relative to a power of it.
         """
         weights = np.where(transfer.theta_o <= span_of(center), transfer.weights, 0.0)
         return cls(transfer, center, light[: transfer.order_f + 1], weights, divide)
@@ -153,10 +152,7 @@ class Spectrum:
 
     @property
     def functions(self) -> Iterator[Array]:
-        """For each q what the transfer functions are expanded in: `vectors` in no unit.
-
-        They are many megabytes, and made anew each time.
-        """
+        """For each q what the transfer functions are expanded in: `vectors` in no unit."""
         return (vectors * self.unit for vectors in self.vectors)
 
     @cached_property
@@ -225,7 +221,7 @@ class Spectrum:
         """Return the energy of reflected light that the first functions of an order q make up.
 
         `parts`, of shape (k, F+1, 3), are what the light of each degree is multiplied with, for the
-        first k functions. `light`, of shape (F+1, 3), is as the attribute, to the same degree.
+        first k functions.
 
         Returns that of both signs of q together, integrated over visible views.
         """
@@ -237,8 +233,7 @@ class Spectrum:
     def bundle_parts(self, bundles: Sequence[tuple[int, ...]], order: int) -> Array:
         """Return what the light of each degree is multiplied with, for bundles of a degree p.
 
-        `bundles` has for each bundle the index of its function of each order 0 .. p. `order` is the
-        largest order of the light.
+        `bundles` has for each bundle the index of its function of each order 0 .. p.
 
         Returns an array of shape (order+1, p+1, bundles, 3): the coefficients rho_hat_lqk, which
         take the place of rho_hat_lpq.
@@ -334,8 +329,7 @@ class Spectrum:
     ) -> Array:
         """Return what some of the functions leave out of the transfer functions of an order q.
 
-        `counts` and `factors` are the same as for `missing`. `nodes`, of shape (n,), are the nodes
-        of the transfer functions; all of them by default.
+        `nodes`, of shape (n,), are the nodes of the transfer functions; all of them by default.
 
         Returns an array of shape (F+1, n, 3), in the units of the transfer functions, at the nodes.
         """

@@ -5,9 +5,15 @@ from typing import Any
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text, counted
-from shrm_cli.maps.prefiltered import Prefiltered, error_lines, truth_of, unkept_error, wrong_light
 from shrm_cli.maps.principal.proposal import TABLED, Proposal, Proposals
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import (
+    Prefiltered,
+    Request,
+    error_lines,
+    truth_of,
+    unkept_error,
+    wrong_light,
+)
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import ROUNDING, Goal
 from shrm_cli.probe.lighting import Projection

@@ -341,8 +341,6 @@ class PrincipalMap(ReflectionMap):
 
         `order_p` is the order P, by default 8. `frame` is the frame of the result; global by
         default.
-
-        Raises MapError if the map has several lobes, whose centers differ, or depends on tangents.
         """
         if self.is_brushed:
             raise MapError(

@@ -22,13 +22,11 @@ from shrm_cli.maps.expansion import wrong_share
 from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.joint import brightness
 from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views
-from shrm_cli.maps.prefiltered import Notes, Prefiltered
 from shrm_cli.maps.principal.brushed import BrushedLobe, BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q
-from shrm_cli.maps.principal.plan import Form, Planner
+from shrm_cli.maps.principal.plan import Form, Planner, Sharing
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.selection import bundle_degrees, bundle_functions
-from shrm_cli.maps.principal.sharing import Sharing
 from shrm_cli.maps.principal.terms import (
     COARSE,
     Term,
@@ -41,7 +39,7 @@ from shrm_cli.maps.principal.terms import (
     terms_of,
     unknown_light,
 )
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Notes, Prefiltered, Request
 from shrm_cli.maps.size import total_error
 from shrm_cli.orders import Orders
 from shrm_cli.plan.search import Candidate
@@ -116,10 +114,7 @@ class Proposal:
 
 
 class Proposals:
-    """The maps of a probe and a BRDF that could be made.
-
-    `request` is what is asked of the whole map.
-    """
+    """The maps of a probe and a BRDF that could be made."""
 
     def __init__(self, light: Projection, request: Request) -> None:
         self.light, self.brdf, self.asked = light, request.brdf, Wanted.of(request)
@@ -161,11 +156,7 @@ class Proposals:
         return _coherence(self.parts, self.planners, self.sampling)
 
     def propose(self, error: float | None = None) -> Proposal:
-        """Choose the form of every term.
-
-        `error` is the error of the light that the map may have; the one that is asked for by
-        default.
-        """
+        """Choose the form of every term."""
         if error is None:
             error = self.asked.error
         else:

@@ -18,7 +18,6 @@ from shrm_cli.arrays import Array
 from shrm_cli.maps.principal.about_center import cone_rule, plane_rule
 from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
-from shrm_cli.maps.shader.harmonics import pair_function
 from shrm_cli.maps.shader.source import (
     BRUSHED_BY_TANGENT,
     CROSS,
@@ -26,6 +25,7 @@ from shrm_cli.maps.shader.source import (
     Table,
     Words,
     central_direction,
+    pair_function,
     tangent_function,
     view_angle,
 )

@@ -17,11 +17,10 @@ from shrm_cli.brdf.polar_rule import PolarRule, azimuths
 from shrm_cli.brdf.sums import Sum, split
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.prefiltered import Notes
 from shrm_cli.maps.principal.brushed import BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Notes, Request
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order
 from shrm_cli.orders import octaves_to_come
 from shrm_cli.plan import policy
@@ -127,10 +126,9 @@ def planner_of(
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked.
 
-    `divide` tells whether to factorize the BRDF divided by its directional albedo. `known` is what
-    this function returned for a larger error. `scouted` is the coarse look at a brushed lobe, which
-    tells the orders to begin with. `is_coarse` tells whether no map of a brushed lobe
-    keeps what is asked for by far; see `proposal.is_out_of_reach`.
+    `known` is what this function returned for a larger error. `scouted` is the coarse look at a
+    brushed lobe, which tells the orders to begin with. `is_coarse` tells whether no map of a
+    brushed lobe keeps what is asked for by far; see `proposal.is_out_of_reach`.
     """
     brushed_q = _COARSE_Q if is_coarse else _MOST_BRUSHED_Q
     most_q = 0 if brdf.zonal else MAX_Q if brdf.isotropic else brushed_q

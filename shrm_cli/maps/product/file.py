@@ -16,10 +16,16 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
-from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes, read_numbers
 from shrm_cli.maps.product.product import LitProduct, ProductMap, ProductTexture, VaryingProduct
 from shrm_cli.maps.product.steps import Steps
-from shrm_cli.maps.stored import image_channels
+from shrm_cli.maps.stored import (
+    COLORS,
+    common_header,
+    image_channels,
+    map_info,
+    read_attributes,
+    read_numbers,
+)
 from shrm_cli.vocabulary import MAX_PRODUCT_ORDER, MAX_PRODUCT_PARAMETERS, MAX_PRODUCT_SIZE
 
 _LIGHTING = "lighting_coefficients"

@@ -6,9 +6,9 @@ from typing import cast
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.product.prefilter import product_texture, varying_steps, varying_texture
 from shrm_cli.maps.product.steps import Steps
+from shrm_cli.maps.request import Prefiltered
 from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, DEFAULT_PRODUCT_SIZE
 

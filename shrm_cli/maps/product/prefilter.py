@@ -12,11 +12,10 @@ from shrm_cli.brdf.product import ACCURACY, ProductFunctions
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo, provenance, record_of
 from shrm_cli.maps.irradiance.window import parse_window
-from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.product.product import ProductTexture, VaryingProduct
 from shrm_cli.maps.product.steps import ENOUGH, Steps, chosen_steps
 from shrm_cli.maps.product.table import product_table
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, project
@@ -47,14 +46,12 @@ def product_texture(
 ) -> Prefiltered:
     """Make the product texture of a BRDF, without any light.
 
-    `brdf` is any BRDF: isotropic or not, a model or measured, also a sum. `order` is the largest
-    degree of the harmonics. `texels` is their number along an edge of the parabolic map of the
-    views.
+    `order` is the largest degree of the harmonics. `texels` is their number along an edge of the
+    parabolic map of the views.
 
     The predicted error of the map is that under white noise: the root of the energy that is missed.
     The fact ``residual`` is the relative RMS change of the coefficients when the nodes of their
-    quadrature are doubled. Raises BrdfError if the BRDF is not finite, and MapError if the texture
-    would be too large.
+    quadrature are doubled.
     """
     return Prefiltered(*_texture(brdf, order, texels, order)[:2])
 
@@ -67,14 +64,10 @@ def varying_steps(
 ) -> tuple[Steps, list[tuple[float, ...]]]:
     """Choose the values of parameters for which there are textures; see `steps.chosen_steps`.
 
-    `brdf` and `order` are as `varying_texture` takes them. `ranges` are the ranges of one parameter
-    or two, which are numbers or colours. `steps` is the number of values of each; by default as
-    many as it takes.
+    `ranges` are the ranges of one parameter or two, which are numbers or colours. `steps` is the
+    number of values of each; by default as many as it takes.
 
     Returns `steps`; and `points`, the values of the parameters for each texture.
-
-    Raises BrdfError as `varying_texture` does, or if no number of textures that is allowed is
-    enough.
     """
     views = _views()[:: _VIEWS // _VIEWS_OF_STEPS]
     accuracy = ACCURACY if len(ranges) == 1 else _ACCURACY_OF_TWO
@@ -102,14 +95,7 @@ def varying_texture(
     order: int = DEFAULT_PRODUCT_ORDER,
     texels: int = DEFAULT_PRODUCT_SIZE,
 ) -> Prefiltered:
-    """Make product textures of a BRDF of which parameters vary, without light.
-
-    `brdf`, `order` and `texels` are as `product_texture` takes them. `steps` and `points` are as
-    `varying_steps` returns them.
-
-    Raises BrdfError if the BRDF has no such parameter, a value is outside its range, or as
-    `product_texture` raises it; and MapError if the textures would be too large.
-    """
+    """Make product textures of a BRDF of which parameters vary, without light."""
     _check_size(order, texels, len(points))
     each = [_with_values(brdf, steps.values, point) for point in points]
     stages = Stages(current(), len(each))
@@ -144,8 +130,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     The predicted error of the map is the relative RMS error of the reflected light of this probe,
     over all orientations of the surface and all views above it, by Parseval; the added error is
-    that of the window. Raises BrdfError and MapError as `product_texture` raises them, and MapError
-    if the window is unknown. Raises ProbeError if the probe cannot be read.
+    that of the window.
     """
     brdf, own = request.brdf, request.own
     order, window = own["order"], own["window"]

@@ -76,10 +76,7 @@ class ProductMap(_Parabolic, MaterialMap):
 
     @abstractmethod
     def at(self, shares: ArrayLike) -> "ProductTexture":
-        """Return the texture where parameters that vary are at shares, 0 .. 1, of their ways.
-
-        A number counts for all of them.
-        """
+        """Return the texture where parameters that vary are at shares, 0 .. 1, of their ways."""
 
     def weights(self, shares: ArrayLike) -> Array:
         """Return the weights by which `textures` are summed up at shares, shape (..., textures)."""
@@ -102,11 +99,7 @@ class ProductMap(_Parabolic, MaterialMap):
         """
 
     def reflected(self, lighting: Array, points: Points, shares: ArrayLike = 0.5) -> Array:
-        """Evaluate the radiance under light of coefficients ((order+1)^2, 3) in world axes.
-
-        The normals, tangents and views of points, their shares and the result are those of
-        `ReflectedLight.varied_radiance`.
-        """
+        """Evaluate the radiance under light of coefficients ((order+1)^2, 3) in world axes."""
         normals, *others = (each.astype(float) for each in np.broadcast_arrays(*points))
         flat = [each.reshape(-1, 3) for each in (normals, *others)]
         shares, count = np.asarray(shares, dtype=float), max(self.varies, 1)
@@ -122,10 +115,7 @@ class ProductMap(_Parabolic, MaterialMap):
         return result.reshape(normals.shape)
 
     def lit(self, lighting: ArrayLike) -> "LitProduct":
-        """Return the textures under light, whose degrees beyond `order` do not count.
-
-        Parameters and errors are those of `MaterialMap.lit`.
-        """
+        """Return the textures under light, whose degrees beyond `order` do not count."""
         coefficients = np.asarray(lighting, dtype=float)
         count = (self.order + 1) ** 2
         if coefficients.ndim != 2 or coefficients.shape[1] != 3 or len(coefficients) < count:

@@ -155,8 +155,6 @@ def source(made: ProductMap | LitProduct, textures: str) -> Source:
     """Return what the shader of a product texture consists of.
 
     Light that programs are to set is 0 where the map holds none.
-
-    Raises MapError if the images of the textures do not fit into an array.
     """
     order, count = made.order, (made.order + 1) ** 2
     lit = made if isinstance(made, LitProduct) else made.lit(np.zeros((count, 3)))

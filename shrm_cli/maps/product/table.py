@@ -31,13 +31,10 @@ _RING = 512
 def product_table(brdf: Brdf, functions: ProductFunctions, order: int, size: int) -> Array:
     """Compute the product texture of a BRDF.
 
-    `functions` are its product functions. `order` is the largest degree l of the harmonics. `size`
-    is the number of texels along an edge.
+    `functions` are its product functions.
 
     Returns an array of float32 of shape (size, size, (order+1)^2, channels), ``c_i(v)`` for the
     views of `sphere.parabolic.parabolic_directions`; one channel for a grey BRDF, else three.
-
-    Raises BrdfError if the BRDF is not finite.
     """
     views = parabolic_directions(size)
     if brdf.isotropic and brdf.center != "tangent":

@@ -69,8 +69,7 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
     parameters of `product` vary, three values of each count. `series`, of shape ((order+1)^2, 3),
     are the coefficients of the light in world axes.
 
-    The `change` of the window is that of the reflected light. Raises MapError if the name is
-    unknown, or the width is not a positive number.
+    The `change` of the window is that of the reflected light.
     """
     series = np.asarray(series, dtype=float)
     name, _ = parse_window(spec)
@@ -161,7 +160,7 @@ def _pictured(texture: "ProductTexture", series: Array) -> Array:
     """Return what each degree adds to the light of spheres that are brushed around +Y.
 
     The result has the shape (n, order+1, 3); its samples are those of
-    `maps.prefiltered.negative_share`.
+    `maps.request.negative_share`.
     """
     reflections, views = visible_pairs()
     normals = bisector(reflections, views)

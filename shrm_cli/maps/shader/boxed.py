@@ -40,8 +40,7 @@ def boxed_functions(
     Where the surface is brushed, it is ``shrm_brushed_radiance_at(n, t, v, p)``, and that with the
     tangent of ``shrm_tangent``.
 
-    `functions` are those of the map, with ``shrm_radiance``. `takes_tangent` tells whether
-    ``shrm_brushed_radiance`` is among them.
+    `takes_tangent` tells whether ``shrm_brushed_radiance`` is among them.
 
     Returns lines of GLSL as `Language.translated` takes it; none where the map knows of no box, and
     none where all parts are about the tangent, which are looked up without.

@@ -133,9 +133,6 @@ def written_code(
     the latter; for the other languages, arrays of cube maps are the default. `taps`, one of 3, 5,
     8, are those of a split sum of GGX: add ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``,
     the light of brushed GGX, by so many look-ups.
-
-    Raises MapError or ArgumentError if the language is unknown or cannot read such textures, or the
-    map does not fit into them.
     """
     speech = Language(language)
     if (snippet := whole_code(made)) is not None:
@@ -205,10 +202,7 @@ def _with_lamps(
 
 
 def _brushed(made: Map, taps: int, language: Language) -> list[str]:
-    """Write the functions of brushed surfaces.
-
-    Raises MapError if the map is no split sum of GGX.
-    """
+    """Write the functions of brushed surfaces."""
     from shrm_cli.maps.splitsum.brushed_shader import brushed_functions
 
     if "anisotropy" not in made.surface_arguments:
@@ -227,10 +221,7 @@ def lobe_of(made: Map) -> Table | None:
 
 
 def source_of(made: Map, textures: str) -> Source:
-    """Return what the shader of a map consists of; the cubes may depend on where they are read.
-
-    Raises MapError if there is no such code for the map.
-    """
+    """Return what the shader of a map consists of; the cubes may depend on where they are read."""
     return registry.module(made.representation, "shader").source(made.stored, textures)
 
 

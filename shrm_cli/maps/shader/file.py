@@ -37,8 +37,7 @@ def pack(made: Map) -> tuple[PackedTexture, ...]:
 
     Cubes of local frames are turned to world axes, in which alone they can be filtered.
 
-    Returns None for irradiance, whose code holds all numbers. Raises MapError if the map has no
-    shader, or does not fit into such textures.
+    Returns None for irradiance, whose code holds all numbers.
     """
     if whole_code(made) is not None:
         return ()
@@ -66,8 +65,6 @@ def write_layers(
     is written as 32-bit floats unless `precision` is half, which costs tables some digits.
 
     Returns `pixel_type`; and `shapes`, layers, height and width of each texture by its name.
-
-    Raises MapError if the map has no textures. Raises OutputError if the file cannot be written.
     """
     textures = pack(made)
     if not textures:
@@ -76,10 +73,6 @@ def write_layers(
         _MARK: "layers",
         "shrm:of": made.representation,
         "shrm:probe": harmless(made.info.probe),
-        # Parts of different sizes must share a canvas.
-        "displayWindow": tuple(
-            max(texture.values.shape[axis] for texture in textures) for axis in (2, 1)
-        ),
     }
     parts = [
         Part(image_channels(layer), {"name": f"{texture.name}.{number:03d}", **about})
@@ -94,7 +87,7 @@ def read_layers_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     """What a file of textures says of itself; None if a file is none.
 
     Returns the representation and the probe of the map that they were made from, and layers, height
-    and width of each texture by its name. Raises MapError if the file is damaged.
+    and width of each texture by its name.
     """
     file = peek(path)
     if file is None or not file.first.text(_MARK):

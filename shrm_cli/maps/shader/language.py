@@ -84,10 +84,7 @@ LANGUAGES = tuple(_WORDS)
 
 @record
 class Language:
-    """A language that code is written in.
-
-    Raises MapError if there is no such language.
-    """
+    """A language that code is written in."""
 
     name: str
     """One of "glsl", "hlsl", "wgsl" and "c"."""
@@ -129,12 +126,7 @@ class Language:
         return text
 
     def colors(self, name: str, rows: Array) -> list[str]:
-        """Write a constant array of colours.
-
-        `rows` are of shape (n, 3).
-
-        Raises MapError if a number is beyond the 32-bit floats of shaders.
-        """
+        """Write a constant array of colours. `rows` are of shape (n, 3)."""
         self.check(rows)
         texts = [", ".join(map(self.number, row)) for row in rows.tolist()]
         head, last, values = {

@@ -77,8 +77,6 @@ def arrange(stacks: Sequence[tuple[int, int]]) -> Pages:
     such as the levels of a split sum, share layers.
 
     `stacks` are the number of cubes of each stack, and their size.
-
-    Raises MapError if there are too many cubes for their size.
     """
     largest = max(size for _, size in stacks) + 2
     # Layers that smaller cubes fill without a rest are a little larger than the largest cube.
@@ -155,7 +153,7 @@ def with_rims(stack: Array, sampling: Sampling) -> Array:
 def drawn(pages: Pages, stacks: Sequence[Array], sampling: Sampling) -> Array:
     """Draw cubes where they lie.
 
-    `pages` are made by `arrange` for these stacks. `stacks` are each of shape (6N, N, K, 3).
+    `stacks` are each of shape (6N, N, K, 3).
 
     Returns an array of float32 of shape (layers, height, width, 3): texels where no cube lies are
     0; those beyond the range of float32 are infinite.

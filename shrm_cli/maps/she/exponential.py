@@ -113,10 +113,7 @@ class SphericalHarmonicExponential(LightMap):
         )
 
     def turned(self, matrix: ArrayLike) -> "SphericalHarmonicExponential":
-        """Return the map of the same light turned, exactly; see `Map.turned`.
-
-        The directions d and h turn with the normal and the view.
-        """
+        """Return the map of the same light turned, exactly; see `Map.turned`."""
         no_constant = np.zeros((1, 3))
         q = transform_coefficients(np.concatenate([no_constant, self.q_coefficients]), matrix)[1:]
         p = transform_coefficients(self.p_coefficients, matrix)

@@ -4,9 +4,15 @@ from typing import cast
 
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
-from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes, shortest
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
-from shrm_cli.maps.stored import image_channels
+from shrm_cli.maps.stored import (
+    COLORS,
+    common_header,
+    image_channels,
+    map_info,
+    read_attributes,
+    shortest,
+)
 from shrm_cli.vocabulary import LAWS, MAX_EXPONENTIAL_ORDER, Law
 
 

@@ -16,8 +16,7 @@ from shrm_cli.brdf.environment.environment_brdf import lobe_moments, whole_lobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import provenance
-from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.she.reflectance import ReflectanceSamples, sample_reflectance
 from shrm_cli.orders import Orders
@@ -101,8 +100,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     range of perceptual ``roughness`` to fit, by default that of the paper, whose alpha begins at
     0.2, and the ``law``: how the degrees are attenuated, and how they are fitted. ``paper`` is the
     linear least-squares fit in log space of Silvennoinen et al. 2025.
-
-    Raises MapError if the probe is black. Raises ProbeError if the probe cannot be read.
     """
     p_order, q_order = request.own["p_order"], request.own["q_order"]
     law, roughness = request.own["law"], request.own["roughness"]

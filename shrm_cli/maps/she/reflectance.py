@@ -53,10 +53,10 @@ def sample_reflectance(
 ) -> ReflectanceSamples:
     """Sample what GGX reflects, up to the order of the lighting.
 
-    `roughness` are perceptual roughnesses. `rings` is the number of rings of mirror directions,
-    which lie at Gauss's nodes over z, with ``3 rings / 2`` directions on each. `view_rings` is the
-    number of rings of views about R, which lie at Gauss's nodes over the cosine between R and V.
-    `azimuths` is the number of views on each ring.
+    `rings` is the number of rings of mirror directions, which lie at Gauss's nodes over z, with ``3
+    rings / 2`` directions on each. `view_rings` is the number of rings of views about R, which lie
+    at Gauss's nodes over the cosine between R and V. `azimuths` is the number of views on each
+    ring.
     """
     directions, theta, phi, weights = _mirror_directions(rings)
     cosines, view_weights = gauss_legendre(view_rings)

@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.maps.shader.harmonics import harmonic_loop
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import (
     TABLE_SIZE,
@@ -18,6 +17,7 @@ from shrm_cli.maps.shader.source import (
     bilinear_table,
     central_direction,
     ggx_moments,
+    harmonic_loop,
 )
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
 

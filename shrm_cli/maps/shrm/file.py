@@ -11,13 +11,19 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile
-from shrm_cli.maps.attributes import COLORS, common_header, options_text, shortest_values
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import MAX_VALUES
-from shrm_cli.maps.stored import StoredImage, image_channels
+from shrm_cli.maps.stored import (
+    COLORS,
+    StoredImage,
+    common_header,
+    image_channels,
+    options_text,
+    shortest_values,
+)
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.shrm.compressed import CompressedShrm
+    from shrm_cli.maps.shrm.shrm import CompressedShrm
     from shrm_cli.maps.shrm.summed import SummedShrm
 
 
@@ -53,7 +59,7 @@ def encode(shrm: Shrm | CompressedShrm | SummedShrm) -> list[Part]:
     if isinstance(shrm, Shrm):
         return [_encode_plain(shrm)]
     # Plain maps are most, and load none of the others' classes.
-    from shrm_cli.maps.shrm.compressed import CompressedShrm
+    from shrm_cli.maps.shrm.shrm import CompressedShrm
 
     return [_encode_compressed(shrm)] if isinstance(shrm, CompressedShrm) else _encode_sum(shrm)
 
@@ -75,13 +81,12 @@ def _encode_compressed(shrm: CompressedShrm) -> Part:
 
 
 def _encode_sum(summed: SummedShrm) -> list[Part]:
-    size, info = summed.size, summed.info
+    info = summed.info
     whole: dict[str, Any] = {
         "shrm:version": summed.format_version,
         "shrm:predicted_error": float(info.predicted_error),
         "shrm:brdf_energy_captured": float(info.captured),
         "shrm:epsilon": float(info.eps),
-        "displayWindow": (size, 6 * size),
     }
     if info.added_error:
         whole["shrm:added_error"] = float(info.added_error)
@@ -141,7 +146,7 @@ def _decode_plain(image: StoredImage) -> Shrm:
 
 
 def _decode_compressed(image: StoredImage) -> CompressedShrm:
-    from shrm_cli.maps.shrm.compressed import CompressedShrm
+    from shrm_cli.maps.shrm.shrm import CompressedShrm
 
     order_p, size = image.attributes["P"], image.size
     matrix = _matrix(image.part.text("shrm:pca_matrix"))

@@ -19,8 +19,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import Expansion, carried_band, carry, map_wrong_share, view_band
 from shrm_cli.maps.info import provenance
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import Notes, Prefiltered, wrong_light
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Notes, Prefiltered, Request, wrong_light
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import (
     TRIED_SIZES,
@@ -100,13 +99,8 @@ def affordable(
 ) -> tuple[Choice, BrdfCoefficients]:
     """Choose the orders and the size of a map: those that a tolerance asks for, if they fit.
 
-    `most` is the largest P in any case.
-
     Returns `choice`; and `coefficients`, the coefficients of the BRDF, to at least the orders of
     the choice.
-
-    Raises ArgumentError if no map fits. Raises OrderError, BrdfError or ProbeError if the tolerance
-    is none, or the BRDF or the probe cannot be used.
     """
     allowed, size = request.allowed, request.size
     most_p = most_order_p(allowed, size, most)
@@ -126,8 +120,6 @@ def fitting(
 
     `lighting` is the light, to at least the order of the coefficients. `most` is the largest P in
     any case.
-
-    Raises ArgumentError if not even P = 0 fits.
     """
     eps, allowed, size = request.eps, request.allowed, request.size
     largest = choose_size(least_orders(coefficients, eps).order_f)
@@ -202,8 +194,7 @@ def halved(
 def refuse_large(size: int, images: int, max_size: int | None) -> None:
     """Refuse a map whose form is given by hand, if it exceeds the bytes that were asked for.
 
-    `images` is the number of RGB cubes. `max_size` is the most bytes that were asked for. None
-    refuses nothing.
+    `images` is the number of RGB cubes. None refuses nothing.
     """
     stored = stored_bytes(size, images)
     if max_size is not None and stored > max_size:
@@ -226,9 +217,7 @@ def shortfall(
 
     The line is None where the tolerance is met, and where what is missed is not seen.
 
-    `coefficients` are the coefficients from which the orders were chosen. `kept` holds the orders
-    of the map. `error` is the predicted relative RMS error of the reflected light. `form` is what
-    the map holds.
+    `kept` holds the orders of the map.
     """
     if kept.captured >= 1 - kept.eps:
         return None
@@ -264,8 +253,6 @@ def centered(request: Request) -> tuple[Request, Notes]:
 
     Returns `request`; and `notes`, how the center was chosen; empty unless it is ``auto``, the one
     of the fewest coefficients.
-
-    Raises BrdfError or OrderError if the BRDF cannot be expanded about that center.
     """
     brdf, center = request.brdf, request.center
     if center is None:
@@ -279,10 +266,7 @@ def centered(request: Request) -> tuple[Request, Notes]:
 
 
 def order_warnings(made: Prefiltered, request: Request) -> tuple[str, ...]:
-    """Return a line for each way in which orders that are given fall short of what was asked for.
-
-    `request` is what it was made for.
-    """
+    """Return a line for each way in which given orders fall short of what was asked for."""
     if request.is_free:
         return ()
     from shrm_cli.plan import policy  # most orders are chosen
@@ -304,20 +288,16 @@ def prefilter_shrm(
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
 
-    `light` is the light of the probe. `chosen` is what `affordable` returns, where it is known.
-    `dtype` is as `Shrm.from_coefficients` takes it.
+    `chosen` is what `affordable` returns, where it is known.
 
     Returns the map, and what it misses of the tolerance as a warning, if the orders are chosen.
-    Raises ArgumentError if no map fits into the bytes, or those of the given orders do not. Raises
-    OrderError, ProbeError, BrdfError or MapError if the tolerance cannot be met with a given order,
-    the probe or the BRDF cannot be used, or the map would be too large.
     """
     expansion, warnings = expand(light, request, SHRM_FORM, chosen)
     made = from_expansion(expansion, light.probe, request, dtype)
     kept: Map = made
     compress = request.own.get("compress")
     if compress is not None:
-        from shrm_cli.maps.shrm.compressed import compressed  # most maps are not
+        from shrm_cli.maps.shrm.shrm import compressed  # most maps are not
 
         kept = compressed(made, compress)
 
@@ -334,8 +314,7 @@ def expand(
 ) -> tuple[Expansion, tuple[str, ...]]:
     """Choose the orders and the size of a map within its bytes, and expand light and BRDF.
 
-    `light`, `request` and `chosen` are the same as for `prefilter_shrm`. `form` is what the map
-    holds that the SHRM is made for. Both have to fit into the bytes.
+    `form` is what the map holds that the SHRM is made for. Both have to fit into the bytes.
 
     Returns `expansion`; and `warnings`, what the map misses of the tolerance, and BRDFs that were
     not sampled finely enough.

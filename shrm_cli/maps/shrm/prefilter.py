@@ -9,8 +9,7 @@ from typing import Any
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.prefiltered import Prefiltered, error_lines, truth_of, unkept_error
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request, error_lines, truth_of, unkept_error
 from shrm_cli.maps.shrm.make import (
     affordable,
     centered,
@@ -49,7 +48,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     if request.seen is not None:
         # Only maps that are judged by what is seen need these modules.
         from shrm_cli.maps.seen import kept_or_best
-        from shrm_cli.maps.shrm.proposal import ShrmProposals
+        from shrm_cli.maps.shrm.terms import ShrmProposals
         from shrm_cli.plan.search import Goal
 
         goal, allowed = Goal.of(request.error, request.seen), request.allowed
@@ -98,7 +97,7 @@ def _refuse_contradictions(request: Request) -> None:
 def _within_error(light: Projection, request: Request, error: float) -> Prefiltered:
     """Make the SHRM of the fewest bytes that keeps an error, or the best one."""
     # Plain runs search nothing.
-    from shrm_cli.maps.shrm.proposal import ShrmProposals
+    from shrm_cli.maps.shrm.terms import ShrmProposals
 
     allowed, form = request.allowed, (request.size, request.sampling)
     shrms = ShrmProposals.known(light, request.brdf, error, allowed, *form)
@@ -128,11 +127,9 @@ def converted(
 
     `order_p` is the order P of the SHRM; that of the source by default. `frame` is the frame of the
     SHRM; local by default if the source is a local SHRM, else global. `compress` is how far the
-    SHRM is compressed, as `shrm_cli.maps.shrm.compressed.compressed` takes it.
-
-    Raises MapError or ArgumentError if the source has no such SHRM, or an argument does not apply.
+    SHRM is compressed, as `shrm_cli.maps.shrm.shrm.compressed` takes it.
     """
-    from shrm_cli.maps.shrm.compressed import compressed  # most maps are not
+    from shrm_cli.maps.shrm.shrm import compressed  # most maps are not
 
     refuse_arguments("an SHRM", **options)
     is_local = source.representation == to and source.frame == "local"

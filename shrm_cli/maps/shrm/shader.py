@@ -7,10 +7,15 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.maps.shader.harmonics import harmonic_loop
-from shrm_cli.maps.shader.source import Source, Table, Words, central_direction, tangent_function
-from shrm_cli.maps.shrm.compressed import CompressedShrm
-from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shader.source import (
+    Source,
+    Table,
+    Words,
+    central_direction,
+    harmonic_loop,
+    tangent_function,
+)
+from shrm_cli.maps.shrm.shrm import CompressedShrm, Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Center

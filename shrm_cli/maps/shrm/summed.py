@@ -12,8 +12,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.joint import brightness, joint_error
 from shrm_cli.maps.kinds import ReflectionMap
-from shrm_cli.maps.shrm.compressed import CompressedShrm
-from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import CompressedShrm, Shrm
 from shrm_cli.maps.size import look_up_error
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles

@@ -7,7 +7,7 @@ use them; `taps_code` writes them alone.
 from shrm_cli.brdf.environment.taps import LEAST_FITTED, polynomials
 from shrm_cli.maps.shader.language import Language, filled
 from shrm_cli.maps.shader.source import CROSS
-from shrm_cli.maps.splitsum.brushed import TURNS
+from shrm_cli.maps.splitsum.split_sum import TURNS
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _HEAD = """\
@@ -67,10 +67,7 @@ vec3 shrm_brushed(vec3 n, vec3 t, vec3 v, float roughness, float anisotropy, vec
 
 
 def brushed_functions(count: int, language: Language) -> list[str]:
-    """Write ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``, and what it uses.
-
-    `count` is how many look-ups it takes, one of `vocabulary.TAP_COUNTS`.
-    """
+    """Write ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``, and what it uses."""
     albedo = language.add(language.scale("scale", "f0"), "vec3(bias, bias, bias)")
     total, bias = (
         f"{language.number(c)} + {language.number(d)} * w.z"

@@ -7,9 +7,15 @@ from typing import cast
 from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
-from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes, shortest
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.maps.stored import image_channels
+from shrm_cli.maps.stored import (
+    COLORS,
+    common_header,
+    image_channels,
+    map_info,
+    read_attributes,
+    shortest,
+)
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, MAX_CUBE_SIZE, MAX_LEVELS, LevelMapping
 
 _AGAIN = "make it again with shrm prefilter --to splitsum"
@@ -27,7 +33,6 @@ def level_names(roughness: Sequence[float]) -> list[str]:
 
 def encode(split_sum: SplitSum) -> list[Part]:
     """Make a part of a file for each level, the sharpest level first."""
-    size = split_sum.size
     parts = []
     # Files hold 32-bit floats, so the names are those of the numbers that readers will get.
     names = level_names([shortest(value) for value in split_sum.roughness])
@@ -43,7 +48,6 @@ def encode(split_sum: SplitSum) -> list[Part]:
             **common_header(replace(split_sum, info=info), 0),
             "shrm:mapping": split_sum.mapping,
             "shrm:roughness": float(roughness),
-            "displayWindow": (size, 6 * size),
         }
         parts.append(Part(image_channels(level), header))
     return parts

@@ -34,10 +34,7 @@ def default_mips(size: int, mapping: LevelMapping) -> int:
 
 
 def mip_sizes(size: int, count: int) -> tuple[int, ...]:
-    """Return the sizes of levels that halve.
-
-    Raises MapError if the first is no power of two, or there are more levels than it halves into.
-    """
+    """Return the sizes of levels that halve."""
     if size != power_of_two(size):
         raise MapError(
             f"levels of {size} texels do not halve down to one; take `size` {power_of_two(size)}"
@@ -51,11 +48,7 @@ def mip_sizes(size: int, count: int) -> tuple[int, ...]:
 
 
 def mip_chain(split: Map, path: str) -> SplitSum:
-    """Return a map whose levels are those of a mip chain.
-
-    Raises MapError if it is no split sum, its sizes do not halve, or its edge texels lie on the
-    edges.
-    """
+    """Return a map whose levels are those of a mip chain."""
     if not isinstance(split, SplitSum):
         raise MapError(f"{path}: {split.what}; mip chains are made of split sums")
     sizes = [level.shape[1] for level in split.levels]
@@ -92,14 +85,11 @@ def latlong_mips(split: SplitSum, height: int, sampling: Sampling = "center") ->
     """Return all levels of a mip-mapped lat-long.
 
     `split` is that of levels that halve. `height` is the number of rows of the first level, a power
-    of two, at least as many as the split sum has levels. `sampling` is where the pixels at the
-    edges lie.
+    of two, at least as many as the split sum has levels.
 
     Returns images of shape (height >> k, 2 height >> k, 3), and one pixel in the end: the split
     sum's level k, interpolated at the pixels' directions; beyond its levels the last one, averaged
     over each pixel.
-
-    Raises MapError if there are too few rows, or their number is no power of two.
     """
     least = 2 ** (len(split.levels) - 1)
     if height < least or height != power_of_two(height):

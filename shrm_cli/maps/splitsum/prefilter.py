@@ -16,8 +16,7 @@ from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.maps.info import MapInfo, provenance, record_of
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.core import expand, faded_order, split_lobe, sum_core, synthesized
 from shrm_cli.maps.splitsum.mips import default_mips, mip_sizes, power_of_two
@@ -90,10 +89,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     default there are all levels down to one texel. The size is that of the first level, by default
     as many texels as the probe holds, but at most 256. That of the others follows from their
     orders; none is larger than the one before. The error is the one that each level may have.
-
-    Raises MapError if levels of these roughnesses, or this number of levels, cannot be made. Raises
-    ArgumentError if a mip chain is asked for whose edge texels lie on the edges. Raises BrdfError
-    if there is no split sum of the BRDF. Raises ProbeError if the probe cannot be read.
     """
     brdf = split_material(request.brdf)
     size, sampling, own = request.size, request.sampling, request.own
@@ -131,10 +126,10 @@ def make_levels(
 
     `roughness` is the perceptual roughness of each level: 0, or `MIN_ROUGHNESS` to 1. `largest` is
     the most texels along an edge of the first level; no level is larger than the one before.
-    `sampling` is where the samples of the cubes lie. `error` is the relative RMS error that each
-    level may have, in (0, 1). `sizes` are the texels along an edge of each level, for readers that
-    want them so, in place of what `largest` and the orders of the levels ask for. `brdf` is the
-    material whose lobes the levels are of, as `split_material` returns it.
+    `error` is the relative RMS error that each level may have, in (0, 1). `sizes` are the texels
+    along an edge of each level, for readers that want them so, in place of what `largest` and the
+    orders of the levels ask for. `brdf` is the material whose lobes the levels are of, as
+    `split_material` returns it.
 
     Returns the cubes, of shape (6 N_k, N_k, 3) each, and their records.
     """
@@ -212,9 +207,8 @@ class LevelLobe:
 def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
     """Tell whether an expansion costs less time than direct integration, by measured rates.
 
-    `order` is the order of the expansion. `alpha` is the lobe's ggx_alpha, the square of the
-    perceptual roughness. `rows` is the height of the probe as a lat-long. `largest` is the most
-    texels along an edge that the level may have.
+    `alpha` is the lobe's ggx_alpha, the square of the perceptual roughness. `rows` is the height of
+    the probe as a lat-long. `largest` is the most texels along an edge that the level may have.
     """
     texels = 6 * min(choose_size(order), largest) ** 2
     expansion = _SECONDS_A_CUBED_ORDER * order**3 + _SECONDS_A_TEXEL_AND_ORDER * texels * order
@@ -225,12 +219,7 @@ def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
 
 
 def split_material(brdf: Brdf | None) -> Brdf | None:
-    """Return the material whose lobes a split sum is of; None for GGX, which has its own.
-
-    Raises BrdfError if the BRDF is anisotropic or has no roughness, or if a value is given that
-    belongs to no split sum: a roughness, because there is a level for each, or the reflectance of
-    GGX, with which a map of GGX is shown.
-    """
+    """Return the material whose lobes a split sum is of; None for GGX, which has its own."""
     if brdf is None:
         return None
     check_varies(brdf)

@@ -39,9 +39,6 @@ def level_roughnesses(count: int, mapping: LevelMapping) -> tuple[float, ...]:
 
     `count` is the number K of levels. A single level has roughness 1.
 
-    Raises MapError if the number of levels is less than 1 or too large, or a level would be sharper
-    than can be integrated.
-
     References: Filament: lodToPerceptualRoughness of cmgen, prefilteredRadiance of
     light_indirect.fs. Unreal Engine: ComputeReflectionCaptureMipFromRoughness.
     """
@@ -58,11 +55,7 @@ def level_roughnesses(count: int, mapping: LevelMapping) -> tuple[float, ...]:
 
 
 def check_roughnesses(values: Sequence[float], mapping: LevelMapping) -> tuple[float, ...]:
-    """Check that levels of these perceptual roughnesses can be made, and return them.
-
-    Raises MapError if there are no levels or too many, if a roughness is outside the range that can
-    be made, or if the roughnesses do not rise.
-    """
+    """Check that levels of these perceptual roughnesses can be made, and return them."""
     if not 1 <= len(values) <= MAX_LEVELS:
         raise MapError(f"a split sum has 1 to {MAX_LEVELS} levels, not {len(values)}")
     for value in values:
@@ -100,10 +93,7 @@ def blend(roughness: float, levels: Sequence[float], mapping: LevelMapping) -> t
 
 
 def level_numbers(roughness: Array, levels: Sequence[float], mapping: LevelMapping) -> Array:
-    """Return the places of many roughnesses among the levels: 1.25 is a quarter of level 2.
-
-    The weights are those of `blend`, for roughnesses of any shape.
-    """
+    """Return the places of many roughnesses among the levels: 1.25 is a quarter of level 2."""
     position = _POSITIONS[mapping]
     known = [position(level) for level in levels]
     within = np.clip(roughness, levels[0], levels[-1]).ravel().tolist()

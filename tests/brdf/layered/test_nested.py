@@ -12,7 +12,7 @@ from shrm_cli.brdf.spec import named_files, parse_spec
 from shrm_cli.brdf.sums import is_sum, split
 from shrm_cli.cli.types import Spec
 from shrm_cli.errors import BrdfError
-from shrm_cli.lookdev.page import material_names
+from shrm_cli.lookdev.sheet import material_names
 from shrm_cli.maps.info import MapInfo, common_brdf, record_of, spec_of
 
 PAINT = "coated:roughness=0.05,base=(0.7*lambertian:albedo=0.6/0.05/0.03+0.3*ggx:f0=0.9)"

@@ -12,8 +12,7 @@ from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.explicit.prefilter import explicit_kind
-from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
-from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import CompressedShrm, Shrm, compressed
 from tests import oracles
 from tests.brute_force import unit
 from tests.maps.scenes import (

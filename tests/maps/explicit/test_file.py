@@ -15,7 +15,7 @@ from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.file import is_map, open_map
-from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.shrm.shrm import CompressedShrm
 from tests.cli.helpers import process
 from tests.maps.damage import refused, survives_flipped_bits
 from tests.maps.scenes import make_shrm, relative_rms, uniform_points

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.principal.plan import Planner
-from shrm_cli.maps.principal.sharing import Joint, Sharing
+from shrm_cli.maps.principal.plan import Joint, Planner, Sharing
 from shrm_cli.maps.principal.terms import Wanted, planned
 from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.prefilter import prefilter_with_facts

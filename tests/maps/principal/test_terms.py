@@ -7,11 +7,10 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
-from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal import terms
 from shrm_cli.maps.principal.proposal import Proposals, is_out_of_reach, scouted
 from shrm_cli.maps.principal.terms import Wanted, planner_of
-from shrm_cli.maps.request import Request
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.seen import kept_or_best
 from shrm_cli.plan.search import Candidate, Goal
 from shrm_cli.prefilter import prefilter_with_facts

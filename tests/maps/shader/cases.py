@@ -27,7 +27,7 @@ from shrm_cli.maps.product.steps import Steps
 from shrm_cli.maps.shader.source import ggx_moments
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.shrm import shrm as shrm_module
-from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.shrm.shrm import CompressedShrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.splitsum import split_sum
 from shrm_cli.maps.splitsum.split_sum import SplitSum

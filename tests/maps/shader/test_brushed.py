@@ -7,7 +7,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
-from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
+from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.vocabulary import TAP_COUNTS
 from tests.brute_force import unit
 from tests.maps.lamps.test_discs import disc_rule

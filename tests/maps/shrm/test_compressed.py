@@ -8,8 +8,8 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.make import prefilter_shrm
+from shrm_cli.maps.shrm.shrm import CompressedShrm
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.open import open_probe
 from tests.maps.scenes import cube_weights, make_shrm, relative_rms, uniform_points

@@ -12,10 +12,10 @@ import pytest
 
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.image import write_image
-from shrm_cli.maps.attributes import VERSION
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.stored import VERSION
 from tests.cli.helpers import process
 from tests.maps.damage import parts, refused, survives_flipped_bits, writer_of_damage
 

@@ -11,8 +11,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm.compressed import CompressedShrm
-from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import CompressedShrm, Shrm
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.harmonics import real_harmonics

@@ -5,8 +5,8 @@ import pytest
 
 from shrm_cli.brdf.environment.environment_brdf import lobe_moments
 from shrm_cli.brdf.environment.taps import taps
-from shrm_cli.maps.splitsum.brushed import BrushedSplitSum, equal_roughness
 from shrm_cli.maps.splitsum.roughness import blend, level_numbers, level_roughnesses
+from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum, equal_roughness
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, TAP_COUNTS
 from tests import brushed_ggx

@@ -51,8 +51,6 @@ def compared(brdf: Brdf, paths: int, seed: int = 1) -> Walk:
 
     `paths` is their number for each of 512 lights, which are spread by the cosine, at each of
     `VIEWS`.
-
-    Raises BrdfError if it is none that there is a walk for.
     """
     if not isinstance(brdf, Coated) or brdf.number("weight") != 1 or "film" in brdf.values:
         raise BrdfError(f"{brdf!r}: the walk is for coated:base=(...) without weight and film")

@@ -22,10 +22,7 @@ MAX_LINES = 2**17
 
 
 def check_file(path: str | os.PathLike[str]) -> Path:
-    """The path of a file that can be opened without waiting for it.
-
-    Raises BrdfError if there is no such file, or it is a directory, a pipe or a device.
-    """
+    """The path of a file that can be opened without waiting for it."""
     path = Path(path)
     try:
         if not path.exists():
@@ -39,19 +36,13 @@ def check_file(path: str | os.PathLike[str]) -> Path:
 
 
 def first_bytes(path: Path, count: int) -> bytes:
-    """The first `count` bytes of a file, or all of a shorter one.
-
-    Raises BrdfError if the file cannot be read.
-    """
+    """The first `count` bytes of a file, or all of a shorter one."""
     with readable(path) as stream:
         return stream.read(count)
 
 
 def file_values(path: str | os.PathLike[str]) -> dict[str, str]:
-    """What identifies a measured BRDF: the name of its ``file`` alone, and its ``sha256``.
-
-    Raises BrdfError if the file cannot be read.
-    """
+    """What identifies a measured BRDF: the name of its ``file`` alone, and its ``sha256``."""
     path = check_file(path)
     with readable(path) as stream:
         digest = hashlib.file_digest(stream, "sha256")
@@ -91,9 +82,7 @@ def first_lines(head: bytes) -> list[str]:
 def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]:
     """Read the lines of a text that are not blank or comments (``#``), with numbers from 1.
 
-    `what` is what the file should be, for the messages, such as ``a goniometer file``. Raises
-    BrdfError if it is no regular file, too large, not text, or has too many lines or too long a
-    line.
+    `what` is what the file should be, for the messages, such as ``a goniometer file``.
     """
     path = check_file(path)
     content = first_bytes(path, MAX_BYTES + 1)
@@ -121,10 +110,7 @@ def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]
 
 
 def parse_numbers(path: str | os.PathLike[str], number: int, line: str) -> list[float]:
-    """Parse the numbers of one line, which are separated by spaces.
-
-    Raises BrdfError if one of the words is not a finite number.
-    """
+    """Parse the numbers of one line, which are separated by spaces."""
     found = []
     for word in line.split():
         try:

@@ -27,8 +27,6 @@ def to_linear_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
 
     Returns an array of shape (..., 3).
 
-    Raises BrdfError if wavelengths are not positive and different.
-
     References: CIE 015:2018, section 7.1 (the sums); ISO/CIE 11664-1 and 11664-2 (the observer in
     steps of 1 nm from 360 to 830 nm, and D65 in steps of 5 nm, linear between them and constant
     beyond 780 nm); IEC 61966-2-1, section 5.2 (the matrix).

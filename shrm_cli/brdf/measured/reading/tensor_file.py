@@ -49,11 +49,7 @@ class TensorFile:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "TensorFile":
-        """Read the header of a file.
-
-        Raises BrdfError if the file cannot be read or is no tensor file, or its header contradicts
-        itself or the size of the file.
-        """
+        """Read the header of a file."""
         path = check_file(path)
         with readable(path, "copy it again") as stream:
             size = os.fstat(stream.fileno()).st_size
@@ -63,11 +59,7 @@ class TensorFile:
         return cls(path, {field.name: field for field in fields})
 
     def read(self, name: str) -> NDArray[Any]:
-        """Read the array of a field, in the type that it is stored in.
-
-        Raises BrdfError if there is no such field, it is too large for memory, or the file cannot
-        be read.
-        """
+        """Read the array of a field, in the type that it is stored in."""
         if name not in self.fields:
             raise damaged(self.path, f"there is no field {name!r}")
         field = self.fields[name]
