@@ -10,7 +10,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.file import open_map
+from shrm_cli.maps.file import open_map, several
 from shrm_cli.maps.info import common_brdf, spec_of
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.probe.open import AnyProbe, as_probe
@@ -39,7 +39,7 @@ class Shown:
 
 
 def view(
-    maps: Sequence[Map | str | os.PathLike[str]],
+    maps: Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str],
     probe: AnyProbe | None = None,
     brdf: Brdf | str | None = None,
     *,
@@ -63,7 +63,7 @@ def view(
 
     Parameters
     ----------
-    maps : sequence of Map or path-like
+    maps : sequence of Map or path-like, or one of them
     probe : Probe, path-like or array, optional
         It is shown behind the shape, and is the light of the truth.
     brdf : Brdf or str, optional
@@ -106,6 +106,7 @@ def view(
     >>> shrm.view([white]).html()[:15]
     '<!DOCTYPE html>'
     """
+    maps = several(maps)
     if names is None:
         names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in maps]
     light = None if probe is None else as_probe(probe)
