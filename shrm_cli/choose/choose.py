@@ -1,14 +1,16 @@
 """`choose`: every form of a probe and a material, and the one to ship."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose import forms
 from shrm_cli.choose.offer import Choice, Offer, decided
 from shrm_cli.errors import ArgumentError, ShrmError
+from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.lobes_lit import keeping_light
-from shrm_cli.maps.options import parse_bytes
+from shrm_cli.maps.options import counted, parse_bytes
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Goal, Row, fewest_bytes
 from shrm_cli.probe.coarse import fine_probe
@@ -114,7 +116,17 @@ def _chosen(
             missing.append(f"no {form}: {reason}")
     work.end()
     warnings = [f"{name}: {line}" for line in missing]
-    return decided(probe.name, name, goal, budget, offers, warnings)
+    found = decided(probe.name, name, goal, budget, offers, warnings)
+    return found if found.is_kept else replace(found, warnings=(*warnings, *_aside(probe, brdf)))
+
+
+def _aside(probe: Probe, brdf: Brdf) -> list[str]:
+    """Return a line about lamps, which `to` auto may put beside a map; none where it cannot."""
+    count = 0 if brdf.center == "tangent" else len(split_lamps(probe).discs)
+    if not count:
+        return []
+    told = f"the probe has {counted(count, 'lamp')}, with which these maps are made"
+    return [f"{told}; shrm prefilter, without `to`, puts lamps beside a map where that is better"]
 
 
 @record
