@@ -11,7 +11,7 @@ from shrm_cli.errors import BrdfError
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map, several
-from shrm_cli.maps.info import common_brdf, spec_of
+from shrm_cli.maps.info import common_brdf, differing_origins, spec_of
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
@@ -112,6 +112,9 @@ def view(
     light = None if probe is None else as_probe(probe)
     opened = [each if isinstance(each, Map) else open_map(each) for each in maps]
     opened, notes = lit_maps(opened, names, light, None)
+    if light is not None:
+        infos = {name: each.info for name, each in zip(names, opened, strict=True)}
+        notes = [*notes, *differing_origins(infos, light.name, light.digest(), {})]
     surface = surface_of(roughness, f0, opened[0].info.chromaticities if opened else None)
     first = surface.number("roughness"), surface.color("f0"), anisotropy or 0.0
     start = Start(views, exposure, *first, taps or DEFAULT_TAPS, brush)
