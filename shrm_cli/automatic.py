@@ -33,7 +33,7 @@ from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
-from shrm_cli.vocabulary import COARSE_ROWS, NEGATIVE_SHARE
+from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 if TYPE_CHECKING:
     from shrm_cli.lights.beside import Beside
@@ -92,7 +92,7 @@ class _Asked:
     ) -> "_Asked":  # fmt: skip
         """Return what is asked for of a probe."""
         fine = probe
-        if probe.grid.resolution < COARSE_ROWS:
+        if probe.may_be_coarse:
             from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 
             fine = fine_probe(probe)

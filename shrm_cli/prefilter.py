@@ -17,7 +17,7 @@ from shrm_cli.maps.request import Prefiltered, Request, examined, truth_of
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Rising, using
-from shrm_cli.vocabulary import AUTO, COARSE_ROWS, Domain, Frame, Sampling
+from shrm_cli.vocabulary import AUTO, Domain, Frame, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.lights.beside import Beside
@@ -212,7 +212,7 @@ def _fine(probe: Probe, request: Request) -> Probe:
         return probe
     described = registry.description(request.to)
     has_cubes = described.needs_brdf and "size" in described.takes
-    if probe.grid.resolution >= COARSE_ROWS or request.domain == "angular" or not has_cubes:
+    if not probe.may_be_coarse or request.domain == "angular" or not has_cubes:
         return probe
     from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 

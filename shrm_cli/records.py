@@ -127,6 +127,9 @@ def _shown(value: Any) -> str:
     """Return a value as text, and an array of many numbers as its shape."""
     if getattr(value, "size", 0) > MOST_NUMBERS and hasattr(value, "dtype"):
         return f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
+    if type(value) is tuple:  # such as the levels of a split sum
+        inside = [_shown(each) for each in value]
+        return f"({', '.join(inside)}{',' * (len(inside) == 1)})"
     return repr(value)
 
 

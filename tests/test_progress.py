@@ -1,7 +1,9 @@
 """How far work in stages has come, told as one number that grows."""
 
+import numpy as np
 import pytest
 
+import shrm_cli as shrm
 from shrm_cli import settings
 from shrm_cli.progress import Rising, Stages, in_order, report, tell_time_left, using
 
@@ -101,3 +103,22 @@ def test_jobs_in_threads_tell_nobody():
         assert list(in_order(lambda job: report(job, 3) or job, range(3))) == [0, 1, 2]
         report(3, 3)
     assert listener.told == [(3, 3)]
+
+
+@pytest.mark.parametrize(
+    "work",
+    [
+        lambda: shrm.sky(64, 45, 35),
+        lambda: shrm.studio(64),
+        lambda: shrm.probe_statistics(
+            shrm.Probe.from_array(np.ones((64, 128, 3), np.float32), layout="latlong"), lamps=0
+        ),
+    ],
+)
+def test_rows_are_told_one_block_after_the_other(work):
+    """Of 8192 x 4096 pixels these took five to nine seconds in silence."""
+    told = []
+    with using(lambda done, total: told.append(done / total)):
+        work()
+    assert told == sorted(told)
+    assert told[-1] == 1

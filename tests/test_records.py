@@ -113,3 +113,6 @@ def test_an_array_of_many_numbers_is_text_by_its_shape():
     few, many = np.zeros(MOST_NUMBERS), np.zeros(MOST_NUMBERS + 1, np.float32)
     assert repr(made(few, ())) == f"Found(a={few!r}, b=())"
     assert repr(made(many, ())) == f"Found(a=<{MOST_NUMBERS + 1} float32>, b=())"
+    shape = f"<{MOST_NUMBERS + 1} float32>"
+    assert repr(made(few, (many, ("x", many)))) == f"Found(a={few!r}, b=({shape}, ('x', {shape})))"
+    assert repr(made(few, (many,))) == f"Found(a={few!r}, b=({shape},))"

@@ -9,7 +9,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.file import open_map
+from shrm_cli.maps.file import open_map, several
 from shrm_cli.maps.info import common_brdf, differing_origins, record_of
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages, tell
@@ -73,7 +73,7 @@ class Compared:
 
 
 def compare(
-    maps: Sequence[Map | str | os.PathLike[str]],
+    maps: Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str],
     probe: AnyProbe | None = None,
     brdf: Brdf | str | None = None,
     *,
@@ -94,7 +94,7 @@ def compare(
 
     Parameters
     ----------
-    maps : sequence of Map or path-like
+    maps : sequence of Map or path-like, or one of them
     probe : Probe, path-like or array, optional
         The light of the truth, and of product textures that hold none.
     brdf : Brdf or str, optional
@@ -132,7 +132,7 @@ def compare(
     >>> found["relative_rmse"] < 0.05
     True
     """
-    source = None if probe is None else as_probe(probe)
+    source, maps = None if probe is None else as_probe(probe), several(maps)
     if source is None and len(maps) == 1:
         raise ArgumentError("maps", "are one, which has nothing to be compared with; name another")
     if names is None:

@@ -17,6 +17,7 @@ from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import PolarRows, project
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import report
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import to_azimuth_elevation
 from shrm_cli.sphere.grid.base import Grid
@@ -153,6 +154,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         gathered.add(pixels, weights)
         analysis.add(start, pixels, weights)
         polar_rows.add(start, pixels)
+        report(start + len(pixels), probe.height)
     for polar in polar_rows.lamps():
         weights = probe.grid.weights(polar.start, polar.start + len(polar.excess))
         analysis.add(polar.start, polar.light, weights)

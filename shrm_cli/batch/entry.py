@@ -3,9 +3,9 @@
 import glob
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import PurePath
 from typing import Any
 
@@ -207,23 +207,47 @@ class Entry:
 
     def _refuse_idle(self) -> None:
         """Refuse arguments and BRDFs that nothing is made with."""
+        known = self._known_forms()
+        for name in self.arguments:
+            if not owners(known, name):
+                raise ArgumentError(name, "is no argument of prefilter")
+        for error in self.idle().values():
+            raise error
+
+    def _known_forms(self) -> dict[str, Representation]:
+        """Return the descriptions of all forms that the entry may name; others are refused."""
         known = {AUTO: registry.description(AUTO), **registry.descriptions()}
-        for to in (*self.to, *self.own):
-            if to not in known:
-                known[to] = self._form(to)  # which refuses what is no form
+        others = [to for to in (*self.to, *self.own) if to not in known]
+        return known | {to: self._form(to) for to in others}
+
+    def idle(self) -> dict[str, ArgumentError]:
+        """Return why nothing is made with a key of a manifest, by these keys."""
+        found = {}
         if self.engines and EXPORT not in self.to:
-            raise ArgumentError("for", f"applies with `to` {EXPORT}")
+            found["for"] = ArgumentError("for", f"applies with `to` {EXPORT}")
         for to in self.own:
             if to not in self.to:
-                raise ArgumentError("to", f"does not name {to}, which has options of its own")
+                told = f"does not name {to}, which has options of its own"
+                found[to] = ArgumentError("to", told)
+        known = self._known_forms()
         for name in self.arguments:
             of = owners(known, name)
-            if not of:
-                raise ArgumentError(name, "is no argument of prefilter")
-            if not set(of) & set(self.to):
-                raise ArgumentError(name, f"applies with `to` {listing(of, 'or')}")
+            if of and not set(of) & set(self.to):
+                found[name] = ArgumentError(name, f"applies with `to` {listing(of, 'or')}")
         if self.brdfs and not any(map(self._has_brdf, self.to)):
-            raise ArgumentError("brdf", f"says nothing to {listing(self.to, 'and')}")
+            found["brdfs"] = ArgumentError("brdf", f"says nothing to {listing(self.to, 'and')}")
+        return found
+
+    def without_idle(self, keys: Container[str]) -> "Entry":
+        """Return the entry without those of some keys of a manifest that nothing is made with."""
+        idle = [key for key in self.idle() if key in keys]
+        return replace(
+            self,
+            brdfs=() if "brdfs" in idle else self.brdfs,
+            engines=() if "for" in idle else self.engines,
+            own={to: each for to, each in self.own.items() if to not in idle},
+            arguments={name: each for name, each in self.arguments.items() if name not in idle},
+        )
 
     def _output(self, probe: str, folder: str, recipe: Recipe) -> str:
         label = "" if recipe.brdf is None else brdf_label(recipe.brdf)

@@ -20,8 +20,9 @@ A small one; `docs/batch.md` has every key::
     to = "export"
     output = "engines/{engine}/{probe}"
 
-Every ``[[entry]]`` begins with what stands before the first one. Without any, that is the one
-entry. Names are relative to the current folder, as those of the command line are.
+Every ``[[entry]]`` begins with what stands before the first one, as far as it applies to its forms.
+Without any, that is the one entry. Names are relative to the current folder, as those of the
+command line are.
 """
 
 from collections.abc import Mapping
@@ -61,7 +62,11 @@ def is_manifest(name: str) -> bool:
 
 
 def read_manifest(name: str) -> list[Entry]:
-    """Read the entries of a manifest."""
+    """Read the entries of a manifest.
+
+    Raises ProbeError if there is no such file, it is no TOML, a key or a value is unknown, or one
+    applies to nothing.
+    """
     found = _read(name)
     note(name)
     shared = {key: value for key, value in found.items() if key != "entry"}
@@ -70,7 +75,21 @@ def read_manifest(name: str) -> list[Entry]:
         raise ProbeError(f"{name}: 'entry' is no list of tables; write [[entry]]")
     if len(tables) > _MOST_ENTRIES:
         raise ProbeError(f"{name}: {len(tables):,} entries are more than {_MOST_ENTRIES:,}")
-    return [_entry(name, _merged(shared, table)) for table in tables]
+    written = [_entry(name, _merged(shared, table)) for table in tables]
+    try:
+        idle = [entry.idle() for entry in written]
+        # What stands before all entries is there for those that it applies to, if there are any.
+        spare = {key for key in shared if any(key not in each for each in idle)}
+        entries = [
+            entry.without_idle(spare - table.keys())
+            for entry, table in zip(written, tables, strict=True)
+        ]
+        for entry in entries:
+            entry.recipes()
+    except ArgumentError as error:
+        # A manifest has no flags, and the error is none of usage.
+        raise ProbeError(f"{name}: {as_keys(error)}") from None
+    return entries
 
 
 def _read(name: str) -> dict[str, Any]:
@@ -111,19 +130,13 @@ def _entry(name: str, found: Mapping[str, Any]) -> Entry:
         raise ProbeError(f"{name}: 'brdf' is no key; write brdfs = [...]")
     if "probes" not in texts:
         raise ProbeError(f"{name}: an entry names no probes; write probes = [...]")
-    entry = Entry(
+    return Entry(
         texts["probes"], texts.get("brdfs", ()),
         texts.get("to", (EXPORT,) if "for" in texts else (AUTO,)),
         found.get("output", DEFAULT_OUTPUT), arguments, own,
         _reading(name, found.get("reading", {})), precision,
         engines=every_engine(texts.get("for", ())),
     )  # fmt: skip
-    try:
-        entry.recipes()
-    except ArgumentError as error:
-        # A manifest has no flags, and the error is none of usage.
-        raise ProbeError(f"{name}: {as_keys(error)}") from None
-    return entry
 
 
 def _text_list(name: str, key: str, value: Any) -> tuple[str, ...]:

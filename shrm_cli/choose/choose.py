@@ -19,6 +19,7 @@ from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose.offer import Choice, Offer, decided
 from shrm_cli.errors import ArgumentError, PluginError, ShrmError
+from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.expansion import visible_pairs
@@ -350,7 +351,17 @@ def _chosen(
             missing.append(f"no {form}: {reason}")
     work.end()
     warnings = [f"{name}: {line}" for line in missing]
-    return decided(probe.name, name, goal, budget, offers, warnings)
+    found = decided(probe.name, name, goal, budget, offers, warnings)
+    return found if found.is_kept else replace(found, warnings=(*warnings, *_aside(probe, brdf)))
+
+
+def _aside(probe: Probe, brdf: Brdf) -> list[str]:
+    """Return a line about lamps, which `to` auto may put beside a map; none where it cannot."""
+    count = 0 if brdf.center == "tangent" else len(split_lamps(probe).discs)
+    if not count:
+        return []
+    told = f"the probe has {counted(count, 'lamp')}, with which these maps are made"
+    return [f"{told}; shrm prefilter, without `to`, puts lamps beside a map where that is better"]
 
 
 @record

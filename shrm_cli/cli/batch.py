@@ -186,10 +186,20 @@ def batch(
     _run(chunks, terms, workers(jobs, scheduler), None if dry_run else log, collect, contact_page)
 
 
+def _stands_for_more(name: str) -> bool:
+    """Whether a name is a pattern or a URL."""
+    import glob
+
+    from shrm_cli.messages import is_remote
+
+    return glob.has_magic(name) or is_remote(name)
+
+
 def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) -> list[Entry]:
     """Return what is to be made, from a manifest or from the options."""
     from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry, every_engine
     from shrm_cli.batch.manifest import is_manifest, read_manifest
+    from shrm_cli.probe.image_file import check_file
 
     given = usage.given_options()
     if any(is_manifest(name) for name in probes):
@@ -199,6 +209,8 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
             if name not in _RUNNING:
                 raise click.UsageError(f"{flag} says what is made; write it into the manifest")
         return read_manifest(probes[0])
+    if len(probes) == 1 and probes[0].lower().endswith(".toml") and not _stands_for_more(probes[0]):
+        check_file(probes[0])  # or options that a manifest says would be missed first
     both, own, of_probe = (values.pop(name) for name in (
         "sampling", "map_sampling", "probe_sampling",
     ))  # fmt: skip

@@ -157,6 +157,7 @@ def _exported(
     from shrm_cli.export.engine import engine as engine_of
     from shrm_cli.export.make import Source, check, export, write
     from shrm_cli.maps.file import is_map
+    from shrm_cli.probe.open import open_probe
 
     name = usage.source_stem(sources[0], REPRESENTATIONS)
     chosen = engine_of(engine)
@@ -165,6 +166,7 @@ def _exported(
     if is_map(sources[0]):
         usage.refuse_inapplicable(options.reading_rules(False, "to probes; this is a map"))
     elif len(sources) > 1:
+        open_probe(sources[0], reading)  # or a file that is not there would be called a probe
         raise usage.wrong_usage(f"{sources[0]} is a probe; export it alone")
     source = Source.open(sources, name, reading)
     usage.check_outputs([str(folder / name) if folder.is_dir() else str(folder)])

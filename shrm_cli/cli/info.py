@@ -5,7 +5,8 @@ from typing import Any
 import click
 
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.terminal import conclude
+from shrm_cli.cli.terminal import conclude, progress_bar
+from shrm_cli.progress import Rising, using
 
 
 @click.command()
@@ -27,7 +28,8 @@ def info(file: str, stats: bool, **reading: Any) -> None:
     from shrm_cli.analysis.describe import describe
     from shrm_cli.analysis.facts import fact_text
 
-    found = describe(file, options.make_read_options(reading), stats=stats)
+    with progress_bar("reading") as progress, using(Rising(progress)):
+        found = describe(file, options.make_read_options(reading), stats=stats)
     usage.refuse_inapplicable(
         options.reading_rules(found.is_probe, f"to probes; FILE {found.what}")
     )

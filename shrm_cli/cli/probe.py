@@ -12,6 +12,7 @@ from shrm_cli.cli.photo import ball, brackets, unclip
 from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
 from shrm_cli.cli.types import BOX, DIRECTION, RADIANCE, VECTOR
 from shrm_cli.files.whole import check_target
+from shrm_cli.progress import using
 from shrm_cli.vocabulary import PRECISIONS, Precision
 
 if TYPE_CHECKING:
@@ -129,7 +130,8 @@ def sky(
     from shrm_cli.probe.sky import SUN_RADIUS, sun_radiance
     from shrm_cli.probe.sky import sky as make_sky
 
-    pixels = make_sky(size, *sun, turbidity, ground_albedo, has_disc=not no_sun)
+    with progress_bar("shading") as progress, using(progress):
+        pixels = make_sky(size, *sun, turbidity, ground_albedo, has_disc=not no_sun)
     made = {"sun": sun, "turbidity": turbidity, "ground_albedo": ground_albedo}
     _write(pixels, written, **made, **({"no_sun": True} if no_sun else {}))
     if no_sun and not usage.is_quiet():
@@ -151,7 +153,8 @@ def studio(size: int, key: float, **written: Any) -> None:
     """Make three soft boxes before a dark backdrop."""
     from shrm_cli.probe import make
 
-    pixels = make.studio(size, key)
+    with progress_bar("shading") as progress, using(progress):
+        pixels = make.studio(size, key)
     _write(pixels, written, key=key)
 
 

@@ -200,9 +200,9 @@ def _of_probe(
     from shrm_cli.probe.resample import to_layout
 
     name = source.name if isinstance(source, Probe) else os.fspath(source)
+    probe = source if isinstance(source, Probe) else open_probe(source, reading)
     if to == vocabulary.LAYERS:
         raise ArgumentError("to", f"{to}: {name} is no map; make one by shrm prefilter")
-    probe = source if isinstance(source, Probe) else open_probe(source, reading)
     if to not in vocabulary.LAYOUTS:
         registry.description(to)  # which refuses what is no form either
         words = f"{name} is no map; a probe becomes {to} by shrm prefilter"

@@ -99,8 +99,8 @@ def _map_report(result: dict[str, Any]) -> str:
     if not description(kind).needs_brdf:
         return f"{result['file']}: {kind}, {result['precision']}"
     lines = [
-        f"{result['file']}: {result['frame']} {kind} map, {result['maps']} cubes of 6 x {size} x "
-        f"{size} texels as {result['layout']}, {result['precision']}"
+        f"{result['file']}: {result['frame']} {kind} map, {counted(result['maps'], 'cube')} of 6 x "
+        f"{size} x {size} texels as {result['layout']}, {result['precision']}"
     ]
     for key, text in _ERRORS.items():
         if result[key] >= (5e-4 if key == "storage_error" else 5e-6):

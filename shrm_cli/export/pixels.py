@@ -227,7 +227,11 @@ class Loss:
 
 
 def loss(what: str, light: Array, read: Array) -> Loss:
-    """Compare what is read with the light, shape (6, N, N, 3) both."""
+    """Compare what is read with the light, shape (6, N, N, 3) both.
+
+    Light counts as 0 where it is negative: `Clipped` tells of that, and no format could hold it.
+    """
+    light = np.maximum(light, 0)
     off = np.sqrt(((read - light) ** 2).sum(axis=-1))
     norm = np.sqrt((light**2).sum(axis=-1))
     whole = float(np.sqrt((norm**2).mean()))

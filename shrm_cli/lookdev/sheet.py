@@ -241,8 +241,8 @@ class Lookdev:
 
 
 def lookdev(
-    probes: Sequence[str],
-    brdfs: Sequence[str],
+    probes: Sequence[str] | str,
+    brdfs: Sequence[str] | str,
     to: str = AUTO,
     *,
     size: int = 256,
@@ -257,9 +257,9 @@ def lookdev(
 
     Parameters
     ----------
-    probes : sequence of str
+    probes : sequence of str, or one
         Paths of light probes.
-    brdfs : sequence of str
+    brdfs : sequence of str, or one
         The materials, as specifications.
     to : str
         The representation of the maps, one that is made for a BRDF, or ``auto``: what the picture
@@ -295,6 +295,7 @@ def lookdev(
     [3]
     """
     check_arguments(to, [*arguments, "brdf"])
+    probes, brdfs = ([each] if isinstance(each, str) else each for each in (probes, brdfs))
     for spec in brdfs:
         parse_spec(spec)  # what is wrong with a material is said before the work begins
     Grid(len(brdfs), len(probes), size).check()

@@ -62,7 +62,7 @@ class Unwrapped:
 
 
 def unwrap_balls(
-    paths: Sequence[str | os.PathLike[str]],
+    paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
     cameras: Sequence[tuple[float, float]] | None = None,
     circles: Sequence[Circle] | None = None,
     distance: float = np.inf,
@@ -74,7 +74,7 @@ def unwrap_balls(
 
     Parameters
     ----------
-    paths : sequence of path-like
+    paths : sequence of path-like, or one
         One photograph, or more from different sides, upright and linear.
     cameras : sequence of (azimuth, elevation), optional
         Where the camera stood for each, seen from the ball, degrees. At azimuth 0 it looks along
@@ -104,6 +104,7 @@ def unwrap_balls(
     >>> made.pixels.shape
     (16, 32, 3)
     """
+    paths = [paths] if isinstance(paths, str | os.PathLike) else paths
     stood = [(90.0 * k, 0.0) for k in range(len(paths))] if cameras is None else list(cameras)
     if not paths or len(stood) != len(paths):
         raise ArgumentError("camera", "must be given once for each photograph, or not at all")

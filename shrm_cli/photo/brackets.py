@@ -97,9 +97,10 @@ def merge_brackets(
     Raises
     ------
     ArgumentError
-        If there are too few exposures, or of no use.
+        If the times are of no use.
     ProbeError
-        If a file cannot be read, has another size, or does not tell its exposure.
+        If there are less than two photographs, or a file cannot be read, has another size, or does
+        not tell its exposure.
 
     Examples
     --------
@@ -175,9 +176,12 @@ def _in_order(
     paths: Sequence[str | os.PathLike[str]], times: Sequence[float] | None
 ) -> tuple[list[ImageFile], Array]:
     """Open exposures, and sort them by what they let in, relative to the one in the middle."""
-    if len(paths) < 2 or (times is not None and len(times) != len(paths)):
-        raise ArgumentError("times", "must be as many as exposures, which must be two at least")
     opened = [open_picture(path, as_stored=True) for path in paths]
+    if len(paths) < 2:
+        named = f"{paths[0]}: is one exposure" if paths else "there is no exposure"
+        raise ProbeError(f"{named}; name two photographs at least, of different times")
+    if times is not None and len(times) != len(paths):
+        raise ArgumentError("times", f"must be as many as exposures, which are {len(paths)}")
     found = np.array([_exposure(each) for each in opened] if times is None else times, dtype=float)
     if not (np.isfinite(found).all() and found.min() > 0 and found.max() > found.min()):
         raise ArgumentError("times", "must be positive, and not all the same")

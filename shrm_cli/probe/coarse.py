@@ -12,16 +12,20 @@ them, as that of a horizon, has another energy there than its coefficients, less
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.probe.image import ArrayImage, ProbeImage
-from shrm_cli.probe.pixels import PixelPolicy
+from shrm_cli.probe.pixels import PixelPolicy, PixelReport
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.vocabulary import COARSE_ROWS
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.light_sum import LightSum
 
 _BEYOND = 1e-4
 """The part of the light's energy that its degrees may miss or have too much: 1 % as RMS."""
@@ -41,12 +45,21 @@ class _Parts(ArrayImage):
 def fine_probe(probe: Probe) -> Probe:
     """Return the same light in pixels as small as those of a lat-long of `COARSE_ROWS`.
 
-    Returns the probe itself where it is as fine, has no degrees beyond those of its pixels, or is a
-    sum of lights. Otherwise a probe in memory, with the digest of the first one, whose report tells
-    what the pixels needed.
+    Returns the probe itself where it is as fine, or has no degrees beyond those of its pixels.
+    Otherwise a probe in memory, with the digest of the first one, whose report tells what the
+    pixels needed. Of a sum of lights each probe is as fine as `SumImage.fine_rows` tells.
     """
-    count = int(np.ceil(COARSE_ROWS / probe.grid.resolution))
-    if count < 2 or probe.sampling != "center" or _is_sum(probe) or not _goes_on(probe):
+    if not probe.may_be_coarse:
+        return probe
+    from shrm_cli.probe.light_sum import LightSum  # most runs have none, and load no more modules
+
+    return _fine_sum(probe) if isinstance(probe, LightSum) else _cut(probe, COARSE_ROWS)
+
+
+def _cut(probe: Probe, rows: int) -> Probe:
+    """Return a probe in pixels as small as those of a lat-long of some rows."""
+    count = int(np.ceil(rows / probe.grid.resolution))
+    if count < 2 or probe.sampling != "center" or not _goes_on(probe):
         return probe
     image, used = probe.image(), probe.grid.used()
     if used is not None:
@@ -61,6 +74,27 @@ def fine_probe(probe: Probe) -> Probe:
     )  # fmt: skip
 
 
+def _fine_sum(light: "LightSum") -> "LightSum":
+    """Return a sum of the same lights, whose probes are fine."""
+    image = light.image_of_sum
+    probes = [_cut(term.probe, image.fine_rows) for term in light.terms]
+    if all(fine is term.probe for fine, term in zip(probes, light.terms, strict=True)):
+        return light
+    terms = tuple(
+        replace(term, probe=_telling(fine, term.probe))
+        for fine, term in zip(probes, light.terms, strict=True)
+    )
+    image = replace(image, terms=terms)
+    return replace(light, image_of_sum=image, images=(image,))
+
+
+def _telling(fine: Probe, probe: Probe) -> Probe:
+    """Return a probe that says what the pixels of the one needed that it was made of."""
+    if fine is probe:
+        return probe
+    return replace(fine, report=PixelReport(notes=tuple(probe.report.warnings())))
+
+
 def _over_rim(image: Array, used: NDArray[np.bool_]) -> Array:
     """Give pixels beside those that hold radiance the mean of these: parts of them do, too."""
     height, width = used.shape
@@ -69,15 +103,6 @@ def _over_rim(image: Array, used: NDArray[np.bool_]) -> Array:
     sums = np.sum(nine, axis=0)
     means = sums[..., :-1] / np.maximum(sums[..., -1:], 1)
     return np.where(used[..., None], image, means).astype(image.dtype)
-
-
-def _is_sum(probe: Probe) -> bool:
-    """Whether it is a sum of lights, whose discs have all degrees."""
-    if type(probe) is Probe:  # most runs have no other, and load no more modules
-        return False
-    from shrm_cli.probe.light_sum import LightSum
-
-    return isinstance(probe, LightSum)
 
 
 def _goes_on(probe: Probe) -> bool:

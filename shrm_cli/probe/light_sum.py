@@ -26,6 +26,7 @@ from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
+from shrm_cli.vocabulary import COARSE_ROWS, MAX_ORDER_F
 
 if TYPE_CHECKING:
     from shrm_cli.probe.proxy import ProxyBox
@@ -94,6 +95,20 @@ class SumImage:
     def width(self) -> int:
         return 2 * self.height
 
+    @property
+    def is_one(self) -> bool:
+        """Whether it is a single light, or none."""
+        return len(self.terms) + len(self.discs) + (self.series is not None) < 2
+
+    @property
+    def fine_rows(self) -> int:
+        """The rows that maps ask of each probe.
+
+        Of several lights the degrees are known together, and those that a coarse probe does not
+        tell would pass for darkness beside those of another light.
+        """
+        return COARSE_ROWS if self.is_one else MAX_ORDER_F
+
     def facts(self) -> dict[str, Any]:
         """The probes, the discs and the coefficients, for `shrm info`."""
         probes = [
@@ -140,7 +155,7 @@ class SumImage:
 
         It is twice the integral of the products of all pairs of lights, over the pixels.
         """
-        if len(self.terms) + len(self.discs) + (self.series is not None) < 2:
+        if self.is_one:
             return np.zeros(3)
         return self._pixels_and_overlaps[1]
 
@@ -223,6 +238,11 @@ class LightSum(Probe):
     def series(self) -> Array | None:
         """Coefficients of light that is given by them, in the axes that `matrix` turns."""
         return self.image_of_sum.series
+
+    @property
+    def may_be_coarse(self) -> bool:
+        rows = self.image_of_sum.fine_rows
+        return any(term.probe.grid.resolution < rows for term in self.terms)
 
     @property
     def paths(self) -> list[Path]:

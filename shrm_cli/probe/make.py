@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import ProbeError
+from shrm_cli.progress import report
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation
 from shrm_cli.sphere.grid.latlong import latlong_coordinates, latlong_directions
@@ -185,6 +186,7 @@ def shade_in_bands(directions: Array, shade: Callable[[Array], Array]) -> Image:
     image = np.empty(directions.shape, dtype=np.float32)
     for band in slices(len(directions), BAND_ROWS):
         image[band] = shade(directions[band])
+        report(band.stop, len(directions))
     return image
 
 

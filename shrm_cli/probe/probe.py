@@ -27,7 +27,14 @@ from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.probe.pixels import Block, BlockReader, PixelPolicy, PixelReport
 from shrm_cli.records import Displayed, record
 from shrm_cli.sphere.grid.base import Grid, Sampler
-from shrm_cli.vocabulary import CUBES, Layout, Orientation, Sampling, default_orientation
+from shrm_cli.vocabulary import (
+    COARSE_ROWS,
+    CUBES,
+    Layout,
+    Orientation,
+    Sampling,
+    default_orientation,
+)
 
 if TYPE_CHECKING:
     from shrm_cli.probe.proxy import ProxyBox
@@ -208,6 +215,11 @@ class Probe(Displayed):
         if self.proxy is not None:
             found["proxy"] = self.proxy.record()
         return {**found, **self.colors}
+
+    @property
+    def may_be_coarse(self) -> bool:
+        """Whether its pixels are larger than those that maps of sharp lobes are made of."""
+        return self.grid.resolution < COARSE_ROWS
 
     def blocks(self) -> Iterator[Block]:
         """Yield the image in blocks of rows: first row, pixels, weights.

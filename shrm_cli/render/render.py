@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from shrm_cli.files.image import Picture
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.file import open_map
+from shrm_cli.maps.file import open_map, several
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.render.camera import Viewer
@@ -81,9 +81,9 @@ def render(
     >>> shrm.render(white, view=(30, 10), size=64).shape
     (64, 64, 3)
     """
-    several = [maps] if isinstance(maps, Map | str | os.PathLike) else list(maps)
-    names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in several]
-    opened = [each if isinstance(each, Map) else open_map(each) for each in several]
+    given = several(maps)
+    names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in given]
+    opened = [each if isinstance(each, Map) else open_map(each) for each in given]
     opened, _ = lit_maps(opened, names, None if probe is None else as_probe(probe), None)
     lit, moments = Lit(opened, names, (), ()), [Moment(Viewer(*view))]
     surface = {

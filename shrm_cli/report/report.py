@@ -331,8 +331,8 @@ class ProbeReport:
 
 def report(
     probe: AnyProbe,
-    brdfs: Sequence[str],
-    to: Sequence[str] = (AUTO,),
+    brdfs: Sequence[str] | str,
+    to: Sequence[str] | str = (AUTO,),
     *,
     angles: Sequence[tuple[float, float]] = Plan.views,
     picture_size: int = 256,
@@ -348,7 +348,7 @@ def report(
     Parameters
     ----------
     probe : Probe, path-like or array
-    brdfs, to : sequence of str
+    brdfs, to : sequence of str, or one
         Specifications and representations, or ``auto``; each pair that there is makes a map.
     angles : sequence of 2 float
         Azimuth and elevation of the viewers, degrees.
@@ -382,9 +382,8 @@ def report(
     1
     """
     light = as_probe(probe)
-    plan = Plan(
-        tuple(brdfs), tuple(to), arguments, tuple(angles), picture_size, truth_height, exact, flips
-    )
+    brdfs, to = ((each,) if isinstance(each, str) else tuple(each) for each in (brdfs, to))
+    plan = Plan(brdfs, to, arguments, tuple(angles), picture_size, truth_height, exact, flips)
     plan.recipes()  # refuses what no probe could make, before long work
     stages = Stages(progress, 2)
     statistics = probe_statistics(light)

@@ -10,8 +10,8 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.file import open_map
-from shrm_cli.maps.info import common_brdf, spec_of
+from shrm_cli.maps.file import open_map, several
+from shrm_cli.maps.info import common_brdf, differing_origins, spec_of
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
@@ -39,7 +39,7 @@ class Shown:
 
 
 def view(
-    maps: Sequence[Map | str | os.PathLike[str]],
+    maps: Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str],
     probe: AnyProbe | None = None,
     brdf: Brdf | str | None = None,
     *,
@@ -63,7 +63,7 @@ def view(
 
     Parameters
     ----------
-    maps : sequence of Map or path-like
+    maps : sequence of Map or path-like, or one of them
     probe : Probe, path-like or array, optional
         It is shown behind the shape, and is the light of the truth.
     brdf : Brdf or str, optional
@@ -106,11 +106,15 @@ def view(
     >>> shrm.view([white]).html()[:15]
     '<!DOCTYPE html>'
     """
+    maps = several(maps)
     if names is None:
         names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in maps]
     light = None if probe is None else as_probe(probe)
     opened = [each if isinstance(each, Map) else open_map(each) for each in maps]
     opened, notes = lit_maps(opened, names, light, None)
+    if light is not None:
+        infos = {name: each.info for name, each in zip(names, opened, strict=True)}
+        notes = [*notes, *differing_origins(infos, light.name, light.digest(), {})]
     surface = surface_of(roughness, f0, opened[0].info.chromaticities if opened else None)
     first = surface.number("roughness"), surface.color("f0"), anisotropy or 0.0
     start = Start(views, exposure, *first, taps or DEFAULT_TAPS, brush)

@@ -58,6 +58,33 @@ def test_entries_begin_with_what_stands_before_them(tmp_path):
     assert second.output == "bake/{probe}.{brdf}.{to}.exr"
 
 
+def test_the_manifest_of_the_page_is_read(tmp_path):
+    """Its later entries have forms that not all of what stands above them applies to."""
+    page = (Path(__file__).parents[2] / "docs" / "batch.md").read_text()
+    text = page.split("```toml\n")[1].split("```")[0]
+    first, second, third = read_manifest(written(tmp_path, text))
+    assert first.own == {"irradiance": {"form": "zh3"}}
+    assert (second.own, second.arguments) == ({}, {"eps": 0.02, "error": 0.05})
+    assert (third.brdfs, third.arguments) == ((), {"format": "bc6h"})
+    assert second.brdfs == first.brdfs
+    assert third.engines == ("three", "bevy")
+
+
+@pytest.mark.parametrize("own", ["eps = 0.1", "brdfs = ['phong']", "[entry.shrm]", "for = 'bevy'"])
+def test_what_an_entry_says_itself_applies_to_it(tmp_path, own):
+    shared = "probes = ['a']\nto = ['shrm']\nbrdfs = ['phong']\neps = 0.1\n"
+    text = f"{shared}[[entry]]\n[[entry]]\nto = 'she'\n"
+    assert read_manifest(written(tmp_path, text))[1].arguments == {}
+    with pytest.raises(ProbeError, match=r"'(eps|brdf|to|for)'"):
+        read_manifest(written(tmp_path, text + own))
+
+
+def test_what_stands_before_all_entries_applies_to_one(tmp_path):
+    text = "probes = ['a']\nto = 'she'\neps = 0.1\n[[entry]]\n[[entry]]\nto = 'irradiance'\n"
+    with pytest.raises(ProbeError, match="'eps' applies with"):
+        read_manifest(written(tmp_path, text))
+
+
 def test_a_manifest_without_entries_is_one(tmp_path):
     (only,) = read_manifest(written(tmp_path, 'probes = "a.exr"\nto = "irradiance"\n'))
     assert (only.probes, only.to, only.output) == (("a.exr",), ("irradiance",), DEFAULT_OUTPUT)

@@ -407,3 +407,9 @@ def test_predictions_are_of_the_first_sound_probe(folder, here):
     (told,) = json.loads(result.out)["predictions"]
     assert told["probe"] == "probes/p1.exr"
     assert (told["outputs"], told["order_f"], told["size"]) == (5, 2, 16)
+
+
+def test_a_manifest_that_is_not_there_is_missed_first(folder):
+    """What was missed was --brdf, which a manifest may say."""
+    assert_refused(run("batch", "bake.toml", "--dry-run"), 1, "bake.toml", "no such file")
+    assert_refused(run("batch", "lights/*.toml", "--to", "irradiance"), 1, "matches no file")

@@ -177,6 +177,7 @@ def test_maps_are_converted(folder):
         (["sky.exr"], 2, "Missing option '--for'"),
         (["sky.exr", "--for", "quake"], 2, "'quake' is not one of"),
         (["sky.exr", "sky.exr", "--for", "godot"], 2, "sky.exr is a probe; export it alone"),
+        (["missing.exr", "sky.exr", "--for", "godot"], 1, "missing.exr: no such file"),
         (["sky.exr", "--for", "filament", "--size", "100"], 2, "--size 100 is no power of two"),
         (["sky.exr", "--for", "bevy", "--format", "r11g11b10"], 2, "--format r11g11b10 does not"),
         (["sky.exr", "--for", "bevy", "--skybox", "8"], 2, "--skybox does not apply"),

@@ -144,3 +144,16 @@ def test_batch(folder, monkeypatch):
     assert shrm.batch([entry], jobs=1).made == 1
     assert shrm.open_map("probe.irradiance.exr").representation == "irradiance"
     assert shrm.batch([entry], jobs=1).skipped == 1
+
+
+def test_one_of_what_may_be_several_stands_for_itself(folder):
+    """A name was taken for its letters: ``'w': no such file``, or no BRDF is called 'l'."""
+    white = shrm.open_map("white.exr")
+    several = shrm.compare([white], "probe.exr", size=16).numbers()
+    assert shrm.compare(white, "probe.exr", size=16).numbers() == several
+    assert shrm.compare("white.exr", "probe.exr", size=16).names == ("white.exr",)
+    assert shrm.view("white.exr").html() == shrm.view(["white.exr"]).html()
+    assert shrm.lookdev("probe.exr", "lambertian", size=16).sides == ["lambertian"]
+    page = shrm.report("probe.exr", "lambertian", "shrm", picture_size=16)
+    assert len(page.measured.summary()) == 1
+    assert shrm.unwrap_balls("probe.exr", circles=[(32, 16, 15)], size=8).pixels.shape == (8, 16, 3)

@@ -112,7 +112,8 @@ def test_photographs_that_differ_are_told(folder):
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("brackets", "00.png", "-o", "x.exr"), "--times must be as many as exposures"),
+        (("brackets", "00.png", "-o", "x.exr"), "00.png: is one exposure; name two photographs"),
+        (("brackets", "x_*.png", "-o", "x.exr"), "x_*.png: no such file"),
         (("brackets", "00.png", "01.png", "--times", "1/0,1", "-o", "x.exr"), "is not a list of"),
         (("brackets", "00.png", "01.png", "-o", "00.png"), "would overwrite the input"),
         (("ball", "00.png", "-o", "x.exr"), "give --linearize"),

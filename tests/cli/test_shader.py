@@ -89,6 +89,7 @@ def test_the_file_holds_the_textures(folder, to):
         (["m.exr", "--to", "layers", "--size", 4], 2, "--size applies to all but --to layers"),
         (["m.exr", "--to", "openexr", "--shader", "c"], 2, "--shader applies with --to layers"),
         (["probe.exr", "--to", "layers"], 2, "probe.exr is no map"),
+        (["missing.exr", "--to", "layers"], 1, "missing.exr: no such file"),
         (["m.exr", "--to", "layers", "-o", "m.exr"], 1, "m.exr"),
         (["m.exr", "--to", "layers"], 1, "its code holds all numbers"),
     ],

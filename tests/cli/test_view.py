@@ -139,6 +139,13 @@ def test_maps_of_different_brdfs_have_no_truth(folder):
     assert written("a.html")[1]["truths"] == []
 
 
+def test_maps_of_another_probe_are_told_of(folder):
+    write_exr(folder / "other.exr", np.ones((8, 16, 3), np.float32))
+    shown = ["view", "glossy.exr", "--no-truth", "-o", "a.html", "--probe"]
+    assert run(*shown, "other.exr").err == "Warning: glossy.exr: its probe is not other.exr\n"
+    assert run(*shown, "probe.exr").err == ""
+
+
 def test_a_small_page_has_a_small_probe_and_no_smaller_maps(folder):
     light = np.ones((256, 512, 3), dtype=np.float32)
     write_exr("large.exr", light)

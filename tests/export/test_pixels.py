@@ -121,6 +121,15 @@ def test_a_level_of_which_nothing_is_left_has_no_power_of_ten():
     assert "by 100/100, 0/0 %" in told
 
 
+def test_negative_light_beside_a_sun_is_no_loss_of_packing():
+    """Of a bare sun half of the texels are a little negative; each counted as 100 % wrong."""
+    light = np.full((6, 16, 16, 3), -1e-3)
+    light[0, 5, 5] = 1000
+    faces = np.maximum(light, 0)
+    assert loss("level 0", light, faces).worst == 0
+    assert loss("level 0", light, 1.01 * faces).worst == pytest.approx(0.01)
+
+
 def test_the_dimmest_light_has_steps_of_a_tenth():
     for chosen in (*FORMATS.values(), RGBD, RGBP):
         values = np.linspace(1, 1.12, 400)[:, None] * np.ones(3) * chosen.dimmest

@@ -166,7 +166,7 @@ def test_exposures_too_far_apart_cannot_be_compared(tmp_path, scene):
 @pytest.mark.parametrize(
     ("times", "error", "words"),
     [
-        ([1.0], ArgumentError, "`times` must be as many as exposures, which must be two"),
+        ([1.0], ArgumentError, "`times` must be as many as exposures, which are 2"),
         ([1.0, -1.0], ArgumentError, "`times` must be positive"),
         ([1.0, np.nan], ArgumentError, "`times` must be positive"),
         ([2.0, 2.0], ArgumentError, "and not all the same"),

@@ -6,6 +6,7 @@ from functools import partial
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import counted
 from shrm_cli.maps.shader.boxed import box_function, boxed_functions
 from shrm_cli.maps.shader.language import Language, harmless
 from shrm_cli.maps.shader.pages import Pages, Run, arrange
@@ -344,8 +345,9 @@ def _corner(run: Run, index: str) -> tuple[str, str, str]:
 
 def _about_layers(pages: Pages) -> list[str]:
     """Write what the comment says of the array of cubes."""
+    count = counted(pages.layers, "layer")
     return [
-        f"shrm_layers: {pages.layers} layers of {pages.width} x {pages.height} texels, RGB; shrm",
+        f"shrm_layers: {count} of {pages.width} x {pages.height} texels, RGB; shrm",
         "convert MAP --to layers writes them. A cube is 3 x 2 faces (+X +Y +Z above -X -Y -Z) in",
         "OpenEXR's orientation, each with a rim of one texel of the faces beside it. The code",
         "filters by itself, so that the texture needs no filter.",
@@ -379,7 +381,7 @@ def _with_cube_arrays(source: Source, language: Language) -> tuple[list[str], Wo
     for number, (size, count) in enumerate(held.items()):
         declared, texel = (t.format(name=_name(number)) for t in _CUBES[language.name])
         lines += [declared, f"vec3 shrm_look{number}(vec3 d, int cube) {{ return {texel}; }}"]
-        comment.append(f"{_name(number)}: {count} cubes of 6 x {size} x {size} texels.")
+        comment.append(f"{_name(number)}: {counted(count, 'cube')} of 6 x {size} x {size} texels.")
     if sizes:
         comment += [
             "Cubes are in the order of the file's channels and parts; turn their faces as the API",

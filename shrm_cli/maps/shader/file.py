@@ -68,7 +68,10 @@ def write_layers(
     """
     textures = pack(made)
     if not textures:
-        raise MapError(f"{made.what} has no textures: its code holds all numbers")
+        raise MapError(
+            f"{made.what} has no textures: its code holds all numbers, and "
+            "shrm prefilter --shader prints it"
+        )
     about = {
         _MARK: "layers",
         "shrm:of": made.representation,

@@ -92,7 +92,7 @@ def unknown_light(lighting: Lighting, passed: Array) -> float:
 
     `passed`, of shape (degrees,), holds the squared multipliers of the lobe.
     """
-    known = lighting.order + 1
+    known = lighting.resolved_order + 1
     power = lighting.power().sum(axis=1)
     rest = max(float(lighting.energy.sum() - power.sum()), 0.0)
     width = 2 * np.arange(len(passed)) + 1

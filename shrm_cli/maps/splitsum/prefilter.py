@@ -18,7 +18,14 @@ from shrm_cli.maps.info import MapInfo, provenance, record_of
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import choose_size
-from shrm_cli.maps.splitsum.core import expand, faded_order, split_lobe, sum_core, synthesized
+from shrm_cli.maps.splitsum.core import (
+    Expansion,
+    expand,
+    faded_order,
+    split_lobe,
+    sum_core,
+    synthesized,
+)
 from shrm_cli.maps.splitsum.mips import default_mips, mip_sizes, power_of_two
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum
@@ -78,9 +85,9 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     The light is projected once. Each level is a product of the light's coefficients with those of
     the lobe, to the least order F whose predicted error is small enough. Where a lobe needs more
-    than F = 512, or its expansion would cost more than direct integration, its core is summed over
-    the probe's pixels, and only the rest beyond an angle is expanded. The level of roughness 0 is
-    the probe itself.
+    than F = 512, or degrees that are finer than the probe's pixels, or its expansion would cost
+    more than direct integration, its core is summed over the probe's pixels, and only the rest
+    beyond an angle is expanded. The level of roughness 0 is the probe itself.
 
     The own options of `request` are ``levels``, their number or their perceptual roughnesses, by
     default the number that `DEFAULT_LEVELS` has for the mapping; ``mapping``, which roughnesses a
@@ -169,8 +176,13 @@ def _level(
 ) -> tuple[Array, MapInfo]:
     if lobe is None:
         return _mirror(light, size or largest)
-    make = _expanded if lobe.in_frequency else _integrated
-    return make(light, lobe, largest, size)
+    if not lobe.in_frequency:
+        return _integrated(light, lobe, largest, size)
+    expansion = expand(light.lighting, lobe.coefficients, light.known.eps)
+    if expansion.error > light.known.eps and lobe.lobe.is_peaked:
+        # The lobe passes degrees that are finer than the pixels, which no expansion knows.
+        return _integrated(light, lobe, largest, size)
+    return _expanded(light, lobe, expansion, largest, size)
 
 
 def _facts(made: SplitSum) -> dict[str, Any]:
@@ -295,13 +307,12 @@ def _mirror(light: _Light, size: int) -> tuple[Array, MapInfo]:
 
 
 def _expanded(
-    light: _Light, lobe: LevelLobe, largest: int, size: int | None
+    light: _Light, lobe: LevelLobe, expansion: Expansion, largest: int, size: int | None
 ) -> tuple[Array, MapInfo]:
     """Make a level by multiplying the coefficients of light and lobe, and one synthesis.
 
     Its order decides how many texels it has, at most `largest`, unless the size is given.
     """
-    expansion = expand(light.lighting, lobe.coefficients, light.known.eps)
     size = size or min(choose_size(expansion.order), largest)
     cube = synthesized(light.series, expansion.multipliers, size, light.sampling)
     info = replace(

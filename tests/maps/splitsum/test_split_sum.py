@@ -369,6 +369,20 @@ def test_lobes_finer_than_the_pixels_meet_what_lies_between_them(tmp_path, rng):
     assert difference(found, expected) < 0.005
 
 
+def test_a_bare_sun_of_few_rows_does_not_ring(tmp_path):
+    """The lobe passes degrees up to 280, of which 128 rows of pixels know 127."""
+    image = np.zeros((128, 256, 3), np.float32)
+    image[40, 60] = 5e4
+    probe = open_probe(write_exr(tmp_path / "sun.exr", image))
+    (level,) = prefilter_split_sum(probe, [0.134], size=16).map.levels
+    at, light = latlong_pixels(image)
+    sun = light.any(axis=-1)
+    cosine = cube_directions(16) @ at[sun][0]
+    aside = (cosine > 0.1) & (cosine < np.cos(np.radians(7)))
+    expected = normalised_lobe(0.134, cosine, (1 - cosine) / 2) * light[sun][0, 0]
+    assert level[..., 0][aside] == pytest.approx(expected[aside], rel=0.05)
+
+
 def test_smooth_light_is_prefiltered_to_rounding(smooth_probe, rng):
     """Degree 3 is within every expansion: what is left is the probe's single precision."""
     split_sum = prefilter_split_sum(smooth_probe, [0.3, 0.6, 1.0], error=1e-5).map
