@@ -189,18 +189,10 @@ class LampMap(ReflectionMap):
         for part in parts:
             part.header["shrm:version"] = FORMAT if table is None else FORMAT_WITH_TABLE
         parts[0].header["shrm:lamps"] = lamps_text(self.discs, self.left, self.error)
-        return parts if table is None else _on_one_canvas([*parts, table.part()])
-
-
-def _on_one_canvas(parts: Sequence[Part]) -> list[Part]:
-    """Name the first of several parts, and give all of them the canvas that they have to share."""
-    parts[0].header.setdefault("name", "map")
-    shapes = [next(iter(part.channels.values())).shape for part in parts]
-    given = [part.header.get("displayWindow", (0, 0)) for part in parts]
-    height, width = np.max([*shapes, *(each[::-1] for each in given)], axis=0).tolist()
-    for part in parts:
-        part.header["displayWindow"] = width, height
-    return list(parts)
+        if table is None:
+            return parts
+        parts[0].header.setdefault("name", "map")
+        return [*parts, table.part()]
 
 
 # ---- in files ------------------------------------------------------------------------------------

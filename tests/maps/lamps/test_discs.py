@@ -54,12 +54,12 @@ def test_ggx(roughness, degrees):
 
 @pytest.mark.parametrize("spec", ["ggx:roughness=0.1", "0.9*lambertian+0.1*ggx:roughness=0.1"])
 def test_few_steps_beyond_reach(spec):
-    """There the same as elsewhere: within .2 % of the largest value for each view."""
+    """There the same as elsewhere: within .2 % of the largest value, and 1 % of each."""
     rng, radius = np.random.default_rng(5), 0.05
     brdf = parse_spec(spec)
     rule = DiscRule.of(brdf, radius)
-    assert rule.beyond.steps <= rule.steps / 3
-    assert rule.reach < 1
+    assert rule.beyond.steps < rule.steps / 2
+    assert rule.reach < 0.3
     (normal,) = brute_force.unit(rng, 1)
     for view in views_of(normal, (0.97, 0.6, 0.2), rng):
         mirror = 2 * (normal @ view) * normal - view
@@ -74,8 +74,9 @@ def test_few_steps_beyond_reach(spec):
                 axes = np.stack([side, other, normal], axis=1)
                 expected.append(areas @ brdf.transfer(light @ axes, (view @ axes)[None]))
                 found.append(LitDiscs(brdf, (disc,)).radiance(normal, view))
-        error = np.abs(np.array(found) - expected).max(axis=0) / np.max(expected, axis=0)
-        assert error.max() < 2e-3
+        error, seen = np.abs(np.array(found) - expected), np.max(expected, axis=0)
+        assert np.all(error < 2e-3 * seen)
+        assert np.all(error < 0.01 * np.array(expected) + 1e-9 * seen)
 
 
 def test_a_peak_beyond_reach_counts():
@@ -89,7 +90,7 @@ def test_a_peak_beyond_reach_counts():
         def evaluate(self, light, view):
             mirrored = view * [-1.0, -1.0, 1.0]
             cosines = [np.sum(light * each, axis=-1) for each in (mirrored, view)]
-            value = sum(np.exp(2000 * (each - 1)) for each in cosines)
+            value = sum(np.exp(2e4 * (each - 1)) for each in cosines)
             return np.broadcast_to(value[..., None], (*value.shape, 3))
 
     assert DiscRule.of(parse_spec("phong:exponent=2000"), 0.05).reach < 1
