@@ -158,6 +158,8 @@ def carry(
     f, p = orders.order_f, orders.order_p
     most = min(largest_f(p), MAX_ORDER_F)
     wanted = max(f, min(supported_order(size, p), most))
+    # Lobes that are the same for all views are known further in no time, and so is what is wrong.
+    times = 2 if brdf.zonal else 1
     while True:
         lighting = light.to_order(max(coefficients.order_f, wanted))
         band = Band.exact(f) if is_exact else carried_band(lighting, coefficients, f, p, size)
@@ -167,9 +169,10 @@ def carry(
             wanted = max(f, min(furthest_order(size, p), most))
         known = coefficients.order_f
         is_known = is_exact or band.last <= _KNOWN * known
-        if known >= wanted or (is_known and made.estimated <= _UNKNOWN * made.error**2):
+        enough = min(times * wanted, MAX_ORDER_F)
+        if known >= enough or (is_known and made.estimated <= _UNKNOWN * made.error**2):
             return made
-        further = min(2 * known, wanted)
+        further = min(2 * known, enough)
         coefficients = extended(brdf, coefficients, orders.eps, further)
 
 

@@ -173,6 +173,21 @@ def test_unknown_azimuthal_orders_are_an_error():
         np.testing.assert_array_equal(Lobes(whole, before).ended(beyond, power).error, before)
 
 
+def test_the_dark_half_of_a_ball_under_a_bare_sun_counts():
+    """Of degrees that no cube of its size holds, which are known all the same."""
+    sun = np.full((128, 256, 3), 0.01, np.float32)
+    sun[32, 140] = 6e4
+
+    def cosine_lobe(reflection, view, light):
+        normal = (reflection + view) / np.linalg.norm(reflection + view)
+        return np.maximum(light @ normal, 0) / np.pi
+
+    made = prefilter_with_facts(Probe.from_array(sun), "shrm", {"brdf": "lambertian"})
+    expected = share(sun, cosine_lobe, made.map)
+    assert expected > 0.05
+    assert made.summary()["predicted_wrong_share"] == pytest.approx(expected, rel=0.4)
+
+
 def test_maps_beside_lamps_are_judged_together_with_them(light):
     made = prefilter_with_facts(
         Probe.from_array(light), "auto", {"brdf": "microfacet:sigma=0.3", "max_size": "15kB"}
