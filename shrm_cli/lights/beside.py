@@ -176,6 +176,7 @@ class _Change:
 
     def __init__(self, split: LampSplit, order: int) -> None:
         self.split = split
+        self.whole = shared(fine_probe(split.probe))
         self.pixels = shared(fine_probe(split.residual_probe))
         self.energy = sum(map(_changed_energy, split.lamps), np.zeros(3))
         self.known = self.to_order(order)
@@ -217,10 +218,9 @@ class _Change:
 
         def project_rest(order: int) -> Lighting:
             if last is None:  # lamps of many pixels, which are as good as points
-                series = project(self.split.probe, order).coefficients.copy()
-                discs = disc_coefficients(
-                    self.split.discs, min(order, self.split.grid.resolved_order)
-                )
+                whole = project(self.whole, order)
+                series = whole.coefficients.copy()
+                discs = disc_coefficients(self.split.discs, whole.resolved_order)
                 series[: len(discs)] -= discs
                 energy = project(self.pixels, 0).energy + self.energy
                 return Lighting(series, np.maximum(energy, (series**2).sum(axis=0)))
