@@ -99,7 +99,7 @@ def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int, left: float
     # No less than the least error is tried, however many bytes there are.
     larger = best.can_grow and best.total_error > policy.LEAST_ERROR
     more = ", or raise `max_size`" if larger and 2 * best.bytes > max_size else ""
-    lamps = f"lamps in glossy surfaces need the most: {REMEDY}{more}"
+    lamps = f"lamps and other bright places in sharp lobes need the most: {REMEDY}{more}"
     why, of = best.limit or lamps, ""
     if left < 1:  # what is allowed of so little light would read as an error of all
         of, share = " of all light", best.wrong_share
