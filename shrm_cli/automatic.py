@@ -82,13 +82,13 @@ class _Asked:
     """The RMS of what the probe's light makes, over that of all light, where lamps lie beside."""
     most_simple: float = math.inf
     """The most bytes of an SHRM that takes the place of a map of principal functions."""
-    seen: Probe | None = None
+    whole: Probe | None = None
     """The probe with its lamps, where they lie beside."""
 
     @classmethod
     def of(
         cls, probe: Probe, request: Request, left: float = 1.0, most_simple: float = math.inf,
-        seen: Probe | None = None,
+        whole: Probe | None = None,
     ) -> "_Asked":  # fmt: skip
         """Return what is asked for of a probe."""
         fine = probe
@@ -96,7 +96,7 @@ class _Asked:
             from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 
             fine = fine_probe(probe)
-        return cls(probe, Projection(shared(fine)), request, left, most_simple, seen)
+        return cls(probe, Projection(shared(fine)), request, left, most_simple, whole)
 
     @cached_property
     def goal(self) -> Goal:
@@ -106,7 +106,7 @@ class _Asked:
     @cached_property
     def truth(self) -> Truth:
         """What is reflected."""
-        return truth_of(self.seen or self.light.probe, self.request.brdf)
+        return truth_of(self.whole or self.light.probe, self.request.brdf)
 
     def made(self) -> Prefiltered:
         return self.made_of_single_cubes() or self.of_functions()

@@ -19,7 +19,7 @@ from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose.offer import Choice, Offer, decided
 from shrm_cli.errors import ArgumentError, PluginError, ShrmError
-from shrm_cli.lights.split import split_lamps
+from shrm_cli.lights.beside import split_of
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.expansion import visible_pairs
@@ -357,7 +357,7 @@ def _chosen(
 
 def _aside(probe: Probe, brdf: Brdf) -> list[str]:
     """Return a line about lamps, which `to` auto may put beside a map; none where it cannot."""
-    count = 0 if brdf.center == "tangent" else len(split_lamps(probe).discs)
+    count = 0 if brdf.center == "tangent" else len(split_of(probe).discs)
     if not count:
         return []
     told = f"the probe has {counted(count, 'lamp')}, with which these maps are made"

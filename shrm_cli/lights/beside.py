@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -107,7 +108,7 @@ def split_for(probe: Probe, brdf: Brdf, most: float) -> Beside:
     """
     if brdf.center == "tangent":
         raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")
-    split = _split_of(probe)
+    split = split_of(probe)
     nothing: Array = np.zeros((1, 3))
     if not split.discs:
         return Beside(split, probe, 1.0, 0.0, nothing, brdf)
@@ -124,17 +125,20 @@ def split_for(probe: Probe, brdf: Brdf, most: float) -> Beside:
         error = shown.error(brdf) * reflected_rms(lit, transfer) / whole
     change = _Change(split, order)
 
+    @cache
     def missed(last: int) -> float:
         return math.hypot(error, reflected_rms(change.beyond(last), transfer) / whole)
 
     enough = next((last for last in _HELD if missed(last) <= policy.BESIDE * most), None)
     if enough is None and missed(_HELD[-1]) > _FINER * missed(0):
         enough = 0
-    rest, wrong = change.rest(enough), nothing
-    if enough is not None:
-        error, wrong = missed(enough), change.beyond(enough).coefficients
+    if enough is None:
+        wrong, lacking = nothing, error
+    else:
+        wrong, lacking = change.beyond(enough).coefficients, missed(enough)
+    rest = change.rest(enough)
     left = min(reflected_rms(project(rest, order), transfer) / whole, 1.0)
-    return Beside(split, rest, left, error, wrong, shown, enough != 0)
+    return Beside(split, rest, left, lacking, wrong, shown, enough != 0)
 
 
 def splits_for(probe: Probe, brdf: Brdf, most: float) -> Iterator[Beside]:
@@ -155,13 +159,12 @@ def _transfer(brdf: Brdf) -> TransferFunctions:
     return cached_transfer(brdf, order, 0 if brdf.zonal else max_q, _ACCURACY, compute)
 
 
-def _split_of(probe: Probe) -> LampSplit:
+def split_of(probe: Probe) -> LampSplit:
     """Take the lamps out of a probe; once, where it is there for several maps."""
-    if not isinstance(probe, SharedProbe):
-        return split_lamps(probe, largest=_LARGEST)
-    if _LAMPS not in probe.kept:
-        probe.kept[_LAMPS] = split_lamps(probe, largest=_LARGEST)
-    found: LampSplit = probe.kept[_LAMPS]
+    kept = probe.kept if isinstance(probe, SharedProbe) else {}
+    if _LAMPS not in kept:
+        kept[_LAMPS] = split_lamps(probe, largest=_LARGEST)
+    found: LampSplit = kept[_LAMPS]
     return found
 
 
@@ -179,27 +182,7 @@ class _Change:
         self.whole = shared(fine_probe(split.probe))
         self.pixels = shared(fine_probe(split.residual_probe))
         self.energy = sum(map(_changed_energy, split.lamps), np.zeros(3))
-        self.known = self.to_order(order)
-
-    def to_order(self, order: int) -> Array:
-        """Return its coefficients, world axes, shape ((order+1)^2, 3).
-
-        Pixels are discs of their areas, so that a lamp of a single pixel is right. They are
-        expanded in the axes of a lat-long, about whose pole those of a row are alike. Degrees that
-        are finer than the pixels are 0.
-        """
-        result = np.zeros(((order + 1) ** 2, 3))
-        order = min(order, self.split.grid.resolved_order)
-        pixels = [
-            Disc(direction, radius_of(area), radiance)
-            for light in (lamp.light for lamp in self.split.lamps)
-            for direction, area, radiance in zip(
-                light.directions @ AXES.T, light.areas, light.radiance, strict=True
-            )
-        ]
-        found = transform_coefficients(disc_coefficients(pixels, order), AXES.T)
-        result[: len(found)] = found - disc_coefficients(self.split.discs, order)
-        return result
+        self.known = _changed(split, order)
 
     def beyond(self, last: int) -> Lighting:
         """Return what a rest that holds its degrees up to the last one lacks."""
@@ -215,23 +198,47 @@ class _Change:
         """
         if last == 0:
             return self.pixels
+        lit = self._with_all if last is None else partial(self._with_degrees, last)
+        return SharedProbe.of(self.pixels, lit)
 
-        def project_rest(order: int) -> Lighting:
-            if last is None:  # lamps of many pixels, which are as good as points
-                whole = project(self.whole, order)
-                series = whole.coefficients.copy()
-                discs = disc_coefficients(self.split.discs, whole.resolved_order)
-                series[: len(discs)] -= discs
-                energy = project(self.pixels, 0).energy + self.energy
-                return Lighting(series, np.maximum(energy, (series**2).sum(axis=0)))
-            pixels = project(self.pixels, order)
-            held = self.known[: (min(order, last) + 1) ** 2]
-            held = held * _fading(order_of(len(held)), last)
-            series = pixels.coefficients.copy()
-            series[: len(held)] += held
-            return Lighting(series, pixels.energy + (held**2).sum(axis=0))
+    def _with_all(self, order: int) -> Lighting:
+        """Return the light without discs. Lamps of many pixels are as good as points."""
+        whole = project(self.whole, order)
+        series = whole.coefficients.copy()
+        discs = disc_coefficients(self.split.discs, whole.resolved_order)
+        series[: len(discs)] -= discs
+        energy = project(self.pixels, 0).energy + self.energy
+        return Lighting(series, np.maximum(energy, (series**2).sum(axis=0)))
 
-        return SharedProbe.of(self.pixels, project_rest)
+    def _with_degrees(self, last: int, order: int) -> Lighting:
+        """Return the light of the residual, with what fades out up to the last degree."""
+        pixels = project(self.pixels, order)
+        held = self.known[: (min(order, last) + 1) ** 2]
+        held = held * _fading(order_of(len(held)), last)
+        series = pixels.coefficients.copy()
+        series[: len(held)] += held
+        return Lighting(series, pixels.energy + (held**2).sum(axis=0))
+
+
+def _changed(split: LampSplit, order: int) -> Array:
+    """Return the coefficients of a `_Change`, world axes, shape ((order+1)^2, 3).
+
+    Pixels are discs of their areas, so that a lamp of a single pixel is right. They are expanded in
+    the axes of a lat-long, about whose pole those of a row are alike. Degrees that are finer than
+    the pixels are 0.
+    """
+    result = np.zeros(((order + 1) ** 2, 3))
+    order = min(order, split.grid.resolved_order)
+    pixels = [
+        Disc(direction, radius_of(area), radiance)
+        for light in (lamp.light for lamp in split.lamps)
+        for direction, area, radiance in zip(
+            light.directions @ AXES.T, light.areas, light.radiance, strict=True
+        )
+    ]
+    found = transform_coefficients(disc_coefficients(pixels, order), AXES.T)
+    result[: len(found)] = found - disc_coefficients(split.discs, order)
+    return result
 
 
 def _fading(order: int, last: int) -> Array:
@@ -316,5 +323,5 @@ def lamps_share(probe: Probe) -> float:
     """
     mean = project(probe, 0).coefficients[0] / np.sqrt(4 * np.pi)
     whole = 4 * np.pi * float(mean @ LUMINANCE)
-    lamps = _split_of(probe).lamps
+    lamps = split_of(probe).lamps
     return sum(float(each.light.flux @ LUMINANCE) for each in lamps) / whole if whole > 0 else 0.0
