@@ -8,8 +8,10 @@ map keeps, or only one of megabytes, are lamps in sharp lobes, which then go bes
 
 import math
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import replace
 from functools import cache, cached_property, partial
+from itertools import tee
 from typing import TYPE_CHECKING
 
 from shrm_cli.brdf.sums import split
@@ -28,6 +30,7 @@ from shrm_cli.plan.search import (
     first_kept,
     is_worth_lamps,
     least_wrong,
+    rising,
 )
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -115,7 +118,7 @@ class _Asked:
         """Return what would be made, if it is negative nowhere, for which one of more bytes is."""
         if self.single_cubes is not None:
             return self.single_cubes
-        tried, is_kept = first_kept(self.propose, self.goal)
+        tried, is_kept = first_kept(self.candidates, self.goal)
         best = tried[-1] if is_kept else least_wrong(tried, self.goal)
         return next((found for found, _ in self.better(best, is_kept)), best)
 
@@ -165,10 +168,8 @@ class _Asked:
 
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
-        most = self.request.allowed
-        made = kept_or_best(
-            self.propose, self.goal, most, self.made_better, self.truth, self.left
-        )  # fmt: skip
+        asked = self.goal, self.request.allowed
+        made = kept_or_best(self.candidates, *asked, self.made_better, self.truth, self.left)
         if _FORM in dict(made.notes):
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
@@ -227,10 +228,16 @@ class _Asked:
             return self._noted_if_bright(made, why)
         return _noted(examined(made, self.truth), why)
 
+    @property
+    def candidates(self) -> Iterator[Candidate[Prefiltered]]:
+        """Maps of principal functions, of ever less error; the same ones whenever asked."""
+        return copy(self._rising)
+
     @cached_property
-    def propose(self) -> Callable[[float], Candidate[Prefiltered]]:
-        """From errors to maps of principal functions, which remember what is predicted of them."""
-        return cache(self.proposals.candidate)
+    def _rising(self) -> Iterator[Candidate[Prefiltered]]:
+        """These maps. Each is found once, however many copies of this are gone through."""
+        (found,) = tee(rising(self.proposals, self.goal, self.request.allowed), 1)
+        return found
 
     @cached_property
     def proposals(self) -> Proposals:
@@ -268,9 +275,8 @@ class _Asked:
         def find(most: int) -> Candidate[Prefiltered] | None:
             if not self.shrms.fits(most):
                 return None
-            tried, is_kept = first_kept(
-                self.shrms.proposing(most, policy.SIMPLE_ORDER_P), self.goal
-            )
+            shrms = self.shrms.within(most, policy.SIMPLE_ORDER_P)
+            tried, is_kept = first_kept(rising(shrms, self.goal, most), self.goal)
             return tried[-1] if is_kept else None
 
         return cache(find)

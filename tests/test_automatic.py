@@ -240,7 +240,7 @@ def test_lamps_taken_out_by_hand_leave_as_much_to_be_missed():
 def test_what_is_missed_beside_lamps_is_told_of_all_light():
     """What is left may miss much of its own light, which nobody should read as that of all."""
     missed = Candidate("principal", 1000, 1, 0.6, lambda: 0.01, lambda: request.Prefiltered(None))
-    (line,) = kept_or_best(lambda error: missed, Goal(0.4, 0.05), 2**25, left=0.125).warnings
+    (line,) = kept_or_best([missed], Goal(0.4, 0.05), 2**25, left=0.125).warnings
     assert "no map keeps an RMS error of 5% of all light and 5% wrong pixels" in line
     assert "the one made has 7.5% RMS error and 1% of pixels wrong" in line
 
@@ -300,7 +300,7 @@ def test_lamps_leave_large_maps_that_keep_them_for_far_smaller_ones(bare_sun, mo
 def test_more_bytes_are_advised_where_more_would_be_tried(error, is_said):
     """A hundred megabytes made the very map of 32."""
     best = Candidate("principal", 100, 128, error, lambda: 0.5, lambda: Prefiltered(None))
-    (line,) = kept_or_best(lambda error: best, Goal(), 150).warnings
+    (line,) = kept_or_best([best], Goal(), 150).warnings
     assert ("raise `max_size`" in line) == is_said
 
 

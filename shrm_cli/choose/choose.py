@@ -7,7 +7,7 @@ and the light itself, are made to be known.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.offers import LookUp, Setting
 from shrm_cli.maps.options import counted, parse_bytes
 from shrm_cli.maps.principal.plan import Joint, Planner
-from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
+from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.principal.terms import Wanted, planner_of
 from shrm_cli.maps.request import Prefiltered, Request
@@ -36,7 +36,7 @@ from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
 from shrm_cli.maps.shrm.terms import ShrmProposals, Tried
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Candidate, Goal, Row, fewest_bytes
+from shrm_cli.plan.search import Goal, Rough, Row, kept_in_fewest
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import Projection
@@ -56,31 +56,14 @@ ASKED = Request("principal", error=policy.LEAST_ERROR)
 
 
 @record(eq=False)
-class Known:
-    """A map that could be made, and what is known of it before its errors are looked at closely."""
+class Known(Rough[Prefiltered]):
+    """A map that could be made, and what it takes to look it up."""
 
-    bytes: int
-    total_error: float
-    """Its relative RMS error, roughly for maps of principal functions."""
-    find: Callable[[], Candidate[Prefiltered]]
-    """Returns it as the planner knows it, with exact errors and the share of wrong pixels."""
-    find_share: Callable[[], float | None]
-    """Predicts the share of wrong pixels, which takes far less time than exact errors."""
     what: str
     """Its cubes in words."""
     cost: Cost
     arguments: Mapping[str, Any] | None
     """Those of `shrm_cli.prefilter.prefilter`; None where no arguments make it."""
-
-    @cached_property
-    def candidate(self) -> Candidate[Prefiltered]:
-        """The map, with exact errors."""
-        return replace(self.find(), find_wrong_share=lambda: self.wrong_share)
-
-    @cached_property
-    def wrong_share(self) -> float | None:
-        """The predicted share of what is visible whose luminance is wrong."""
-        return self.find_share()
 
 
 Rows = list[list[Known]]
@@ -111,17 +94,9 @@ class PrincipalForms:
         arguments: dict[str, Any] | None = None
         if len(forms) == 1:
             arguments = {"to": "principal", "maps": forms[0].cubes, "size": forms[0].size}
-        find, find_share = partial(self._candidate, joint), partial(self._wrong_share, joint)
-        return Known(joint.bytes, joint.total_error, find, find_share, what, cost, arguments)
-
-    def _candidate(self, joint: Joint) -> Candidate[Prefiltered]:
-        """Return the map with exact errors."""
-        exact = self._proposals.sharing.joint(joint.forms, is_exact=True)
-        return self._proposals.proposal(exact.forms).candidate()
-
-    def _wrong_share(self, joint: Joint) -> float:
-        """Predict the share of wrong pixels, of which look-ups between texels are no part."""
-        return predicted_wrong_share(list(zip(self._proposals.planners, joint.forms, strict=True)))
+        rough = self._proposals.rough(joint)
+        known = rough.bytes, rough.total_error, rough.find_wrong_share, rough.find
+        return Known(*known, what, cost, arguments)
 
 
 class ShrmForms:
@@ -144,9 +119,9 @@ class ShrmForms:
         arguments: dict[str, Any] = {"to": "shrm", "order_p": order_p, "size": size}
         if self._brdf.center != self._own_center:
             arguments["center"] = self._brdf.center
-        find = partial(self._proposals.candidate, tried, DEFAULT_MAX_SIZE)
+        found = self._proposals.candidate(tried, DEFAULT_MAX_SIZE)
         return Known(
-            tried.bytes, tried.total_error, find, lambda: find().wrong_share,
+            tried.bytes, tried.total_error, found.find_wrong_share, lambda: found,
             f"P = {order_p}, {counted((order_p + 1) ** 2, 'cube')} of {size}",
             shrm_cost(order_p, self._brdf.center), arguments,
         )  # fmt: skip
@@ -364,31 +339,6 @@ def _aside(probe: Probe, brdf: Brdf) -> list[str]:
     return [f"{told}; shrm prefilter, without `to`, puts lamps beside a map where that is better"]
 
 
-@record
-class _Judged:
-    """A map by how far it is from the goal: its `total_error` is 1 where it just keeps it."""
-
-    known: Known
-    goal: Goal
-
-    @property
-    def bytes(self) -> int:
-        return self.known.bytes
-
-    @property
-    def least_error(self) -> float:
-        """The share of wrong pixels over what is asked; 0 where it is not known."""
-        share = self.known.wrong_share
-        return share / self.goal.wrong_share if share and self.goal.wrong_share else 0.0
-
-    @property
-    def total_error(self) -> float:
-        """The larger of the error and the share of wrong pixels, each over what is asked."""
-        if self.least_error > 1:
-            return self.least_error  # exact errors would change nothing, and take long
-        return self.known.candidate.badness(self.goal)
-
-
 def _ladder(rows: Rows) -> Iterator[Known]:
     """Yield the map of the fewest bytes for each of the `ERRORS`, up to what there is."""
     for error in ERRORS:
@@ -401,10 +351,10 @@ def _ladder(rows: Rows) -> Iterator[Known]:
 
 def _for_goal(rows: Rows, goal: Goal, max_size: int) -> Iterator[Known]:
     """Yield the map that keeps the goal in the fewest bytes, or else that of the least error."""
-    found = fewest_bytes((_judged_row(row, goal, max_size) for row in rows), 1.0)
-    if found is not None and found[1]:
-        yield found[0].known
-    elif (best := _least(rows, 0.0, max_size)) is not None:
+    fitting = [[each for each in row if each.bytes <= max_size] for row in rows]
+    found = kept_in_fewest((_row_of(each) for each in fitting), goal)
+    best = _least(rows, 0.0, max_size) if found is None else found
+    if best is not None:
         yield best
 
 
@@ -417,10 +367,8 @@ def _least(rows: Rows, error: float, max_size: int) -> Known | None:
     return min(fitting, key=lambda each: each.total_error, default=None)
 
 
-def _judged_row(row: Sequence[Known], goal: Goal, max_size: int) -> Row[_Judged]:
-    """Return the maps that roughly keep the error, by how far they really are from the goal."""
-    may = [each for each in row if each.total_error <= goal.error and each.bytes <= max_size]
-    return Row(len(may), lambda index: may[index].bytes, lambda index: _Judged(may[index], goal))
+def _row_of(maps: Sequence[Known]) -> Row[Known]:
+    return Row(len(maps), lambda index: maps[index].bytes, maps.__getitem__)
 
 
 def _offer(known: Known) -> Offer:

@@ -7,7 +7,7 @@ asked, as where a form has a fixed number of views, the best one is made, and a 
 misses.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache
 
@@ -19,14 +19,14 @@ from shrm_cli.maps.options import SHARED, bytes_text
 from shrm_cli.maps.request import Prefiltered, Request, Truth, examined
 from shrm_cli.maps.size import stored_bytes, total_error
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising
+from shrm_cli.plan.search import Candidate, Goal, least_wrong
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 
 @keeping_light()
 def kept_or_best(
-    propose: Propose,
+    candidates: Iterable[Candidate[Prefiltered]],
     goal: Goal,
     max_size: int,
     better: Callable[[Candidate[Prefiltered], bool], Prefiltered | None] = lambda *_: None,
@@ -35,9 +35,9 @@ def kept_or_best(
 ) -> Prefiltered:
     """Make the map of the fewest bytes that keeps a goal, and shows nothing negative.
 
-    `propose` is as `shrm_cli.plan.search.rising` takes it. `max_size` is the most bytes, for the
-    warning. `better` is called with the first candidate that keeps the goal and True, and with the
-    best one and False where none keeps it, or all are negative somewhere; may return a map that is
+    `candidates` are those of `shrm_cli.plan.search.rising`. `max_size` is the most bytes, for the
+    warning. `better` is called with each candidate that keeps the goal and True, and with the best
+    one and False where none keeps it, or all are negative somewhere; may return a map that is
     better. `truth` is that of `negative_share`. `left` is the RMS of the light that the map is of,
     over that of all light, of which the warning tells; 1 where there is no other.
 
@@ -46,12 +46,11 @@ def kept_or_best(
     """
     tried: list[Candidate[Prefiltered]] = []
     dark: list[tuple[float, Candidate[Prefiltered], Prefiltered]] = []
-    for candidate in rising(propose, goal):
+    for candidate in candidates:
         tried.append(candidate)
         if not candidate.keeps(goal):
             continue
-        other = None if dark else better(candidate, True)
-        if other is not None:
+        if (other := better(candidate, True)) is not None:
             return other
         made = examined(judged(candidate.make(), candidate), truth)
         share = made.further["negative_share"]()

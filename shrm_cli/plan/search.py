@@ -8,8 +8,8 @@ one by one, because what look-ups between texels blur may rise with a cube.
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import field
-from functools import cached_property
+from dataclasses import field, replace
+from functools import cached_property, partial
 from math import inf, sqrt
 from operator import itemgetter
 from typing import Any, Generic, Protocol, TypeVar
@@ -194,57 +194,125 @@ class Candidate(Generic[M]):
         return self.total_error <= goal.error * ROUNDING and self.badness(goal) <= ROUNDING
 
 
-Propose = Callable[[float], Candidate[Any]]
-"""Returns a form's map of the fewest bytes that keeps an error, or its best one."""
+class Maps(Protocol):
+    """The maps of a form that could be made, of which searches ask for some."""
+
+    def candidate(self, error: float) -> Candidate[Any]:
+        """Return the one of the fewest bytes that keeps an error, or the best one."""
+
+    def rows(self, max_size: int) -> Iterable["Row[Rough[Any]]"]:
+        """Yield all of at most so many bytes, as far as the light is known by what was asked."""
 
 
-def rising(propose: Propose, goal: Goal) -> Iterator[Candidate[Any]]:
+@record(eq=False)
+class Rough(Generic[M]):
+    """A map that could be made, before its errors are looked at closely."""
+
+    bytes: int
+    """The bytes of its cubes in half precision, before they are packed."""
+    total_error: float
+    """Its relative RMS error, without what takes long to be known."""
+    find_wrong_share: Callable[[], float | None] = field(repr=False)
+    """Predicts the share of what is visible whose luminance is wrong, or returns None. It takes far
+    less time than exact errors."""
+    find: Callable[[], Candidate[M]] = field(repr=False)
+    """Returns it with exact errors."""
+
+    @property
+    def least_error(self) -> float:
+        return self.total_error
+
+    @cached_property
+    def wrong_share(self) -> float | None:
+        """The predicted share of what is visible whose luminance is wrong, where it is known."""
+        return self.find_wrong_share()
+
+    @cached_property
+    def candidate(self) -> Candidate[M]:
+        """The map with exact errors."""
+        return replace(self.find(), find_wrong_share=lambda: self.wrong_share)
+
+
+R = TypeVar("R", bound=Rough[Any])
+
+
+@record
+class _Judged(Generic[R]):
+    """A map by how far it is from a goal: its `total_error` is 1 where it just keeps it."""
+
+    rough: R
+    goal: Goal
+
+    @property
+    def bytes(self) -> int:
+        return self.rough.bytes
+
+    @property
+    def least_error(self) -> float:
+        return self.rough.total_error / self.goal.error
+
+    @property
+    def total_error(self) -> float:
+        """The larger of the error and the share of wrong pixels, each over what is asked."""
+        if self.least_error > 1:
+            return self.least_error
+        share, most = self.rough.wrong_share, self.goal.wrong_share
+        if share is not None and most is not None and share > most:
+            return share / most  # exact errors would change nothing, and take long
+        return self.rough.candidate.badness(self.goal)
+
+
+def kept_in_fewest(rows: Iterable[Row[R]], goal: Goal) -> R | None:
+    """Find the map of the fewest bytes that keeps a goal, if there is one.
+
+    Maps of one error differ in what is seen: those of few cubes of many texels miss more in dark
+    places than those of many cubes of few texels, in the same bytes.
+    """
+    judged = (Row(row.count, row.bytes_of, partial(_judged_in, row, goal)) for row in rows)
+    # Shares of wrong pixels hardly rise with a cube, and take long.
+    found = fewest_bytes(judged, 1.0, look_near=False)
+    return found[0].rough if found is not None and found[1] else None
+
+
+def _judged_in(row: Row[R], goal: Goal, index: int) -> _Judged[R]:
+    return _Judged(row.candidate(index), goal)
+
+
+def rising(maps: Maps, goal: Goal, max_size: int) -> Iterator[Candidate[Any]]:
     """Yield a form's candidates of ever less error, from the fewest bytes that keep the goal's on.
 
-    They end where bytes, or the degrees that are known, allow no less error.
+    They end where bytes, or the degrees that are known, allow no less error. Where the fewest bytes
+    of an error show too many wrong pixels, those that keep what is asked are looked for among all
+    maps of at most `max_size` bytes.
     """
-    error, missed = goal.error, None
+    error, is_missed = goal.error, False
     while True:
-        found = last = propose(error)
+        found = last = maps.candidate(error)
         is_kept = found.keeps(goal)
-        if is_kept and missed is not None:
-            found = _between(propose, goal, missed, found, error)
-        missed = None if is_kept else found
+        if is_kept and is_missed and found.bytes > policy.SPARED:
+            fewer = kept_in_fewest(maps.rows(found.bytes - 1), goal)
+            found = found if fewer is None else fewer.candidate
+        is_missed = not is_kept
         yield found
         # Exact errors may miss what is asked by a little, which is not the end of the bytes.
         if last.total_error > policy.NEARLY_BEST * error or error <= policy.LEAST_ERROR:
-            return
+            break
         step = policy.FINER
         if error == goal.error and not is_kept:
             # The first one tells how far it is: shares of wrong pixels fall with about the square
             # of the error. Less error than is needed may need more degrees, which take long.
             step = min(max(step, last.badness(goal) ** -0.5), 1 / policy.CLOSE)
         error = max(min(error, last.total_error) * step, policy.LEAST_ERROR)
+    if is_missed and (kept := kept_in_fewest(maps.rows(max_size), goal)) is not None:
+        yield kept.candidate
 
 
-def _between(
-    propose: Propose, goal: Goal, missed: Candidate[Any], kept: Candidate[Any], error: float
-) -> Candidate[Any]:
-    """Return the candidate of the fewest bytes that keeps a goal, of errors between two others'.
-
-    The first misses the goal, the second keeps it and was proposed for `error`. The ratio of the
-    errors is halved again and again, as long as that can save bytes that are worth the time.
-    """
-    least, most = max(error, kept.total_error), missed.total_error
-    while kept.bytes > policy.SPARED * missed.bytes and most > policy.CLOSE * least:
-        error = sqrt(least * most)
-        found = propose(error)
-        if found.keeps(goal):
-            kept, least = found, error
-        else:
-            missed, most = found, min(error, found.total_error)
-    return kept
-
-
-def first_kept(propose: Propose, goal: Goal) -> tuple[list[Candidate[Any]], bool]:
+def first_kept(
+    candidates: Iterable[Candidate[Any]], goal: Goal
+) -> tuple[list[Candidate[Any]], bool]:
     """Return the candidates of a form up to the first that keeps a goal, and whether one does."""
     tried: list[Candidate[Any]] = []
-    for candidate in rising(propose, goal):
+    for candidate in candidates:
         tried.append(candidate)
         if candidate.keeps(goal):
             return tried, True

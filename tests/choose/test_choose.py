@@ -8,7 +8,7 @@ import pytest
 import shrm_cli as shrm
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose import choose
-from shrm_cli.choose.choose import Truth, _for_goal
+from shrm_cli.choose.choose import Truth
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.plan import Sharing
 from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
@@ -17,7 +17,6 @@ from shrm_cli.maps.shrm.terms import ShrmProposals
 from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Candidate, Goal
 from shrm_cli.probe.lighting import Projection
 from tests.brute_force import unit
 
@@ -53,9 +52,9 @@ def every_form(probe, spec):
             yield 36 * size**2 * cubes, partial(principal, counts, size)
     transfer = planner.spectrum.transfer
     for size in TRIED_SIZES:
-        shrms = ShrmProposals.of(projection, proposals.parts[0], transfer, size).proposing(LIMIT)
+        shrms = ShrmProposals.of(projection, proposals.parts[0], transfer, size).within(LIMIT)
         error, before = 0.05, 0
-        while (found := shrms(error)).total_error <= error and found.bytes > before:
+        while (found := shrms.candidate(error)).total_error <= error and found.bytes > before:
             yield found.bytes, lambda found=found: (found.total_error, found.wrong_share)
             error, before = found.total_error * 0.999, found.bytes
 
@@ -86,27 +85,6 @@ def test_no_other_form_keeps_the_goal_in_far_fewer_bytes(seed, lamp, spec):
         error, share = find()
         assert error > 0.05 or share > 0.05, (size, least)
     assert choice.recommended.bytes <= least
-
-
-def test_exact_errors_are_not_asked_of_maps_with_too_many_wrong_pixels():
-    """They take ten times as long as the share of wrong pixels."""
-    asked = []
-
-    class Known:
-        total_error = 0.01
-
-        def __init__(self, size):
-            self.bytes, self.wrong_share = size, 0.5 / size
-
-        @property
-        def candidate(self):
-            asked.append(self.bytes)
-            return Candidate("shrm", self.bytes, 1, 0.01, lambda: self.wrong_share, None)
-
-    row = [Known(size) for size in range(1, 33)]
-    (found,) = _for_goal([row], Goal(0.05, 0.05), 100)
-    assert found.bytes == 10
-    assert set(asked) <= set(range(10, 33))
 
 
 @pytest.mark.proof

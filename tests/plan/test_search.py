@@ -11,11 +11,13 @@ from shrm_cli.plan import policy
 from shrm_cli.plan.search import (
     Candidate,
     Goal,
+    Rough,
     Row,
     error_beside,
     fewest_bytes,
     first_kept,
     is_worth_lamps,
+    kept_in_fewest,
     least_errors,
     least_wrong,
     rising,
@@ -131,6 +133,38 @@ def test_only_those_up_to_the_first_good_one_are_looked_at():
     assert set(asked) == {62, 66, 80, 100}
 
 
+class Made:
+    """Maps of a form that are proposed by a function, and rows of others."""
+
+    def __init__(self, propose, rows=()):
+        self.candidate, self._rows, self.looked_in = propose, rows, []
+
+    def rows(self, max_size):
+        self.looked_in.append(max_size)
+        for each in self._rows:
+            yield Row(sum(rough.bytes <= max_size for rough in each), *_row(each))
+
+
+def _row(roughs):
+    return lambda index: roughs[index].bytes, roughs.__getitem__
+
+
+def rough(bytes_, error, wrong, exact=None):
+    """A map whose error is found to be another one at a closer look."""
+    total = error if exact is None else exact
+    return Rough(
+        bytes_, error, lambda: wrong, lambda: Candidate("rough", bytes_, 1, total, float, int)
+    )
+
+
+GOAL = Goal(0.05, 0.05)
+
+
+def ways_to(propose, goal=GOAL, rows=()):
+    """The candidates up to the first that keeps the goal, and whether one does."""
+    return first_kept(rising(Made(propose, rows), goal, 10**9), goal)
+
+
 def shares(wrong):
     """Propose maps with errors of 1, .5, .25 .. percent, each of twice the bytes of the last."""
     asked = []
@@ -147,7 +181,7 @@ def shares(wrong):
 
 def test_errors_fall_until_what_is_seen_is_good():
     propose, asked = shares([0.5, 0.3, 0.06, 0.05, 0.01])
-    tried, is_kept = first_kept(propose, Goal(0.05, 0.05))
+    tried, is_kept = ways_to(propose)
     assert is_kept
     assert (tried[-1].wrong_share, tried[-1].bytes) == (0.05, 800)
     # The next error is asked for in terms of what was found, not of what was asked.
@@ -156,7 +190,7 @@ def test_errors_fall_until_what_is_seen_is_good():
 
 @pytest.mark.parametrize(
     ("wrong", "step"),
-    [(0.4, policy.FINER), (0.0625, 0.8**0.5), (0.0505, 1 / policy.CLOSE), (0.01, policy.FINER)],
+    [(0.4, policy.FINER), (0.0625, 0.8**0.5), (0.0505, 2**-0.125), (0.01, policy.FINER)],
 )
 def test_the_first_miss_tells_how_much_less_error_is_needed(wrong, step):
     """Shares of wrong pixels fall with the square of the error; later steps are whole ones."""
@@ -166,124 +200,127 @@ def test_the_first_miss_tells_how_much_less_error_is_needed(wrong, step):
         asked.append(error)
         return Candidate("made", round(1 / error), 1, error, lambda: wrong, int)
 
-    list(rising(propose, Goal(0.05, 0.05)))
+    list(rising(Made(propose), Goal(0.05, 0.05), 10**9))
     np.testing.assert_allclose(asked[1:3], 0.05 * step * policy.FINER ** np.arange(2))
 
 
-def test_between_what_misses_and_what_keeps_bytes_are_saved():
-    """Of maps of every error, whose bytes double with each step, the first good one is met."""
-    for bound in np.geomspace(0.006, 0.049, 40):
-        asked = []
-
-        def propose(error, bound=bound, asked=asked):
-            asked.append(error)
-            bytes_, is_seen = round(1e6 / error**2), error <= bound
-            return Candidate("made", bytes_, 1, error, lambda: 0.0 if is_seen else 0.9, int)
-
-        tried, is_kept = first_kept(propose, Goal(0.05, 0.05))
-        assert is_kept
-        assert bound / policy.CLOSE <= tried[-1].total_error <= bound
-        assert len(asked) == len(tried) + 2
-
-
-def test_where_no_less_error_is_to_be_had_the_bytes_are_no_more_than_needed():
-    """The last map is proposed in place of all errors below its own, in all the bytes."""
+def large(wrong):
+    """Propose maps of some bytes for errors of 5, 3.5, 2.5 .. %."""
 
     def propose(error):
-        found, bytes_ = (error, round(1 / error)) if error > 0.026 else (0.0245, 30_000)
-        return Candidate("made", bytes_, 1, found, lambda: 0.0 if found <= 0.03 else 0.06, int)
+        index = round(np.log(error / 0.05) / np.log(policy.FINER))
+        bytes_, share = wrong[index]
+        return Candidate("made", bytes_, 1, error, lambda: share, int)
 
-    tried, is_kept = first_kept(propose, Goal(0.05, 0.05))
-    assert (is_kept, len(tried)) == (True, 4)  # the first miss asks for a small step
-    assert tried[-1].bytes < 40
+    return propose
+
+
+KEPT_LATER = [(100_000, 0.9), (300_000, 0.02), (900_000, 0.01)]
+"""Bytes and shares of wrong pixels of maps of ever less error, of which the second one is good."""
+
+
+def test_of_all_maps_the_one_of_the_fewest_bytes_that_is_good_is_taken():
+    """Its error may be larger than that of one which has too many wrong pixels."""
+    rows = [
+        [rough(40_000, 0.07, 0.01), rough(90_000, 0.05, 0.06), rough(120_000, 0.048, 0.05)],
+        [rough(110_000, 0.04, 0.3), rough(200_000, 0.03, 0.03)],
+    ]
+    tried, is_kept = ways_to(large(KEPT_LATER), rows=rows)
+    assert is_kept
+    assert (tried[-1].form, tried[-1].bytes, tried[-1].wrong_share) == ("rough", 120_000, 0.05)
+
+
+@pytest.mark.parametrize(
+    "roughs",
+    [
+        [],
+        [rough(120_000, 0.051, 0.01)],  # too large an error
+        [rough(120_000, 0.01, 0.051)],  # too many wrong pixels
+        [rough(120_000, 0.01, 0.01, exact=0.051)],  # too large an error at a closer look
+        [rough(300_000, 0.01, 0.01)],  # no fewer bytes
+    ],
+)
+def test_what_keeps_no_more_of_what_is_asked_is_not_taken(roughs):
+    tried, is_kept = ways_to(large(KEPT_LATER), rows=[roughs])
+    assert is_kept
+    assert (tried[-1].form, tried[-1].bytes) == ("made", 300_000)
+
+
+@pytest.mark.parametrize(("more", "is_looked_for"), [(0, False), (1, True)])
+def test_what_would_save_few_bytes_is_not_looked_for(more, is_looked_for):
+    maps = Made(large([(1000, 0.9), (2**17 + more, 0.02)]))
+    next(each for each in rising(maps, Goal(), 10**9) if each.keeps(Goal()))
+    assert maps.looked_in == ([2**17 + more - 1] if is_looked_for else [])
+
+
+def test_the_first_map_is_of_the_fewest_bytes_of_its_error_where_it_is_good():
+    maps = Made(large([(300_000, 0.01), (900_000, 0.01)]))
+    assert next(rising(maps, Goal(), 10**9)).bytes == 300_000
+    assert maps.looked_in == []
+
+
+def test_where_no_map_of_the_fewest_bytes_of_an_error_is_good_others_may_be():
+    """A map of half a percent had 15 % of wrong pixels in 22 MB, where one of 1 % has 5 % in 8."""
+
+    def propose(error):
+        return Candidate("made", 10**8, 1, max(error, 0.04), lambda: 0.3, int)
+
+    maps = Made(propose, [[rough(10**6, 0.05, 0.05), rough(10**7, 0.01, 0.0)]])
+    *_, last = rising(maps, Goal(), 10**9)
+    assert (last.form, last.bytes) == ("rough", 10**6)
+    assert maps.looked_in == [10**9]
+    tried, is_kept = ways_to(propose)
+    assert (is_kept, tried[-1].form) == (False, "made")
+
+
+def test_exact_errors_are_found_of_good_maps_alone():
+    """They take ten times as long as shares of wrong pixels."""
+    found = []
+
+    def seen(bytes_, error, wrong):
+        exact = Candidate("rough", bytes_, 1, error, float, int)
+        return Rough(bytes_, error, lambda: wrong, lambda: found.append(bytes_) or exact)
+
+    row = [seen(size, 0.01, 0.5 / size) for size in range(1, 33)]
+    kept = kept_in_fewest([Row(32, *_row(row))], Goal())
+    assert kept.bytes == 10
+    assert set(found) <= set(range(10, 33))
 
 
 def of_every_error(times):
     """Propose maps whose errors are a little less or more than is asked; good ones below 3 %."""
-    asked = []
 
     def propose(error):
-        asked.append(error)
         total = times * error
         return Candidate(
             "made", round(1 / total**2), 1, total, lambda: 0.0 if total < 0.03 else 0.9, int
         )
 
-    return propose, asked
+    return propose
 
 
-def test_what_was_found_between_is_no_end():
+def test_a_good_map_is_no_end():
     """Whoever looks on, because something is negative, gets maps of less error than any before."""
+    maps = Made(of_every_error(0.95))
+    errors = [each.total_error for each in rising(maps, Goal(), 10**9)]
     step = 0.95 * policy.FINER
-    errors = [each.total_error for each in rising(of_every_error(0.95)[0], Goal(0.05, 0.05))]
-    last = 0.05 * 0.95 * step**2
-    assert 1.2 * last < errors[2] < 0.03
-    np.testing.assert_allclose(errors[3:6], last * step ** np.arange(1, 4))
-
-
-def test_errors_that_are_nearly_kept_are_looked_between_too():
-    propose, asked = of_every_error(1.02)
-    first_kept(propose, Goal(0.05, 0.05))
-    most, least = 1.02 * 0.05 * policy.FINER ** np.array([1, 2])
-    between = np.sqrt(least * most)
-    np.testing.assert_allclose(asked[3:5], [between, np.sqrt(least * between)])
-
-
-def asked_of(totals, sizes):
-    """The errors that are asked for, of maps with these errors, of which the last one is good."""
-    asked = []
-
-    def propose(error):
-        asked.append(error)
-        index = next(k for k in range(len(totals)) if totals[k] <= error)
-        is_last = index == len(totals) - 1
-        return Candidate(
-            "made", sizes[index], 1, totals[index], lambda: 0.0 if is_last else 0.9, int
-        )
-
-    tried, is_kept = first_kept(propose, Goal(0.05, 0.05))
-    assert is_kept
-    assert tried[-1].bytes == sizes[-1]
-    return asked
-
-
-def test_what_is_found_between_narrows_the_search():
-    """By its bytes, where the best of what misses has nearly as many, and by its own error."""
-    step = 0.05 * policy.FINER
-    assert len(asked_of([0.05, 0.0405, 0.0345], [100, 200, 210])) == 3
-    first, second, third = asked_of([0.05, 0.0405, 0.0345], [100, 110, 1000])[1:]
-    np.testing.assert_allclose([first, second], [step, np.sqrt(step * 0.05)])
-    np.testing.assert_allclose(third, np.sqrt(step * 0.0405))
-
-
-@pytest.mark.parametrize(("more", "count"), [(1.24, 2), (1.26, 4)])
-def test_what_would_save_few_bytes_is_not_looked_for(more, count):
-    asked = []
-
-    def propose(error):
-        asked.append(error)
-        is_kept = error < 0.05
-        bytes_ = round(1000 * more) if is_kept else 1000
-        return Candidate("made", bytes_, 1, error, lambda: 0.0 if is_kept else 0.9, int)
-
-    first_kept(propose, Goal(0.05, 0.05))
-    assert len(asked) == count
+    np.testing.assert_allclose(errors[:6], 0.05 * 0.95 * step ** np.arange(6))
 
 
 def test_errors_alone_may_be_the_goal():
     propose, _ = shares([0.5, 0.3, 0.3])
-    tried, is_kept = first_kept(propose, Goal(0.05, None))
+    tried, is_kept = ways_to(propose, Goal(0.05, None))
     assert (is_kept, len(tried), tried[0].bytes) == (True, 1, 200)
 
 
 def test_it_ends_where_no_less_error_is_to_be_had():
     propose, asked = shares([0.9, 0.8, 0.7])
-    tried, is_kept = first_kept(propose, Goal())
+    tried, is_kept = ways_to(propose, Goal())
     assert not is_kept
     assert tried[-1].total_error == 0.02
     assert len(asked) == 3
     propose, asked = shares([0.9] * 40)
-    assert len(list(rising(propose, Goal()))) < 12
+    assert len(ways_to(propose)[0]) < 12
     assert asked[-1] == policy.LEAST_ERROR
 
 
@@ -293,10 +330,10 @@ def test_an_error_that_is_nearly_kept_is_not_the_end():
     def propose(error):
         return Candidate("made", 1, 1, 1.02 * error, lambda: 0.04 if error < 0.02 else 0.9, int)
 
-    tried, is_kept = first_kept(propose, Goal())
+    tried, is_kept = ways_to(propose)
     assert is_kept
     assert tried[-1].total_error < 0.0204
-    tried, _ = first_kept(lambda error: Candidate("made", 1, 1, 1.2 * error, float, int), Goal())
+    tried, _ = ways_to(lambda error: Candidate("made", 1, 1, 1.2 * error, float, int))
     assert len(tried) == 1
 
 

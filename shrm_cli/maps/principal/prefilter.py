@@ -15,7 +15,7 @@ from shrm_cli.maps.request import (
     wrong_light,
 )
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import ROUNDING, Goal
+from shrm_cli.plan.search import ROUNDING, Goal, rising
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 
@@ -35,9 +35,8 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         # Only maps that are judged by what is seen need this module.
         from shrm_cli.maps.seen import kept_or_best
 
-        return kept_or_best(
-            proposals.candidate, goal, request.allowed, truth=truth_of(probe, request.brdf)
-        )
+        candidates = rising(proposals, goal, request.allowed)
+        return kept_or_best(candidates, goal, request.allowed, truth=truth_of(probe, request.brdf))
     proposal = proposals.propose()
     unmet = _unmet(proposals, proposal, request.error, request.allowed)
     return proposal.make([] if unmet is None else [unmet])

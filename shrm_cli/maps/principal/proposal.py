@@ -6,9 +6,9 @@ Few azimuths of the view tell nearly what error the best map has, in a tenth of 
 of wrong pixels is too large then, as its functions have too few waves over the azimuth.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from shrm_cli.maps.joint import brightness
 from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views
 from shrm_cli.maps.principal.brushed import BrushedLobe, BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q
-from shrm_cli.maps.principal.plan import Form, Planner, Sharing
+from shrm_cli.maps.principal.plan import Form, Joint, Planner, Sharing
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.selection import bundle_degrees, bundle_functions
 from shrm_cli.maps.principal.terms import (
@@ -40,9 +40,9 @@ from shrm_cli.maps.principal.terms import (
     unknown_light,
 )
 from shrm_cli.maps.request import Notes, Prefiltered, Request
-from shrm_cli.maps.size import total_error
+from shrm_cli.maps.size import sizes_of, total_error
 from shrm_cli.orders import Orders
-from shrm_cli.plan.search import Candidate
+from shrm_cli.plan.search import Candidate, Rough, Row
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -183,6 +183,24 @@ class Proposals:
     def candidate(self, error: float) -> Candidate[Prefiltered]:
         """Return the map of the fewest bytes that keeps an error, or the best one that fits."""
         return self.propose(error).candidate()
+
+    def rows(self, max_size: int) -> Iterator[Row[Rough[Prefiltered]]]:
+        """Yield all maps of at most so many bytes, as far as the planners know now."""
+        for row in self.sharing.rows(max_size, sizes_of(self.asked.size)):
+            yield Row(row.count, row.bytes_of, cache(partial(self._rough, row.candidate)))
+
+    def _rough(self, find: Callable[[int], Joint], index: int) -> Rough[Prefiltered]:
+        return self.rough(find(index))
+
+    def rough(self, joint: Joint) -> Rough[Prefiltered]:
+        """Return the map of a form of each term as it is known in little time."""
+        pairs = list(zip(self.planners, joint.forms, strict=True))
+        find_share = partial(predicted_wrong_share, pairs)
+        return Rough(joint.bytes, joint.total_error, find_share, partial(self._exact, joint))
+
+    def _exact(self, joint: Joint) -> Candidate[Prefiltered]:
+        exact = self.sharing.joint(joint.forms, is_exact=True)
+        return self.proposal(exact.forms).candidate()
 
 
 def lobe_of(term: Term, sampling: Sampling) -> Lobe:

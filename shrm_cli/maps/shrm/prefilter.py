@@ -49,13 +49,14 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         # Only maps that are judged by what is seen need these modules.
         from shrm_cli.maps.seen import kept_or_best
         from shrm_cli.maps.shrm.terms import ShrmProposals
-        from shrm_cli.plan.search import Goal
+        from shrm_cli.plan.search import Goal, rising
 
         goal, allowed = Goal.of(request.error, request.seen), request.allowed
         form = request.size, request.sampling
         shrms = ShrmProposals.known(light, brdf, goal.error, allowed, *form)
         truth = truth_of(probe, brdf)
-        made = kept_or_best(shrms.proposing(allowed), goal, allowed, truth=truth)
+        candidates = rising(shrms.within(allowed), goal, allowed)
+        made = kept_or_best(candidates, goal, allowed, truth=truth)
         return replace(made, notes=notes)
     if request.error is not None:
         return replace(_within_error(light, request, request.error), notes=notes)

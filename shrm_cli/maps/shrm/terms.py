@@ -6,7 +6,7 @@ the errors of SHRMs without sampling the BRDF again.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -45,7 +45,7 @@ from shrm_cli.maps.size import (
 )
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Candidate, Row, fewest_bytes
+from shrm_cli.plan.search import Candidate, Rough, Row, fewest_bytes
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -351,7 +351,12 @@ class ShrmProposals:
         sampling: Sampling = "center",
     ) -> "ShrmProposals":
         """Compute the coefficients that maps of about an error need, within a number of bytes."""
-        eps, most_p = sufficient_tolerance(error), most_order_p(max_size, size)
+        eps, least = sufficient_tolerance(error), TRIED_SIZES[0] if size is None else size
+
+        def most_p(order_f: int) -> int:
+            """Return the largest P of any map: light may need far fewer texels than F does."""
+            return largest_p(order_f, least, max_size)
+
         return cls(light, brdf, choose_orders(brdf, eps, most_p=most_p)[1], size, sampling)
 
     def rows(
@@ -398,18 +403,9 @@ class ShrmProposals:
         """Tell whether any map fits into a number of bytes."""
         return stored_bytes(TRIED_SIZES[0] if self.size is None else self.size, 1) <= max_size
 
-    def proposing(
-        self, max_size: int, most_p: int = MAX_ORDER_P
-    ) -> Callable[[float], Candidate[Prefiltered]]:
-        """Return what proposes a map for an error, within a number of bytes and to a P."""
-
-        def propose(error: float) -> Candidate[Prefiltered]:
-            found = fewest_bytes(self.rows(max_size, most_p), error)
-            if found is None:
-                raise nothing_fits(self.size)
-            return self.candidate(found[0], max_size)
-
-        return propose
+    def within(self, max_size: int, most_p: int = MAX_ORDER_P) -> "ShrmsWithin":
+        """Return the maps of at most so many bytes, and to a P, as searches ask for them."""
+        return ShrmsWithin(self, max_size, most_p)
 
     def candidate(self, tried: Tried, max_size: int) -> Candidate[Prefiltered]:
         """Return one of these SHRMs as the search knows it."""
@@ -428,6 +424,32 @@ class ShrmProposals:
 
         look_ups = (choice.orders.order_p + 1) ** 2
         return Candidate("shrm", tried.bytes, look_ups, tried.total_error, wrong_share, make)
+
+
+@record(eq=False)
+class ShrmsWithin:
+    """SHRMs of at most so many bytes, and to a P."""
+
+    proposals: ShrmProposals
+    max_size: int
+    most_p: int
+
+    def candidate(self, error: float) -> Candidate[Prefiltered]:
+        """Return the map of the fewest bytes that keeps an error, or the best one that fits."""
+        found = fewest_bytes(self.proposals.rows(self.max_size, self.most_p), error)
+        if found is None:
+            raise nothing_fits(self.proposals.size)
+        return self.proposals.candidate(found[0], self.max_size)
+
+    def rows(self, max_size: int) -> Iterator[Row[Rough[Prefiltered]]]:
+        """Yield all maps of at most so many bytes."""
+        for row in self.proposals.rows(min(max_size, self.max_size), self.most_p):
+            yield Row(row.count, row.bytes_of, cache(partial(self._rough, row.candidate)))
+
+    def _rough(self, find: Callable[[int], Tried], index: int) -> Rough[Prefiltered]:
+        tried = find(index)
+        found = self.proposals.candidate(tried, self.max_size)
+        return Rough(tried.bytes, tried.total_error, found.find_wrong_share, lambda: found)
 
 
 def _bytes_at(size: int, order_p: int) -> int:

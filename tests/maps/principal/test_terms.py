@@ -102,7 +102,7 @@ def test_more_bytes_are_advised_where_they_would_hold_more(can_grow):
     candidate = Candidate(
         "principal", 100, 128, 0.5, lambda: 0.5, lambda: Prefiltered(None), can_grow
     )
-    (line,) = kept_or_best(lambda error: candidate, Goal(), 150).warnings
+    (line,) = kept_or_best([candidate], Goal(), 150).warnings
     assert ("raise `max_size`" in line) == can_grow
     assert "50% RMS error" in line
 
