@@ -19,6 +19,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.png import png_of_lines
 from shrm_cli.messages import percent
 from shrm_cli.records import record
+from shrm_cli.vocabulary import SEEN_FLOOR
 
 Words = NDArray[np.unsignedinteger]
 
@@ -212,7 +213,8 @@ class Loss:
     rms: float
     """Root mean square of the differences, relative to that of the light."""
     p95: float
-    """95 % of the texels differ by less, relative to their own light."""
+    """95 % of the texels differ by less, relative to their own light, which counts as `SEEN_FLOOR`
+    of the level's mean at least."""
     lamp: float
     """The largest change of the energy of a lamp; 0 without lamps."""
 
@@ -230,15 +232,15 @@ def loss(what: str, light: Array, read: Array) -> Loss:
     """Compare what is read with the light, shape (6, N, N, 3) both.
 
     Light counts as 0 where it is negative: `Clipped` tells of that, and no format could hold it.
+    Squares of bright light are beyond 32-bit floats.
     """
-    light = np.maximum(light, 0)
+    light = np.maximum(light, 0, dtype=float)
     off = np.sqrt(((read - light) ** 2).sum(axis=-1))
     norm = np.sqrt((light**2).sum(axis=-1))
     whole = float(np.sqrt((norm**2).mean()))
     if whole == 0:
         return Loss(what, 0.0 if not off.any() else np.inf, 0.0, 0.0)
-    # The darkest texels beside a lamp are black, to within what its glare hides.
-    relative = off / np.maximum(norm, 1e-6 * float(norm.mean()))
+    relative = off / np.maximum(norm, SEEN_FLOOR * float(norm.mean()))
     rms = float(np.sqrt((off**2).mean())) / whole
     return Loss(what, rms, float(np.percentile(relative, 95)), _lamps(light, read))
 

@@ -6,6 +6,7 @@ import pytest
 from shrm_cli.errors import MapError
 from shrm_cli.export.engines.playcanvas import RGBP
 from shrm_cli.export.pixels import FORMATS, RGBD, clip_warning, encoded, loss, sentence
+from shrm_cli.render.seen import seen_errors
 from tests.export.readers import decoded, packed_floats, shared_exponent, small_float
 
 
@@ -128,6 +129,25 @@ def test_negative_light_beside_a_sun_is_no_loss_of_packing():
     faces = np.maximum(light, 0)
     assert loss("level 0", light, faces).worst == 0
     assert loss("level 0", light, 1.01 * faces).worst == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_what_clipping_loses_is_known_of_light_of_any_brightness(kind):
+    """Squares of 1e22 are beyond 32-bit floats: all of the light was lost, and 0 or nan % said."""
+    light = np.full((6, 16, 16, 3), 1e22, np.float32)
+    found = loss("level 0", light, np.full(light.shape, 65504, kind))
+    assert (found.rms, found.p95) == pytest.approx((1, 1))
+    assert "by 100/100 %" in sentence("a.ktx2", [found])
+
+
+def test_the_night_side_of_a_bare_sun_is_measured_as_what_is_seen():
+    """Of texels near black 1000 times too bright the 95th percentile was 99900 %."""
+    light = np.full((6, 16, 16, 3), 1e-5)
+    light[:3] = 1.0
+    read = np.where(light < 1, 1000 * light, 1.01 * light)
+    expected = seen_errors(read, light).p95_relative_error
+    assert loss("level 0", light, read).p95 == pytest.approx(expected, rel=1e-6)
+    assert 0.5 < expected < 1.5
 
 
 def test_the_dimmest_light_has_steps_of_a_tenth():

@@ -366,7 +366,7 @@ def _expanded(source: PrincipalMap, order_p: int) -> Shrm:
     functions = np.moveaxis(lobe.at(theta), 1, 0)
     legendre = legendre_table(order_p, np.cos(theta), max_m=min(order_p, MAX_Q))
     directions = to_angles(cube_directions(source.size, source.sampling).reshape(-1, 3))
-    solid = np.tile(cube_solid_angles(source.size, source.sampling), (6, 1)).reshape(-1, 1)
+    solid = np.tile(cube_solid_angles(source.size, source.sampling), (6, 1)).ravel()
     texels = lobe.cubes.reshape(len(solid), -1, 3)
     result = np.zeros((len(solid), (order_p + 1) ** 2, 3), dtype=texels.dtype)
     lost = whole = 0.0
@@ -384,7 +384,8 @@ def _expanded(source: PrincipalMap, order_p: int) -> Shrm:
             left = np.maximum(norm - np.sum(parts**2, axis=0), 0)
             for sign in {q, -q}:
                 plane = local[p * (p + 1) + sign].T
-                energy = np.sum(solid * plane**2, axis=0)
+                # Squares of bright light are beyond 32-bit floats.
+                energy = np.einsum("nc,nc,n->c", plane, plane, solid, dtype=float)
                 lost, whole = lost + float(energy @ left), whole + float(energy @ norm)
                 for degree in range(q, order_p + 1):
                     result[:, degree * (degree + 1) + sign] += plane * parts[degree]

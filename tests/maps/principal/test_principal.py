@@ -1,5 +1,6 @@
 """Maps of principal functions: what they reflect, their errors, their files and conversions."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -88,15 +89,20 @@ def spectrum_of(probe, brdf, divide):
 # ---- what they reflect ---------------------------------------------------------------------------
 
 
-def test_legendre_functions_make_an_shrm():
-    """With an SHRM's cubes and its own functions of the view, a map is the SHRM."""
-    shrm = make_shrm(order_p=3, size=16)
-    degrees = (3, 2, 1, 0)
-    table = legendre_table(3, np.cos(np.linspace(0, np.pi, 1801)))
+def of_legendre_functions(shrm):
+    """An SHRM as a map of principal functions: its cubes, with its own functions of the view."""
+    order = shrm.order_p
+    degrees = tuple(range(order, -1, -1))
+    table = legendre_table(order, np.cos(np.linspace(0, np.pi, 1801)))
     functions = np.stack([table[q, p - q] for p in degrees for q in range(p + 1)])
     functions = np.repeat(functions[..., None], 3, axis=2)
     cubes = np.concatenate([shrm.coefficients[:, :, p**2 : (p + 1) ** 2] for p in degrees], axis=2)
-    made = PrincipalMap((Lobe(cubes, degrees, functions, "reflection"),), shrm.info)
+    return PrincipalMap((Lobe(cubes, degrees, functions, "reflection"),), shrm.info)
+
+
+def test_legendre_functions_make_an_shrm():
+    shrm = make_shrm(order_p=3, size=16)
+    made = of_legendre_functions(shrm)
     points = uniform_points(500)
     expected = shrm.radiance(*points)
     np.testing.assert_allclose(made.radiance(*points), expected, atol=2e-5 * np.abs(expected).max())
@@ -106,6 +112,14 @@ def test_legendre_functions_make_an_shrm():
     assert made.to_shrm(1).info.added_error == pytest.approx(
         shrm.truncated(1).info.added_error, rel=1e-3
     )
+
+
+def test_what_an_expansion_loses_is_known_of_light_of_any_brightness():
+    """Squares of values of 1e22 are beyond 32-bit floats, and the error was NaN."""
+    shrm = make_shrm()
+    lit = replace(shrm, coefficients=(1e22 * shrm.coefficients).astype(np.float32))
+    found = of_legendre_functions(lit).to_shrm(1).info.added_error
+    assert found == pytest.approx(shrm.truncated(1).info.added_error, rel=1e-3)
 
 
 @pytest.mark.proof
