@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
+from tests.archives import unpack
 from tests.benchmarks.bench_process import _FLOOR, _SHRM, _write_probe
 from tests.benchmarks.table import Row, measure
 
@@ -140,7 +141,7 @@ def last_release(folder: Path, root: Path = _ROOT) -> tuple[str, Path] | None:
         )
         return None
     with tarfile.open(fileobj=io.BytesIO(archive)) as packed:
-        packed.extractall(folder, filter="data")
+        unpack(packed, folder)
     return revision, folder / "shrm_cli"
 
 
