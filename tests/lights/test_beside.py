@@ -137,7 +137,7 @@ def test_a_filament_stays_a_disc():
 
 @pytest.mark.proof
 def test_a_soft_box_is_as_in_truth(monkeypatch):
-    """Summed over points of the box, at the highlight and around it."""
+    """Summed over points of the box, at the highlight and around it, where errors are largest."""
     probe = shrm.Probe.from_array(soft_box())
     rng = np.random.default_rng(3)
     (lamp, *_) = beside.split_lamps(probe).lamps
@@ -154,7 +154,7 @@ def test_a_soft_box_is_as_in_truth(monkeypatch):
     errors = []
     for held in (beside._HELD, (0,)):
         monkeypatch.setattr(beside, "_HELD", held)
-        asked = {"brdf": "ggx:roughness=0.2,f0=0.5", "sun": "split"}
+        asked = {"brdf": "ggx:roughness=0.2,f0=0.5", "sun": "split", "error": 0.03}
         found = prefilter_with_facts(probe, "auto", asked).map.radiance(normals, views)
         errors.append(np.sqrt(np.sum((found - expected) ** 2) / np.sum(expected**2)))
     assert errors[0] < 0.05 < 0.07 < errors[1]
