@@ -200,7 +200,7 @@ class GlossyLight:
                 np.broadcast_to(matrices, (*shape[:2], size, self.channels)),
                 optimize=True,
             )
-        return result.reshape(len(vertices), -1)
+        return result.reshape(len(vertices), np.prod(self.shape))
 
 
 Sent = DiffuseLight | GlossyLight

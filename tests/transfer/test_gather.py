@@ -183,6 +183,14 @@ def test_triangles_may_be_wound_either_way():
         )
 
 
+def test_what_sees_nothing_of_itself_gains_nothing():
+    """Glossy light that bounces on a convex box meets no vertex."""
+    product = product_texture(parse_spec("ggx:roughness=0.6"), 4, 16).map
+    mesh, kinds = meshes.box(inwards=False, divided=1), {"samples": 64, "glossy": True}
+    found = baked(mesh, bounces=1, product=product, **kinds)
+    np.testing.assert_array_equal(found.vectors, baked(mesh, **kinds).vectors)
+
+
 @pytest.mark.proof
 @pytest.mark.parametrize(
     "spec", ["lambertian:albedo=0.9/0.5/0.2", "ggx:roughness=0.6,f0=gold", "ward:ax=0.3,ay=0.7"]
