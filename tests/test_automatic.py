@@ -1,5 +1,7 @@
 """The form that is chosen: right in the picture, against brute force, in few bytes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -332,6 +334,22 @@ def test_dark_places_are_given_more(probe, monkeypatch):
     assert len(asked) == policy.TRIED_DARK
     assert asked == sorted(asked)
     assert texels(found) == asked[1]
+
+
+def test_what_is_better_is_looked_for_beside_each_map(monkeypatch):
+    """Where the first one is negative somewhere, lamps may be worth it beside the next, larger."""
+
+    def candidate(bytes_):
+        return Candidate("principal", bytes_, 1, 0.01, float, lambda: Prefiltered(None))
+
+    dark = replace(Prefiltered(None), further={"negative_share": lambda: 0.5})
+    monkeypatch.setattr("shrm_cli.maps.seen.examined", lambda *_: dark)
+    beside = Prefiltered(None, warnings=("beside",))
+    found = kept_or_best(
+        [candidate(10), candidate(20), candidate(30)], Goal(), 150,
+        lambda best, is_kept: beside if is_kept and best.bytes == 20 else None,
+    )  # fmt: skip
+    assert found is beside
 
 
 def counting(monkeypatch, owner, name):

@@ -65,6 +65,14 @@ class Known(Rough[Prefiltered]):
     arguments: Mapping[str, Any] | None
     """Those of `shrm_cli.prefilter.prefilter`; None where no arguments make it."""
 
+    @classmethod
+    def of(
+        cls, rough: Rough[Prefiltered], what: str, cost: Cost, arguments: Mapping[str, Any] | None
+    ) -> "Known":
+        """Return what is known of a map, with its cubes in words, its cost and its arguments."""
+        predicted = rough.bytes, rough.total_error, rough.find_wrong_share, rough.find
+        return cls(*predicted, what, cost, arguments)
+
 
 Rows = list[list[Known]]
 """Maps of a form, in each row by rising bytes. Those of a row have cubes of one size, so that
@@ -94,9 +102,7 @@ class PrincipalForms:
         arguments: dict[str, Any] | None = None
         if len(forms) == 1:
             arguments = {"to": "principal", "maps": forms[0].cubes, "size": forms[0].size}
-        rough = self._proposals.rough(joint)
-        known = rough.bytes, rough.total_error, rough.find_wrong_share, rough.find
-        return Known(*known, what, cost, arguments)
+        return Known.of(self._proposals.rough(joint), what, cost, arguments)
 
 
 class ShrmForms:
@@ -119,12 +125,9 @@ class ShrmForms:
         arguments: dict[str, Any] = {"to": "shrm", "order_p": order_p, "size": size}
         if self._brdf.center != self._own_center:
             arguments["center"] = self._brdf.center
-        found = self._proposals.candidate(tried, DEFAULT_MAX_SIZE)
-        return Known(
-            tried.bytes, tried.total_error, found.find_wrong_share, lambda: found,
-            f"P = {order_p}, {counted((order_p + 1) ** 2, 'cube')} of {size}",
-            shrm_cost(order_p, self._brdf.center), arguments,
-        )  # fmt: skip
+        what = f"P = {order_p}, {counted((order_p + 1) ** 2, 'cube')} of {size}"
+        rough = self._proposals.rough(tried, DEFAULT_MAX_SIZE)
+        return Known.of(rough, what, shrm_cost(order_p, self._brdf.center), arguments)
 
 
 _POINTS = 400

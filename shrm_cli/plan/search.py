@@ -9,7 +9,7 @@ one by one, because what look-ups between texels blur may rise with a cube.
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import field, replace
-from functools import cached_property, partial
+from functools import cache, cached_property
 from math import inf, sqrt
 from operator import itemgetter
 from typing import Any, Generic, Protocol, TypeVar
@@ -39,6 +39,7 @@ ROUNDING = 1 + 1e-9
 """How much more than what was asked for counts as the same."""
 
 C = TypeVar("C", bound=Sized)
+D = TypeVar("D", bound=Sized)
 M = TypeVar("M")
 
 
@@ -52,6 +53,10 @@ class Row(Generic[C]):
     """Returns the most bytes that a candidate takes, by its index; it rises."""
     candidate: Callable[[int], C]
     """Returns a candidate by its index. Its error mostly falls with the index."""
+
+    def mapped(self, of: "Callable[[C], D]") -> "Row[D]":
+        """Return the row of what a function makes of the candidates, of each of them once."""
+        return Row(self.count, self.bytes_of, cache(lambda index: of(self.candidate(index))))
 
     def every(self) -> list[C]:
         return [self.candidate(index) for index in range(self.count)]
@@ -268,14 +273,10 @@ def kept_in_fewest(rows: Iterable[Row[R]], goal: Goal) -> R | None:
     Maps of one error differ in what is seen: those of few cubes of many texels miss more in dark
     places than those of many cubes of few texels, in the same bytes.
     """
-    judged = (Row(row.count, row.bytes_of, partial(_judged_in, row, goal)) for row in rows)
+    judged = (row.mapped(lambda rough: _Judged(rough, goal)) for row in rows)
     # Shares of wrong pixels hardly rise with a cube, and take long.
     found = fewest_bytes(judged, 1.0, look_near=False)
     return found[0].rough if found is not None and found[1] else None
-
-
-def _judged_in(row: Row[R], goal: Goal, index: int) -> _Judged[R]:
-    return _Judged(row.candidate(index), goal)
 
 
 def rising(maps: Maps, goal: Goal, max_size: int) -> Iterator[Candidate[Any]]:

@@ -133,6 +133,14 @@ def test_only_those_up_to_the_first_good_one_are_looked_at():
     assert set(asked) == {62, 66, 80, 100}
 
 
+def test_what_a_row_is_mapped_to_is_found_once():
+    asked = []
+    found = row([10, 20], [0.2, 0.1], asked).mapped(lambda each: Sized(each.bytes, 0.5))
+    assert found.candidate(1) is found.candidate(1)
+    assert (found.count, found.bytes_of(1), found.candidate(1).total_error) == (2, 20, 0.5)
+    assert asked == [20]
+
+
 class Made:
     """Maps of a form that are proposed by a function, and rows of others."""
 

@@ -385,13 +385,10 @@ class Sharing:
         """
         if len(self.planners) == 1:
             for row in self.planners[0].rows(max_size, sizes):
-                yield Row(row.count, row.bytes_of, partial(self._alone, row))
+                yield row.mapped(lambda form: self.joint((form,)))
             return
         front = self._front(max_size, sizes)
         yield Row(len(front), lambda index: front[index].bytes, front.__getitem__)
-
-    def _alone(self, row: Row[Form], index: int) -> Joint:
-        return self.joint((row.candidate(index),))
 
     def _front(self, max_size: int, sizes: Sequence[int]) -> list[Joint]:
         """Return the combinations of forms that no other one beats, by rising bytes."""

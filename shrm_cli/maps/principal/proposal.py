@@ -6,9 +6,9 @@ Few azimuths of the view tell nearly what error the best map has, in a tenth of 
 of wrong pixels is too large then, as its functions have too few waves over the azimuth.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -187,10 +187,7 @@ class Proposals:
     def rows(self, max_size: int) -> Iterator[Row[Rough[Prefiltered]]]:
         """Yield all maps of at most so many bytes, as far as the planners know now."""
         for row in self.sharing.rows(max_size, sizes_of(self.asked.size)):
-            yield Row(row.count, row.bytes_of, cache(partial(self._rough, row.candidate)))
-
-    def _rough(self, find: Callable[[int], Joint], index: int) -> Rough[Prefiltered]:
-        return self.rough(find(index))
+            yield row.mapped(self.rough)
 
     def rough(self, joint: Joint) -> Rough[Prefiltered]:
         """Return the map of a form of each term as it is known in little time."""

@@ -6,7 +6,7 @@ the errors of SHRMs without sampling the BRDF again.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field, replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -425,6 +425,11 @@ class ShrmProposals:
         look_ups = (choice.orders.order_p + 1) ** 2
         return Candidate("shrm", tried.bytes, look_ups, tried.total_error, wrong_share, make)
 
+    def rough(self, tried: Tried, max_size: int) -> Rough[Prefiltered]:
+        """Return one of these SHRMs as a search by what is seen knows it."""
+        found = self.candidate(tried, max_size)
+        return Rough(tried.bytes, tried.total_error, found.find_wrong_share, lambda: found)
+
 
 @record(eq=False)
 class ShrmsWithin:
@@ -444,12 +449,7 @@ class ShrmsWithin:
     def rows(self, max_size: int) -> Iterator[Row[Rough[Prefiltered]]]:
         """Yield all maps of at most so many bytes."""
         for row in self.proposals.rows(min(max_size, self.max_size), self.most_p):
-            yield Row(row.count, row.bytes_of, cache(partial(self._rough, row.candidate)))
-
-    def _rough(self, find: Callable[[int], Tried], index: int) -> Rough[Prefiltered]:
-        tried = find(index)
-        found = self.proposals.candidate(tried, self.max_size)
-        return Rough(tried.bytes, tried.total_error, found.find_wrong_share, lambda: found)
+            yield row.mapped(lambda tried: self.proposals.rough(tried, self.max_size))
 
 
 def _bytes_at(size: int, order_p: int) -> int:
