@@ -2,13 +2,14 @@
 
 The packages of the extra `cluster` are imported when a cluster is asked for. A scheduler's address,
 such as ``tcp://host:8786``, leads to a cluster that runs already, and ``local`` starts one on this
-machine. Both are used through the executor of the standard library that dask offers.
+machine. What either does is handed back as futures of the standard library.
 
 Dask runs whatever anybody sends to its ports, and every user of a machine reaches those of its
 loopback address. So what is started here talks in TLS, by a certificate that is made for it, kept
 in memory and asked of everybody who connects, and nothing but that listens.
 """
 
+import asyncio
 import contextlib
 import gc
 import logging
@@ -17,8 +18,9 @@ import pkgutil
 import signal
 import sysconfig
 import warnings
+import weakref
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import CancelledError, Future
 from typing import Any, TypeVar
 
 from shrm_cli import __version__
@@ -49,15 +51,27 @@ class ClusterWorkers:
     `workers` is the number of tasks that are worked on at a time: the threads of all workers.
     """
 
-    def __init__(self, executor: Executor, workers: int) -> None:
-        self.executor, self.workers = executor, workers
+    def __init__(self, client: Any) -> None:
+        self.client = client
+        self.workers: int = sum(client.nthreads().values())
+        self._remote: weakref.WeakSet[Any] = weakref.WeakSet()
 
     def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
         """Hand a call to the cluster."""
         try:
-            return self.executor.submit(function, *arguments)
+            remote = self.client.submit(function, *arguments, pure=False)
         except Exception as error:
             raise ClusterError(f"{_AWAY} ({_line(error)})") from error
+        self._remote.add(remote)
+        future: Future[Result] = Future()
+        future.add_done_callback(lambda done: remote.cancel() if done.cancelled() else None)
+        self.client.loop.add_callback(_hand_on, remote, future)
+        return future
+
+    def cancel(self) -> None:
+        """Cancel what has not begun; a scheduler that went away cannot be told any more."""
+        with contextlib.suppress(Exception):
+            self.client.cancel(list(self._remote))
 
     def is_lost(self, error: BaseException) -> bool:
         """Whether an error means that workers died in the middle of a task, again and again.
@@ -72,6 +86,25 @@ class ClusterWorkers:
 
     def renew(self) -> None:
         """Go on after a worker's death: the cluster has started another one by itself."""
+
+
+async def _hand_on(remote: Any, future: Future[Any]) -> None:
+    """Give a future of the standard library what becomes of a task of the cluster.
+
+    The executor of dask does the same, but looks once more at how a task fares when it has the
+    result already. A worker that has died in between makes an error of a number that is at hand.
+    """
+    try:
+        result = await remote
+    except (CancelledError, asyncio.CancelledError):
+        future.cancel()
+        future.set_running_or_notify_cancel()
+    except BaseException as error:
+        if future.set_running_or_notify_cancel():
+            future.set_exception(error)
+    else:
+        if future.set_running_or_notify_cancel():
+            future.set_result(result)
 
 
 @contextlib.contextmanager
@@ -108,10 +141,10 @@ def cluster_executor(scheduler: str, jobs: int | None = None) -> Iterator[Cluste
             ) from error
         stack.enter_context(client)
         _prepare(client, scheduler)
-        executor = client.get_executor(pure=False)
-        stack.callback(_shut_down, executor)
+        workers = ClusterWorkers(client)
+        stack.callback(workers.cancel)
         try:
-            yield ClusterWorkers(executor, sum(client.nthreads().values()))
+            yield workers
         except CancelledError as error:
             raise ClusterError(f"scheduler {scheduler}: {_AWAY}") from error
 
@@ -131,12 +164,6 @@ def _no_garbage_collected() -> Iterator[None]:
     finally:
         if was_enabled:
             gc.enable()
-
-
-def _shut_down(executor: Executor) -> None:
-    """Cancel what has not begun; a scheduler that went away cannot be told any more."""
-    with contextlib.suppress(Exception):
-        executor.shutdown(wait=False)
 
 
 def limit_worker_threads() -> None:

@@ -97,6 +97,34 @@ def test_a_killed_worker_loses_nothing(two, tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.slow
+def test_a_worker_that_dies_after_its_result_has_come_loses_nothing(two, monkeypatch):
+    """Dask's own executor made an error of the result, as the state of its task was not known."""
+    from distributed import Client
+
+    gather = Client._gather
+
+    async def gathered_before_a_death(self, futures, *given, **named):
+        results = await gather(self, futures, *given, **named)
+        for future in futures:
+            future._state.lose()
+        return results
+
+    monkeypatch.setattr(Client, "_gather", gathered_before_a_death)
+    assert two.submit(operator.add, 1, 1).result(60) == 2
+
+
+@pytest.mark.slow
+def test_a_cancelled_future_cancels_its_task(two, tmp_path):
+    waiting = [two.submit(time.sleep, 0.3) for _ in range(4)]
+    last = two.submit(os.mkdir, str(tmp_path / "done"))
+    assert last.cancel()
+    assert last.cancelled()
+    assert not wait(waiting, 30).not_done
+    assert two.submit(operator.add, 1, 2).result(60) == 3
+    assert not (tmp_path / "done").exists()
+
+
 @pytest.mark.proof
 @pytest.mark.slow
 def test_a_task_that_always_kills_its_worker_is_told_as_lost(two, capfd):
@@ -161,7 +189,7 @@ def test_nobody_without_the_certificate_reaches_a_local_cluster(two):
     from distributed import Security
     from distributed.comm import connect
 
-    own = two.executor._client
+    own = two.client
     address = own.scheduler.address
     assert address.startswith("tls://127.0.0.1:")
 
