@@ -15,13 +15,13 @@ from itertools import tee
 from typing import TYPE_CHECKING
 
 from shrm_cli.brdf.sums import split
-from shrm_cli.maps.expansion import LampsBeside, beside_lamps
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Prefiltered, Request, Truth, examined, truth_of
 from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best, known_error
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.terms import ShrmProposals
+from shrm_cli.maps.wrong_pixels import LampsBeside, beside_lamps
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import (
     Candidate,
@@ -58,7 +58,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     from shrm_cli.lights.beside import splits_for
 
     goal = Goal.of(request.error, request.seen)
-    ways = [_Apart.of(each, request) for each in splits_for(probe, request.brdf, goal.error)]
+    ways = [_Apart.of(each, request) for each in splits_for(probe, request.brdf, goal)]
     if len(ways) == 1:
         return ways[0].made()
     return least_wrong([each.foreseen() for each in ways], goal).make()
@@ -87,11 +87,13 @@ class _Asked:
     """The most bytes of an SHRM that takes the place of a map of principal functions."""
     whole: Probe | None = None
     """The probe with its lamps, where they lie beside."""
+    together: Goal | None = None
+    """What a map and the lamps beside it have to keep, in parts of all light."""
 
     @classmethod
     def of(
         cls, probe: Probe, request: Request, left: float = 1.0, most_simple: float = math.inf,
-        whole: Probe | None = None,
+        whole: Probe | None = None, together: Goal | None = None,
     ) -> "_Asked":  # fmt: skip
         """Return what is asked for of a probe."""
         fine = probe
@@ -99,12 +101,18 @@ class _Asked:
             from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 
             fine = fine_probe(probe)
-        return cls(probe, Projection(shared(fine)), request, left, most_simple, whole)
+        light = Projection(shared(fine))
+        return cls(probe, light, request, left, most_simple, whole, together)
 
     @cached_property
     def goal(self) -> Goal:
         """What the picture has to keep."""
         return Goal.of(self.request.error, self.request.seen)
+
+    @property
+    def _goal_text(self) -> str:
+        """What the picture keeps, in words."""
+        return goal_text(self.together or self.goal)
 
     @cached_property
     def truth(self) -> Truth:
@@ -158,7 +166,7 @@ class _Asked:
         found = self.single_cubes
         if found is None:
             return None
-        why = f"SHRM, which keeps {goal_text(self.goal)}"
+        why = f"SHRM, which keeps {self._goal_text}"
         return self._noted_if_bright(judged(found.make(), found), why)
 
     def _noted_if_bright(self, made: Prefiltered, why: str) -> Prefiltered | None:
@@ -194,12 +202,16 @@ class _Asked:
         most = 1.0 if is_kept else max(policy.MISSED * whole.badness(self.goal), 1.0)
         # An SHRM of more would lose what a smaller map of functions wins.
         share = policy.FAR_SMALLER if is_kept else policy.WORTH_LAMPS
-        for beside in splits_for(self.probe, self.request.brdf, self.goal.error):
+        worth: list[Candidate[Prefiltered]] = []
+        for beside in splits_for(self.probe, self.request.brdf, self.goal):
             if beside.split.discs and beside.error <= most * self.goal.error:
                 found = _Apart.of(beside, self.request, share * whole.bytes).foreseen()
-                if self._is_worth_lamps(found, whole, is_kept):
+                if not self._is_worth_lamps(found, whole, is_kept):
+                    continue
+                if found.keeps(self.goal):
                     return found
-        return None
+                worth.append(found)
+        return least_wrong(worth, self.goal) if worth else None
 
     def _is_worth_lamps(
         self, found: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
@@ -217,7 +229,6 @@ class _Asked:
         if not self._is_worth_lamps(found, whole, is_kept):  # more bytes than foreseen
             return None
         notes = dict(made.notes)
-        # What the note tells of the goal is about the light that is left.
         form = notes.pop(_FORM).partition(":")[0].partition(",")[0]
         why = (
             f"{form}, lamps beside it: with them in the map (`sun` keep) it would have "
@@ -284,7 +295,7 @@ class _Asked:
     def made_simple(self, found: Candidate[Prefiltered]) -> Prefiltered | None:
         """Make the SHRM that does as well as a map of principal functions."""
         size = f"{bytes_text(found.bytes)} before packing"
-        why = f"SHRM, which keeps {goal_text(self.goal)} in {size}"
+        why = f"SHRM, which keeps {self._goal_text} in {size}"
         return self._noted_if_bright(judged(found.make(), found), why)
 
     def _why_no_shrm(self, made: Prefiltered) -> str:
@@ -323,8 +334,8 @@ class _Apart:
             error = error_beside(beside.error, goal.error) / max(beside.left, goal.error)
             asked = replace(asked, error=error, seen=goal.wrong_share)
         most, probe = most_simple - beside.bytes, beside.split.probe
-        rest = _Asked.of(beside.rest, asked, beside.left, most, probe)
-        return cls(rest, beside, beside.lamps())
+        rest = _Asked.of(beside.rest, asked, beside.left, most, probe, goal)
+        return cls(rest, beside, beside.lamps)
 
     def made(self) -> Prefiltered:
         from shrm_cli.lights.beside import with_lamps

@@ -6,7 +6,6 @@
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from math import inf
 from typing import TYPE_CHECKING, Any
 
 from shrm_cli.brdf.base import Brdf
@@ -172,9 +171,9 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
         if lamps is None:
             found = _made(_fine(light, request), request)
         else:
-            from shrm_cli.maps.expansion import beside_lamps
+            from shrm_cli.maps.wrong_pixels import beside_lamps
 
-            with beside_lamps(lamps.lamps()):
+            with beside_lamps(lamps.lamps):
                 found = _made(_fine(light, request), request)
         info = replace(found.map.info, options=request.record(probe))
         found = replace(found, map=found.map.with_info(info))
@@ -194,12 +193,12 @@ def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:
     """Return the light that the map is made of, and the lamps if they are to be beside it."""
     if not request.splits or request.to == AUTO:  # which does it by itself
         return probe, None
-    from shrm_cli.lights.beside import split_for
+    from shrm_cli.lights.beside import ANY, split_for
     from shrm_cli.plan.search import Goal
 
-    goal = Goal.of(request.error, request.seen)
     # Maps of the angular domain are made of pixels.
-    found = split_for(probe, request.brdf, inf if request.domain == "angular" else goal.error)
+    goal = ANY if request.domain == "angular" else Goal.of(request.error, request.seen)
+    found = split_for(probe, request.brdf, goal)
     return found.rest, found
 
 

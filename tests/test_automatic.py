@@ -259,7 +259,7 @@ def test_lamps_stay_in_maps_that_keep_them_and_where_code_has_none(bare_sun):
 def test_lamps_beside_a_map_that_keeps_too_little_have_to_spare_bytes(rng, monkeypatch):
     """Between leaves, which no map of some kilobytes shows."""
     names = "WORTH_LAMPS", "FAR_SMALLER"
-    for each in names:
+    for each in (*names, "FAR_LESS_WRONG"):
         monkeypatch.setattr(policy, each, 0.0)
     leaves = rng.uniform(0.2, 0.8, (64, 128, 3)).astype(np.float32)
     leaves[15, 20] = 5e3
@@ -378,7 +378,7 @@ def test_nothing_is_found_out_twice(probe, monkeypatch):
 
 def test_no_map_is_made_beside_lamps_in_vain(rng, monkeypatch):
     """Discs in place of a square box miss more than the map; that of a pixel misses nothing."""
-    for name in ("WORTH_LAMPS", "FAR_SMALLER"):
+    for name in ("WORTH_LAMPS", "FAR_LESS_WRONG", "FAR_SMALLER"):
         monkeypatch.setattr(policy, name, 0.0)
     makes = counting(monkeypatch, principal_proposal, "lobe_of")
     foreseen = counting(monkeypatch, automatic._Asked, "foreseen")

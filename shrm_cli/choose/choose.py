@@ -22,7 +22,6 @@ from shrm_cli.errors import ArgumentError, PluginError, ShrmError
 from shrm_cli.lights.beside import split_of
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map, ReflectedLight
-from shrm_cli.maps.expansion import visible_pairs
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.offers import LookUp, Setting
@@ -35,6 +34,7 @@ from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
 from shrm_cli.maps.shrm.terms import ShrmProposals, Tried
 from shrm_cli.maps.size import total_error
+from shrm_cli.maps.wrong_pixels import visible_pairs
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Goal, Rough, Row, kept_in_fewest
 from shrm_cli.prefilter import prefilter_with_facts

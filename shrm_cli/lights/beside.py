@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -17,15 +17,18 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.base import REMEDY
-from shrm_cli.maps.expansion import LampsBeside, beside_lamps
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.lobe import LobeTable, table_bytes
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
 from shrm_cli.maps.lamps.models import bytes_of_table
 from shrm_cli.maps.lamps.rule import LitDiscs
+from shrm_cli.maps.lobes_lit import Lobes, reflected
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, negative_warnings
+from shrm_cli.maps.view_lobes import whole_lobes
+from shrm_cli.maps.wrong_pixels import LampsBeside, beside_lamps, share_of_points
 from shrm_cli.plan import policy
+from shrm_cli.plan.search import Goal
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.lighting import Lighting, project
@@ -79,6 +82,8 @@ class Beside:
     """The coefficients of the former, world axes, shape (n, 3)."""
     brdf: Brdf
     """What reflects the discs: the BRDF of the map, or a table of it."""
+    lobes: Lobes | None = None
+    """What the BRDF reflects of that; None where there are no lamps."""
     is_held: bool = False
     """Whether the rest holds some of what discs differ by from the lamps' pixels."""
 
@@ -87,21 +92,25 @@ class Beside:
         """The bytes that the file of the map takes for that."""
         return table_bytes(self.brdf)
 
+    @cached_property
     def lamps(self) -> LampsBeside | None:
-        """Return the lamps as the wrong pixels of maps are counted beside them, where they are."""
-        if not self.split.discs:
+        """The lamps as the wrong pixels of maps are counted beside them, where there are any."""
+        if self.lobes is None:
             return None
         flux = sum((lamp.light.flux for lamp in self.split.lamps), np.zeros(3))
         lit = LitDiscs(self.brdf, self.split.discs)
-        return LampsBeside(flux, self.wrong, lit.radiance, self.brdf.isotropic)
+        return LampsBeside(flux, self.wrong, lit.brushed_radiance, self.lobes)
 
 
-def split_for(probe: Probe, brdf: Brdf, most: float) -> Beside:
+ANY = Goal(math.inf, None)
+"""What a map keeps that is made of pixels, and cannot hold what discs differ by from lamps."""
+
+
+def split_for(probe: Probe, brdf: Brdf, goal: Goal) -> Beside:
     """Take the lamps out of a probe, for a map of what a BRDF reflects.
 
-    `most` is the error that map and lamps may have together. As far as discs alone would take too
-    much of it, the map holds what they differ by from the lamps' pixels. A map that is made of
-    pixels, and not of their coefficients, cannot: infinity is for it.
+    `goal` is what map and lamps have to keep together. As far as discs alone would take too much of
+    it, the map holds what they differ by from the lamps' pixels.
 
     Raises ArgumentError if the BRDF is one whose reflection of discs is not integrated. Raises
     ProbeError if the probe cannot be read.
@@ -114,9 +123,10 @@ def split_for(probe: Probe, brdf: Brdf, most: float) -> Beside:
         return Beside(split, probe, 1.0, 0.0, nothing, brdf)
     transfer = _transfer(brdf)
     order = transfer.order_f
-    whole = reflected_rms(project(probe, order), transfer)
+    light, lobes = project(probe, order), whole_lobes(transfer, brdf.center)
+    whole = reflected_rms(light, transfer)
     if whole == 0:
-        return Beside(split, split.residual_probe, 1.0, 0.0, nothing, brdf)
+        return Beside(split, split.residual_probe, 1.0, 0.0, nothing, brdf, lobes)
     shown, error = brdf, 0.0
     if bytes_of_table(brdf):
         shown = LobeTable.of(brdf)
@@ -129,7 +139,20 @@ def split_for(probe: Probe, brdf: Brdf, most: float) -> Beside:
     def missed(last: int) -> float:
         return math.hypot(error, reflected_rms(change.beyond(last), transfer) / whole)
 
-    enough = next((last for last in _HELD if missed(last) <= policy.BESIDE * most), None)
+    def suffices(last: int) -> bool:
+        if missed(last) > policy.BESIDE * goal.error:
+            return False
+        if goal.wrong_share is None:
+            return True
+        wrong = reflected(lobes, change.beyond(last).coefficients, lobes.center)
+        share = share_of_points(light, [lobes], seen(), wrong)
+        return share <= policy.WRONG_BESIDE * goal.wrong_share
+
+    @cache
+    def seen() -> Array:
+        return reflected(lobes, light.coefficients, lobes.center)
+
+    enough = next(filter(suffices, _HELD), None)
     if enough is None and missed(_HELD[-1]) > _FINER * missed(0):
         enough = 0
     if enough is None:
@@ -138,18 +161,18 @@ def split_for(probe: Probe, brdf: Brdf, most: float) -> Beside:
         wrong, lacking = change.beyond(enough).coefficients, missed(enough)
     rest = change.rest(enough)
     left = min(reflected_rms(project(rest, order), transfer) / whole, 1.0)
-    return Beside(split, rest, left, lacking, wrong, shown, enough != 0)
+    return Beside(split, rest, left, lacking, wrong, shown, lobes, enough != 0)
 
 
-def splits_for(probe: Probe, brdf: Brdf, most: float) -> Iterator[Beside]:
+def splits_for(probe: Probe, brdf: Brdf, goal: Goal) -> Iterator[Beside]:
     """Yield what `split_for` returns, and the same with discs alone where a map may not hold more.
 
     What discs differ by from soft boxes may need so many functions that nothing is won.
     """
-    found = split_for(probe, brdf, most)
+    found = split_for(probe, brdf, goal)
     yield found
     if found.is_held:
-        yield split_for(probe, brdf, math.inf)
+        yield split_for(probe, brdf, ANY)
 
 
 def _transfer(brdf: Brdf) -> TransferFunctions:
@@ -309,7 +332,7 @@ def _together(find: Callable[[], Any], beside: Beside) -> Callable[[], Any]:
     """Return what finds a fact of a map as it is together with its lamps."""
 
     def found() -> Any:
-        with beside_lamps(beside.lamps()):
+        with beside_lamps(beside.lamps):
             return find()
 
     return found

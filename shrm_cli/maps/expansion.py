@@ -4,22 +4,14 @@ The tolerance asks for orders F and P, and F decides the size of the cubes. The 
 that size support several times F, and it costs no byte to use them. Maps therefore carry all orders
 whose part of the reflected light is visible, and fade out where that is not possible, so that no
 truncated series rings beside a lamp.
-
-A relative RMS error under lamps is that of the lamps' reflections. What people see is how many
-pixels are wrong. So the reflected light is computed with and without what the map leaves out, at
-some central directions and for some views of each, and it is counted where the two differ. The
-light of a map's error is that of the lobes' errors, so that one sum over both tells; see
-`shrm_cli.maps.lobes_lit`.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Sequence
 from functools import cache, cached_property, partial
 
 import numpy as np
 
-from shrm_cli.arrays import Array, Indices
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.coefficients import BrdfCoefficients
@@ -28,6 +20,7 @@ from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.lobes_lit import Lobes, lit, points, sample_views, together
 from shrm_cli.maps.size import Band, furthest_order, largest_f, shrm_look_up_error, supported_order
+from shrm_cli.maps.wrong_pixels import lamps_beside, share_of_points, wrong_share
 from shrm_cli.orders import Orders, extended
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.records import record
@@ -41,10 +34,8 @@ from shrm_cli.reflected import (
     visible_beyond_p,
     weighted_power,
 )
-from shrm_cli.sphere.directions import bisector
-from shrm_cli.sphere.harmonics import degrees, legendre_table, order_of
-from shrm_cli.sphere.quadrature import scrambled, spiral_directions
-from shrm_cli.vocabulary import LUMINANCE, MAX_ORDER_F, SEEN_FLOOR, WRONG, Center, Sampling
+from shrm_cli.sphere.harmonics import legendre_table
+from shrm_cli.vocabulary import LUMINANCE, MAX_ORDER_F, Sampling
 
 _KNOWN = 0.75
 """The part of the computed orders beyond which nothing may be visible. What is visible at the end
@@ -199,124 +190,9 @@ def predicted_wrong_share(expansions: Sequence[Expansion]) -> float:
 
     Returns it in 0 .. 1, without the errors of filtering and of rounding.
     """
-    if all(each.error == 0 for each in expansions):
+    if lamps_beside.get() is None and all(each.error == 0 for each in expansions):
         return 0.0
     return wrong_share(_light_of(expansions), [_lobes_of(each) for each in expansions])
-
-
-def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
-    """Return the share of points whose luminance is wrong by more than `WRONG`, in 0 .. 1.
-
-    `lighting` is the light, to at least the order of the lobes. `lobes` are those of each term;
-    they reflect their light at the same points.
-    """
-    if not any(each.error.any() for each in lobes):
-        return 0.0
-    groups = together(lobes)
-    whole, error = lit(lighting.coefficients * LUMINANCE, groups)
-    lamps = lamps_beside.get()
-    if lamps is None or not lamps.isotropic:
-        return _share(lighting, groups, whole, error)
-    shape = points(groups[0].center)[1].shape[:-1]
-    whole, error = np.broadcast_to(whole, shape), np.broadcast_to(error, shape)
-    at, shares = _some_points(shape)
-    lit_by_lamps = lamps.lit_at(groups[0].center, at)
-    floor = SEEN_FLOOR * _mean(lighting.coefficients[:1] + lamps.first, groups)
-    limit = WRONG * np.maximum(whole[at] + lit_by_lamps, floor)
-    known = [each.to_order(order_of(len(lamps.wrong))) for each in groups]
-    wrong, _ = lit(lamps.wrong_to(known[0].order) * LUMINANCE, known)
-    wrong = np.broadcast_to(wrong, shape)[at]
-    return float((np.abs(error[at] + wrong) > limit).ravel() @ shares.ravel())
-
-
-@record(eq=False)
-class LampsBeside:
-    """Lamps beside a map, whose light hides errors of the map, and has errors of its own."""
-
-    flux: Array
-    """The integral of their radiance, shape (3,)."""
-    wrong: Array
-    """The coefficients of what is wrong with it, and not in the map: true light less that of the
-    lamps, (n, 3)."""
-    radiance: Callable[[Array, Array], Array]
-    """From normals and views to what is reflected of them, shape (..., 3)."""
-    isotropic: bool = True
-    """Whether the tangents of the points at which lobes are lit do not matter."""
-
-    @property
-    def first(self) -> Array:
-        """Their light's coefficients of degree 0, shape (1, 3)."""
-        return self.flux[None] / np.sqrt(4 * np.pi)
-
-    @cached_property
-    def _known(self) -> dict[Center, Array]:
-        return {}
-
-    def wrong_to(self, order: int) -> Array:
-        """Return what is wrong to an order, as far as it is known.
-
-        It fades out over an octave, as it would ring around all lamps otherwise.
-        """
-        result = np.zeros(((order + 1) ** 2, 3))
-        known = self.wrong[: len(result)]
-        degree = degrees(order_of(len(known)))
-        part = np.maximum(2 * degree / (degree[-1] + 1) - 1, 0.0)
-        result[: len(known)] = known * np.cos(np.pi / 2 * part)[:, None] ** 2
-        return result
-
-    def lit_at(self, center: Center, at: tuple[Indices, ...]) -> Array:
-        """Return what lobes reflect of them at some of the points, in the units of lobes."""
-        if center not in self._known:
-            normals, views = np.broadcast_arrays(*points(center))
-            normals, views = normals[at], views[at]
-            self._known[center] = 2 * np.pi * self.radiance(normals, views) @ LUMINANCE
-        return self._known[center]
-
-    @cached_property
-    def visible(self) -> Array:
-        """The luminance of what is reflected of them at all `visible_pairs`, shape (n,)."""
-        mirrored, views = visible_pairs()
-        return self.radiance(bisector(mirrored, views), views) @ LUMINANCE
-
-
-lamps_beside: ContextVar[LampsBeside | None] = ContextVar("lamps_beside", default=None)
-"""The lamps together with which maps are judged, where there are any."""
-
-
-@contextmanager
-def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
-    """Count wrong and negative pixels of maps as they are seen together with lamps beside them."""
-    token = lamps_beside.set(lamps)
-    try:
-        yield
-    finally:
-        lamps_beside.reset(token)
-
-
-_PAIRS = 4096
-"""The number of pairs of a mirror direction and a view that are looked at."""
-
-
-@cache
-def visible_pairs(count: int = _PAIRS) -> tuple[Array, Array]:
-    """Return the mirror directions and the views, which are always the same; read-only."""
-    directions = spiral_directions(count)
-    views = directions[scrambled(count)]
-    for each in (directions, views):
-        each.setflags(write=False)
-    return directions, views
-
-
-def _some_points(shape: tuple[int, ...]) -> tuple[tuple[Indices, ...], Array]:
-    """Return the indices of some of the sample points, and the share that each stands for.
-
-    Lamps take long to integrate. Each direction has every third of the views, at one azimuth.
-    """
-    directions, views, azimuths = shape
-    direction = np.arange(directions)[:, None]
-    view = np.arange(views // 3) * 3 + direction % 3
-    shares = sample_views("reflection", views)[1][view]
-    return (direction, view, (direction + view) % azimuths), shares / float(shares.sum())
 
 
 def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | None:
@@ -336,7 +212,7 @@ def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | Non
     # Lobes are those of 2 pi times the BRDF.
     normals, views = (each[::_APART] for each in points(center))
     shown = 2 * np.pi * map_.radiance(normals, views) @ LUMINANCE
-    return _share(lighting, groups, whole[::_APART], shown - whole[::_APART])
+    return share_of_points(lighting, groups, whole[::_APART], shown - whole[::_APART], _APART)
 
 
 def map_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | None:
@@ -349,22 +225,6 @@ def map_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | None:
 def _light_of(expansions: Sequence[Expansion]) -> Lighting:
     """Return the light that suffices for all terms."""
     return max((each.lighting for each in expansions), key=lambda each: each.order)
-
-
-def _share(lighting: Lighting, groups: Sequence[Lobes], whole: Array, error: Array) -> float:
-    """Return the share of points at which the error is too large."""
-    limit = WRONG * np.maximum(whole, SEEN_FLOOR * _mean(lighting.coefficients[:1], groups))
-    shares = sample_views(groups[0].center, error.shape[1])[1]
-    return float((np.abs(error) > limit).mean(axis=(0, 2)) @ shares)
-
-
-def _mean(first: Array, groups: Sequence[Lobes]) -> float:
-    """Return the mean luminance of all pixels, for the light's coefficients of degree 0, (1, 3)."""
-    # Only degree 0 has a mean over all central directions.
-    light = first * LUMINANCE
-    means = sum(each.whole[0, 0].real * light[0] for each in groups).sum(axis=-1)
-    views = max(each.whole.shape[2] for each in groups)
-    return float(np.sum(means * sample_views(groups[0].center, views)[1]))
 
 
 def _lobes_of(expansion: Expansion) -> Lobes:

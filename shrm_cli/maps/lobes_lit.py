@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, Memo
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import bisector, from_angles, local_frame
-from shrm_cli.sphere.harmonics import complex_from_real
+from shrm_cli.sphere.directions import bisector, from_angles, local_frame, normalize
+from shrm_cli.sphere.harmonics import complex_from_real, degrees
 from shrm_cli.sphere.wigner import small_d_degrees
-from shrm_cli.vocabulary import WRONG, Center
+from shrm_cli.vocabulary import LUMINANCE, WRONG, Center
 
 ComplexArray = NDArray[np.complexfloating]
 
@@ -210,6 +210,35 @@ def points(center: Center) -> tuple[Array, Array]:
     views = np.einsum("...ij,...j->...i", frames, local)
     centers = np.broadcast_to(frames[..., 2], views.shape)
     return (bisector(centers, views) if center == "reflection" else centers), views
+
+
+def tangents(center: Center) -> Array:
+    """Return the tangents of surfaces at the `points`, shape (directions, views, azimuths, 3).
+
+    The azimuths of the views from them are those of `sample_tangents`.
+    """
+    normals, views = points(center)
+    heights = np.sum(normals * views, axis=-1, keepdims=True)
+    towards = normalize(views - heights * normals)
+    azimuth = sample_tangents(views.shape[1])[:, None, None]
+    return np.asarray(np.cos(azimuth) * towards - np.sin(azimuth) * np.cross(normals, towards))
+
+
+def reflected(lobes: Lobes, light: Array, center: Center) -> Array:
+    """Return the luminance of what lobes reflect of some light, at all `points` about a center.
+
+    `light`, of shape (n, 3), are its coefficients, world axes. They fade out over all degrees of
+    the lobes. Degrees that end within an octave ring around lamps: at night, at 192 degrees, 12 %
+    of the points were said to be wrong for what discs change in GGX of roughness .1, and none is.
+    """
+    fading = np.cos(np.pi / 2 * degrees(lobes.order) / (lobes.order + 1)) ** 4
+    faded = np.zeros((len(fading), 3))
+    known = light[: len(faded)]
+    faded[: len(known)] = known * fading[: len(known), None]
+    if lobes.center != center:
+        lobes = lobes.recentered(len(sample_views(center)[0]))
+    whole, _ = lit(faded * LUMINANCE, [lobes])
+    return whole
 
 
 def together(lobes: Iterable[Lobes]) -> list[Lobes]:

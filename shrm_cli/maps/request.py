@@ -332,7 +332,10 @@ def negative_share(map_: Map, truth: Truth | None = None) -> float:
 
     Returns it in 0 .. 1, to about 0.001 where it is small.
     """
-    from shrm_cli.maps.expansion import lamps_beside, visible_pairs  # maps of light alone need none
+    from shrm_cli.maps.wrong_pixels import (  # maps of light alone need none
+        lamps_beside,
+        visible_pairs,
+    )
 
     mirrored, views = visible_pairs()
     shown = map_.shaded().rough_radiance(mirrored, views) @ LUMINANCE

@@ -356,5 +356,7 @@ def is_worth_lamps(found: Candidate[Any], whole: Candidate[Any], goal: Goal, is_
     if found.keeps(goal):
         return is_far_smaller or not is_kept
     times = found.badness(goal) / whole.badness(goal)
-    is_better = found.bytes <= policy.WORTH_LAMPS * whole.bytes and times < 1
-    return not is_kept and (is_better or (is_far_smaller and times <= policy.MISSED))
+    is_better = times < 1 and found.bytes <= policy.WORTH_LAMPS * whole.bytes
+    is_far_better = times <= policy.FAR_LESS_WRONG
+    is_as_good = times <= policy.MISSED and is_far_smaller
+    return not is_kept and (is_better or is_far_better or is_as_good)

@@ -8,9 +8,9 @@ from scipy.special import sph_harm_y
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmWarning
-from shrm_cli.maps.expansion import LampsBeside, beside_lamps, wrong_share
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.lobes_lit import Lobes, lit, points, sample_views
+from shrm_cli.maps.wrong_pixels import LampsBeside, beside_lamps, wrong_share
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.probe.open import open_probe
@@ -203,14 +203,17 @@ def test_lamps_beside_a_map_hide_its_errors_and_have_their_own():
     whole = np.ones((1, 2, 1, 1))
     lobes = Lobes(whole, 0.5 * whole * [[[0]], [[1]]])
 
-    def beside(wrong, light):
-        with beside_lamps(LampsBeside(np.zeros(3), wrong, light)):
-            return wrong_share(lighting, [lobes])
+    own = np.pad(whole, ((0, 0), (0, 98), (0, 0), (0, 0)))  # what is wrong fades out over these
+    own = Lobes(own, np.zeros_like(own))
 
-    def none(normals, views):
+    def beside(wrong, light, map_lobes=lobes):
+        with beside_lamps(LampsBeside(np.zeros(3), wrong, light, own)):
+            return wrong_share(lighting, [map_lobes])
+
+    def none(normals, tangents, views):
         return np.zeros(normals.shape)
 
-    def above(normals, views):
+    def above(normals, tangents, views):
         """Much light on the half of the pixels that is seen from above."""
         return 1e3 * (views[..., 2:] > 0) * np.ones(3)
 
@@ -218,7 +221,12 @@ def test_lamps_beside_a_map_hide_its_errors_and_have_their_own():
     assert beside(nothing, none) == pytest.approx(alone, abs=0.01)
     assert beside(nothing, above) == pytest.approx(alone / 2, abs=0.02)
     # What the map has too little of degree 1, its lamps have too much.
-    assert beside(-0.5 * lighting.coefficients * [[0], [1], [1], [1]], none) == 0
+    wrong = -0.5 * lighting.coefficients * [[0], [1], [1], [1]]
+    assert beside(wrong, none) == 0
+    # A map of degree 0 misses nothing of its own, and tells nothing of degree 1.
+    even = Lobes(np.ones((1, 1, 1, 1)), np.zeros((1, 1, 1, 1)))
+    assert beside(nothing, none, even) == 0
+    assert beside(wrong, none, even) == pytest.approx(alone, abs=0.1)
 
 
 def squared_cosine(center, angles):

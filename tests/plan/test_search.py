@@ -394,11 +394,13 @@ def test_both_errors_are_judged():
         (0.09, 0.9, True, True),
         (0.11, 0.9, True, False),
         (0.09, 1.01, True, False),
-        # Where it does not, whatever keeps it; else what misses less in half of the bytes, or as
-        # much in a tenth of them.
+        # Where it does not, whatever keeps it; else what misses half as much, or less in half of
+        # the bytes, or as much in a tenth of them.
         (0.99, 0.9, False, True),
         (0.49, 1.9, False, True),
         (0.51, 1.9, False, False),
+        (9.0, 1.01, False, False),
+        (9.0, 0.99, False, True),
         (0.49, 2.1, False, False),
         (0.09, 2.1, False, True),
         (0.11, 2.1, False, False),

@@ -139,33 +139,6 @@ class BrushedSpectrum(Spectrum):
         by_wave[squares <= _LEFT_OUT * squares.sum(axis=1, keepdims=True) / len(self.waves)] = 0.0
         return made
 
-    @property
-    def view_count(self) -> int:
-        """The number of nodes of theta_o for each azimuth."""
-        return len(self.weights) // (2 * len(self._azimuths.angles))
-
-    def parts_near(
-        self, nodes: NDArray[np.intp], azimuths: Array
-    ) -> tuple[NDArray[np.intp], Array]:
-        """Return the nodes of the nearest azimuths.
-
-        `nodes`, of shape (n,), are those of theta_o. `azimuths`, of shape (n,), are radians in 0 ..
-        2 pi.
-
-        Returns `nodes` of shape (2n,), all real parts, then all imaginary ones; and `signs` of
-        shape (n,), what the imaginary parts are multiplied with: -1 in mirror images.
-        """
-        known = self._azimuths
-        step, turn = np.round(azimuths / (np.pi / 2 / known.steps)), 4 * known.steps
-        place, signs = step.astype(np.intp) % turn, np.ones(len(nodes))
-        if known.is_mirrored:
-            place = place % (turn // 2)
-            is_image = place > known.steps
-            place, signs = np.where(is_image, turn // 2 - place, place), np.where(is_image, -1.0, 1)
-        place = place % len(known.angles)
-        first = place * self.view_count + nodes
-        return np.append(first, first + len(self.weights) // 2), signs
-
     def _tabulated(self, q: int, functions: Array) -> Array:
         theta_o = np.unique(self.transfer.theta_o[self.weights > 0])
         by_wave = self._azimuths.analysis(self.waves)

@@ -18,10 +18,9 @@ from shrm_cli.brdf.brushed_transfer import FEWEST_STEPS, compute_brushed_transfe
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.coupling import bundle_coefficients
-from shrm_cli.maps.expansion import wrong_share
 from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.joint import brightness
-from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views
+from shrm_cli.maps.lobes_lit import Lobes
 from shrm_cli.maps.principal.brushed import BrushedLobe, BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q
 from shrm_cli.maps.principal.plan import Form, Joint, Planner, Sharing
@@ -41,6 +40,8 @@ from shrm_cli.maps.principal.terms import (
 )
 from shrm_cli.maps.request import Notes, Prefiltered, Request
 from shrm_cli.maps.size import sizes_of, total_error
+from shrm_cli.maps.view_lobes import BetweenNodes
+from shrm_cli.maps.wrong_pixels import wrong_share
 from shrm_cli.orders import Orders
 from shrm_cli.plan.search import Candidate, Rough, Row
 from shrm_cli.probe.lighting import Projection
@@ -318,30 +319,12 @@ def _lobes(planner: Planner, form: Form) -> Lobes:
     energies = np.sum(spectrum.light * spectrum.known, axis=1)
     beyond = planner.visible_beyond(energies)
     order = last_visible(beyond)
-    # Lobes are taken between the nodes on both sides of each view.
-    angles, _ = sample_views(spectrum.center)
-    theta_o = transfer.theta_o
-    if isinstance(spectrum, BrushedSpectrum):
-        theta_o = theta_o[: spectrum.view_count]
-    after = np.clip(np.searchsorted(theta_o, angles), 1, len(theta_o) - 1)
-    low, high = theta_o[after - 1], theta_o[after]
-    part = np.clip((angles - low) / (high - low), 0.0, 1.0)[:, None]
-    nodes = np.concatenate([after - 1, after])
-    signs = None
-    if isinstance(spectrum, BrushedSpectrum):
-        nodes, signs = spectrum.parts_near(nodes, np.tile(sample_tangents(len(angles)), 2))
-
-    def between(values: Array) -> Array:
-        if signs is not None:
-            real, imaginary = np.split(values, 2, axis=-2)
-            values = real + 1j * signs[:, None] * imaginary
-        count = len(angles)
-        return (1 - part) * values[..., :count, :] + part * values[..., count:, :]
-
+    between = BetweenNodes.of(transfer, spectrum.center)
     factors = form.band.factors
-    rest = [spectrum.rest(q, form.counts, factors, nodes) for q in range(transfer.max_q + 1)]
+    orders = range(transfer.max_q + 1)
+    rest = [spectrum.rest(q, form.counts, factors, between.nodes) for q in orders]
     return Lobes(
-        between(transfer.values[:, : order + 1, nodes]),
+        between(transfer.values[:, : order + 1, between.nodes]),
         between(np.stack([each[: order + 1] for each in rest])),
         spectrum.center,
     ).ended(beyond, spectrum.light, planner.aside)

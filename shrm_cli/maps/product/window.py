@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.maps.expansion import visible_pairs
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
+from shrm_cli.maps.wrong_pixels import visible_pairs
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import degrees

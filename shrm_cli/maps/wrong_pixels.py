@@ -1,0 +1,154 @@
+"""The share of what is visible of a map whose luminance is wrong, with the lamps beside it.
+
+A relative RMS error under lamps is that of the lamps' reflections. What people see is how many
+pixels are wrong. So the reflected light is computed with and without what the map leaves out, at
+some central directions and for some views of each, and it is counted where the two differ. The
+light of a map's error is that of the lobes' errors, so that one sum over both tells; see
+`shrm_cli.maps.lobes_lit`.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache, cached_property
+
+import numpy as np
+
+from shrm_cli.arrays import Array, Indices
+from shrm_cli.maps.lobes_lit import Lobes, lit, points, reflected, sample_views, tangents, together
+from shrm_cli.probe.lighting import Lighting
+from shrm_cli.records import record
+from shrm_cli.sphere.directions import bisector, horizontal_tangents
+from shrm_cli.sphere.quadrature import scrambled, spiral_directions
+from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG, Center
+
+
+def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
+    """Return the share of points whose luminance is wrong by more than `WRONG`, in 0 .. 1.
+
+    `lighting` is the light, to at least the order of the lobes. `lobes` are those of each term;
+    they reflect their light at the same points.
+    """
+    if lamps_beside.get() is None and not any(each.error.any() for each in lobes):
+        return 0.0
+    groups = together(lobes)
+    whole, error = lit(lighting.coefficients * LUMINANCE, groups)
+    return share_of_points(lighting, groups, whole, error)
+
+
+def share_of_points(
+    lighting: Lighting, groups: Sequence[Lobes], whole: Array, error: Array, apart: int = 1
+) -> float:
+    """Return the share of points at which the error is too large.
+
+    `whole` and `error`, of shape (directions, views, azimuths), are what `lit` returns for light
+    and lobes; or those of every direction that is so many `apart`.
+    """
+    lamps, center, first = lamps_beside.get(), groups[0].center, lighting.coefficients[:1]
+    if lamps is None:
+        limit = WRONG * np.maximum(whole, SEEN_FLOOR * _mean(first, groups))
+        shares = sample_views(center, error.shape[1])[1]
+        return float((np.abs(error) > limit).mean(axis=(0, 2)) @ shares)
+    shape = points(center)[1][::apart].shape[:-1]
+    at, shares = some_points(shape)
+    lit_by_lamps, wrong = lamps.seen_at(center, (at[0] * apart, *at[1:]))
+    whole, error = (np.broadcast_to(each, shape)[at] for each in (whole, error))
+    floor = SEEN_FLOOR * _mean(first + lamps.first, groups)
+    is_wrong = np.abs(error + wrong) > WRONG * np.maximum(whole + lit_by_lamps, floor)
+    return float(is_wrong.ravel() @ shares.ravel())
+
+
+def some_points(shape: tuple[int, ...]) -> tuple[tuple[Indices, ...], Array]:
+    """Return the indices of some of the sample points, and the share that each stands for.
+
+    Lamps take long to integrate. Each direction has every third of the views, at one azimuth.
+    """
+    directions, views, azimuths = shape
+    direction = np.arange(directions)[:, None]
+    view = np.arange(views // 3) * 3 + direction % 3
+    shares = sample_views("reflection", views)[1][view]
+    return (direction, view, (direction + view) % azimuths), shares / float(shares.sum())
+
+
+def _mean(first: Array, groups: Sequence[Lobes]) -> float:
+    """Return the mean luminance of all pixels, for the light's coefficients of degree 0, (1, 3)."""
+    # Only degree 0 has a mean over all central directions.
+    light = first * LUMINANCE
+    means = sum(each.whole[0, 0].real * light[0] for each in groups).sum(axis=-1)
+    views = max(each.whole.shape[2] for each in groups)
+    return float(np.sum(means * sample_views(groups[0].center, views)[1]))
+
+
+@record(eq=False)
+class LampsBeside:
+    """Lamps beside a map, whose light hides errors of the map, and has errors of its own."""
+
+    flux: Array
+    """The integral of their radiance, shape (3,)."""
+    wrong: Array
+    """The coefficients of what is wrong with it, and not in the map: true light less that of the
+    lamps, (n, 3)."""
+    radiance: Callable[[Array, Array, Array], Array]
+    """From normals, tangents and views to what is reflected of them, shape (..., 3)."""
+    lobes: Lobes
+    """Those of the BRDF, to the degrees of what is wrong. The map may know fewer degrees of the
+    light that is left for it."""
+
+    @property
+    def first(self) -> Array:
+        """Their light's coefficients of degree 0, shape (1, 3)."""
+        return self.flux[None] / np.sqrt(4 * np.pi)
+
+    @cached_property
+    def _known(self) -> dict[object, tuple[Array, Array]]:
+        return {}
+
+    def seen_at(self, center: Center, at: tuple[Indices, ...]) -> tuple[Array, Array]:
+        """Return what lobes reflect of the lamps, and of what is wrong with them.
+
+        Both are luminances in the units of lobes, at some of the `points` about a center.
+        """
+        known = center, at[0].tobytes()
+        if known not in self._known:
+            normals, views = points(center)
+            shape = views.shape[:-1]
+            normals, views = np.broadcast_to(normals, views.shape)[at], views[at]
+            light = self.radiance(normals, tangents(center)[at], views)
+            wrong = np.broadcast_to(reflected(self.lobes, self.wrong, center), shape)
+            self._known[known] = 2 * np.pi * light @ LUMINANCE, wrong[at]
+        return self._known[known]
+
+    @cached_property
+    def visible(self) -> Array:
+        """The luminance of what is reflected of them at all `visible_pairs`, shape (n,)."""
+        mirrored, views = visible_pairs()
+        normals = bisector(mirrored, views)
+        return self.radiance(normals, horizontal_tangents(normals), views) @ LUMINANCE
+
+
+lamps_beside: ContextVar[LampsBeside | None] = ContextVar("lamps_beside", default=None)
+"""The lamps together with which maps are judged, where there are any."""
+
+
+@contextmanager
+def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
+    """Count wrong and negative pixels of maps as they are seen together with lamps beside them."""
+    token = lamps_beside.set(lamps)
+    try:
+        yield
+    finally:
+        lamps_beside.reset(token)
+
+
+_PAIRS = 4096
+"""The number of pairs of a mirror direction and a view that are looked at."""
+
+
+@cache
+def visible_pairs(count: int = _PAIRS) -> tuple[Array, Array]:
+    """Return the mirror directions and the views, which are always the same; read-only."""
+    directions = spiral_directions(count)
+    views = directions[scrambled(count)]
+    for each in (directions, views):
+        each.setflags(write=False)
+    return directions, views
