@@ -246,12 +246,10 @@ class _Change:
 def _changed(split: LampSplit, order: int) -> Array:
     """Return the coefficients of a `_Change`, world axes, shape ((order+1)^2, 3).
 
-    Pixels are discs of their areas, so that a lamp of a single pixel is right. They are expanded in
-    the axes of a lat-long, about whose pole those of a row are alike. Degrees that are finer than
-    the pixels are 0.
+    Pixels are discs of their areas, so that a lamp of a single pixel is right, to degrees that are
+    finer than pixels, too: light that ends at the degrees of coarse ones rings around its lamps.
+    Discs are expanded in the axes of a lat-long, about whose pole those of a row are alike.
     """
-    result = np.zeros(((order + 1) ** 2, 3))
-    order = min(order, split.grid.resolved_order)
     pixels = [
         Disc(direction, radius_of(area), radiance)
         for light in (lamp.light for lamp in split.lamps)
@@ -260,8 +258,7 @@ def _changed(split: LampSplit, order: int) -> Array:
         )
     ]
     found = transform_coefficients(disc_coefficients(pixels, order), AXES.T)
-    result[: len(found)] = found - disc_coefficients(split.discs, order)
-    return result
+    return np.asarray(found - disc_coefficients(split.discs, order))
 
 
 def _fading(order: int, last: int) -> Array:

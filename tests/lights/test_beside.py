@@ -87,10 +87,9 @@ def test_what_discs_change_is_known_to_all_degrees(monkeypatch):
 def test_what_is_wrong_with_discs_is_known_in_world_axes(pixels):
     """It is expanded in others, about which the pixels of a row are alike."""
     found = split_of(pixels, 0.5, 1.0)
-    expected = difference(found.split, found.split.grid.resolved_order)
+    expected = difference(found.split, 192)
     assert np.linalg.norm(expected) > 1
-    np.testing.assert_allclose(found.wrong[: len(expected)], expected, rtol=0, atol=1e-10)
-    assert not found.wrong[len(expected) :].any()
+    np.testing.assert_allclose(found.wrong, expected, rtol=0, atol=1e-9)
 
 
 def difference(split, order):
@@ -147,9 +146,13 @@ def test_what_discs_change_is_seen_though_the_error_is_small(brdf):
     assert seen_beside(by_pixels) <= 1.1 * policy.WRONG_BESIDE * 0.05
 
 
-def test_what_discs_change_does_not_ring_under_sharp_lobes():
-    """At .2 % of the points it is seen. With degrees that end within an octave 7 % were wrong."""
-    assert 0 < seen_beside(split_of(bright_rows(), 0.15, 1.0)) < 0.015
+@pytest.mark.parametrize("rows", [128, 256])
+def test_what_discs_change_does_not_ring_under_sharp_lobes(rows):
+    """At 1 % of the points it is seen, where pixels are coarse, and else at .2 %.
+
+    With degrees that end within an octave 7 % were wrong, or with those of coarse pixels 22 %.
+    """
+    assert 0 < seen_beside(split_of(bright_rows(rows), 0.15, 1.0)) < 0.02
 
 
 def measured(found):
