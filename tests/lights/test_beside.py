@@ -130,10 +130,18 @@ def ceiling(rows=128):
     return pixels
 
 
+def boxes(rows=128):
+    """A room with a window, and a long box of weak light."""
+    pixels = np.full((rows, 2 * rows, 3), 0.15, np.float32)
+    pixels[44:50, 100:125] = 10
+    pixels[50:65, 75:85] = 300
+    return pixels
+
+
 @pytest.mark.parametrize("brdf", ["ggx:roughness=0.4", "ggx:roughness=0.4,anisotropy=0.6"])
 def test_what_discs_change_is_seen_though_the_error_is_small(brdf):
-    """Of all light the ring is little, and discs in its place are seen on much of the ceiling."""
-    brdf, probe = shrm.parse_spec(brdf), shrm.Probe.from_array(ceiling())
+    """Of all light the box is little, and a disc in its place is seen all around it."""
+    brdf, probe = shrm.parse_spec(brdf), shrm.Probe.from_array(boxes())
     by_error = beside.split_for(probe, brdf, Goal(0.05, None))
     assert not by_error.is_held
     expected, found = measured(by_error)
@@ -175,6 +183,17 @@ def seen_beside(found):
     light = project(found.split.residual_probe, 60)
     with beside_lamps(found.lamps):
         return wrong_share(light, [found.lobes.to_order(60)])
+
+
+def test_a_ring_stays_in_the_map():
+    """Four discs give its irradiance, and are bright where its middle is dark."""
+    probe = shrm.Probe.from_array(ceiling())
+    by_irradiance = beside.split_lamps(probe, largest=0.3)
+    assert [len(lamp.discs) for lamp in by_irradiance.lamps] == [3, 4]
+    split = beside.split_for(probe, shrm.parse_spec("ggx:roughness=0.4"), beside.ANY).split
+    assert ([len(lamp.discs) for lamp in split.lamps], split.left) == ([3], 1)
+    ring = probe.image()[:30]
+    np.testing.assert_array_equal(split.residual[:30], ring)
 
 
 def test_larger_boxes_are_lamps_beside_maps_alone():
