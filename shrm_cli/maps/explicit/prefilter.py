@@ -30,7 +30,13 @@ from shrm_cli.maps.shrm.make import (
 )
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
-from shrm_cli.maps.size import choose_size, converted_bytes, largest_f, most_cubes
+from shrm_cli.maps.size import (
+    choose_size,
+    converted_bytes,
+    largest_f,
+    most_cubes,
+    shrm_look_up_error,
+)
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Projection, project
@@ -213,7 +219,12 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
             coefficients.truncated(largest_f(order_p), order_p), brdf.center, info,
             min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
         )  # fmt: skip
-        info = replace(info, added_error=kind.from_shrm(smooth, views).info.added_error)
+        views_error = kind.from_shrm(smooth, views).info.added_error
+        last, seen_p = coefficients.order_f, orders.order_p
+        looked_up = shrm_look_up_error(
+            lighting, coefficients, np.ones((last + 1, seen_p + 1)), seen_p, size, sampling
+        )
+        info = replace(info, added_error=views_error, filter_error=looked_up)
     built = tabulate(kind, integral, brdf.center, info, size, views, sampling)
     return Prefiltered(built, {"error_bound": None, "predicted_wrong_share": None})
 
