@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.color import title_of, xyz_matrix
 from shrm_cli.lights.beside import MUCH, SMALL
-from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
+from shrm_cli.lights.clipping import Plateau, largest_radiance, suspicion
+from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.coarse import fine_probe
@@ -20,7 +21,6 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import report
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import to_azimuth_elevation
-from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
 
@@ -30,16 +30,11 @@ _ORDER = 32
 _LOW, _HIGH = 0.01, 0.999
 """Shares of the sphere between whose luminances the range is."""
 _LEAST_STOP, _BINS_A_STOP, _STOPS = -60, 64, 160
-_PLATEAU, _PLATEAU_OVER_MEAN = 4.0, 4.0
-"""As many pixels of exactly the same largest value, which is the mean times this, are suspected to
-be clipped; pixels count by their areas, because the whole row at a pole is one of them."""
 _LEAST_GREEN = 1e-6
 """Light with less green, over its largest channel, has none: it is what rounding left."""
 _COLDEST, _HOTTEST, _FARTHEST = 1000.0, 25000.0, 0.05
 """Temperatures in kelvin, and the distance from the black body in CIE 1960 u and v, within which a
 correlated colour temperature means something."""
-_MOST_PLATEAU = 0.2
-"""A larger share of the sphere at the maximum is no clipped light, but a constant probe."""
 
 
 @record(eq=False)
@@ -146,7 +141,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     []
     """
     to_xyz = xyz_matrix(probe.chromaticities)
-    gathered = _Gathered(probe.grid, to_xyz[1])
+    gathered = _Gathered(to_xyz[1])
     order = min(_ORDER, probe.grid.resolved_order)
     analysis = probe.grid.analysis(order)
     polar_rows = PolarRows(probe.grid)
@@ -168,10 +163,11 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     found = split_lamps(probe).lamps if lamps and mean.any() else ()
     fine = fine_probe(probe)  # horizons cut large pixels, which are no points
     of_normals = light if fine is probe else project(fine, _ORDER).coefficients
+    pixel = 4 * np.pi / (probe.grid.shape[0] * probe.grid.shape[1])
     whole, stated = 4 * np.pi * float(to_xyz[1] @ mean), probe.chromaticities
     return ProbeStatistics(
         minimum=gathered.low,
-        maximum=gathered.high,
+        maximum=np.array([each.high for each in gathered.plateaus]),
         mean=mean,
         mean_luminance=float(to_xyz[1] @ mean),
         stops=gathered.stops(),
@@ -183,8 +179,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         white_balance=_over_green(mean),
         direction=direction,
         directionality=directionality,
-        # Other images than files, such as arrays, are of floats.
-        clipped=gathered.clipped(mean, getattr(probe.images[0], "largest", None)),
+        clipped=suspicion(gathered.plateaus, pixel, mean, largest_radiance(probe)),
         primaries="not stated; taken for Rec.709" if stated is None else title_of(stated),
         lamps=found[:lamps],
         lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / whole for lamp in found[:lamps]),
@@ -227,16 +222,13 @@ def _direction(luminance: Array) -> tuple[Array, float]:
 class _Gathered:
     """What is gathered of the pixels while they are read: extremes, and a histogram."""
 
-    grid: Grid
     weights_of_channels: Array
     low: Array = field(default_factory=lambda: np.full(3, np.inf))
-    high: Array = field(default_factory=lambda: np.full(3, -np.inf))
     least: float = np.inf
     most: float = 0.0
     histogram: Array = field(default_factory=lambda: np.zeros(_STOPS * _BINS_A_STOP))
-    at_high: Array = field(default_factory=lambda: np.zeros(3))
-    near_high: Array = field(default_factory=lambda: np.zeros(3))
-    """Solid angles of the pixels that have the largest value of a channel, or nearly so."""
+    plateaus: tuple[Plateau, ...] = field(default_factory=lambda: (Plateau(), Plateau(), Plateau()))
+    """Of the channels."""
 
     def add(self, pixels: Array, weights: Array) -> None:
         """Take in a block of rows."""
@@ -245,7 +237,7 @@ class _Gathered:
             plane = pixels[..., channel]
             # Numpy takes several times as long for extremes along two axes of three.
             self.low[channel] = min(self.low[channel], float(plane.min()))
-            self._find_high(channel, plane, areas)
+            self.plateaus[channel].add(plane, areas)
         luminance = pixels @ self.weights_of_channels.astype(pixels.dtype)
         lit = luminance > 0
         if not lit.any():
@@ -258,21 +250,6 @@ class _Gathered:
         np.clip(bins, 0, size - 1, out=bins)
         self.histogram += np.bincount(bins, areas[lit], size)
 
-    def _find_high(self, channel: int, plane: Array, areas: Array) -> None:
-        """Keep the largest value, the area that has it, and the area of what is near to it.
-
-        Brighter blocks make the latter start again, although pixels of earlier ones may be near.
-        """
-        high = float(plane.max())
-        if high > self.high[channel]:
-            self.high[channel] = high
-            self.at_high[channel] = self.near_high[channel] = 0.0
-        most = self.high[channel]
-        if high >= most * (1 - JUST_BELOW):
-            near = plane >= most * (1 - JUST_BELOW)
-            self.near_high[channel] += float(areas[near].sum())
-            self.at_high[channel] += float(areas[near & (plane == most)].sum())
-
     def stops(self) -> float:
         """Stops between two quantiles of the luminance over the sphere, to 1/64."""
         total = np.cumsum(self.histogram)
@@ -284,30 +261,6 @@ class _Gathered:
     def stops_whole(self) -> float:
         """Stops between the least luminance above 0 and the largest."""
         return float(np.log2(self.most / self.least)) if self.most > 0 else 0.0
-
-    def clipped(self, mean: Array, end: Array | None) -> str:
-        """Why the maximum is suspected to be clipped; else "".
-
-        `end` is the radiance of the largest integers, shape (3,). What has it was clipped however
-        large it is.
-        """
-        rows, columns = self.grid.shape
-        pixel = 4 * np.pi / (rows * columns)
-        for channel, (high, area, average) in enumerate(
-            zip(self.high, self.at_high, mean, strict=True)
-        ):
-            name = "RGB"[channel]
-            if high in HALF_LIMITS:
-                return f"{name} reaches {high:g}, the end of half precision"
-            count = area / pixel
-            is_bright = high >= _PLATEAU_OVER_MEAN * average
-            is_bright &= area > self.near_high[channel] - area
-            if end is not None and high == end[channel] and count >= _PLATEAU:
-                where = f"in {area / (4 * np.pi):.2%} of the sphere"
-                return f"{name} reaches {high:g}, the end of its integers, {where}"
-            if is_bright and count >= _PLATEAU and area < _MOST_PLATEAU * 4 * np.pi:
-                return f"{count:.0f} pixels share the maximum {high:.6g} of {name}"
-        return ""
 
 
 def chromaticity(rgb: ArrayLike, primaries: Sequence[float] | None) -> tuple[float, float] | None:

@@ -9,7 +9,7 @@ from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import surface_options
 from shrm_cli.cli.terminal import conclude, echo, progress_bar
-from shrm_cli.cli.types import DIRECTION, Named
+from shrm_cli.cli.types import BYTES, DIRECTION, Named
 from shrm_cli.files.whole import keeping
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions, installed_names
@@ -64,6 +64,11 @@ _plain_options = options.several(
 @click.option(
     "--order-p", type=click.IntRange(0, vocabulary.MAX_ORDER_P),
     help="Order P of the SHRM.  [default: as high as IN has it or determines it]",
+)  # fmt: skip
+@click.option(
+    "--max-size", type=BYTES, metavar="BYTES",
+    help="Most bytes of the map in half precision, where its views or P are not given.  "
+    f"[default: {vocabulary.DEFAULT_MAX_SIZE // 10**6}MB, or those of IN]",
 )  # fmt: skip
 @options.representation_options(_converts)
 @_plain_options
@@ -164,7 +169,10 @@ def _rules(target: str) -> dict[str, usage.Applies]:
     framed = owners(known, "frame")
     rules = {
         "frame": usage.Applies(target in framed, f"with --to {listing(framed, 'or')}"),
-        "order_p": usage.Applies(target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
+        **dict.fromkeys(
+            ("order_p", "max_size"),
+            usage.Applies(target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
+        ),
         "shader": usage.Applies(target == vocabulary.LAYERS, f"with --to {vocabulary.LAYERS}"),
         **dict.fromkeys(
             ("size", "to_orientation", "to_sampling"),

@@ -51,7 +51,7 @@ class Seen(Converted):
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
         path, rows = os.fspath(path), len(self.picture)
-        (picture,), told = without_negative(path, [self.picture])
+        (picture,), told = without_negative(path, [self.picture], self.map.against_negatives)
         recipe = {"convert": Path(self.name).name, "to": "latlong", **self.said}
         pixels = write_image(path, picture, precision, _attributes(self.map, recipe, self.sampling))
         result = {
@@ -118,7 +118,7 @@ class Mips(Converted):
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
         path = os.fspath(path)
-        levels, told = without_negative(path, list(self.levels))
+        levels, told = without_negative(path, self.levels, self.map.against_negatives)
         recipe = {
             "convert": Path(self.name).name, "to": self.layout, "roughness": self.roughness
         }  # fmt: skip

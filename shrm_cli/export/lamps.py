@@ -49,15 +49,17 @@ def better_cures(made: Package, probe: Probe, engine: Engine) -> list[str]:
     if not np.isfinite(made.limit):
         return made.warnings
     split = split_lamps(probe, count=engine.lamps or LAMP_COUNT)
-    residual = split.residual
-    if not split.discs or residual.max() > made.limit:
+    left = float(split.residual.max())
+    if not split.discs or left > made.limit:
         return made.warnings
-    pixels, weights = probe.image(), probe.grid.weights()[..., None]
-    lost = (np.maximum(pixels - made.limit, 0) * weights).sum() / (pixels * weights).sum()
+    whole = lost = 0.0
+    for _, pixels, weights in probe.blocks():  # arrays of all pixels would be large
+        whole += float((pixels * weights[..., None]).sum())
+        lost += float((np.maximum(pixels - made.limit, 0) * weights[..., None]).sum())
     how = "`sun` split" if engine.lamps else "shrm sun, and make lights of them"
     cure = (
-        f"take the lamps out with {how}, which leaves {residual.max():.3g} at most, or dim them "
-        f"with `clamp`, which loses {lost:.1%} of the light"
+        f"take the lamps out with {how}, which leaves {left:.3g} at most, or dim them "
+        f"with `clamp`, which loses {lost / whole:.1%} of the light"
     )
     return [line.replace(CURE, cure) for line in made.warnings]
 

@@ -317,9 +317,9 @@ def gather(source: Source, engine: Engine, asked: Asked) -> tuple[Light, list[st
     if itself is not None:
         light = _with_images(light, itself, engine, asked)
     if asked.safe and engine.sampler is not None and light.latlong is not None:
-        image, line = tamed(light.latlong, engine.sampler)
+        image, lines = tamed(light.latlong, engine.sampler)
         light = replace(light, latlong=image)
-        told = [*told, line, engine.sampler.told()]
+        told = [*told, *lines]
     if asked.table:
         light = replace(light, table=environment_table(TABLE_SIZE))
     return light, [*colors, *told], warnings

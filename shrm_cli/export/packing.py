@@ -17,7 +17,7 @@ from shrm_cli.vocabulary import ENGINES
 MAX_ERROR = 0.03
 """The error that ``auto`` keeps where none is given."""
 MAX_LAMP = 0.02
-"""The most that the default texels of an engine may change a lamp, where others are spare."""
+"""The most that the default texels of an engine may change a lamp that spare ones keep."""
 
 
 def refuse_missing(name: str | None) -> None:
@@ -30,24 +30,41 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
     """Return the files of an engine, with texels that keep an error.
 
     `name` is that of the texels, or ``auto``; by default the engine's own, and its spare ones for
-    light whose lamps these change.
+    light of which these alone lose lamps.
     """
     limit = MAX_ERROR if name == "auto" and max_error is None else max_error
     names = _candidates(engine, name)
+    if limit is None:
+        return _usual(engine, light, names)
     passed: list[str] = []
     for each in names:
         made = _pack(engine, light, ALL[each])
-        if limit is None:
-            worst = max(made.losses, key=lambda found: found.lamp, default=None)
-            is_kept = worst is None or worst.lamp <= MAX_LAMP or each == names[-1]
-        else:
-            worst = max(made.losses, key=lambda found: found.worst, default=None)
-            is_kept = worst is None or worst.worst <= limit
-        if worst is None or is_kept:
-            made.told += passed
+        worst = max(made.losses, key=lambda found: found.worst, default=None)
+        if worst is None or worst.worst <= limit:
+            if passed:
+                made.told.append(f"{'; '.join(passed)}; {each} was written instead")
             return made
         passed.append(_excess(each, worst))
     raise ArgumentError("max_error", f"{limit:g} is not kept: {'; '.join(passed)}")
+
+
+def _usual(engine: Engine, light: Light, names: list[str]) -> Package:
+    """Return the files with the first texels, or with the spare ones where these keep more lamps.
+
+    What is beyond the range of both, both lose.
+    """
+    made = _pack(engine, light, ALL[names[0]])
+    for spare in names[1:]:
+        if all(each.lamp <= MAX_LAMP for each in made.losses):
+            break
+        other = _pack(engine, light, ALL[spare])
+        pairs = zip(made.losses, other.losses, strict=False)
+        mended = [lost for lost, kept in pairs if lost.lamp > MAX_LAMP >= kept.lamp]
+        if mended:
+            worst = max(mended, key=lambda found: found.lamp)
+            other.told.append(f"{_excess(names[0], worst)}; {spare} was written instead")
+            return other
+    return made
 
 
 def _pack(engine: Engine, light: Light, texels: TexelFormat) -> Package:

@@ -53,13 +53,13 @@ class Sampler:
         )
 
 
-def tamed(image: Array, sampler: Sampler) -> tuple[Array, str]:
+def tamed(image: Array, sampler: Sampler) -> tuple[Array, list[str]]:
     """Spread the lamps of a panorama that are smaller than the discs of a sampler.
 
     `image` is of shape (N, 2 N, 3).
 
     Returns `image`, the same light, with the same sum over solid angles; and `told`, how many lamps
-    were spread, and what part of the light they are.
+    were spread, what part of the light they are, and what the engine makes of one.
     """
     pixels = SpherePixels(LatLong(image.shape[0]))
     flat = np.array(image, dtype=float).reshape(-1, 3)
@@ -81,7 +81,9 @@ def tamed(image: Array, sampler: Sampler) -> tuple[Array, str]:
         flat[disc] += own @ excess / areas[disc].sum()
         count += 1
         moved += weights.sum() / light
+    size = f"a radius of {np.degrees(radius):.2g} degrees"
+    if not count:
+        return flat.reshape(image.shape), [f"no lamp is spread, as none is smaller than {size}"]
     lamps = "1 lamp is" if count == 1 else f"{count} lamps are"
-    told = f"{lamps} spread over a radius of {np.degrees(radius):.2g} degrees: "
-    told += f"{moved:.1%} of the light"
-    return flat.reshape(image.shape), told
+    told = f"{lamps} spread over {size}: {moved:.1%} of the light"
+    return flat.reshape(image.shape), [told, sampler.told()]

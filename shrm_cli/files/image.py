@@ -68,11 +68,11 @@ def probe_attributes(
 
 
 def without_negative(
-    path: str | os.PathLike[str], images: Sequence[Array]
+    path: str | os.PathLike[str], images: Sequence[Array], cure: str
 ) -> tuple[list[Array], list[str]]:
     """Set negative values to 0, which programs that read plain images do not expect.
 
-    `images` are each of shape (H, W, 3).
+    `images` are each of shape (H, W, 3). `cure` is what leaves fewer in maps that are made anew.
 
     Returns `images`; and `warnings`, one, with the number of pixels and the least value, where
     there were any.
@@ -83,8 +83,8 @@ def without_negative(
     total = sum(image.shape[0] * image.shape[1] for image in images)
     least = min(float(image.min()) for image in images)
     line = (
-        f"{os.fspath(path)}: {below:,} of {total:,} pixels were negative (least {least:.3g}) and "
-        "are 0 now; more orders, or `to` principal, leave fewer"
+        f"{os.fspath(path)}: {below:,} of {total:,} pixels were negative (least {least:.3g}), "
+        f"mostly beside lamps, and are 0 now; for fewer make the map anew and {cure}"
     )
     return [np.maximum(image, 0) for image in images], [line]
 

@@ -14,14 +14,6 @@ from shrm_cli.sphere.directions import normalize, to_azimuth_elevation
 
 _SHAPE = 0.25
 """Pixels brighter than this part of the typical brightness tell a lamp's shape."""
-_CLIPPED = 4
-"""As many pixels of exactly the same largest value are suspected to be clipped."""
-_FAR_BELOW = 0.5
-"""A channel whose maximum is below this part of the largest one is not clipped."""
-HALF_LIMITS = (65504.0, 65535.0, 65536.0)
-"""The largest number of half precision, and what programs round it to."""
-JUST_BELOW = 1 / 64
-"""A plateau has more pixels than are within this part of its value below it."""
 _LONG, _PIXELS_LONGER = 1.5, 2.0
 """A lamp is called elongated if its length is its width times this, and as many pixels more."""
 
@@ -185,23 +177,3 @@ def disc_facts(disc: Disc) -> dict[str, Any]:
         "irradiance": disc.irradiance.tolist(),
         "radiance": disc.radiance.tolist(),
     }
-
-
-def clipping(radiance: Array) -> str:
-    """Why the maximum of some pixels, shape (n, 3), is suspected to be clipped; else "".
-
-    Where light was cut off, more pixels have exactly the largest value than are just below it. A
-    lamp with such a plateau may also be one that a program made with the same radiance everywhere.
-    All channels are cut off at about the same number, so that those far below are not looked at.
-    """
-    highest = radiance.max(axis=0)
-    for name, values, high in zip("RGB", radiance.T, highest, strict=True):
-        if high < _FAR_BELOW * highest.max():
-            continue
-        if high in HALF_LIMITS:
-            return f"{name} reaches {high:g}, the end of half precision"
-        count = int((values == high).sum())
-        below = int((values >= high * (1 - JUST_BELOW)).sum()) - count
-        if high > 0 and count >= _CLIPPED and count > below:
-            return f"{count} pixels share the maximum {high:.6g} of {name}"
-    return ""

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, slices
-from shrm_cli.lights.lamp import Lamp, Light, clipping, disc_of
+from shrm_cli.lights.clipping import clipping, largest_radiance
+from shrm_cli.lights.lamp import Lamp, Light, disc_of
 from shrm_cli.lights.pixels import Indices, SpherePixels, near
 from shrm_cli.lights.search import LARGEST, find_regions
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
@@ -137,6 +138,7 @@ class _Candidate:
     light: Light
     level: float
     source: Array
+    areas: Array
     filled: "Filled"
     order: int
     parts: list[Light] = field(default_factory=list)
@@ -221,14 +223,16 @@ def split_lamps(
             pixels.areas(filled.numbers),
         )  # fmt: skip
         if light.flux.sum() > 0:
-            source = flat[region.numbers]
-            candidates.append(_Candidate(light, region.level, source, filled, order))
+            source, areas = flat[region.numbers], pixels.areas(region.numbers)
+            candidates.append(_Candidate(light, region.level, source, areas, filled, order))
     radius = None if sun_radius is None else float(np.radians(sun_radius))
     chosen = _fitted(candidates, error * scale, radius)
+    ends = largest_radiance(probe)
     lamps = tuple(
         Lamp(
             tuple(each.discs), each.light, each.level, each.source.max(axis=0),
-            clipping(each.source), irradiance_rms(each.wrong) / scale, pixels.pitch,
+            clipping(each.source, each.areas, ends), irradiance_rms(each.wrong) / scale,
+            pixels.pitch,
         )
         for each in chosen
     )  # fmt: skip

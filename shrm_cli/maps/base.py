@@ -418,7 +418,8 @@ class Map(Displayed, ABC):
         size, sampling
             The size and sampling of the cubes, as `resampled` takes them.
         **options
-            ``order_p`` and ``frame`` of an SHRM, and those options of the new representation that
+            ``order_p`` and ``frame`` of an SHRM, ``max_size``, the most bytes in half precision
+            where order or views are not given, and those options of the new representation that
             `shrm convert` takes.
 
         Raises

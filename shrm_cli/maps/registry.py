@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 _EXPLICIT_TAKES = (BRDF_ARGUMENTS | CUBE_ARGUMENTS) - {"frame"}
 _SLICES = Option(
     "slices", kind="integer", limits=(1, 1024), metavar="T", converts=True,
-    help="Angles theta_o of a kautz-mccool map.  [default: 10 P]",
+    help="Angles theta_o of a kautz-mccool map.  [default: 10 P, as far as they fit]",
 )  # fmt: skip
 _VIEWS = Option(
     "views", kind="integer", limits=(1, 128), metavar="T", converts=True,
-    help="A lightfield has T x T views.  [default: 10 P]",
+    help="A lightfield has T x T views.  [default: 10 P, as far as they fit]",
 )  # fmt: skip
 _TITLES = {"cabral": "Cabral", "kautz-mccool": "Kautz-McCool", "lightfield": "light field"}
 _OFFERED = ("cabral",)

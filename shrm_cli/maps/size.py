@@ -20,7 +20,7 @@ from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
 from shrm_cli.reflected import filtering_error, last_visible
 from shrm_cli.sphere.harmonics import degrees
-from shrm_cli.vocabulary import MAX_CUBE_SIZE, MAX_ORDER_P, Sampling
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, MAX_CUBE_SIZE, MAX_ORDER_P, Sampling
 
 MAX_VALUES = 2**30
 """The most values in the cubes of a map, which take 4 GB as 32-bit floats."""
@@ -95,6 +95,14 @@ def nothing_fits(size: int | None, terms: int = 1) -> ArgumentError:
 def stored_bytes(size: int, cubes: int) -> int:
     """Return the bytes of RGB cubes in half precision, before they are packed."""
     return 6 * size**2 * cubes * _BYTES_A_TEXEL
+
+
+def converted_bytes(size: int, cubes: int, max_size: int | None) -> int:
+    """Return the most bytes of what a map of so many cubes becomes, where its form is not given.
+
+    They are `max_size`; by default those that all maps may have, or that the map itself has.
+    """
+    return max(DEFAULT_MAX_SIZE, stored_bytes(size, cubes)) if max_size is None else max_size
 
 
 def most_cubes(size: int, max_size: int) -> int:

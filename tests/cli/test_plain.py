@@ -9,6 +9,7 @@ import pytest
 
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.kinds import LightMap
+from shrm_cli.prefilter import prefilter
 from tests import oracles
 from tests.cli.helpers import assert_refused, done, polynomial_light, run, write_exr
 from tests.render.materials import under_random_light
@@ -118,8 +119,22 @@ def test_negative_light_is_told_and_left_out(tmp_path):
     result = run("convert", tmp_path / "m.exr", *arguments)
     assert result.code == 0
     assert "of 512 pixels were negative (least -" in result.err
+    assert "make the map anew and take --to auto without --eps or orders" in result.err
     assert len(result.err.splitlines()) == 1
     assert picture(tmp_path / "o.exr").min() == 0
+
+
+def test_what_helps_against_negative_light_is_that_of_the_map(tmp_path):
+    """Principal maps were said to leave less of it, also to those who had made one."""
+    image = np.zeros((32, 64, 3), np.float32)
+    image[10, 20] = 1e4
+    brdf = "phong:exponent=16"
+    prefilter(image, brdf, to="principal", eps=0.1, sun="keep").save(tmp_path / "m.exr")
+    arguments = ("--to", "latlong", "--view", "0,0", "--size", 16, "-o", tmp_path / "o.exr")
+    result = run("convert", tmp_path / "m.exr", *arguments)
+    assert "of 512 pixels were negative (least -" in result.err
+    assert "mostly beside lamps" in result.err
+    assert result.err.strip().endswith("make the map anew and dim them by --clamp")
 
 
 def test_product_textures_with_light_and_without(tmp_path):

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import shrm_cli as shrm
+from shrm_cli.maps import size
+from shrm_cli.maps.size import stored_bytes
 from tests.maps.scenes import make_shrm
 from tests.probe.scenes import latlong
 
@@ -48,6 +50,36 @@ def test_a_map_that_is_no_file(tmp_path):
     turned = shrm.convert(source, "latlong", view=(30.0, 10.0), by="normal", size=8)
     assert turned.picture.shape == (8, 16, 3)
     assert turned.save(tmp_path / "seen.exr").result["view"] == [30.0, 10.0]
+
+
+def test_maps_do_not_grow_beyond_the_bytes_that_all_may_have():
+    """A light field of P = 8 has 6,400 cubes by itself, 1.1 GB of them where a lamp needs 48."""
+    source = make_shrm(3, 2, size=64)  # 10 P are 20 x 20 views of 147 kB, which are 59 MB
+    assert shrm.convert(source, "lightfield").map.count == 14**2
+    assert shrm.convert(source, "lightfield", max_size=10**7).map.count == 8**2
+    assert shrm.convert(source, "lightfield", views=15).map.count == 15**2
+    assert shrm.convert(source, "lightfield", size=16).map.count == 20**2
+    with pytest.raises(shrm.ArgumentError, match="10 MB does not hold 225 cubes"):
+        shrm.convert(source, "lightfield", views=15, max_size=10**7)
+    with pytest.raises(shrm.ArgumentError, match="1 MB does not hold 12 cubes"):
+        shrm.convert(source, "cabral", max_size=10**6)
+    assert shrm.convert(source, "kautz-mccool", max_size=10**6).map.count == 6
+
+
+def test_shrms_of_maps_have_the_orders_that_fit(monkeypatch):
+    """That of principal functions has 81 coefficients by itself."""
+    source = shrm.prefilter(latlong(16), "microfacet:sigma=0.3", to="principal", size=8)
+    whole = shrm.convert(source, "shrm").map
+    assert whole.order_p == 8
+    bound = stored_bytes(8, 30)
+    small = shrm.convert(source, "shrm", max_size=bound).map
+    assert small.order_p == 4
+    assert small.info.added_error > whole.info.added_error
+    monkeypatch.setattr(size, "DEFAULT_MAX_SIZE", bound)
+    assert shrm.convert(source, "shrm").map.order_p == 4
+    assert shrm.convert(whole, "shrm", frame="local").map.order_p == 8  # which is no larger
+    with pytest.raises(shrm.ArgumentError, match="does not hold 81 cubes"):
+        shrm.convert(source, "shrm", order_p=8, max_size=bound)
 
 
 @pytest.mark.parametrize(

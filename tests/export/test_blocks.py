@@ -339,7 +339,8 @@ def test_what_changes_light_too_much_is_refused_or_passed_over(rng):
     with pytest.raises(ArgumentError, match=r"0\.02 is not kept: bc6h changes level 0 by"):
         packed(bevy, light, "bc6h", 0.02)
     chosen = packed(bevy, light, "auto", 0.02)
-    assert any(line.startswith("bc6h changes level 0 by") for line in chosen.told)
+    (line,) = [line for line in chosen.told if line.startswith("bc6h changes level 0 by")]
+    assert line.endswith("; rgb9e5 was written instead")
     (found,) = chosen.losses
     assert 1e-4 < found.worst < 0.01
     lenient = packed(bevy, light, "auto", 10.0)
@@ -358,8 +359,25 @@ def test_lamps_that_the_default_would_change_get_texels_that_do_not(rng, spread)
     is_spare = spread == 1
     names = {file.name for file in chosen.files}
     assert ("shrm-environment.js" in names) == is_spare
-    assert any(line.startswith("uastc changes level 0 by") for line in chosen.told) == is_spare
+    lines = [line for line in chosen.told if line.startswith("uastc changes level 0 by")]
+    assert [line[-29:] for line in lines] == ["; rgba16f was written instead"] * is_spare
     (lost,) = packed(three, light, "uastc", None).losses
     assert (lost.lamp > 0.02) == is_spare
     with pytest.raises(ArgumentError, match="rgba16f changes level 0 by"):
         packed(three, light, None, 1e-6)
+
+
+def test_spare_texels_are_taken_where_they_keep_what_the_default_loses(rng):
+    """A lamp beyond half precision is lost by both; a lamp of noise in another level by one."""
+    level = np.full((6 * 64, 64, 3), 0.01)
+    level[20, 20] = 1e6
+    noise = np.full((6 * 32, 32, 3), 0.01)
+    noise[8:16, 8:16] = np.exp(rng.normal(0, 1, (8, 8, 3)))
+    for levels, is_spare in (((level,), False), ((level, noise), True)):
+        light = Light("a", "a.exr", levels=levels, roughness=(0.0, 0.5)[: len(levels)])
+        chosen = packed(engine("three"), light, None, None)
+        assert chosen.losses[0].lamp > 0.9
+        names = {file.name for file in chosen.files}
+        assert ("shrm-environment.js" in names) == is_spare
+        assert any(line.startswith("uastc changes level 1 by") for line in chosen.told) == is_spare
+        assert any("instead" in line for line in chosen.told) == is_spare

@@ -30,7 +30,13 @@ from shrm_cli.maps.shrm.make import (
 )
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
-from shrm_cli.maps.size import choose_size, largest_f
+from shrm_cli.maps.size import (
+    choose_size,
+    converted_bytes,
+    largest_f,
+    most_cubes,
+    shrm_look_up_error,
+)
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Projection, project
@@ -68,13 +74,15 @@ def converted(
     frame: Frame | None = None,
     slices: int | None = None,
     views: int | None = None,
+    max_size: int | None = None,
     **options: Any,
 ) -> Map:
     """Make the map that tabulates another map; see `Map.converted`.
 
     `order_p` is the order P of the SHRM that is tabulated. By default it is the order that the
     source has or determines. A sum of terms is tabulated as it is. `slices` and `views` are the
-    numbers of samples along an axis of the view, as `ExplicitMap.view_count` takes them.
+    numbers of samples along an axis of the view, as `ExplicitMap.view_count` takes them; by default
+    as many as P takes, as far as they fit into `max_size` bytes.
     """
     kind = explicit_kind(to)
     refuse_arguments(f"explicit maps such as {to}", frame=frame, **options)
@@ -82,8 +90,27 @@ def converted(
     is_sum = "+" in source.center
     if isinstance(source, SummedShrm) or (isinstance(source, PrincipalMap) and is_sum):
         refuse_arguments("a sum of terms", order_p=order_p)
+        count = _views_within(kind, source, max(source.info.order_p, 1), count, max_size)
         return tabulate_sum(kind, source, count)
-    return kind.from_shrm(source.to_shrm(order_p, "global"), count)
+    shrm = source.to_shrm(order_p, "global")
+    return kind.from_shrm(shrm, _views_within(kind, source, shrm.order_p, count, max_size))
+
+
+_LEAST_VIEWS = 2
+"""The fewest samples along an axis of the view that are taken to save bytes."""
+
+
+def _views_within(
+    kind: type[ExplicitMap], source: Map, order_p: int, count: int | None, max_size: int | None
+) -> int:
+    """Return the samples along an axis of the view: those that are asked for, or as many as fit."""
+    if count is None:
+        count = kind.default_view_count(order_p)
+        cubes = most_cubes(source.size, converted_bytes(source.size, source.cube_count, max_size))
+        while count > _LEAST_VIEWS and kind.image_count(count) > cubes:
+            count -= 1
+    refuse_large(source.size, kind.image_count(count), max_size)
+    return count
 
 
 def explicit_kind(representation: str) -> type[ExplicitMap]:
@@ -192,7 +219,12 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
             coefficients.truncated(largest_f(order_p), order_p), brdf.center, info,
             min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
         )  # fmt: skip
-        info = replace(info, added_error=kind.from_shrm(smooth, views).info.added_error)
+        views_error = kind.from_shrm(smooth, views).info.added_error
+        last, seen_p = coefficients.order_f, orders.order_p
+        looked_up = shrm_look_up_error(
+            lighting, coefficients, np.ones((last + 1, seen_p + 1)), seen_p, size, sampling
+        )
+        info = replace(info, added_error=views_error, filter_error=looked_up)
     built = tabulate(kind, integral, brdf.center, info, size, views, sampling)
     return Prefiltered(built, {"error_bound": None, "predicted_wrong_share": None})
 

@@ -86,6 +86,7 @@ class Irradiance(FixedMap, ReflectionMap):
     representation = "irradiance"
     center = "normal"
     is_white = True
+    against_negatives = "take `window` auto"
 
     def __post_init__(self) -> None:
         if self.coefficients.shape != ((self.order_f + 1) ** 2, 3):

@@ -248,10 +248,22 @@ def fit_exponent(problem: Problem) -> Array:
     """Fit the exponential to the target itself.
 
     Gauss and Newton's method, damped after Levenberg and Marquardt, starts from the fit in log
-    space, or from a part of it.
+    space, or from a part of it. The target is divided by its mean before, so that exponents of
+    light of any unit are far from the largest one.
+
+    The first column of the rows must be constant, and that of the variances 0.
 
     Returns an array of shape (k,): the coefficients x.
     """
+    mean = float(problem.weights @ problem.target / problem.weights.sum())
+    if mean <= 0:
+        return _fit_exponent(problem)
+    x = _fit_exponent(replace(problem, target=problem.target / mean))
+    x[0] += np.log(mean) / problem.rows[0, 0]
+    return x
+
+
+def _fit_exponent(problem: Problem) -> Array:
     x = _start(problem)
     twice, roots = 2 * problem.variances, np.sqrt(problem.weights)
     value, cost = _evaluate(problem, x)

@@ -3,6 +3,7 @@
 The method is that of section 5.6.2 of Ramamoorthi's thesis.
 """
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -15,9 +16,10 @@ from shrm_cli.maps.shrm.make import (
     centered,
     order_warnings,
     prefilter_shrm,
+    refuse_large,
     sufficient_tolerance,
 )
-from shrm_cli.maps.size import nothing_fits, total_error
+from shrm_cli.maps.size import converted_bytes, most_cubes, nothing_fits, total_error
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -122,11 +124,13 @@ def converted(
     order_p: int | None = None,
     frame: Frame | None = None,
     compress: int | float | None = None,
+    max_size: int | None = None,
     **options: Any,
 ) -> Map:
     """Return the SHRM that another map holds or that fits it best, compressed if that is asked.
 
-    `order_p` is the order P of the SHRM; that of the source by default. `frame` is the frame of the
+    `order_p` is the order P of the SHRM; that of the source by default, or the largest one of at
+    most `max_size` bytes, before it is compressed. `frame` is the frame of the
     SHRM; local by default if the source is a local SHRM, else global. `compress` is how far the
     SHRM is compressed, as `shrm_cli.maps.shrm.shrm.compressed` takes it.
     """
@@ -135,7 +139,13 @@ def converted(
     refuse_arguments("an SHRM", **options)
     is_local = source.representation == to and source.frame == "local"
     own: Frame = "local" if is_local else "global"
-    return compressed(source.to_shrm(order_p, frame or own), compress)
+    found = source.to_shrm(order_p, frame or own)
+    most = converted_bytes(source.size, source.cube_count, max_size)
+    cubes = max(most_cubes(found.size, most), 1)
+    if order_p is None and found.cube_count > cubes:
+        found = source.to_shrm(math.isqrt(cubes) - 1, frame or own)
+    refuse_large(found.size, found.cube_count, max_size)
+    return compressed(found, compress)
 
 
 def report(result: dict[str, Any]) -> list[str]:

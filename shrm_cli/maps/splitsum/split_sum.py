@@ -21,6 +21,7 @@ from shrm_cli.brdf.environment.material_albedo import MaterialAlbedo
 from shrm_cli.brdf.library import parse_recorded
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import BrdfError, MapError
+from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.info import MapInfo, record_of, spec_of
 from shrm_cli.maps.kinds import LightMap, Shaded
 from shrm_cli.maps.splitsum.roughness import blend, level_numbers
@@ -58,6 +59,7 @@ class SplitSum(LightMap):
     record of it, which tells nothing of a class of the user's."""
 
     representation = "splitsum"
+    against_negatives = REMEDY
 
     def __post_init__(self) -> None:
         if not self.level_info:

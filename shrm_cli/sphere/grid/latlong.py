@@ -79,6 +79,8 @@ class LatLong(Grid):
         image[[0, -1]] = image[[0, -1], :-1].mean(axis=1, keepdims=True)
 
     def turned(self, image: Array, matrix: Array) -> Array | None:
+        if (same := super().turned(image, matrix)) is not None:
+            return same
         turn = turn_about_axis(matrix, 2 * self.size, self.sampling)
         if turn is None or turn[0] % 1:
             return None

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.maps.explicit.prefilter import prefilter_angular, prefilter_explicit
 from shrm_cli.maps.request import Request
 from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.cube import cube_solid_angles
 from tests import oracles
 from tests.cli.helpers import polynomial_light, write_exr
@@ -100,3 +102,31 @@ def test_lobes_of_many_orders_are_summed_all_the_same(tmp_path, monkeypatch):
     found = prefilter_angular(probe, asked).map
     np.testing.assert_array_equal(found.images, whole.images)
     assert found.info.added_error == pytest.approx(whole.info.added_error, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "spec", [pytest.param("microfacet:sigma=0.3", marks=pytest.mark.proof), "phong:exponent=8"]
+)
+def test_the_error_of_bilinear_look_ups_is_stated(spec):
+    """Against the same map of texels that are three times as fine, within the faces."""
+    light = polynomial_light(oracles.latlong_pixels(64, 32)).astype(np.float32)
+    probe, brdf = Probe.from_array(light), parse_spec(spec)
+    asked = [Request("cabral", brdf, 0.05, size=size) for size in (6, 18)]
+    coarse, fine = (prefilter_angular(probe, each).map for each in asked)
+    inner = slice(3, 15)
+    places = (np.arange(18)[inner] + 0.5) / 3 - 0.5  # of fine texels, in coarse ones
+    grid = np.meshgrid(places, places, indexing="ij")
+    weights = cube_solid_angles(18)[inner, inner]
+    lost = whole = 0.0
+    for before, after in zip(coarse.images, fine.images, strict=True):
+        for few, many in zip(np.split(before, 6), np.split(after, 6), strict=True):
+            for channel in range(3):
+                seen = map_coordinates(few[..., channel], grid, order=1)
+                truth = many[inner, inner, channel]
+                lost += float((weights * (seen - truth) ** 2).sum())
+                whole += float((weights * truth**2).sum())
+    found = np.sqrt(lost / whole)
+    print(found, coarse.info.filter_error)
+    assert coarse.info.filter_error == pytest.approx(found, rel=0.25)
+    same = prefilter_explicit(probe, asked[0]).map
+    assert coarse.info.filter_error == pytest.approx(same.info.filter_error, rel=0.05)
