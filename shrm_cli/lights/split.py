@@ -102,12 +102,17 @@ class LampSplit:
 
     @property
     def clipped(self) -> list[str]:
-        """A line about each lamp that may be clipped."""
+        """A line about the lamps that may be clipped, if there are any."""
+        numbers = [number for number, lamp in enumerate(self.lamps, 1) if lamp.clipped]
+        if not numbers:
+            return []
+        first, *others = numbers
+        which, whose = f"lamp {first} may be clipped", "its"
+        if others:
+            which, whose = f"{len(numbers)} lamps may be clipped, such as lamp {first}", "their"
         return [
-            f"lamp {number} may be clipped: {lamp.clipped}; its irradiance may be too low, which "
+            f"{which}: {self.lamps[first - 1].clipped}; {whose} irradiance may be too low, which "
             "shrm probe unclip mends by a reading"
-            for number, lamp in enumerate(self.lamps, 1)
-            if lamp.clipped
         ]
 
     @property

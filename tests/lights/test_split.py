@@ -240,6 +240,18 @@ def test_a_plateau_is_suspected_to_be_clipped():
     assert "end of half precision" in split_lamps(Probe.from_array(half)).lamps[0].clipped
 
 
+def test_one_line_tells_of_all_clipped_lamps():
+    pixels = np.full((64, 128, 3), 0.1, np.float32)
+    for column in (20, 60, 100):
+        pixels[20:23, column : column + 3] = 65504
+    split = split_lamps(Probe.from_array(pixels))
+    (line,) = split.clipped
+    assert line.startswith("3 lamps may be clipped, such as lamp 1: R reaches 65504")
+    (line,) = replace(split, lamps=split.lamps[:1]).clipped
+    assert line.startswith("lamp 1 may be clipped: R reaches 65504, the end of half precision; its")
+    assert not replace(split, lamps=()).clipped
+
+
 def test_large_probes_are_searched_in_means(monkeypatch):
     """Against the search in all pixels: the same lamp, and the residual has all pixels."""
     made = probe("latlong", (round_lamp(PLACES["generic"], 4.0), LIGHT))
