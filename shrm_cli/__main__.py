@@ -11,8 +11,9 @@ import signal
 import sys
 from types import FrameType
 
-_GARBAGE = 50_000
-"""The number of new objects after which Python looks for cycles among all objects."""
+_GARBAGE = 100_000
+"""The number of new objects after which Python looks for cycles among all objects; short runs make
+50,000 to 75,000."""
 
 
 def main() -> None:

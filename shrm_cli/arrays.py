@@ -10,6 +10,7 @@ import dataclasses
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
+from functools import reduce
 from typing import Any, TypeVar
 
 import numpy as np
@@ -40,6 +41,14 @@ def kept_order(order: int) -> int:
     order alone, and not on what happens to be kept, so that results do not either.
     """
     return -(-order // _STEP) * _STEP
+
+
+def over_channels(combine: np.ufunc, pixels: NDArray[Any]) -> NDArray[Any]:
+    """Reduce pixels, shape (..., channels), over their channels by a function such as `np.maximum`.
+
+    numpy's own reductions take about ten times as long along an axis of three.
+    """
+    return reduce(combine, np.moveaxis(pixels, -1, 0))
 
 
 class Memo:

@@ -55,14 +55,15 @@ paths for a while have one slash."""
 _URL = re.compile(rf"((?<![A-Za-z0-9+.-]){_START})([^\s\"'<>]*)")
 _AFTER = ".,:;)]}"
 """Signs of the text around a URL, where they end it."""
-_NAMED = re.compile(
+# The next three are compiled where they are used, because few runs have such texts.
+_NAMED = (
     r"(?i)((?:^|[\s?&;,(\"'{])[\"']?(?:x-(?:amz|goog)-(?:signature|credential|security-token)|sig"
     r"|signature|awsaccesskeyid|googleaccessid|key-pair-id|policy|token|access_?token|auth_?token"
     r"|sas_?token|api_?key|passwo?r?d|secret|client_secret)[\"']?\s?[=:]\s?[\"']?)[^\s&;\"'<>,)}]+"
 )
 """Values that let in, in texts that leave out the address that they belong to."""
-_BARE_LOGIN = re.compile(r"[^/\s:'\"]{1,100}:[^/\s'\"]{0,400}@(?=[\w.-])")
-_BARE_QUERY = re.compile(r"\?(?!\.\.\.)[^\s?=]{0,100}=[^\s'\"]*")
+_BARE_LOGIN = r"[^/\s:'\"]{1,100}:[^/\s'\"]{0,400}@(?=[\w.-])"
+_BARE_QUERY = r"\?(?!\.\.\.)[^\s?=]{0,100}=[^\s'\"]*"
 
 
 def is_remote(name: str | os.PathLike[str]) -> bool:
@@ -86,8 +87,8 @@ def shown(text: str) -> str:
 
 def shown_reason(text: str) -> str:
     """Return what a library says of a URL, of which it may have left out any part."""
-    text = _BARE_QUERY.sub("?...", _BARE_LOGIN.sub(f"{_HIDDEN}@", shown(text)))
-    return _NAMED.sub(rf"\1{_HIDDEN}", text)
+    text = re.sub(_BARE_LOGIN, f"{_HIDDEN}@", shown(text))
+    return re.sub(_NAMED, rf"\1{_HIDDEN}", re.sub(_BARE_QUERY, "?...", text))
 
 
 def shown_values(value: Any) -> Any:

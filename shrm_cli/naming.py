@@ -9,9 +9,10 @@ _LONGEST_STEM, _LONGEST_LABEL = 100, 80
 
 File systems take names of 255 bytes, and names of pictures and conversions are longer ones yet.
 """
-_DRIVE = re.compile(r"[A-Za-z]:")
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
-_ON_WINDOWS = re.compile(r'(?i)^(con|prn|aux|nul|com[0-9]|lpt[0-9])(\.|$)|[<>:"|?*]|[. ]$')
+# These are compiled where they are used, because most runs use none of them.
+_DRIVE = r"[A-Za-z]:"
+_CONTROL = r"[\x00-\x1f\x7f-\x9f]"
+_ON_WINDOWS = r'(?i)^(con|prn|aux|nul|com[0-9]|lpt[0-9])(\.|$)|[<>:"|?*]|[. ]$'
 """Names of devices, and those that files cannot have there."""
 _MOST_CODED = 8
 """How often a name may be percent-encoded upon itself."""
@@ -47,13 +48,13 @@ def unsound(part: str) -> str:
         folders = re.split(r"[/\\]", text)
         if {".", ".."} & {folder.strip(" ") for folder in folders}:
             return "it leads out of its folder"
-        if text.startswith("/") or _DRIVE.match(text):
+        if text.startswith("/") or re.match(_DRIVE, text):
             return "it begins at a root or a drive"
         if "\\" in text:
             return "it holds a backslash"
-        if _CONTROL.search(text):
+        if re.search(_CONTROL, text):
             return "it holds a control character"
-        if os.name == "nt" and any(_ON_WINDOWS.search(folder) for folder in folders):
+        if os.name == "nt" and any(re.search(_ON_WINDOWS, folder) for folder in folders):
             return "Windows keeps that name to itself"
     return ""
 

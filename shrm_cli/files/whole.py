@@ -13,7 +13,6 @@ import filecmp
 import os
 import platform
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextvars import ContextVar
 from pathlib import Path
@@ -322,6 +321,8 @@ def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Pat
 
     A process that is killed leaves its folder behind; the next one that makes one there removes it.
     """
+    import tempfile  # slow to load, and rarely needed
+
     try:
         where = Path(tempfile.gettempdir() if inside is None else inside)
         prefix = own_prefix(_NAME)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, over_channels, slices
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -103,8 +103,7 @@ class PolarRows:
             if self._ratios is None or not cap.any():
                 continue
             ratios, areas = (each[start : start + self._count] for each in self._ratios)
-            # Numpy takes several times as long for the maximum along an axis of three.
-            brightest = np.maximum(np.maximum(cap[..., 0], cap[..., 1]), cap[..., 2])
+            brightest = over_channels(np.maximum, cap)
             limit = _limit(brightest, areas / areas.sum())
             if brightest.max() > limit:
                 most = np.maximum(brightest, max(limit, float(np.finfo(np.float32).tiny)))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, over_channels
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.image import ProbeImage, clear_unused, stack_faces
 from shrm_cli.records import record
@@ -78,13 +78,13 @@ class PixelPolicy:
         """
         if pixels.size and pixels.min() < 0:
             below = pixels < 0
-            report.negative += int(np.count_nonzero(below.any(axis=-1)))
+            report.negative += int(np.count_nonzero(over_channels(np.logical_or, below)))
             report.minimum = min(report.minimum, float(pixels.min()))
             pixels = np.where(below, np.float32(0), pixels)
         energy = _energy(pixels, weights)
         report.energy += energy
         if self.clamp is not None:
-            brightest = pixels.max(axis=-1)
+            brightest = over_channels(np.maximum, pixels)
             over = brightest > self.clamp
             if over.any():
                 report.clamped += int(np.count_nonzero(over))
@@ -181,7 +181,7 @@ def fill_nonfinite(
 
 def _finite(pixels: Array) -> NDArray[np.bool_]:
     """Which pixels are finite in every channel."""
-    return np.asarray(np.isfinite(pixels).all(axis=-1))
+    return over_channels(np.logical_and, np.isfinite(pixels))
 
 
 def _energy(pixels: Array, weights: Array) -> float:

@@ -39,7 +39,7 @@ from shrm_cli.sphere.harmonics import (
     order_of,
 )
 from shrm_cli.sphere.quadrature import nodes
-from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_rows
+from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_rows, shared_order
 from shrm_cli.vocabulary import FACES, Sampling
 
 _known_places = Memo(2**20)
@@ -207,7 +207,7 @@ def fourier_matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
 
 def _kept_matrices(count: int) -> Iterator[tuple[slice, slice, slice, Array]]:
     """Yield what `fourier_matrices` returns, transposed, which is kept for the next time."""
-    kept = kept_order(count - 1) + 1
+    kept = shared_order(count - 1) + 1
     for which, above, k, matrices in _known_matrices.get(kept, lambda: fourier_matrices(kept)):
         sizes = (slice(len(range(count)[each])) for each in (which, k, above))
         yield which, above, k, matrices[tuple(sizes)].transpose(0, 2, 1)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array, Memo, kept_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, degrees_and_orders, order_of
-from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_degrees
+from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_degrees, shared_order
 
 _REPEATED_ORDER = 64
 _known_blocks = Memo(2**24)
@@ -407,7 +407,7 @@ class _KnownTurns:
     def up_to(self, order: int) -> list[_WholeTurn]:
         with self._lock:
             if order >= len(self._found):
-                self._found += _right_angle_turns(kept_order(order), len(self._found))
+                self._found += _right_angle_turns(shared_order(order), len(self._found))
         return self._found[: order + 1]
 
 

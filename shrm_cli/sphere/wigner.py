@@ -20,8 +20,16 @@ KEPT_ORDER = 96
 """The largest order to which values at right angles, and what is made of them, are kept."""
 _known_rows = Memo(2**24)
 """Values at right angles of some orders, of which order 96 takes 7 MB."""
+_MORE = 4
+"""Series that many degrees longer than others share what is kept for these. Those of a map have P
+more than its light, which mostly has a multiple of 8 itself."""
 _VALUES_AT_ONCE = 2**22
 """Values at right angles of higher degrees that are computed at a time."""
+
+
+def shared_order(order: int) -> int:
+    """Return the order, at most `KEPT_ORDER`, to which series of some order share what is kept."""
+    return min(kept_order(order + _MORE), KEPT_ORDER)
 
 
 def small_d_degrees(

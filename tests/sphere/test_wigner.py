@@ -3,7 +3,7 @@ from collections import deque
 import numpy as np
 import pytest
 
-from shrm_cli.sphere.wigner import right_angle_degrees, small_d_degrees
+from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_degrees, shared_order, small_d_degrees
 from tests import oracles
 from tests.oracles import EPS, tolerance
 
@@ -191,3 +191,9 @@ def test_right_angles_at_order_512(eigenvectors_512):
     np.testing.assert_allclose(
         quadrant, eigenvectors_512[512:, 512:, at], rtol=0, atol=tolerance(512)
     )
+
+
+def test_maps_share_what_is_kept_of_their_light():
+    for light in range(0, KEPT_ORDER, 8):
+        assert {shared_order(light + p) for p in range(5)} == {min(light + 8, KEPT_ORDER)}
+    assert all(order <= shared_order(order) for order in range(KEPT_ORDER + 1))
