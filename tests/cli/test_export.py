@@ -66,9 +66,15 @@ def test_a_light_goes_into_a_copy_of_a_gltf_file(folder):
 
 
 def test_lamps_are_spread_where_the_engine_filters(folder):
-    out = done("export", "sky.exr", "--for", "godot", "--firefly-safe")
-    assert "spread over a radius of" in out
+    light = np.full((128, 256, 3), 0.5, np.float32)
+    light[30, 40] = 1e4
+    write_exr(folder / "sun.exr", light)
+    out = done("export", "sun.exr", "--for", "godot", "--firefly-safe")
+    assert "1 lamp is spread over a radius of" in out
     assert "% RMS from GGX's lobe at roughness 0.14" in out
+    out = done("export", "sky.exr", "--for", "godot", "--firefly-safe")
+    assert "no lamp is spread, as none is smaller than a radius of" in out
+    assert "roughness 0.14" not in out
     refused = run("export", "sky.exr", "--for", "unreal", "--firefly-safe")
     assert_refused(refused, 2, "--firefly-safe does not apply; Unreal has no sampler that is known")
 
