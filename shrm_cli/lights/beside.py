@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from itertools import compress
 from typing import Any
 
@@ -137,33 +137,12 @@ def split_for(probe: Probe, brdf: Brdf, goal: Goal) -> Beside:
         energy = np.sum([disc.energy for disc in split.discs], axis=0)
         lit = Lighting(disc_coefficients(split.discs, order), energy)
         error = shown.error(brdf) * reflected_rms(lit, transfer) / whole
-    change = _Change(split, order)
-
-    @cache
-    def missed(last: int) -> float:
-        return math.hypot(error, reflected_rms(change.beyond(last), transfer) / whole)
-
-    def suffices(last: int) -> bool:
-        if missed(last) > policy.BESIDE * goal.error:
-            return False
-        if goal.wrong_share is None:
-            return True
-        wrong = reflected(lobes, change.beyond(last).coefficients, lobes.center)
-        share = share_of_points(light, [lobes], seen(), wrong)
-        return share <= policy.WRONG_BESIDE * goal.wrong_share
-
-    @cache
-    def seen() -> Array:
-        return reflected(lobes, light.coefficients, lobes.center)
-
-    enough = next(filter(suffices, _HELD), None)
-    if enough is None and missed(_HELD[-1]) > _FINER * missed(0):
-        enough = 0
-    if enough is None:
-        wrong, lacking = nothing, error
-    else:
-        wrong, lacking = change.beyond(enough).coefficients, missed(enough)
-    rest = change.rest(enough)
+    found = _Reflected(light, transfer, lobes, _Change(split, order), whole, error)
+    enough = found.degrees(goal)
+    wrong, lacking = nothing, error
+    if enough is not None:
+        wrong, lacking = found.change.beyond(enough).coefficients, found.missed(enough)
+    rest = found.change.rest(enough)
     left = min(reflected_rms(project(rest, order), transfer) / whole, 1.0)
     return Beside(split, rest, left, lacking, wrong, shown, lobes, enough != 0)
 
@@ -211,6 +190,53 @@ def _is_like_discs(lamp: Lamp) -> bool:
     """
     own = _of_pixels([lamp], _SHAPE)
     return bool(np.linalg.norm(own - disc_coefficients(lamp.discs, _SHAPE)) < np.linalg.norm(own))
+
+
+@record(eq=False)
+class _Reflected:
+    """What a BRDF reflects of what discs change, which tells how much of that a map has to hold."""
+
+    light: Lighting
+    """All light."""
+    transfer: TransferFunctions
+    lobes: Lobes
+    """Those of the transfer functions."""
+    change: "_Change"
+    whole: float
+    """The RMS of what is reflected of all light."""
+    of_table: float
+    """What a table makes wrong of the lamps' light, in parts of that."""
+
+    def degrees(self, goal: Goal) -> int | None:
+        """Return the last degree of what discs change that a map has to hold; None means all.
+
+        It is 0 where a map holds nothing of it: because discs are good enough, or because what they
+        change is finer than all degrees that are tried.
+        """
+        enough = next((last for last in _HELD if self._suffices(last, goal)), None)
+        if enough is None and self.missed(_HELD[-1]) > _FINER * self.missed(0):
+            return 0
+        return enough
+
+    def missed(self, last: int) -> float:
+        """Return the error of lamps beside a map that holds the degrees up to the last one."""
+        beyond = reflected_rms(self.change.beyond(last), self.transfer) / self.whole
+        return math.hypot(self.of_table, beyond)
+
+    def _suffices(self, last: int, goal: Goal) -> bool:
+        """Tell whether these lamps leave enough of what may be wrong to the map."""
+        if self.missed(last) > policy.BESIDE * goal.error:
+            return False
+        if goal.wrong_share is None:
+            return True
+        wrong = reflected(self.lobes, self.change.beyond(last).coefficients, self.lobes.center)
+        share = share_of_points(self.light, [self.lobes], self._seen, wrong)
+        return share <= policy.WRONG_BESIDE * goal.wrong_share
+
+    @cached_property
+    def _seen(self) -> Array:
+        """The luminance of what is reflected of all light."""
+        return reflected(self.lobes, self.light.coefficients, self.lobes.center)
 
 
 class _Change:
