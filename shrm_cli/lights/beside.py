@@ -27,7 +27,7 @@ from shrm_cli.maps.lobes_lit import Lobes, reflected
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, negative_warnings
 from shrm_cli.maps.view_lobes import whole_lobes
-from shrm_cli.maps.wrong_pixels import LampsBeside, beside_lamps, share_of_points
+from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps, share_of_points
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Goal
 from shrm_cli.probe.coarse import fine_probe
@@ -82,12 +82,10 @@ class Beside:
     error: float
     """What is reflected wrongly beside the map, in the same measure: what discs differ by from the
     lamps' pixels, as far as the rest lacks it, and a table from the BRDF."""
-    wrong: Array
-    """The coefficients of the former, world axes, shape (n, 3)."""
     brdf: Brdf
     """What reflects the discs: the BRDF of the map, or a table of it."""
-    lobes: Lobes | None = None
-    """What the BRDF reflects of that; None where there are no lamps."""
+    lamps: LampsBeside | None = None
+    """The lamps as the wrong pixels of maps are counted beside them, where they light any."""
     is_held: bool = False
     """Whether the rest holds some of what discs differ by from the lamps' pixels."""
 
@@ -95,15 +93,6 @@ class Beside:
     def bytes(self) -> int:
         """The bytes that the file of the map takes for that."""
         return table_bytes(self.brdf)
-
-    @cached_property
-    def lamps(self) -> LampsBeside | None:
-        """The lamps as the wrong pixels of maps are counted beside them, where there are any."""
-        if self.lobes is None:
-            return None
-        flux = sum((lamp.light.flux for lamp in self.split.lamps), np.zeros(3))
-        lit = LitDiscs(self.brdf, self.split.discs)
-        return LampsBeside(flux, self.wrong, lit.brushed_radiance, self.lobes)
 
 
 ANY = Goal(math.inf, None)
@@ -119,32 +108,7 @@ def split_for(probe: Probe, brdf: Brdf, goal: Goal) -> Beside:
     Raises ArgumentError if the BRDF is one whose reflection of discs is not integrated. Raises
     ProbeError if the probe cannot be read.
     """
-    if brdf.center == "tangent":
-        raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")
-    split = split_of(probe)
-    nothing: Array = np.zeros((1, 3))
-    if not split.discs:
-        return Beside(split, probe, 1.0, 0.0, nothing, brdf)
-    transfer = _transfer(brdf)
-    order = transfer.order_f
-    light, lobes = project(probe, order), whole_lobes(transfer, brdf.center)
-    whole = reflected_rms(light, transfer)
-    if whole == 0:
-        return Beside(split, split.residual_probe, 1.0, 0.0, nothing, brdf, lobes)
-    shown, error = brdf, 0.0
-    if bytes_of_table(brdf):
-        shown = LobeTable.of(brdf)
-        energy = np.sum([disc.energy for disc in split.discs], axis=0)
-        lit = Lighting(disc_coefficients(split.discs, order), energy)
-        error = shown.error(brdf) * reflected_rms(lit, transfer) / whole
-    found = _Reflected(light, transfer, lobes, _Change(split, order), whole, error)
-    enough = found.degrees(goal)
-    wrong, lacking = nothing, error
-    if enough is not None:
-        wrong, lacking = found.change.beyond(enough).coefficients, found.missed(enough)
-    rest = found.change.rest(enough)
-    left = min(reflected_rms(project(rest, order), transfer) / whole, 1.0)
-    return Beside(split, rest, left, lacking, wrong, shown, lobes, enough != 0)
+    return next(splits_for(probe, brdf, goal))
 
 
 def splits_for(probe: Probe, brdf: Brdf, goal: Goal) -> Iterator[Beside]:
@@ -152,10 +116,20 @@ def splits_for(probe: Probe, brdf: Brdf, goal: Goal) -> Iterator[Beside]:
 
     What discs differ by from soft boxes may need so many functions that nothing is won.
     """
-    found = split_for(probe, brdf, goal)
+    if brdf.center == "tangent":
+        raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")
+    split = split_of(probe)
+    if not split.discs:
+        yield Beside(split, probe, 1.0, 0.0, brdf)
+        return
+    lit = _Reflected.of(split, brdf)
+    if lit.whole == 0:
+        yield Beside(split, split.residual_probe, 1.0, 0.0, brdf)
+        return
+    found = lit.beside(goal)
     yield found
     if found.is_held:
-        yield split_for(probe, brdf, ANY)
+        yield lit.beside(ANY)
 
 
 def _transfer(brdf: Brdf) -> TransferFunctions:
@@ -202,10 +176,48 @@ class _Reflected:
     lobes: Lobes
     """Those of the transfer functions."""
     change: "_Change"
+    brdf: Brdf
+    """What reflects the discs: the BRDF, or a table of it."""
     whole: float
     """The RMS of what is reflected of all light."""
     of_table: float
     """What a table makes wrong of the lamps' light, in parts of that."""
+
+    @classmethod
+    def of(cls, split: LampSplit, brdf: Brdf) -> "_Reflected":
+        """Return what a BRDF reflects of what the discs of lamps change."""
+        transfer = _transfer(brdf)
+        order = transfer.order_f
+        light, lobes = project(split.probe, order), whole_lobes(transfer, brdf.center)
+        whole = reflected_rms(light, transfer)
+        shown, error = brdf, 0.0
+        if whole > 0 and bytes_of_table(brdf):
+            shown = LobeTable.of(brdf)
+            energy = np.sum([disc.energy for disc in split.discs], axis=0)
+            lit = Lighting(disc_coefficients(split.discs, order), energy)
+            error = shown.error(brdf) * reflected_rms(lit, transfer) / whole
+        return cls(light, transfer, lobes, _Change(split, order), shown, whole, error)
+
+    @cached_property
+    def _lamps(self) -> LampsLit:
+        """The discs, whose light is the same however much of what they change a map holds."""
+        split = self.change.split
+        flux = np.sum([lamp.light.flux for lamp in split.lamps], axis=0)
+        return LampsLit(flux, LitDiscs(self.brdf, split.discs).brushed_radiance)
+
+    def beside(self, goal: Goal) -> Beside:
+        """Return the lamps beside a map, and what the map is made of to keep a goal with them."""
+        enough = self.degrees(goal)
+        wrong: Array = np.zeros((1, 3))
+        lacking = self.of_table
+        if enough is not None:
+            wrong, lacking = self.change.beyond(enough).coefficients, self.missed(enough)
+        rest = self.change.rest(enough)
+        left = reflected_rms(project(rest, self.transfer.order_f), self.transfer) / self.whole
+        return Beside(
+            self.change.split, rest, min(left, 1.0), lacking, self.brdf,
+            LampsBeside(self._lamps, wrong, self.lobes), enough != 0,
+        )  # fmt: skip
 
     def degrees(self, goal: Goal) -> int | None:
         """Return the last degree of what discs change that a map has to hold; None means all.

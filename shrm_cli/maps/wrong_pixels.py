@@ -50,15 +50,16 @@ def share_of_points(
         shares = sample_views(center, error.shape[1])[1]
         return float((np.abs(error) > limit).mean(axis=(0, 2)) @ shares)
     shape = points(center)[1][::apart].shape[:-1]
-    at, shares = some_points(shape)
-    lit_by_lamps, wrong = lamps.seen_at(center, (at[0] * apart, *at[1:]))
-    whole, error = (np.broadcast_to(each, shape)[at] for each in (whole, error))
-    floor = SEEN_FLOOR * _mean(first + lamps.first, groups)
-    is_wrong = np.abs(error + wrong) > WRONG * np.maximum(whole + lit_by_lamps, floor)
+    some, shares = _some_points(shape)
+    whole, error = (np.broadcast_to(each, shape)[some] for each in (whole, error))
+    at = some[0] * apart, *some[1:]
+    whole, error = whole + lamps.lit.seen_at(center, at), error + lamps.wrong_at(center, at)
+    floor = SEEN_FLOOR * _mean(first + lamps.lit.first, groups)
+    is_wrong = np.abs(error) > WRONG * np.maximum(whole, floor)
     return float(is_wrong.ravel() @ shares.ravel())
 
 
-def some_points(shape: tuple[int, ...]) -> tuple[tuple[Indices, ...], Array]:
+def _some_points(shape: tuple[int, ...]) -> tuple[tuple[Indices, ...], Array]:
     """Return the indices of some of the sample points, and the share that each stands for.
 
     Lamps take long to integrate. Each direction has every third of the views, at one azimuth.
@@ -80,19 +81,13 @@ def _mean(first: Array, groups: Sequence[Lobes]) -> float:
 
 
 @record(eq=False)
-class LampsBeside:
-    """Lamps beside a map, whose light hides errors of the map, and has errors of its own."""
+class LampsLit:
+    """What is reflected of lamps beside a map, whatever that map holds."""
 
     flux: Array
     """The integral of their radiance, shape (3,)."""
-    wrong: Array
-    """The coefficients of what is wrong with it, and not in the map: true light less that of the
-    lamps, (n, 3)."""
     radiance: Callable[[Array, Array, Array], Array]
     """From normals, tangents and views to what is reflected of them, shape (..., 3)."""
-    lobes: Lobes
-    """Those of the BRDF, to the degrees of what is wrong. The map may know fewer degrees of the
-    light that is left for it."""
 
     @property
     def first(self) -> Array:
@@ -100,30 +95,50 @@ class LampsBeside:
         return self.flux[None] / np.sqrt(4 * np.pi)
 
     @cached_property
-    def _known(self) -> dict[object, tuple[Array, Array]]:
+    def _known(self) -> dict[object, Array]:
         return {}
 
-    def seen_at(self, center: Center, at: tuple[Indices, ...]) -> tuple[Array, Array]:
-        """Return what lobes reflect of the lamps, and of what is wrong with them.
-
-        Both are luminances in the units of lobes, at some of the `points` about a center.
-        """
+    def seen_at(self, center: Center, at: tuple[Indices, ...]) -> Array:
+        """Return the luminance of it at some of the `points` about a center, as lobes tell it."""
         known = center, at[0].tobytes()
         if known not in self._known:
             normals, views = points(center)
-            shape = views.shape[:-1]
             normals, views = np.broadcast_to(normals, views.shape)[at], views[at]
             light = self.radiance(normals, tangents(center)[at], views)
-            wrong = np.broadcast_to(reflected(self.lobes, self.wrong, center), shape)
-            self._known[known] = 2 * np.pi * light @ LUMINANCE, wrong[at]
+            self._known[known] = 2 * np.pi * light @ LUMINANCE
         return self._known[known]
 
     @cached_property
     def visible(self) -> Array:
-        """The luminance of what is reflected of them at all `visible_pairs`, shape (n,)."""
+        """The luminance of it at all `visible_pairs`, shape (n,)."""
         mirrored, views = visible_pairs()
         normals = bisector(mirrored, views)
         return self.radiance(normals, horizontal_tangents(normals), views) @ LUMINANCE
+
+
+@record(eq=False)
+class LampsBeside:
+    """Lamps beside a map, whose light hides errors of the map, and has errors of its own."""
+
+    lit: LampsLit
+    wrong: Array
+    """The coefficients of what is wrong with their light, and not in the map: true light less
+    theirs, (n, 3)."""
+    lobes: Lobes
+    """Those of the BRDF, to the degrees of what is wrong. The map may know fewer degrees of the
+    light that is left for it."""
+
+    @cached_property
+    def _known(self) -> dict[Center, Array]:
+        return {}
+
+    def wrong_at(self, center: Center, at: tuple[Indices, ...]) -> Array:
+        """Return the luminance of what lobes reflect of that, as `LampsLit.seen_at`."""
+        if center not in self._known:
+            shape = points(center)[1].shape[:-1]
+            seen = reflected(self.lobes, self.wrong, center)
+            self._known[center] = np.broadcast_to(seen, shape)
+        return self._known[center][at]
 
 
 lamps_beside: ContextVar[LampsBeside | None] = ContextVar("lamps_beside", default=None)

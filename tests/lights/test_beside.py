@@ -89,7 +89,7 @@ def test_what_is_wrong_with_discs_is_known_in_world_axes(pixels):
     found = split_of(pixels, 0.5, 1.0)
     expected = difference(found.split, 192)
     assert np.linalg.norm(expected) > 1
-    np.testing.assert_allclose(found.wrong, expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.lamps.wrong, expected, rtol=0, atol=1e-9)
 
 
 def difference(split, order):
@@ -109,7 +109,7 @@ def test_a_map_holds_what_discs_lack_of_a_soft_box(most):
     added, wrong = rest.coefficients - residual.coefficients, difference(found.split, 60)
     share = np.linalg.norm(added) / np.linalg.norm(wrong)
     assert 0.2 < share < 0.9 if found.is_held else share == 0
-    np.testing.assert_allclose(added + found.wrong[: len(wrong)], wrong, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(added + found.lamps.wrong[: len(wrong)], wrong, rtol=0, atol=1e-9)
     assert np.all(rest.energy - residual.energy >= (added**2).sum(axis=0) * (1 - 1e-9))
     assert 0.03 < found.error <= policy.BESIDE * most
 
@@ -173,8 +173,9 @@ def measured(found):
     truth, rest = (Reference(each, brdf).brushed_radiance(*where)
                    for each in (found.split.probe, found.split.residual_probe))  # fmt: skip
     lit = LitDiscs(brdf, found.split.discs).brushed_radiance(*where)
-    light, wrong = found.lamps.seen_at(brdf.center, at)
+    light = found.lamps.lit.seen_at(brdf.center, at)
     np.testing.assert_allclose(light, 2 * np.pi * lit @ LUMINANCE, rtol=1e-9)
+    wrong = found.lamps.wrong_at(brdf.center, at)
     return 2 * np.pi * (truth - rest - lit) @ LUMINANCE, wrong
 
 
@@ -182,7 +183,7 @@ def seen_beside(found):
     """The share of wrong pixels of lamps beside a map that misses nothing of what is left."""
     light = project(found.split.residual_probe, 60)
     with beside_lamps(found.lamps):
-        return wrong_share(light, [found.lobes.to_order(60)])
+        return wrong_share(light, [found.lamps.lobes.to_order(60)])
 
 
 def test_a_ring_stays_in_the_map():

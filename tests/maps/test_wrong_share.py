@@ -10,7 +10,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.lobes_lit import Lobes, lit, points, sample_views
-from shrm_cli.maps.wrong_pixels import LampsBeside, beside_lamps, wrong_share
+from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps, wrong_share
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.probe.open import open_probe
@@ -207,7 +207,7 @@ def test_lamps_beside_a_map_hide_its_errors_and_have_their_own():
     own = Lobes(own, np.zeros_like(own))
 
     def beside(wrong, light, map_lobes=lobes):
-        with beside_lamps(LampsBeside(np.zeros(3), wrong, light, own)):
+        with beside_lamps(LampsBeside(LampsLit(np.zeros(3), light), wrong, own)):
             return wrong_share(lighting, [map_lobes])
 
     def none(normals, tangents, views):
