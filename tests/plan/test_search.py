@@ -421,6 +421,17 @@ def test_lamps_beside_a_map_have_to_be_worth_it(share, missed, kept_too, is_wort
         assert is_worth_lamps(found, whole, goal, kept_too) == is_worth
 
 
+@pytest.mark.parametrize(("times", "is_worth"), [(0.49, True), (0.51, False)])
+def test_lamps_are_worth_any_bytes_where_a_map_misses_half_as_much(times, is_worth):
+    """Neither keeps what is asked. The map of all light misses it four times."""
+    found, whole = (
+        Candidate("principal", size, 1, 0.04 * missed, lambda: 0.0, None)
+        for size, missed in ((9 * 10**6, 4 * times), (10**6, 4.0))
+    )
+    assert is_worth_lamps(found, whole, Goal(0.04, 0.1), is_kept=False) == is_worth
+    assert not is_worth_lamps(found, whole, Goal(0.04, 0.1), is_kept=True)
+
+
 def test_a_map_and_lamps_beside_it_keep_an_error_together():
     for lamps in (0.0, 0.01, 0.03, policy.BESIDE * 0.05):
         assert np.hypot(lamps, error_beside(lamps, 0.05)) == pytest.approx(0.05)
