@@ -15,6 +15,7 @@ from itertools import tee
 from typing import TYPE_CHECKING
 
 from shrm_cli.brdf.sums import split
+from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Prefiltered, Request, Truth, examined, truth_of
@@ -47,6 +48,7 @@ _FORM = "form"
 """The heading of the note that says which form was taken and why."""
 
 
+@keeping_light()
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Choose a form and make its map.
 
@@ -120,12 +122,16 @@ class _Asked:
         return truth_of(self.whole or self.light.probe, self.request.brdf)
 
     def made(self) -> Prefiltered:
-        return self.made_of_single_cubes() or self.of_functions()
+        return (
+            self.made_of_single_cubes() or self.made_of_kept_beside_lamps() or self.of_functions()
+        )
 
     def foreseen(self) -> Candidate[Prefiltered]:
         """Return what would be made, if it is negative nowhere, for which one of more bytes is."""
         if self.single_cubes is not None:
             return self.single_cubes
+        if self.kept_beside_lamps is not None:
+            return self.kept_beside_lamps
         tried, is_kept = first_kept(self.candidates, self.goal)
         best = tried[-1] if is_kept else least_wrong(tried, self.goal)
         return next((found for found, _ in self.better(best, is_kept)), best)
@@ -172,7 +178,7 @@ class _Asked:
     def _noted_if_bright(self, made: Prefiltered, why: str) -> Prefiltered | None:
         """Add the note about the form, unless anything visible is negative."""
         made = examined(made, self.truth)
-        return _noted(made, why) if made.further["negative_share"]() <= NEGATIVE_SHARE else None
+        return _noted(made, why) if _is_bright(made) else None
 
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
@@ -190,28 +196,82 @@ class _Asked:
         `whole` is the best map of all light. `is_kept` tells whether it keeps what is asked for, as
         this one has to then, in far fewer bytes.
         """
-        if self.request.sun is not None:
-            return None
-        from shrm_cli.lights.beside import splits_for
-        from shrm_cli.maps.lamps.models import bytes_of_table
-
-        own = bytes_of_table(self.request.brdf)
-        if own is None or own > self.request.allowed:  # shaders and pages could not show the map
+        if not self.may_have_lamps_apart:
             return None
         # No map makes up for what lamps miss, so that most searches in vain end here.
         most = 1.0 if is_kept else max(policy.MISSED * whole.badness(self.goal), 1.0)
-        # An SHRM of more would lose what a smaller map of functions wins.
+        # An SHRM of more would lose what a smaller map of functions wins. None is brushed.
         share = policy.FAR_SMALLER if is_kept else policy.WORTH_LAMPS
+        simple = share * whole.bytes if self.request.brdf.isotropic else math.inf
         worth: list[Candidate[Prefiltered]] = []
-        for beside in splits_for(self.probe, self.request.brdf, self.goal):
+        for beside in self.splits:
             if beside.split.discs and beside.error <= most * self.goal.error:
-                found = _Apart.of(beside, self.request, share * whole.bytes).foreseen()
+                found = self._foreseen_beside(beside, simple)
                 if not self._is_worth_lamps(found, whole, is_kept):
                     continue
                 if found.keeps(self.goal):
                     return found
                 worth.append(found)
         return least_wrong(worth, self.goal) if worth else None
+
+    @cached_property
+    def may_have_lamps_apart(self) -> bool:
+        """Whether lamps may be put beside the map, and shaders and pages could show them."""
+        if self.request.sun is not None:
+            return False
+        from shrm_cli.maps.lamps.models import bytes_of_table
+
+        own = bytes_of_table(self.request.brdf)
+        return own is not None and own <= self.request.allowed
+
+    @property
+    def splits(self) -> Iterator["Beside"]:
+        """The ways to put lamps beside a map, of which each is found once."""
+        return copy(self._splits)
+
+    @cached_property
+    def _splits(self) -> Iterator["Beside"]:
+        from shrm_cli.lights.beside import splits_for
+
+        (found,) = tee(splits_for(self.probe, self.request.brdf, self.goal), 1)
+        return found
+
+    @cached_property
+    def _foreseen_beside(self) -> Callable[["Beside", float], Candidate[Prefiltered]]:
+        """From lamps, and the most bytes of an SHRM beside them, to the map beside them."""
+        return cache(lambda beside, most: _Apart.of(beside, self.request, most).foreseen())
+
+    @cached_property
+    def kept_beside_lamps(self) -> Candidate[Prefiltered] | None:
+        """A map of a brushed lobe that keeps what is asked with lamps beside it, as none else does.
+
+        A coarse look tells that no map of all light keeps it, by far. To find the best one of these
+        would take more time than all else.
+        """
+        is_brushed = not self.request.brdf.isotropic
+        if not (is_brushed and self.may_have_lamps_apart and self.proposals.is_out_of_reach):
+            return None
+        for beside in self.splits:
+            if beside.split.discs and beside.error <= self.goal.error:
+                found = self._foreseen_beside(beside, math.inf)
+                if self._keeps_within_bytes(found):
+                    return found
+        return None
+
+    def _keeps_within_bytes(self, found: Candidate[Prefiltered]) -> bool:
+        return found.bytes <= self.request.allowed and found.keeps(self.goal)
+
+    def made_of_kept_beside_lamps(self) -> Prefiltered | None:
+        """Make that map, if there is one."""
+        foreseen = self.kept_beside_lamps
+        if foreseen is None:
+            return None
+        made = foreseen.make()
+        found = as_candidate(made)
+        if not self._keeps_within_bytes(found):  # more bytes than foreseen
+            return None
+        why = f"no map with them in it (`sun` keep) keeps {self._goal_text}"
+        return self._with_lamps_noted(made, found, why)
 
     def _is_worth_lamps(
         self, found: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
@@ -228,16 +288,21 @@ class _Asked:
         found = as_candidate(made)
         if not self._is_worth_lamps(found, whole, is_kept):  # more bytes than foreseen
             return None
-        notes = dict(made.notes)
-        form = notes.pop(_FORM).partition(":")[0].partition(",")[0]
         why = (
-            f"{form}, lamps beside it: with them in the map (`sun` keep) it would have "
+            "with them in the map (`sun` keep) it would have "
             f"{whole.errors_text} in {bytes_text(whole.bytes)}"
         )
+        made = self._with_lamps_noted(made, found, why)
+        return made if not is_kept or _is_bright(made) else None
+
+    def _with_lamps_noted(
+        self, made: Prefiltered, found: Candidate[Prefiltered], why: str
+    ) -> Prefiltered:
+        """Say of a map with lamps beside it why they are there; `found` are its errors."""
+        notes = dict(made.notes)
+        form = notes.pop(_FORM).partition(":")[0].partition(",")[0]
         made = replace(judged(made, found), notes=tuple(notes.items()))
-        if is_kept:
-            return self._noted_if_bright(made, why)
-        return _noted(examined(made, self.truth), why)
+        return _noted(examined(made, self.truth), f"{form}, lamps beside it: {why}")
 
     @property
     def candidates(self) -> Iterator[Candidate[Prefiltered]]:
@@ -354,6 +419,11 @@ class _Apart:
             found, bytes=found.bytes + self.beside.bytes, total_error=error,
             find_wrong_share=lambda: share, make=self.made,
         )  # fmt: skip
+
+
+def _is_bright(made: Prefiltered) -> bool:
+    """Tell whether nothing visible of an examined map is negative."""
+    return bool(made.further["negative_share"]() <= NEGATIVE_SHARE)
 
 
 def _noted(made: Prefiltered, why: str) -> Prefiltered:

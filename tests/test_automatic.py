@@ -7,6 +7,7 @@ import pytest
 
 from shrm_cli import automatic
 from shrm_cli.errors import ArgumentError
+from shrm_cli.lights import beside
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps import request
 from shrm_cli.maps.lamps.map import LampMap
@@ -253,6 +254,24 @@ def test_lamps_stay_in_maps_that_keep_them_and_where_code_has_none(bare_sun):
     found = made(bare_sun, brdf="coated:base=(oren-nayar)", max_size="100kB")
     assert not isinstance(found.map, LampMap)
     assert any("`sun` split" in line for line in found.warnings)
+
+
+@pytest.mark.proof
+def test_no_brushed_map_of_all_light_is_looked_for_in_vain(bare_sun, monkeypatch):
+    """A coarse look tells that none keeps what is asked, by far. What is made is the same."""
+    monkeypatch.setattr(beside, "_ORDERS", (48, 4))
+    looked_for = counting(monkeypatch, principal_proposal, "planner_of")
+    asked = {"brdf": "ggx:roughness=0.4,anisotropy=0.6", "max_size": "100kB"}
+    found = made(bare_sun, **asked)
+    assert isinstance(found.map, LampMap)
+    assert "no map with them in it (`sun` keep) keeps an RMS" in dict(found.notes)["form"]
+    assert bare_sun.digest() not in {light.probe.digest() for light, *_ in looked_for}
+    monkeypatch.setattr(principal_proposal, "is_out_of_reach", lambda *_: False)
+    slower = made(bare_sun, **asked)
+    assert "with them in the map (`sun` keep) it would have" in dict(slower.notes)["form"]
+    assert bare_sun.digest() in {light.probe.digest() for light, *_ in looked_for}
+    for planes, others in zip(found.map.planes(), slower.map.planes(), strict=True):
+        np.testing.assert_array_equal(planes, others)
 
 
 @pytest.mark.proof

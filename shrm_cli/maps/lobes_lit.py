@@ -344,8 +344,12 @@ def _local_light(light: Array, lobes: Lobes, known: object) -> list[Array]:
 
 @contextmanager
 def keeping_light() -> Iterator[None]:
-    """Keep the light about central directions, for whoever compares many maps of a probe."""
-    token = _kept_light.set(Memo(_LIGHT_BYTES, _LIGHT_BYTES))
+    """Keep the light about central directions, for whoever compares many maps of a probe.
+
+    Where it is kept already, it goes on being kept.
+    """
+    known = _kept_light.get()
+    token = _kept_light.set(Memo(_LIGHT_BYTES, _LIGHT_BYTES) if known is None else known)
     try:
         yield
     finally:

@@ -125,19 +125,34 @@ class Proposals:
                 "divide", "does not apply to an anisotropic BRDF, whose albedo depends on tangents"
             )
         self.parts, self.notes = terms_of(self.brdf, request.center, self.divide)
-        self.planners: list[Planner] = []
-        self._scouted: Planner | None = None
-        if len(self.parts) == 1 and not self.parts[0].isotropic and request.error is not None:
-            self._scouted = scouted(light, self.parts[0], self.sampling)
-        self._is_coarse = self._scouted is not None and is_out_of_reach(self._scouted, self.asked)
-        self._know(request.error)
+        self._planners: list[Planner] = []
+
+    @cached_property
+    def _scouted(self) -> Planner | None:
+        """A coarse look at a brushed lobe, the only term of a BRDF; None for other BRDFs."""
+        part = self.parts[0]
+        if len(self.parts) > 1 or part.isotropic or self.asked.error is None:
+            return None
+        return scouted(self.light, part, self.sampling)
+
+    @cached_property
+    def is_out_of_reach(self) -> bool:
+        """Whether a coarse look tells that no map keeps what is asked, by far."""
+        return self._scouted is not None and is_out_of_reach(self._scouted, self.asked)
+
+    @property
+    def planners(self) -> list[Planner]:
+        """The terms, factorized as far as was asked by now."""
+        if not self._planners:
+            self._know(self.asked.error)
+        return self._planners
 
     def _know(self, error: float | None) -> None:
         """Factorize the terms as far as an error of the light needs it."""
         want = replace(self.asked, error=error)
-        known: Sequence[Planner | None] = self.planners or [None] * len(self.parts)
-        given, look = (want, self.divide, self.sampling), (self._scouted, self._is_coarse)
-        self.planners = [
+        known: Sequence[Planner | None] = self._planners or [None] * len(self.parts)
+        given, look = (want, self.divide, self.sampling), (self._scouted, self.is_out_of_reach)
+        self._planners = [
             planner_of(self.light, part, *given, each, *look)
             for part, each in zip(self.parts, known, strict=True)
         ]
