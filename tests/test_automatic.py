@@ -274,6 +274,16 @@ def test_no_brushed_map_of_all_light_is_looked_for_in_vain(bare_sun, monkeypatch
         np.testing.assert_array_equal(planes, others)
 
 
+@pytest.mark.parametrize(("brdf", "searches"), [("charlie:roughness=0.5", 0), (MICROFACET, 1)])
+def test_no_shrm_is_looked_for_where_few_degrees_of_the_view_show_too_little(
+    probe, monkeypatch, brdf, searches
+):
+    looked_for = counting(monkeypatch, terms.ShrmProposals, "within")
+    found = made(probe, brdf=brdf, sun="keep")
+    assert (found.map.representation == "shrm") == (searches == 1)
+    assert len(looked_for) == searches
+
+
 @pytest.mark.proof
 def test_lamps_beside_a_map_that_keeps_too_little_have_to_spare_bytes(rng, monkeypatch):
     """Between leaves, which no map of some kilobytes shows."""

@@ -31,6 +31,7 @@ from shrm_cli.maps.principal.terms import (
     Term,
     Wanted,
     first_order,
+    first_planner,
     planned,
     planner_of,
     shared_maps,
@@ -136,9 +137,18 @@ class Proposals:
         return scouted(self.light, part, self.sampling)
 
     @cached_property
+    def _first(self) -> Planner | None:
+        """The only term of an isotropic BRDF, factorized to the first orders; None for others."""
+        part = self.parts[0]
+        if len(self.parts) > 1 or not part.isotropic or self.asked.error is None:
+            return None
+        return first_planner(self.light, part, self.divide, self.sampling)
+
+    @cached_property
     def is_out_of_reach(self) -> bool:
-        """Whether a coarse look tells that no map keeps what is asked, by far."""
-        return self._scouted is not None and is_out_of_reach(self._scouted, self.asked)
+        """Whether a first look tells that no map keeps what is asked, by far."""
+        look = self._scouted or self._first
+        return look is not None and is_out_of_reach(look, self.asked)
 
     @property
     def planners(self) -> list[Planner]:
@@ -150,8 +160,9 @@ class Proposals:
     def _know(self, error: float | None) -> None:
         """Factorize the terms as far as an error of the light needs it."""
         want = replace(self.asked, error=error)
-        known: Sequence[Planner | None] = self._planners or [None] * len(self.parts)
-        given, look = (want, self.divide, self.sampling), (self._scouted, self.is_out_of_reach)
+        known: Sequence[Planner | None] = self._planners or [self._first] * len(self.parts)
+        is_coarse = self._scouted is not None and self.is_out_of_reach
+        given, look = (want, self.divide, self.sampling), (self._scouted, is_coarse)
         self._planners = [
             planner_of(self.light, part, *given, each, *look)
             for part, each in zip(self.parts, known, strict=True)
@@ -279,9 +290,10 @@ def _info(probe: Probe, brdf: Brdf, terms: Sequence[Term], eps: float, sharing: 
     )  # fmt: skip
 
 
-_FAR = 1.5, 3.0
+_FAR = {True: (1.5, 1.5), False: (1.5, 3.0)}
 """How many times the error and the share of wrong pixels of the best map must be too large here, to
-be so in truth. The shares that were compared were up to 1.6 times those of enough azimuths."""
+be so in truth, by whether the BRDF is isotropic. The shares of brushed ones that were compared were
+up to 1.6 times those of enough azimuths."""
 
 
 def scouted(light: Projection, brdf: Brdf, sampling: Sampling) -> Planner:
@@ -298,18 +310,20 @@ def scouted(light: Projection, brdf: Brdf, sampling: Sampling) -> Planner:
 
 
 def is_out_of_reach(planner: Planner, want: Wanted) -> bool:
-    """Tell whether the best map of a lobe that was `scouted` misses what is asked of it by far."""
+    """Tell whether the best map of a lobe misses what is asked of it by far, after a first look."""
     assert want.error is not None
     form = planner.best_fitting(want.max_size, want.size)
-    # What lies at higher degrees is no error of maps that are made of more of them.
-    missed = form.total_error**2 - unknown_light(planner)[0]
-    if missed <= COARSE:  # in such a map coarse sampling would tell
+    # What lies at higher orders is no error of maps that are made of more of them.
+    missed = form.total_error**2 - sum(unknown_light(planner))
+    is_isotropic = not isinstance(planner.spectrum, BrushedSpectrum)
+    if missed <= COARSE and not is_isotropic:  # in such a map coarse sampling would tell
         return False
-    if missed > (_FAR[0] * want.error) ** 2:
+    far_error, far_share = _FAR[is_isotropic]
+    if missed > (far_error * want.error) ** 2:
         return True
     if want.seen is None:
         return False
-    return predicted_wrong_share([(planner, form)]) > _FAR[1] * want.seen
+    return predicted_wrong_share([(planner, form)]) > far_share * want.seen
 
 
 def predicted_wrong_share(terms: Sequence[tuple[Planner, Form]]) -> float:

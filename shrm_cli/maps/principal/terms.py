@@ -126,9 +126,10 @@ def planner_of(
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked.
 
-    `known` is what this function returned for a larger error. `scouted` is the coarse look at a
-    brushed lobe, which tells the orders to begin with. `is_coarse` tells whether no map of a
-    brushed lobe keeps what is asked for by far; see `proposal.is_out_of_reach`.
+    `known` is what this function returned for a larger error, or `first_planner` did. `scouted` is
+    the coarse look at a brushed lobe, which tells the orders to begin with. `is_coarse` tells
+    whether no map of a brushed lobe keeps what is asked for by far; see
+    `proposal.is_out_of_reach`.
     """
     brushed_q = _COARSE_Q if is_coarse else _MOST_BRUSHED_Q
     most_q = 0 if brdf.zonal else MAX_Q if brdf.isotropic else brushed_q
@@ -185,6 +186,15 @@ def planner_of(
             # Lobes that need far more degrees need more azimuthal orders, too, at grazing views.
             max_q = most_q if octaves > 1 else max_q
         order = min(2**octaves * order, MAX_ORDER_F)
+
+
+def first_planner(light: Projection, brdf: Brdf, divide: bool, sampling: Sampling) -> Planner:
+    """Factorize an isotropic BRDF to the orders with which `planner_of` begins."""
+    order, max_q = first_order(brdf), 0 if brdf.zonal else _FIRST_Q
+    lighting = light.to_order(order)
+    transfer = _transfer(brdf, order, max_q, is_coarse=False)
+    power = weighted_power(lighting, order)
+    return Planner(Spectrum.of(transfer, brdf.center, power, divide), lighting, sampling)
 
 
 def first_order(brdf: Brdf) -> int:

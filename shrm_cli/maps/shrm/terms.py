@@ -399,6 +399,18 @@ class ShrmProposals:
         """
         return fewest_bytes(self.rows(max_size, eps=eps), error)
 
+    def wrong_by_views(self, most_p: int) -> float:
+        """Predict the share of wrong pixels of SHRMs to a P that lose nothing else.
+
+        They hold all degrees of the light that are known, which takes little time.
+        """
+        known = self.coefficients
+        orders = Orders(known.order_f, min(most_p, known.order_p), DEFAULT_EPS, 1.0)
+        size = TRIED_SIZES[0]
+        return predicted_wrong_share(
+            [carry(self.light, self.brdf, orders, known, size, is_exact=True)]
+        )
+
     def fits(self, max_size: int) -> bool:
         """Tell whether any map fits into a number of bytes."""
         return stored_bytes(TRIED_SIZES[0] if self.size is None else self.size, 1) <= max_size

@@ -9,7 +9,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.maps.principal import terms
 from shrm_cli.maps.principal.proposal import Proposals, is_out_of_reach, scouted
-from shrm_cli.maps.principal.terms import Wanted, planner_of
+from shrm_cli.maps.principal.terms import Wanted, first_planner, planner_of
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.seen import kept_or_best
 from shrm_cli.plan.search import Candidate, Goal
@@ -77,6 +77,25 @@ def test_a_coarse_look_tells_what_no_map_keeps(light):
     # Nor of maps that are so good that coarse sampling would be a part of their error.
     best = Wanted(0.03, 1e-4, None, 2**25, None)
     assert not is_out_of_reach(planner, best)
+
+
+@pytest.mark.parametrize("spec", ["ggx:roughness=0.3", "ggx:roughness=0.4"])
+def test_a_first_look_tells_what_no_map_keeps(light, spec):
+    """It is sure only where the best map misses by far."""
+    brdf = parse_spec(spec)
+    asked = {"brdf": brdf, "error": 1e-3, "max_size": LITTLE}
+    best = prefilter_with_facts(light.probe, "principal", asked)
+    error = np.hypot(best.map.info.predicted_error, best.map.info.filter_error)
+    share = best.further["predicted_wrong_share"]()
+    planner = first_planner(light, brdf, False, "center")
+
+    def is_far(error, seen):
+        return is_out_of_reach(planner, Wanted(0.03, error, None, LITTLE, None, seen))
+
+    assert is_far(error / 1.7, None)
+    assert not is_far(error / 1.4, None)
+    assert is_far(error, share / 1.7)
+    assert not is_far(error, share / 1.3)
 
 
 @pytest.mark.proof
