@@ -200,9 +200,9 @@ class _Asked:
             return None
         # No map makes up for what lamps miss, so that most searches in vain end here.
         most = 1.0 if is_kept else max(policy.MISSED * whole.badness(self.goal), 1.0)
-        # An SHRM of more would lose what a smaller map of functions wins. None is brushed.
+        # An SHRM of more would lose what a smaller map of functions wins.
         share = policy.FAR_SMALLER if is_kept else policy.WORTH_LAMPS
-        simple = share * whole.bytes if self.request.brdf.isotropic else math.inf
+        simple = policy.LARGE if self.proposals.is_out_of_reach else share * whole.bytes
         worth: list[Candidate[Prefiltered]] = []
         for beside in self.splits:
             if beside.split.discs and beside.error <= most * self.goal.error:
@@ -252,7 +252,7 @@ class _Asked:
             return None
         for beside in self.splits:
             if beside.split.discs and beside.error <= self.goal.error:
-                found = self._foreseen_beside(beside, math.inf)
+                found = self._foreseen_beside(beside, policy.LARGE)
                 if self._keeps_within_bytes(found):
                     return found
         return None
