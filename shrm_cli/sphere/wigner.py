@@ -8,8 +8,8 @@ Convention: ``d^1_10(b) = -sin(b) / sqrt(2)``, so that ``D^l_mn(a, b, c) =
 exp(-i m a) d^l_mn(b) exp(-i n c)`` rotates complex harmonics with Condon-Shortley phase.
 """
 
+import math
 from collections.abc import Iterator
-from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -86,10 +86,15 @@ def right_angle_rows(order: int, first: int = 0) -> Array:
     return _falling_rows(order, first)
 
 
-def _falling_rows(order: int, first: int) -> Array:
-    """Compute what `right_angle_rows` returns."""
+def _falling_rows(order: int, first: int, room: Array | None = None) -> Array:
+    """Compute what `right_angle_rows` returns.
+
+    If there is `room`, a row of numbers that suffices, the result is made there, and what is 0
+    where l - m is larger than l has any values.
+    """
     degree, n = np.arange(first, order + 1.0)[:, None], np.arange(order + 1.0)
-    result = np.zeros((order + 1, len(degree), order + 1))
+    shape = order + 1, len(degree), order + 1
+    result = np.zeros(shape) if room is None else room[: math.prod(shape)].reshape(shape)
     even = 2 * n[1:]
     result[0, :, 0] = np.cumprod(np.append(1.0, -np.sqrt((even - 1) / even)))[first:]
     result[0, :, 1:] = -np.sqrt(np.maximum(degree - n[:-1], 0.0) / (degree + n[:-1] + 1))
@@ -110,11 +115,18 @@ def _falling_rows(order: int, first: int) -> Array:
 def right_angle_degrees(order: int, first: int = 0) -> Iterator[Array]:
     """Yield ``d^l_mn(pi/2)``, m, n = 0 .. l, for l = first .. order.
 
-    Yields `d` of shape (l+1, l+1).
+    Yields `d` of shape (l+1, l+1), which holds until the next one is taken.
     """
+    more = _VALUES_AT_ONCE // (order + 1) ** 2
+    room: Array = np.empty(0)
     while first <= order:
-        last = min(max(first + _VALUES_AT_ONCE // (order + 1) ** 2, KEPT_ORDER), order)
-        rows = right_angle_rows(last, first)
+        last = min(max(first + more, KEPT_ORDER), order)
+        if last <= KEPT_ORDER:
+            rows = right_angle_rows(last, first)
+        else:  # memory that was not used before takes more time than the numbers
+            size = (last + 1) ** 2 * (last + 1 - first)
+            room = room if len(room) >= size else np.empty((order + 1) ** 2 * (more + 1))
+            rows = _falling_rows(last, first, room)
         for degree in range(first, last + 1):
             yield rows[degree::-1, degree - first, : degree + 1]
         first = last + 1
@@ -201,11 +213,11 @@ def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: i
     of_up, of_down = np.clip(up, 0, len(numbers) - 1), np.clip(down, 0, len(numbers) - 1)
     result = np.zeros(up.shape)
     for k in range(first, last + 1):
-        known = factorial(k) * factorial(lowest - k)
-        known *= factorial(small + s - k) * factorial(shift - s + k)
+        known = math.factorial(k) * math.factorial(lowest - k)
+        known *= math.factorial(small + s - k) * math.factorial(shift - s + k)
         result += ((-1) ** k / known) * falling[k][of_down] * falling[lowest - k][of_up]
-    front = (2 * (numbers + shift) + 1) * factorial(lowest) * factorial(small + shift)
-    front *= float(factorial(small + s) * factorial(small - s))
+    front = (2 * (numbers + shift) + 1) * math.factorial(lowest) * math.factorial(small + shift)
+    front *= float(math.factorial(small + s) * math.factorial(small - s))
     for number in range(2 * small + 1):  # (l+J-p)! / (l+J+p+1)!
         front = front / np.maximum(2 * numbers + shift - small + 1 + number, 1)
     result *= np.sqrt(np.maximum(front, 0.0))[low]

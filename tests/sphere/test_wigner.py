@@ -158,7 +158,7 @@ def test_some_columns_are_kept(lowest, highest):
 @pytest.mark.parametrize("order", [0, 1, 40])
 def test_right_angles(order):
     """The quadrant m, n >= 0 of d(pi/2); the rest of it by the symmetry that comes with it."""
-    quadrants = list(right_angle_degrees(order))
+    quadrants = [each.copy() for each in right_angle_degrees(order)]
     assert len(quadrants) == order + 1
     for degree, quadrant in enumerate(quadrants):
         expected = oracles.small_d_by_eigenvectors(degree, np.pi / 2)
@@ -177,7 +177,7 @@ def test_right_angles(order):
 @pytest.mark.parametrize(("first", "order"), [(96, 99), (97, 97), (0, 130)])
 def test_right_angles_of_some_degrees(first, order):
     """Degrees that are kept for all orders, and those above, which are made some at a time."""
-    quadrants = list(right_angle_degrees(order, first))
+    quadrants = [each.copy() for each in right_angle_degrees(order, first)]
     assert [len(each) for each in quadrants] == list(range(first + 1, order + 2))
     expected = oracles.small_d_by_eigenvectors(order, np.pi / 2)[order:, order:]
     np.testing.assert_allclose(quadrants[-1], expected, rtol=0, atol=tolerance(order))
