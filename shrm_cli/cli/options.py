@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from shrm_cli import settings, vocabulary
-from shrm_cli.cli.types import (
-    DIRECTION,
-    NAMED_COLOR,
-    OF_PRIMARIES,
-    STOPS,
-    Named,
-    Spec,
-    click_option,
-)
+from shrm_cli.cli import types
 from shrm_cli.cli.usage import Applies, remember
 from shrm_cli.errors import PluginError
 from shrm_cli.maps.options import SHARED, Option, all_options
@@ -106,7 +98,7 @@ def _own_options(
     `command` has the options that it shares with other forms already. `is_lenient` tells whether a
     form that cannot be used has none, because a shell completes.
     """
-    kinds = [e.type for e in command.params if isinstance(e.type, Named) and "--to" in e.opts]
+    kinds = [e.type for e in command.params if isinstance(e.type, types.Named) and "--to" in e.opts]
     if not kinds:
         return []
     named = [second for first, second in pairwise(words) if first == "--to"]
@@ -127,7 +119,7 @@ def _made(option: Option) -> Any:
 
     def decorated() -> None: ...
 
-    click_option(option)(decorated)
+    types.click_option(option)(decorated)
     (made,) = decorated.__click_params__  # type: ignore[attr-defined]
     return made
 
@@ -141,19 +133,21 @@ _SPEC = (
     "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
     "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
 )
-brdf_option = click.option("--brdf", "spec", type=Spec(), metavar="SPEC", required=True, help=_SPEC)
-optional_brdf_option = click.option("--brdf", type=Spec(), metavar="SPEC", help=_SPEC)
+brdf_option = click.option(
+    "--brdf", "spec", type=types.Spec(), metavar="SPEC", required=True, help=_SPEC
+)
+optional_brdf_option = click.option("--brdf", type=types.Spec(), metavar="SPEC", help=_SPEC)
 brdfs_option = click.option(
-    "--brdf", "brdfs", type=Spec(), metavar="SPEC", multiple=True,
+    "--brdf", "brdfs", type=types.Spec(), metavar="SPEC", multiple=True,
     help="A BRDF, as `shrm prefilter` takes it. May be repeated.",
 )  # fmt: skip
 materials_option = click.option(
-    "--brdf", "specs", type=Spec(), metavar="SPEC", multiple=True, required=True,
+    "--brdf", "specs", type=types.Spec(), metavar="SPEC", multiple=True, required=True,
     help="A material, as `shrm prefilter` takes it. May be repeated.",
 )  # fmt: skip
 _DIRECTION = "Direction to the viewer, degrees: azimuth from +Z towards +X, elevation."
 view_option = click.option(
-    "--view", type=DIRECTION, default="0,0", show_default=True, help=_DIRECTION
+    "--view", type=types.DIRECTION, default="0,0", show_default=True, help=_DIRECTION
 )
 _VIEWS = ("0,0", "120,20", "240,-20")
 
@@ -161,13 +155,13 @@ _VIEWS = ("0,0", "120,20", "240,-20")
 def views_option(name: str) -> Callable[[Command], Command]:
     """Return the option --view, whose value has a name: the directions to several viewers."""
     return click.option(
-        "--view", name, type=DIRECTION, multiple=True, default=_VIEWS,
+        "--view", name, type=types.DIRECTION, multiple=True, default=_VIEWS,
         help=f"{_DIRECTION} May be given several times.  [default: {' '.join(_VIEWS)}]",
     )  # fmt: skip
 
 
 exposure_option = click.option(
-    "--exposure", type=STOPS, metavar="EV", default=0.0, show_default=True,
+    "--exposure", type=types.STOPS, metavar="EV", default=0.0, show_default=True,
     help="Stops: pictures are multiplied by 2^EV, in EXR too.",
 )  # fmt: skip
 precision_option = click.option(
@@ -253,12 +247,12 @@ read_options = several(
     ),
     click.option("--clamp", type=float, metavar="X", help="Limit its radiance, keeping the hue."),
     click.option(
-        "--primaries", type=OF_PRIMARIES,
+        "--primaries", type=types.OF_PRIMARIES,
         help=f"Its primaries, whatever it says: {', '.join(vocabulary.PRIMARIES)}, or x and y of "
         "red, green, blue and white.  [default: as it says, else rec709]",
     ),
     click.option(
-        "--working", type=OF_PRIMARIES,
+        "--working", type=types.OF_PRIMARIES,
         help="Convert its light to these primaries.  [default: it stays as it is]",
     ),
 )  # fmt: skip
@@ -301,7 +295,7 @@ def reading_rules(holds: bool, words: str) -> dict[str, Applies]:
 
 def shared_options(*names: str) -> Callable[[Command], Command]:
     """Return a decorator that adds options which several representations share, by name."""
-    return several(*(click_option(SHARED[name]) for name in names))
+    return several(*(types.click_option(SHARED[name]) for name in names))
 
 
 def representation_options(
@@ -309,7 +303,7 @@ def representation_options(
 ) -> Callable[[Command], Command]:
     """Return a decorator that adds the wanted ones of all representations' own options."""
     options = all_options(descriptions()).values()
-    return several(*(click_option(option) for option in options if wanted(option)))
+    return several(*(types.click_option(option) for option in options if wanted(option)))
 
 
 def making_options(
@@ -346,11 +340,11 @@ room_options = several(
         help="Light that is seen past the room, such as through windows.",
     ),
     click.option(
-        "--albedo", type=NAMED_COLOR, multiple=True,
+        "--albedo", type=types.NAMED_COLOR, multiple=True,
         help="What a material reflects, in place of its base colour. May be repeated.",
     ),
     click.option(
-        "--emit", type=NAMED_COLOR, multiple=True,
+        "--emit", type=types.NAMED_COLOR, multiple=True,
         help="Radiance that a material sends. May be repeated.",
     ),
 )  # fmt: skip
