@@ -210,7 +210,7 @@ def _orders(
             rows.append({"epsilon": eps, "error": str(error)})
             continue
         rows.append(order_values(orders))
-        captured = coefficients.captured()[orders.order_f, : _MOST_P + 1].tolist()
+        captured = coefficients.captured[orders.order_f, : _MOST_P + 1].tolist()
         captured += captured[-1:] * (_MOST_P + 1 - len(captured))
     return rows, captured
 

@@ -383,7 +383,7 @@ class ShrmProposals:
             coefficients = self.coefficients
             carried = min(supported_order(size), coefficients.order_f)
             f = min(least_orders(coefficients, eps, order_p=p).order_f, carried)
-            captured = float(coefficients.captured()[carried, p])
+            captured = float(coefficients.captured[carried, p])
             choice = Choice(Orders(f, p, 1 - captured, captured), size)
             lighting = self.light.to_order(coefficients.order_f)
             errors = map_errors(lighting, coefficients, p, size, self.sampling)
