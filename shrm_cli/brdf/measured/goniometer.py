@@ -232,14 +232,8 @@ def _read(path: Path) -> tuple[Array, Array]:
         raise BrdfError(f"{path}: {len(samples):,} samples, more than {MAX_SAMPLES:,}; thin it out")
     rows = np.empty((len(samples), 4 + count))
     for row, (number, line) in zip(rows, samples, strict=True):
-        found = parse_numbers(path, number, line)
-        if len(found) != len(row):
-            raise BrdfError(
-                f"{path}: line {number}: {len(found)} numbers instead of {len(row)}; "
-                "correct it or copy the file again"
-            )
-        row[:] = found
-        if max(abs(found[0]), abs(found[2])) > np.pi / 2 or np.abs(row).max() > _LARGEST:
+        row[:] = parse_numbers(path, number, line, len(row))
+        if max(abs(row[0]), abs(row[2])) > np.pi / 2 or np.abs(row).max() > _LARGEST:
             raise BrdfError(
                 f"{path}: line {number}: theta beyond pi/2 (angles are radians), or a number "
                 f"beyond {_LARGEST:g}; correct it"

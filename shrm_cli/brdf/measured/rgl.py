@@ -10,7 +10,7 @@ import numpy as np
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import check_file, file_values, readable
+from shrm_cli.brdf.measured.reading.file import check_file, file_values, first_bytes
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.brdf.measured.reading.tensor_file import MAGIC, TensorFile, damaged
 from shrm_cli.errors import BrdfError
@@ -128,8 +128,7 @@ def _unit(theta: Array) -> Array:
 
 def _refuse_others(path: Path) -> None:
     """Refuse files that are no tensor files, such as Zemax's text files of the same suffix."""
-    with readable(path, "copy it again") as stream:
-        head = stream.read(_HEAD)
+    head = first_bytes(path, _HEAD)
     if head.startswith(MAGIC):
         return
     if any(word in head for word in _ZEMAX_WORDS):

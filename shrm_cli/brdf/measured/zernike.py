@@ -312,12 +312,7 @@ def _coefficients(path: Path, lines: list[tuple[int, str]]) -> ZernikeSeries:
 
 def _row(path: Path, number: int, line: str, columns: int) -> list[float]:
     """The numbers of one line, which must be so many."""
-    numbers = parse_numbers(path, number, line.replace(",", " "))
-    if len(numbers) != columns:
-        raise BrdfError(
-            f"{path}: line {number}: {len(numbers)} numbers instead of {columns}; "
-            "correct it or copy the file again"
-        )
+    numbers = parse_numbers(path, number, line.replace(",", " "), columns)
     if max(map(abs, numbers)) > _LARGEST:
         raise BrdfError(f"{path}: line {number}: a number is beyond {_LARGEST:g}; correct it")
     return numbers

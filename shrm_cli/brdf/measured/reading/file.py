@@ -109,8 +109,10 @@ def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]
     return [(number, line) for number, line in stripped if line and not line.startswith("#")]
 
 
-def parse_numbers(path: str | os.PathLike[str], number: int, line: str) -> list[float]:
-    """Parse the numbers of one line, which are separated by spaces."""
+def parse_numbers(
+    path: str | os.PathLike[str], number: int, line: str, count: int | None = None
+) -> list[float]:
+    """Parse the numbers of one line, which are separated by spaces; `count` is how many it has."""
     found = []
     for word in line.split():
         try:
@@ -123,4 +125,9 @@ def parse_numbers(path: str | os.PathLike[str], number: int, line: str) -> list[
                 "correct it or copy the file again"
             )
         found.append(value)
+    if count is not None and len(found) != count:
+        raise BrdfError(
+            f"{path}: line {number}: {len(found)} numbers instead of {count}; "
+            "correct it or copy the file again"
+        )
     return found
