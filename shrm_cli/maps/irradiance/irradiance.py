@@ -161,7 +161,6 @@ class Irradiance(FixedMap, ReflectionMap):
         return replace(self, coefficients=self.coefficients @ matrix.T, info=info)
 
     def turned(self, matrix: ArrayLike) -> "Irradiance":
-        """Return the map of the same light turned, exactly; see `Map.turned`."""
         turned = transform_coefficients(self.coefficients, matrix)
         return replace(self, coefficients=turned, info=self.info.turned(matrix))
 

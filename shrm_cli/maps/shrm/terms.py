@@ -308,12 +308,10 @@ class Tried:
 
     @property
     def least_error(self) -> float:
-        """The error without what bilinear look-ups add."""
         return total_error(self.error)
 
     @cached_property
     def total_error(self) -> float:
-        """The error with all that a renderer adds: bilinear look-ups and half precision."""
         return total_error(self.error, self.find_filter_error())
 
 
@@ -440,7 +438,6 @@ class ShrmsWithin:
     most_p: int
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
-        """Return the map of the fewest bytes that keeps an error, or the best one that fits."""
         found = fewest_bytes(self.proposals.rows(self.max_size, self.most_p), error)
         if found is None:
             raise nothing_fits(self.proposals.size)

@@ -94,6 +94,5 @@ class CubeAnalysis:
             self._integrals[first].add(dict(zip(names, faces, strict=False)))
 
     def coefficients(self) -> Array:
-        """Real coefficients in the grid's axes, shape ((order+1)^2, channels)."""
         parts = [each.coefficients() for each in self._integrals.values()]
         return np.concatenate(parts, axis=-1)
