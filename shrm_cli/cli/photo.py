@@ -279,7 +279,5 @@ def _write(
     attributes = picture_attributes(recipe, [chromaticities])
     pixel_type = write_image(output, pixels, precision, attributes)
     height, width, _ = pixels.shape
-    result = {
-        "file": output, "width": width, "height": height, "precision": pixel_type, **facts,
-    }  # fmt: skip
+    result = {"file": output, "width": width, "height": height, "precision": pixel_type, **facts}
     conclude(result, [f"{output}: {width} x {height}, {pixel_type}", *lines], warnings)

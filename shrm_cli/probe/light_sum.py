@@ -220,9 +220,7 @@ class LightSum(Probe):
         if matrix is None:
             return self
         image = self.image_of_sum.converted(matrix, primaries)
-        return replace(
-            self, image_of_sum=image, images=(image,), chromaticities=primaries,
-        )  # fmt: skip
+        return replace(self, image_of_sum=image, images=(image,), chromaticities=primaries)
 
     @property
     def terms(self) -> tuple[Term, ...]:

@@ -9,7 +9,13 @@ import numpy as np
 from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
+from shrm_cli.brdf.measured.reading.file import (
+    LARGEST,
+    file_values,
+    first_lines,
+    parse_numbers,
+    read_lines,
+)
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.brdf.vectors import half_angles
 from shrm_cli.errors import BrdfError
@@ -30,7 +36,6 @@ _NODES = (64, 64, 16)  # of the table, in theta_h, theta_d and phi_d
 _NODES_AT_ONCE = 512
 _ROWS_AT_ONCE = 16
 _RECORD = 4  # floats of a node in memory, of which three are used: four are fetched faster
-_LARGEST = 1e30  # a larger number in a file is an error
 
 
 class Goniometer(MeasuredBrdf):
@@ -233,9 +238,9 @@ def _read(path: Path) -> tuple[Array, Array]:
     rows = np.empty((len(samples), 4 + count))
     for row, (number, line) in zip(rows, samples, strict=True):
         row[:] = parse_numbers(path, number, line, len(row))
-        if max(abs(row[0]), abs(row[2])) > np.pi / 2 or np.abs(row).max() > _LARGEST:
+        if max(abs(row[0]), abs(row[2])) > np.pi / 2 or np.abs(row).max() > LARGEST:
             raise BrdfError(
                 f"{path}: line {number}: theta beyond pi/2 (angles are radians), or a number "
-                f"beyond {_LARGEST:g}; correct it"
+                f"beyond {LARGEST:g}; correct it"
             )
     return np.array(wavelengths), rows

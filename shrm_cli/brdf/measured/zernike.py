@@ -29,7 +29,13 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
+from shrm_cli.brdf.measured.reading.file import (
+    LARGEST,
+    file_values,
+    first_lines,
+    parse_numbers,
+    read_lines,
+)
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
@@ -208,7 +214,6 @@ def _radial(order: int, azimuth: int) -> Array:
 MAX_ROWS = 2**16
 
 _SMOOTHING = 1e-3
-_LARGEST = 1e30  # a larger number in a file is an error
 _ANGLES = ("theta_i", "phi_i", "theta_r", "phi_r")
 _WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 _COEFFICIENT_ROW = re.compile(r"\s*[1-4]\s*[,\s]\s*[1-4](\s*[,\s]\s*\d{1,3}){5}\s*[,\s]\s*[-+.\d]")
@@ -313,6 +318,6 @@ def _coefficients(path: Path, lines: list[tuple[int, str]]) -> ZernikeSeries:
 def _row(path: Path, number: int, line: str, columns: int) -> list[float]:
     """The numbers of one line, which must be so many."""
     numbers = parse_numbers(path, number, line.replace(",", " "), columns)
-    if max(map(abs, numbers)) > _LARGEST:
-        raise BrdfError(f"{path}: line {number}: a number is beyond {_LARGEST:g}; correct it")
+    if max(map(abs, numbers)) > LARGEST:
+        raise BrdfError(f"{path}: line {number}: a number is beyond {LARGEST:g}; correct it")
     return numbers

@@ -29,10 +29,7 @@ def encode(split_sum: SplitSum) -> list[Part]:
     parts = []
     # Files hold 32-bit floats, so the names are those of the numbers that readers will get.
     names = level_names([stored.shortest(value) for value in split_sum.roughness])
-    levels = zip(
-        names, split_sum.roughness, split_sum.levels,
-        split_sum.level_info, strict=True,
-    )  # fmt: skip
+    levels = zip(names, split_sum.roughness, split_sum.levels, split_sum.level_info, strict=True)
     for name, roughness, level, level_info in levels:
         # The options, and what came to them later, are those of the whole file.
         info = level_info.read_as(split_sum.info)

@@ -17,6 +17,8 @@ from shrm_cli.errors import BrdfError
 
 MAX_BYTES = 2**25
 """The largest file that is read, a hundred times as large as any that is known."""
+LARGEST = 1e30
+"""A larger number in a file is an error."""
 MAX_LINE = 2**16
 MAX_LINES = 2**17
 
