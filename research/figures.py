@@ -107,7 +107,7 @@ def figure_5_7(specs: Sequence[str]) -> list[tuple[str, Array]]:
     """Return the energy of BRDFs within F = 30 and each P = 0 .. 5, beside their specifications."""
     rows = []
     for spec in specs:
-        captured = compute_coefficients(parse_spec(spec), ORDER_F, MOST_P).captured()[ORDER_F]
+        captured = compute_coefficients(parse_spec(spec), ORDER_F, MOST_P).captured[ORDER_F]
         rows.append((spec, np.pad(captured, (0, MOST_P + 1 - len(captured)), mode="edge")))
     return rows
 

@@ -101,7 +101,7 @@ def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, eps: float) ->
     `coefficients` are what `known_coefficients` returns for this tolerance or a smaller one. `eps`
     is the fraction of the energy that may be missed.
     """
-    missed = 1 - coefficients.captured()[-1, -1]
+    missed = 1 - coefficients.captured[-1, -1]
     if missed > eps:
         raise OrderError(
             f"{brdf!r}: tolerance {eps:g} cannot be met within F = {MAX_ORDER_F} and "
@@ -124,7 +124,7 @@ def least_orders(
     `order_f` and `order_p` are orders to use instead of the chosen ones; a P above that of the
     coefficients is lowered.
     """
-    captured = coefficients.captured()
+    captured = coefficients.captured
     enough = captured >= 1 - eps
     p = first_enough(enough[-1]) if order_p is None else min(order_p, coefficients.order_p)
     # A forced P may be too small for the tolerance. Then F must keep all but that fraction of
@@ -212,7 +212,7 @@ def _sufficient_coefficients(
         total = coefficients.total_energy.sum()
         if total == 0:
             return coefficients
-        missing = 1 - coefficients.captured()[-1, -1]
+        missing = 1 - coefficients.captured[-1, -1]
         # Every try takes the time to sample the BRDF, and sharp lobes need many orders.
         octaves = octaves_to_come(coefficients, eps / 5)
         if octaves > 0 and f < MAX_ORDER_F and not _is_lost_to_p(coefficients, most_p):
@@ -245,7 +245,7 @@ def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] |
     if most_p is None or coefficients.order_p < most_p(coefficients.order_f):
         return False
     by_degree = coefficients.degree_energy.sum(axis=-1)
-    lost = by_degree.sum() - coefficients.captured()[-1, -1] * coefficients.total_energy.sum()
+    lost = by_degree.sum() - coefficients.captured[-1, -1] * coefficients.total_energy.sum()
     return bool(lost > _LOST * energy_above(by_degree))
 
 

@@ -107,7 +107,6 @@ class Stages:
         self._show(_STEPS * done // total if self._finished < self._total else 0)
 
     def tell_time_left(self, seconds: float) -> None:
-        """Hand on about how long the rest of the work will take."""
         _tell_time_left(self._progress, seconds)
 
     def _show(self, steps: int) -> None:
@@ -140,7 +139,6 @@ class Rising:
         self._tell(max(self._told, self._before + _SHARE * (1 - self._before) * within))
 
     def tell_time_left(self, seconds: float) -> None:
-        """Hand on about how long the rest of the work will take."""
         _tell_time_left(self._progress, seconds)
 
     def end(self) -> None:

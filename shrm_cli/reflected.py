@@ -351,7 +351,7 @@ def _kept(
 
     It is the part that is no error where amplitudes are multiplied by factors.
     """
-    energies = coefficients.energies()[: order_f + 1, : order_p + 1]
+    energies = coefficients.energies[: order_f + 1, : order_p + 1]
     if factors is not None:
         energies = energies * kept_energy(factors)[..., None]
     return np.asarray(energies.sum(axis=1))

@@ -28,7 +28,7 @@ def test_phong_orders_of_equation_5_28(exponent, order_f):
 def test_orders_are_the_least_that_meet_the_tolerance(tolerance):
     brdf = parse_spec("microfacet:sigma=0.35")
     orders, coefficients = choose_orders(brdf, tolerance)
-    captured = coefficients.captured()
+    captured = coefficients.captured
     f, p = orders.order_f, orders.order_p
     assert captured[f, p] >= 1 - tolerance
     assert captured[f - 1, p] < 1 - tolerance

@@ -101,7 +101,7 @@ def energy_grid(
     accuracy = max(min(tolerances) / 300, 1e-5)
     with using(rising):
         coefficients = compute_coefficients(brdf, high, order_p, accuracy)
-    return EnergyGrid(coefficients.captured()[: order_f + 1], orders, coefficients)
+    return EnergyGrid(coefficients.captured[: order_f + 1], orders, coefficients)
 
 
 def material_energies(
@@ -118,7 +118,7 @@ def material_energies(
     rows = []
     for index, brdf in enumerate(brdfs):
         found = compute_coefficients(brdf, order_f, 0 if brdf.zonal else order_p, _ACCURACY)
-        captured = found.captured()[order_f]
+        captured = found.captured[order_f]
         rows.append(np.pad(captured, (0, order_p + 1 - len(captured)), mode="edge"))
         tell(progress, index + 1, len(brdfs))
     return np.array(rows)
@@ -169,7 +169,7 @@ def accuracy_curve(
     orders = range(order_f + 1)
     error = np.array([predicted_error(lighting, known, f, order_p) for f in orders])
     bound = np.array([error_bound(lighting, known, f, order_p) for f in orders])
-    captured = known.captured()[:, order_p]
+    captured = known.captured[:, order_p]
     light = _missing(lighting.power(), lighting.energy)[: order_f + 1]
     brdf = np.clip(1 - captured[: order_f + 1], 0, 1)
     minimum = np.minimum(light + max(1 - captured[-1], 0), brdf)
@@ -264,7 +264,7 @@ def order_pictures(
     orders = range(min(PICTURE_ORDER_P, coefficients.order_p) + 1)
     _pictures_layout(len(orders), len(views), size, truth is not None)
     check_size(order_f, orders[-1])
-    captured = coefficients.captured()[order_f, : len(orders)]
+    captured = coefficients.captured[order_f, : len(orders)]
     errors = np.array([predicted_error(lighting, coefficients, order_f, p) for p in orders])
     parts = zip(orders, captured.tolist(), errors.tolist(), strict=True)
     infos = [MapInfo(order_f, p, 1 - part, part, error) for p, part, error in parts]

@@ -146,9 +146,7 @@ def plan_comparison(
     """
     heights = [height] * len(surfaces)
     memory = within_limit(probe, heights, len(viewers), size, len(COMPARED), max_memory)
-    return Plan(
-        probe, tuple(surfaces), eps, tuple(viewers), size, height, memory, exact
-    )  # fmt: skip
+    return Plan(probe, tuple(surfaces), eps, tuple(viewers), size, height, memory, exact)
 
 
 def compare_representations(plan: Plan, progress: Progress | None = None) -> RepresentationTable:

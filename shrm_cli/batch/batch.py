@@ -48,7 +48,6 @@ class ProcessWorkers:
         return self.executor.submit(ending, function, *arguments)
 
     def is_lost(self, error: BaseException) -> bool:
-        """Whether an error means that the process died in the middle of a task."""
         return isinstance(error, BrokenExecutor)
 
     def renew(self) -> None:

@@ -39,9 +39,7 @@ _AWAY = (
     "the cluster went away before all was done; start it again, and give the same command: what is "
     "made already is skipped"
 )
-_ONE_THREAD = (
-    "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENIMAGEIO_THREADS",
-)  # fmt: skip
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENIMAGEIO_THREADS")
 """Variables that keep libraries to one thread, if they are set before the libraries load."""
 
 

@@ -37,9 +37,7 @@ from shrm_cli.vocabulary import EXPORT
 Record = dict[str, Any]
 """What is told of a job; `docs/batch.md` lists the keys."""
 
-_SAID = (
-    "size", "order_f", "order_p", "order_carried", "predicted_error", "filter_error",
-)  # fmt: skip
+_SAID = ("size", "order_f", "order_p", "order_carried", "predicted_error", "filter_error")
 """What a record takes over from the summary of a map."""
 _FORCED = Difference("asked for by `force`")
 _MOST_MATERIALS = 64

@@ -35,11 +35,6 @@ class Sampled:
     asked: float
 
     @property
-    def converged(self) -> bool:
-        """Whether the sampling reached the accuracy that was asked for."""
-        return self.accuracy <= self.asked
-
-    @property
     def remark(self) -> str | None:
         """What a user should know of the accuracy, in one line; None where it is as asked."""
         return accuracy_remark(self.accuracy, self.asked)
@@ -102,37 +97,28 @@ class BrdfCoefficients(Sampled):
 
         It is that of the known ones with p > P, which depends on the view as finely.
         """
-        return np.maximum(self.degree_energy - self.energies().sum(axis=1), 0.0)
+        return np.maximum(self.degree_energy - self.energies.sum(axis=1), 0.0)
 
     @cached_property
     def energy_above(self) -> Array:
         """The energy at degrees above F as `transfer.energy_above` estimates it, shape (3,)."""
         return energy_above(self.degree_energy)
 
+    @cached_property
     def energies(self) -> Array:
         """The energy of each l and p, shape (F+1, P+1, 3): the sum of squares over all q."""
-        return self._energies
-
-    @cached_property
-    def _energies(self) -> Array:
         found = np.sum(self.values**2 * both_signs(self.order_p)[:, None], axis=2)
         found.setflags(write=False)
         return found
 
-    def captured(self) -> Array:
-        """The fraction of the energy of all channels that each pair of orders captures (eq. 5.18).
-
-        Returns an array of shape (F+1, P+1), read-only.
-        """
-        return self._captured
-
     @cached_property
-    def _captured(self) -> Array:
+    def captured(self) -> Array:
+        """The part of the energy of all channels that orders capture (eq. 5.18), (F+1, P+1)."""
         total = self.total_energy.sum()
         if total == 0:
             found = np.ones(self.values.shape[:2])
         else:
-            summed = np.cumsum(self.energies().sum(axis=-1), axis=0)
+            summed = np.cumsum(self.energies.sum(axis=-1), axis=0)
             found = np.cumsum(summed, axis=1) / total
         found.setflags(write=False)
         return found

@@ -6,15 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf import polar_rule
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.polar_rule import (
-    PolarRule,
-    SplitRule,
-    azimuths,
-    every_third,
-    squeezed_azimuths,
-    transfer_samples,
-)
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.records import record
@@ -46,12 +39,12 @@ converge much faster.
 """
 
 
-def light_rule(brdf: Brdf) -> PolarRule | SplitRule:
+def light_rule(brdf: Brdf) -> polar_rule.PolarRule | polar_rule.SplitRule:
     """The rule for the angle of the light from C that suits a BRDF."""
     if brdf.center == "normal":
-        return SplitRule(below=not brdf.has_horizon and brdf.includes_cosine)
+        return polar_rule.SplitRule(below=not brdf.has_horizon and brdf.includes_cosine)
     width = lobe_width(brdf)
-    return PolarRule(width if brdf.center == "reflection" and width < SHARP else 1.0)
+    return polar_rule.PolarRule(width if brdf.center == "reflection" and width < SHARP else 1.0)
 
 
 def lobe_width(brdf: Brdf) -> float:
@@ -74,7 +67,7 @@ def width_for(brdf: Brdf, azimuth: float) -> float:
     """The `lobe_width` for views of one azimuth."""
     radius = np.geomspace(*_RADII)
     views = np.pi / 2 * np.array(_SCOUTS)
-    squares = squared_lobes(brdf, radius, azimuths(12), views, azimuth)[1].sum(axis=2)
+    squares = squared_lobes(brdf, radius, polar_rule.azimuths(12), views, azimuth)[1].sum(axis=2)
     return _half_within(radius, squares @ np.sin(2 * views))
 
 
@@ -136,7 +129,7 @@ class LobeExpander:
     def __init__(
         self,
         brdf: Brdf,
-        rule: PolarRule | SplitRule,
+        rule: polar_rule.PolarRule | polar_rule.SplitRule,
         order_f: int,
         max_q: int,
         is_single: bool = False,
@@ -161,13 +154,13 @@ class LobeExpander:
         weights, coarse_weights = (self.rule.nodes(n)[1] for n in (count, count // 3))
         # phi runs over half a circle, and its mirror image doubles that; the other 2 pi is the
         # factor of eq. 5.22 of Ramamoorthi's thesis.
-        phi, phi_weights = squeezed_azimuths(azimuth_count, self._squeeze(theta_o))
+        phi, phi_weights = polar_rule.squeezed_azimuths(azimuth_count, self._squeeze(theta_o))
         if not self.brdf.isotropic:  # its mirror image is not the same
             phi, phi_weights = np.hstack([phi, -phi]), np.hstack([phi_weights, phi_weights]) / 2
         phi_weights = _with_thirds(4 * np.pi * phi_weights[..., None])
         waves = (phi_weights[..., None] * self._waves(phi)[:, :, None]).reshape(*phi.shape, -1)
         sums: _Sums | None = None
-        for rows, samples, coverage in transfer_samples(
+        for rows, samples, coverage in polar_rule.transfer_samples(
             self.brdf, self.rule, count, theta_o, phi, self._is_single, azimuth
         ):
             if samples.strides[-1] == 0:
@@ -411,7 +404,7 @@ class _Sums:
             self.coarse[thirds, :, channel] = waved[1::3, :, : self.coarse.shape[-1]]
             self.coarse_squares[thirds, :, channel] = squares[1::3, :, 0]
             return
-        middle, part = every_third(values, coverage)
+        middle, part = polar_rule.every_third(values, coverage)
         covered = middle * part
         waves, phi_weights = waves[..., : self.coarse.shape[-1]], phi_weights[..., :1]
         self.coarse[thirds, :, channel] = _integrated(covered, waves)

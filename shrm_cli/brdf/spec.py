@@ -17,15 +17,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shrm_cli.brdf import library
 from shrm_cli.brdf.base import Brdf, nested_texts
-from shrm_cli.brdf.library import (
-    built_in_names,
-    given_values,
-    is_built_in,
-    make_checked,
-    model_names,
-    of_model,
-)
 from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
 from shrm_cli.color import Primaries
 from shrm_cli.errors import BrdfError
@@ -78,19 +71,19 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
         return open_measured(Path(spec))
     term = _python_term(spec)
     if term is None:
-        return of_model(spec, primaries, parse)
+        return library.of_model(spec, primaries, parse)
     if not run_code:
         raise BrdfError(f"{spec!r}: names code, which is run only where you name it yourself")
     from shrm_cli.brdf.python_file import load_model
 
     model = load_model(term)
-    if model.name in built_in_names() and not is_built_in(model):
+    if model.name in library.built_in_names() and not library.is_built_in(model):
         raise BrdfError(
             f"{term.path}: {term.name} calls itself {model.name!r}, as a model of shrm does; "
             "give it another name"
         )
-    values = {} if term.values is None else given_values(spec, term.values)
-    return make_checked(model, values, f"{term.path}: {term.name}")
+    values = {} if term.values is None else library.given_values(spec, term.values)
+    return library.make_checked(model, values, f"{term.path}: {term.name}")
 
 
 def material_place(spec: str) -> tuple[Path, str] | None:
@@ -106,13 +99,13 @@ def names_file(spec: str) -> bool:
     a folder, or the suffix of a measured file.
     """
     name, _, rest = spec.strip().partition(":")
-    if name in built_in_names() or _python_term(spec) is not None:
+    if name in library.built_in_names() or _python_term(spec) is not None:
         return False
     if material_place(spec) is not None:
         return True
     path = Path(spec)
     if os.path.isfile(path):
-        return len(path.parts) > 1 or name not in model_names()
+        return len(path.parts) > 1 or name not in library.model_names()
     if "=" in rest:
         return False
     return len(path.parts) > 1 or _is_measured_suffix(path.suffix.lower())
@@ -148,7 +141,7 @@ def file_label(spec: str) -> str:
 
 def _python_term(spec: str) -> "FileTerm | None":
     """The Python file that a term names; models of `shrm` come first, whatever their values."""
-    if spec.strip().partition(":")[0] in built_in_names():
+    if spec.strip().partition(":")[0] in library.built_in_names():
         return None
     from shrm_cli.brdf.python_file import file_term  # most runs do not need it
 

@@ -14,7 +14,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.brdf import order_text, order_values
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import DIRECTION, FRACTION, STOPS, Spec
+from shrm_cli.cli.types import DIRECTION, FRACTION, PATH, STOPS, Spec, flag, option
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT
@@ -35,48 +35,48 @@ _OF_MATERIALS = {
 @click.command()
 @click.argument("others", metavar="[SPEC...]", nargs=-1, type=Spec())
 @options.brdf_option
-@click.option(
-    "--probe", type=click.Path(), metavar="PROBE",
+@option(
+    "--probe", PATH, metavar="PROBE",
     help="Light probe, for the accuracy of the reflected light and pictures of it.",
 )  # fmt: skip
-@click.option(
-    "--eps", "tolerances", type=FRACTION, metavar="X", multiple=True, default=_TOLERANCES,
-    show_default=True, help="Tolerance to find the orders for; may be given several times.",
+@option(
+    "--eps tolerances", FRACTION, metavar="X", multiple=True, default=_TOLERANCES,
+    help="Tolerance to find the orders for; may be given several times.",
 )  # fmt: skip
-@click.option(
-    "--order-f", type=click.IntRange(0, MAX_ORDER_F),
+@option(
+    "--order-f", click.IntRange(0, MAX_ORDER_F),
     help="Largest F, also that of the pictures.  [default: 32, or what the tolerances need]",
 )  # fmt: skip
-@click.option(
-    "--order-p", type=click.IntRange(0, MAX_ORDER_P),
+@option(
+    "--order-p", click.IntRange(0, MAX_ORDER_P),
     help="Largest P of the energies, and P of the accuracies.  [default: 8, or what the "
     "tolerances need; of the accuracies what the least tolerance needs]",
 )  # fmt: skip
-@click.option(
-    "--view", "views", type=DIRECTION, multiple=True, default=_VIEWS, show_default=True,
+@option(
+    "--view views", DIRECTION, multiple=True, default=_VIEWS,
     help="Direction to the viewer of the pictures, degrees: azimuth from +Z towards +X, "
     "elevation. May be given several times.",
 )  # fmt: skip
-@click.option(
-    "--size", type=click.IntRange(16, 2048), default=96, show_default=True,
+@option(
+    "--size", click.IntRange(16, 2048), default=96,
     help="Width and height of a sphere's picture, pixels.",
 )  # fmt: skip
-@click.option(
-    "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
+@option(
+    "--source-height", click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
     help="Rows that the probe is averaged down to for the exact pictures: fewer are faster, but "
     "move small lights, at 128 rows by about 1 % of error.  [default: the greater of 128 and 4 F, "
     "or the probe's own if it has no more]",
 )  # fmt: skip
-@click.option(
-    "--exposure", type=STOPS, metavar="EV",
+@option(
+    "--exposure", STOPS, metavar="EV",
     help="Stops: the pictures are multiplied by 2^EV.  [default: highlights come out white]",
 )  # fmt: skip
-@click.option(
-    "-o", "--output", type=click.Path(), metavar="PREFIX",
+@option(
+    "-o --output", PATH, metavar="PREFIX",
     help="Write PREFIX.energy.png, PREFIX.accuracy.png and PREFIX.pictures.png, or PROBE.BRDF."
     "*.png into a folder of that name.  [default: PROBE.BRDF in the current folder]",
 )  # fmt: skip
-@click.option("--no-plots", is_flag=True, help="Numbers only: draw and write nothing.")
+@flag("--no-plots", "Numbers only: draw and write nothing.")
 @options.probe_options
 @options.report_options
 def analyze(

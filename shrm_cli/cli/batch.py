@@ -17,7 +17,7 @@ from shrm_cli.cli.export import texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_message, progress_bar, tell, ticking
-from shrm_cli.cli.types import Named
+from shrm_cli.cli.types import FILE, PATH, Named, flag, option
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import installed_names
 from shrm_cli.settings import limit_libraries
@@ -54,20 +54,20 @@ _RUNNING = {
 
 
 _gather_options = options.several(
-    click.option(
-        "--collect", type=click.Path(dir_okay=False), metavar="FILE",
+    option(
+        "--collect", FILE, metavar="FILE",
         help="Gather the coefficients of all probes in one .npz or .parquet.",
     ),
-    click.option(
-        "--collect-order", type=click.IntRange(0, MAX_COLLECTED_ORDER), default=2,
-        show_default=True, help="Largest degree of these coefficients.",
+    option(
+        "--collect-order", click.IntRange(0, MAX_COLLECTED_ORDER), default=2,
+        help="Largest degree of these coefficients.",
     ),
-    click.option(
-        "--collect-what", type=click.Choice(["radiance", "irradiance"]), default="radiance",
-        show_default=True, help="Coefficients of the light, or of the irradiance it gives.",
+    option(
+        "--collect-what", click.Choice(["radiance", "irradiance"]), default="radiance",
+        help="Coefficients of the light, or of the irradiance it gives.",
     ),
-    click.option(
-        "--collect-window", metavar="NAME[:WIDTH]", default="none", show_default=True,
+    option(
+        "--collect-window", str, metavar="NAME[:WIDTH]", default="none",
         help="Factors of the degrees, as `shrm prefilter --to irradiance --window` has them.",
     ),
 )  # fmt: skip
@@ -76,46 +76,41 @@ _gather_options = options.several(
 @click.command(cls=options.command_with_headings(_HEADINGS))
 @click.argument("probes", metavar="MANIFEST.toml | PROBES...", nargs=-1, required=True)
 @options.brdfs_option
-@click.option(
-    "--to", type=Named([AUTO, *REPRESENTATIONS, EXPORT], installed_names), multiple=True,
-    default=[AUTO],
+@option(
+    "--to", Named([AUTO, *REPRESENTATIONS, EXPORT], installed_names), multiple=True,
+    default=[AUTO], show_default=False,
     help="A representation to write, as `shrm prefilter` takes it, or export. May be repeated.  "
     "[default: export with --for, else auto]",
 )  # fmt: skip
-@click.option(
-    "--for", "engines", type=click.Choice([*ENGINES, "all"]), multiple=True,
+@option(
+    "--for engines", click.Choice([*ENGINES, "all"]), multiple=True,
     help="An engine whose files are exported, a folder each. May be repeated.",
 )  # fmt: skip
-@click.option(
-    "-o", "--output", metavar="NAME",
+@option(
+    "-o --output", str, metavar="NAME",
     help="Names of the outputs, with {probe}, {folder}, {brdf}, {to} and {engine} in them; their "
     "folders are made.  [default: {probe}.{brdf}.{to}.exr, {probe}.{engine} of exports]",
 )  # fmt: skip
 @options.making_options("probes", "cubes", lambda option: not option.prints)
 @options.several(*texel_options)
 @options.read_options
-@click.option(
-    "--jobs", type=click.IntRange(1, 1024), metavar="N",
+@option(
+    "--jobs", click.IntRange(1, 1024), metavar="N",
     help="Processes that work at a time.  [default: as many as there are processors]",
 )  # fmt: skip
-@click.option(
-    "--scheduler", metavar="ADDRESS",
+@option(
+    "--scheduler", str, metavar="ADDRESS",
     help="Work on a dask.distributed cluster, such as tcp://host:8786; local starts one here.",
 )  # fmt: skip
 @farm_options
 @_gather_options
-@click.option(
-    "--contact", "contact_page", type=click.Path(), metavar="PAGE.html",
+@option(
+    "--contact contact_page", PATH, metavar="PAGE.html",
     help="Put all outputs onto one page, drawn small, with sizes and errors.",
 )  # fmt: skip
-@click.option("--force", is_flag=True, help="Make all outputs again, and replace others' files.")
-@click.option(
-    "--dry-run", is_flag=True, help="List what would be made, with sizes and orders; make nothing."
-)
-@click.option(
-    "--log", type=click.Path(dir_okay=False), default=_DEFAULT_LOG, show_default=True,
-    help="File that gets a line of JSON for each job.",
-)  # fmt: skip
+@flag("--force", "Make all outputs again, and replace others' files.")
+@flag("--dry-run", "List what would be made, with sizes and orders; make nothing.")
+@option("--log", FILE, "File that gets a line of JSON for each job.", default=_DEFAULT_LOG)
 @options.output_options
 @options.cache_option
 def batch(

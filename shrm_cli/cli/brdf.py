@@ -10,7 +10,7 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar, tell, warn
-from shrm_cli.cli.types import FRACTION, Spec
+from shrm_cli.cli.types import FRACTION, PATH, Spec, option
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -31,16 +31,16 @@ _GROUPS = {
 
 @click.command()
 @click.argument("spec", metavar="[SPEC|FILE]", type=Spec(), required=False)
-@click.option(
-    "--eps", "tolerances", type=FRACTION, metavar="X", multiple=True,
+@option(
+    "--eps tolerances", FRACTION, metavar="X", multiple=True,
     help="Tolerance to print the orders for; may be given several times.  [default: 0.1 0.03 0.01]",
 )  # fmt: skip
-@click.option(
-    "--save", "target", type=click.Path(), metavar="FILE",
+@option(
+    "--save target", PATH, metavar="FILE",
     help="Write it as a table instead: .exr, .npz, or MERL's .binary.",
 )  # fmt: skip
-@click.option(
-    "--walk", "paths", type=click.IntRange(2, 1024), metavar="N",
+@option(
+    "--walk paths", click.IntRange(2, 1024), metavar="N",
     help="Compare coated:base=(...) with random walks between coat and base instead: N paths for "
     "each of 512 lights.",
 )  # fmt: skip
@@ -210,7 +210,7 @@ def _orders(
             rows.append({"epsilon": eps, "error": str(error)})
             continue
         rows.append(order_values(orders))
-        captured = coefficients.captured()[orders.order_f, : _MOST_P + 1].tolist()
+        captured = coefficients.captured[orders.order_f, : _MOST_P + 1].tolist()
         captured += captured[-1:] * (_MOST_P + 1 - len(captured))
     return rows, captured
 

@@ -11,7 +11,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import columns, conclude, progress_bar
-from shrm_cli.cli.types import BYTES, FRACTION
+from shrm_cli.cli.types import BYTES, FRACTION, PATH, option
 from shrm_cli.extras import install
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import bytes_text
@@ -32,26 +32,23 @@ _HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
 @click.command()
 @click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=click.Path())
 @options.materials_option
-@click.option(
-    "--budget", type=BYTES, metavar="BYTES",
-    help="The most bytes of a map, such as 200kB.  [default: 32 MB]",
-)  # fmt: skip
-@click.option(
-    "--error", type=FRACTION, metavar="X",
+@option(
+    "--budget", BYTES, "The most bytes of a map, such as 200kB.  [default: 32 MB]", metavar="BYTES"
+)
+@option(
+    "--error", FRACTION, metavar="X",
     help="The RMS error of the light that is good enough.  [default: 0.05]",
 )  # fmt: skip
-@click.option(
-    "--seen", type=FRACTION, metavar="X",
+@option(
+    "--seen", FRACTION, metavar="X",
     help="The share of pixels that may be wrong by over 5 %.  [default: 0.05]",
 )  # fmt: skip
-@click.option(
-    "-o", "--output", type=click.Path(), metavar="PNG",
-    help="Draw error against bytes and against the shader's cost.",
-)  # fmt: skip
-@click.option(
-    "--map", "target", type=click.Path(), metavar="EXR",
-    help="Write the recommended map, of one probe and one material.",
-)  # fmt: skip
+@option(
+    "-o --output", PATH, "Draw error against bytes and against the shader's cost.", metavar="PNG"
+)
+@option(
+    "--map target", PATH, "Write the recommended map, of one probe and one material.", metavar="EXR"
+)
 @options.probe_options
 @options.report_options
 def choose(

@@ -12,7 +12,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, shading, usage
 from shrm_cli.cli.terminal import columns, conclude, progress_bar
-from shrm_cli.cli.types import BYTES, FRACTION, Spec, interval, within
+from shrm_cli.cli.types import BYTES, FRACTION, PATH, Spec, flag, interval, option, within
 from shrm_cli.extras import install
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS
@@ -37,61 +37,57 @@ _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
 
 @click.command()
 @click.argument("maps", metavar="MAP...", nargs=-1, required=True, type=click.Path(dir_okay=False))
-@click.option(
-    "--probe", type=click.Path(), metavar="PROBE",
-    help="Compare with the truth: the integral under this light probe.",
-)  # fmt: skip
-@click.option(
-    "--brdf", "spec", type=Spec(), metavar="SPEC",
+@option(
+    "--probe", PATH, "Compare with the truth: the integral under this light probe.", metavar="PROBE"
+)
+@option(
+    "--brdf spec", Spec(), metavar="SPEC",
     help="BRDF of the truth.  [default: the one of all maps; measured files are looked for beside "
     "the maps]",
 )  # fmt: skip
-@click.option(
-    "--representations", is_flag=True,
+@flag(
+    "--representations",
     help="Compare what --to can make of one light probe, given as MAP: storage, time, error.",
 )  # fmt: skip
-@click.option(
-    "--roughness", type=interval(MIN_ROUGHNESS, 1), metavar="R",
+@option(
+    "--roughness", interval(MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     "as; of --representations A..B.  [default: 0.5; 0.5..1]",
 )  # fmt: skip
 @shading.f0_option
 @shading.brushed_options
 @shading.window_option
-@click.option(
-    "--steps", type=click.IntRange(2, 32), metavar="N",
+@option(
+    "--steps", click.IntRange(2, 32), metavar="N",
     help="Roughnesses of --representations, evenly spaced.  [default: 4]",
 )  # fmt: skip
-@click.option(
-    "--eps", type=FRACTION, metavar="X", default=DEFAULT_EPS, show_default=True,
+@option(
+    "--eps", FRACTION, metavar="X", default=DEFAULT_EPS,
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
 @options.truth_options
-@click.option(
-    "--max-memory", type=BYTES, metavar="BYTES",
+@option(
+    "--max-memory", BYTES, metavar="BYTES",
     help="Of --representations: the most memory that may be taken, such as 2GB. Maps are made "
     "smaller to keep it; pictures that exceed it are refused.  [default: half of the machine's]",
 )  # fmt: skip
 @options.views_option("views")
-@click.option(
-    "--size", type=click.IntRange(16, 2048),
+@option(
+    "--size", click.IntRange(16, 2048),
     help="Width and height of a sphere's picture, pixels.  [default: 256; with "
     "--representations 96, and 128 with -o]",
 )  # fmt: skip
 @options.exposure_option
-@click.option(
-    "--amplify", type=within(1e-6, 1e6), metavar="X", default=1.0, show_default=True,
-    help="Factor of the difference images.",
-)  # fmt: skip
-@click.option(
-    "-o", "--output", type=click.Path(),
+@option(
+    "--amplify", within(1e-6, 1e6), "Factor of the difference images.", metavar="X", default=1.0
+)
+@option(
+    "-o --output", PATH,
     help="PNG or EXR to write.  [default: compare.png in the current folder; with "
     "--representations none]",
 )  # fmt: skip
-@click.option("--no-picture", is_flag=True, help="Write no picture.")
-@click.option(
-    "--no-flip", is_flag=True, help="Leave out HDR-FLIP, which takes long for large spheres."
-)
+@flag("--no-picture", "Write no picture.")
+@flag("--no-flip", "Leave out HDR-FLIP, which takes long for large spheres.")
 @options.probe_options
 @options.report_options
 def compare(

@@ -8,6 +8,7 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
+from shrm_cli.cli.types import PATH, option
 from shrm_cli.maps.options import counted
 
 if TYPE_CHECKING:
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("maps", metavar="MAP|FOLDER...", nargs=-1, required=True, type=click.Path())
-@click.option("-o", "--output", required=True, type=click.Path(), help="HTML to write, one file.")
-@click.option("--title", default="Maps", show_default=True, help="Title of the page.")
+@option("-o --output", PATH, "HTML to write, one file.", required=True)
+@option("--title", str, "Title of the page.", default="Maps")
 @options.report_options
 def contact(maps: tuple[str, ...], output: str, title: str) -> None:
     """Put each MAP onto one page: a row for each probe, a column for each BRDF and form.

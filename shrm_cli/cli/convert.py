@@ -9,7 +9,7 @@ from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import surface_options
 from shrm_cli.cli.terminal import conclude, echo, progress_bar
-from shrm_cli.cli.types import BYTES, DIRECTION, Named
+from shrm_cli.cli.types import BYTES, DIRECTION, PATH, Named, flag, option
 from shrm_cli.files.whole import keeping
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions, installed_names
@@ -25,66 +25,59 @@ def _converts(option: Option) -> bool:
 
 
 _plain_options = options.several(
-    click.option(
-        "--view", type=DIRECTION,
+    option(
+        "--view", DIRECTION,
         help="With --to latlong, of a map: the light reflected to a distant viewer there, "
         "degrees, as a plain image.",
     ),
-    click.option(
-        "--by", type=click.Choice(vocabulary.LOOKUPS),
+    option(
+        "--by", click.Choice(vocabulary.LOOKUPS),
         help="With --view, what a pixel's direction is: the mirror direction, or the normal.  "
         "[default: as the map itself is looked up]",
     ),
     surface_options,
-    click.option(
-        "--mips", is_flag=True,
-        help="Of split sums made with --mips, to latlong or openexr: one mip-mapped file.",
-    ),
+    flag("--mips", "Of split sums made with --mips, to latlong or openexr: one mip-mapped file."),
 )  # fmt: skip
 """The options of plain images of `shrm convert`."""
 
 
 @click.command(cls=options.command_with_headings({}, "Options", _converts))
 @click.argument("source", metavar="IN", type=click.Path())
-@click.option(
-    "--to", "target", type=Named(_TARGETS, installed_names), required=True,
+@option(
+    "--to target", Named(_TARGETS, installed_names), required=True,
     help="Representation (of a map), layout of the images (of a map or a probe), or layers, the "
     "textures that --shader reads.",
 )  # fmt: skip
-@click.option(
-    "--shader", type=click.Choice(SHADER.choices),
+@option(
+    "--shader", click.Choice(SHADER.choices),
     help="Of --to layers: print the code that looks the map up in them, too.",
 )  # fmt: skip
-@click.option("-o", "--output", type=click.Path(), help="File to write.  [default: IN.TO.exr]")
+@option("-o --output", PATH, "File to write.  [default: IN.TO.exr]")
 @usage.force_option
-@click.option(
-    "--frame", type=click.Choice(vocabulary.FRAMES),
+@option(
+    "--frame", click.Choice(vocabulary.FRAMES),
     help="Axes of the view in an SHRM.  [default: those of IN]",
 )  # fmt: skip
-@click.option(
-    "--order-p", type=click.IntRange(0, vocabulary.MAX_ORDER_P),
+@option(
+    "--order-p", click.IntRange(0, vocabulary.MAX_ORDER_P),
     help="Order P of the SHRM.  [default: as high as IN has it or determines it]",
 )  # fmt: skip
-@click.option(
-    "--max-size", type=BYTES, metavar="BYTES",
+@option(
+    "--max-size", BYTES, metavar="BYTES",
     help="Most bytes of the map in half precision, where its views or P are not given.  "
     f"[default: {vocabulary.DEFAULT_MAX_SIZE // 10**6}MB, or those of IN]",
 )  # fmt: skip
 @options.representation_options(_converts)
 @_plain_options
-@click.option(
-    "--size", type=click.IntRange(1, 8192),
+@option(
+    "--size", click.IntRange(1, 8192),
     help="Texels along a face's edge; height of a lat-long or angular map.  [default: as fine]",
 )  # fmt: skip
-@click.option(
-    "--to-orientation", type=click.Choice(vocabulary.ORIENTATIONS),
+@option(
+    "--to-orientation", click.Choice(vocabulary.ORIENTATIONS),
     help="Orientation of the cube faces to write.  [default: openexr for --to openexr, else gl]",
 )  # fmt: skip
-@click.option(
-    "--to-sampling",
-    type=click.Choice(vocabulary.SAMPLINGS),
-    help="Where the edge pixels to write lie.",
-)
+@option("--to-sampling", click.Choice(vocabulary.SAMPLINGS), "Where the edge pixels to write lie.")
 @options.precision_option
 @options.probe_options
 @options.report_options
@@ -179,9 +172,9 @@ def _rules(target: str) -> dict[str, usage.Applies]:
             usage.Applies(target != vocabulary.LAYERS, f"to all but --to {vocabulary.LAYERS}"),
         ),
     }
-    for option in filter(_converts, all_options(known).values()):
-        of = owners(known, option.name)
-        rules.setdefault(option.name, usage.Applies(target in of, f"with --to {listing(of, 'or')}"))
+    for each in filter(_converts, all_options(known).values()):
+        of = owners(known, each.name)
+        rules.setdefault(each.name, usage.Applies(target in of, f"with --to {listing(of, 'or')}"))
     return rules
 
 

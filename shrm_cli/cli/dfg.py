@@ -10,6 +10,7 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar, tell
+from shrm_cli.cli.types import PATH, flag, option
 from shrm_cli.files.whole import keeping
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import CONTAINERS, Precision
@@ -22,28 +23,19 @@ _COLUMNS = "fdez-aguera", "turquin", "gltf", "filament"
 
 
 @click.command()
-@click.option(
-    "--size", type=click.IntRange(2, 1024), default=128, show_default=True,
-    help="Texels along both edges.",
-)  # fmt: skip
-@click.option(
-    "--multiscatter/--no-multiscatter", default=False, show_default=True,
+@option("--size", click.IntRange(2, 1024), "Texels along both edges.", default=128)
+@option(
+    "--multiscatter/--no-multiscatter", bool, default=False,
     help="Channels for shaders that add light which meets several facets.",
 )  # fmt: skip
-@click.option(
-    "--moments", is_flag=True,
-    help="Channels for SH exponentials: how much the lobe reflects, and from where.",
-)  # fmt: skip
-@click.option(
-    "--columns", type=click.Choice(_COLUMNS),
+@flag("--moments", "Channels for SH exponentials: how much the lobe reflects, and from where.")
+@option(
+    "--columns", click.Choice(_COLUMNS),
     help="A third column of GGX's table: the light that multiple scattering adds (fdez-aguera, "
     "turquin), or cloth as the engine has it (gltf, filament).",
 )  # fmt: skip
 @options.optional_brdf_option
-@click.option(
-    "-o", "--output", type=click.Path(), default="dfg.exr", show_default=True,
-    help="OpenEXR, KTX 2 or 16-bit PNG file to write.",
-)  # fmt: skip
+@option("-o --output", PATH, "OpenEXR, KTX 2 or 16-bit PNG file to write.", default="dfg.exr")
 @usage.force_option
 @options.precision_option
 @options.report_options

@@ -10,7 +10,7 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import Named
+from shrm_cli.cli.types import PATH, Named, flag, option
 from shrm_cli.errors import ShrmError
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
@@ -28,25 +28,23 @@ def _installed() -> list[str]:
 
 
 texel_options = (
-    click.option(
-        "--format", "texel_format", type=click.Choice(TEXEL_FORMATS),
+    option(
+        "--format texel_format", click.Choice(TEXEL_FORMATS),
         help="Texels of cubes, where the engine reads several; auto is the smallest that keeps "
         "--max-error, ASTC aside, which few desktops read.  [default: the engine's]",
     ),
-    click.option(
-        "--max-error", metavar="X", type=click.FloatRange(0, min_open=True),
+    option(
+        "--max-error", click.FloatRange(0, min_open=True), metavar="X",
         help="Refuse texels that change a level by more: its RMS, 95 % of its texels, or the "
         "energy of a lamp.  [default: .03 of auto]",
     ),
-    click.option(
-        "--skybox", type=click.IntRange(0, 4096),
+    option(
+        "--skybox", click.IntRange(0, 4096),
         help="Texels along an edge of a sharp cube for the background, 0 for none.",
     ),
-    click.option(
-        "--dfg", is_flag=True, help="The environment-BRDF table, where the engine takes it."
-    ),
-    click.option(
-        "--firefly-safe", is_flag=True,
+    flag("--dfg", "The environment-BRDF table, where the engine takes it."),
+    flag(
+        "--firefly-safe",
         help="Spread lamps over discs that the engine's own filter resolves (godot, unity).",
     ),
 )  # fmt: skip
@@ -55,32 +53,32 @@ texel_options = (
 
 @click.command()
 @click.argument("sources", metavar="PROBE|MAP...", type=click.Path(), nargs=-1, required=True)
-@click.option(
-    "--for", "engines", type=Named([*ENGINES, "all"], _installed), multiple=True, required=True,
+@option(
+    "--for engines", Named([*ENGINES, "all"], _installed), multiple=True, required=True,
     help="Who loads it; several may be named; all are those of shrm itself.",
 )  # fmt: skip
-@click.option(
-    "-o", "--output", metavar="DIR", type=click.Path(),
+@option(
+    "-o --output", PATH, metavar="DIR",
     help="Folder to write into; of several engines each gets a folder of its name in it.  "
     "[default: NAME.ENGINE in the current folder]",
 )  # fmt: skip
 @usage.force_option
-@click.option(
-    "--size", type=click.IntRange(1, 4096),
+@option(
+    "--size", click.IntRange(1, 4096),
     help="Texels along an edge of level 0, or rows of a lat-long.  [default: the engine's]",
 )  # fmt: skip
-@click.option(
-    "--window", metavar="NAME[:WIDTH]",
+@option(
+    "--window", str, metavar="NAME[:WIDTH]",
     help="Window of the nine coefficients, as of irradiance: none, hann, lanczos, or auto, the "
     "least that leaves nothing negative.  [default: auto]",
 )  # fmt: skip
-@click.option(
-    "--into", metavar="MODEL", type=click.Path(),
+@option(
+    "--into", PATH, metavar="MODEL",
     help="Put the light into a copy of a glTF file, .glb or .gltf, where the engine reads glTF.",
 )  # fmt: skip
 @options.several(*texel_options)
-@click.option(
-    "--sun", type=click.Choice(["split"]),
+@option(
+    "--sun", click.Choice(["split"]),
     help="split: take the lamps out, and make lights of the engine of them (three, filament, "
     "bevy, godot, usd).",
 )  # fmt: skip

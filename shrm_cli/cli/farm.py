@@ -10,7 +10,7 @@ import click
 from shrm_cli.cli import usage
 from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo, echo_message
-from shrm_cli.cli.types import Parsed
+from shrm_cli.cli.types import FILE, Parsed, option
 from shrm_cli.messages import has_secret
 
 if TYPE_CHECKING:
@@ -34,20 +34,16 @@ def _part(text: str) -> tuple[int, int, int]:
 
 
 farm_options = several(
-    click.option(
-        "--commands", type=click.Path(dir_okay=False), metavar="FILE",
+    option(
+        "--commands", FILE, metavar="FILE",
         help="Write command lines for a farm, one for each chunk, and make nothing.",
     ),
-    click.option(
-        "--openjd", type=click.Path(dir_okay=False), metavar="FILE",
-        help="Write an Open Job Description template instead.",
+    option("--openjd", FILE, "Write an Open Job Description template instead.", metavar="FILE"),
+    option(
+        "--chunk", click.IntRange(1, 10**9), "Probes of a chunk, about.", default=100, metavar="N"
     ),
-    click.option(
-        "--chunk", type=click.IntRange(1, 10**9), default=100, show_default=True, metavar="N",
-        help="Probes of a chunk, about.",
-    ),
-    click.option(
-        "--share", type=Parsed("K/N", _part), metavar="K/N|A-B/N",
+    option(
+        "--share", Parsed("K/N", _part), metavar="K/N|A-B/N",
         help="Make one part of N, or several, as the command lines of farms do.",
     ),
 )  # fmt: skip

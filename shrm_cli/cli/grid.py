@@ -9,7 +9,7 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
-from shrm_cli.cli.types import BOX, COUNTS
+from shrm_cli.cli.types import BOX, COUNTS, PATH, option
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 
@@ -21,29 +21,22 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
 
 @click.command()
 @click.argument("source", metavar="ROOM|TABLE.csv|GRID.npz", type=click.Path())
-@click.option(
-    "-o", "--output", type=click.Path(),
+@option(
+    "-o --output", PATH,
     help="File to write: .npz, .json for three.js, .ktx2 for Bevy, or .exr.  "
     "[default: SOURCE.grid.npz in the current folder]",
 )  # fmt: skip
-@click.option(
-    "--size", type=COUNTS,
-    help="Probes along x, y and z.  [default: 16 along the longest edge of the box]",
-)  # fmt: skip
-@click.option(
-    "--box", type=BOX, help="Two corners of the box with the probes.  [default: all of the room]"
+@option(
+    "--size", COUNTS, "Probes along x, y and z.  [default: 16 along the longest edge of the box]"
 )
-@click.option(
-    "--order", type=click.IntRange(1, MAX_GRID_ORDER), default=2, show_default=True,
-    help="Largest degree of the harmonics.",
-)  # fmt: skip
+@option("--box", BOX, "Two corners of the box with the probes.  [default: all of the room]")
+@option("--order", click.IntRange(1, MAX_GRID_ORDER), "Largest degree of the harmonics.", default=2)
 @options.room_options
-@click.option(
-    "--samples", type=click.IntRange(16, 65536), default=1024, show_default=True,
-    help="Directions along which each probe looks.",
-)  # fmt: skip
-@click.option(
-    "--light", type=click.Choice(["all", "reflected"]), default="all", show_default=True,
+@option(
+    "--samples", click.IntRange(16, 65536), "Directions along which each probe looks.", default=1024
+)
+@option(
+    "--light", click.Choice(["all", "reflected"]), default="all",
     help="reflected leaves out what comes straight from lamps, which engines may add "
     "themselves; .npz holds both.",
 )  # fmt: skip

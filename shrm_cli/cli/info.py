@@ -6,13 +6,14 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
+from shrm_cli.cli.types import option
 from shrm_cli.progress import Rising, using
 
 
 @click.command()
 @click.argument("file", type=click.Path())
-@click.option(
-    "--stats/--no-stats", default=True, show_default=True,
+@option(
+    "--stats/--no-stats", bool, default=True,
     help="Read the pixels of a probe: range, irradiance, white balance, lamps.",
 )  # fmt: skip
 @options.probe_options

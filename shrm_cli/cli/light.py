@@ -11,7 +11,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude
-from shrm_cli.cli.types import COEFFICIENT, DIMMING, RADIANCE, STOPS, TURN
+from shrm_cli.cli.types import COEFFICIENT, DIMMING, PATH, RADIANCE, STOPS, TURN, option
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import Precision
@@ -29,25 +29,24 @@ def light() -> None:
 
 @light.command()
 @click.argument("file", metavar="LIGHT", type=click.Path())
-@click.option(
-    "-o", "--output", required=True, type=click.Path(),
+@option(
+    "-o --output", PATH, required=True,
     help="Coefficients as .txt, .npy or .json, or a light file, .toml.",
 )  # fmt: skip
-@click.option(
-    "--order", type=click.IntRange(0, 32), metavar="N",
+@option(
+    "--order", click.IntRange(0, 32), metavar="N",
     help="Order of the coefficients.  [default: theirs, 4 of light files and images]",
 )  # fmt: skip
-@click.option(
-    "--set", "numbers", type=COEFFICIENT, multiple=True,
-    help="Replace the coefficient of degree L and order M.",
-)  # fmt: skip
-@click.option("--scale", type=RADIANCE, help="Multiply the light: a number, or three.")
-@click.option(
-    "--dim", type=DIMMING, multiple=True,
+@option(
+    "--set numbers", COEFFICIENT, "Replace the coefficient of degree L and order M.", multiple=True
+)
+@option("--scale", RADIANCE, "Multiply the light: a number, or three.")
+@option(
+    "--dim", DIMMING, multiple=True,
     help="Multiply the light about a direction by X, half of the way at W degrees from it (30).",
 )  # fmt: skip
-@click.option("--rotate", type=TURN, help="Turn the light about x, y, z or an axis X/Y/Z.")
-@click.option("--add", type=click.Path(), multiple=True, metavar="LIGHT", help="Add another light.")
+@option("--rotate", TURN, "Turn the light about x, y, z or an axis X/Y/Z.")
+@option("--add", PATH, "Add another light.", multiple=True, metavar="LIGHT")
 @options.probe_options
 @options.report_options
 def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **values: Any) -> None:
@@ -142,27 +141,16 @@ def _tables(path: str, working: Any) -> tuple[Tables, Any]:
 
 @light.command()
 @click.argument("mesh", metavar="[MESH]", required=False, type=click.Path(dir_okay=False))
-@click.option(
-    "-o", "--output", type=click.Path(), default="basis.png", show_default=True,
-    help="PNG or EXR to write.",
-)  # fmt: skip
-@click.option(
-    "--order", type=click.IntRange(0, 8), default=2, show_default=True, help="Largest degree."
-)  # fmt: skip
+@option("-o --output", PATH, "PNG or EXR to write.", default="basis.png")
+@option("--order", click.IntRange(0, 8), "Largest degree.", default=2)
 @options.view_option
-@click.option(
-    "--size", type=click.IntRange(16, 2048), default=192, show_default=True,
-    help="Width and height of a picture, pixels.",
-)  # fmt: skip
-@click.option(
-    "--exposure", type=STOPS, metavar="EV", default=1.0, show_default=True, help="Stops."
-)  # fmt: skip
-@click.option(
-    "--transfer", type=click.Path(), metavar="FILE",
-    help="What shrm transfer baked of the mesh: its own shadows.",
-)  # fmt: skip
-@click.option(
-    "--columns", type=click.IntRange(1), metavar="N",
+@option("--size", click.IntRange(16, 2048), "Width and height of a picture, pixels.", default=192)
+@option("--exposure", STOPS, "Stops.", metavar="EV", default=1.0)
+@option(
+    "--transfer", PATH, "What shrm transfer baked of the mesh: its own shadows.", metavar="FILE"
+)
+@option(
+    "--columns", click.IntRange(1), metavar="N",
     help="Columns of the sheet.  [default: as square as possible]",
 )  # fmt: skip
 @options.precision_option

@@ -13,7 +13,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.moving import fps_option, frame_targets, max_memory_option
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import STOPS, Named
+from shrm_cli.cli.types import PATH, STOPS, Named, option
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
@@ -33,26 +33,22 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
 @click.command()
 @click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=click.Path())
 @options.materials_option
-@click.option(
-    "-o", "--output", type=click.Path(), default="lookdev.png", show_default=True,
+@option(
+    "-o --output", PATH, default="lookdev.png",
     help="PNG, EXR or HTML page; turntable .apng, .gif or .mp4, or frames named with %04d.",
 )  # fmt: skip
-@click.option(
-    "--to", type=Named([AUTO, *_FORMS], installed_names), default=AUTO, show_default=True,
-    help="Representation of the maps.",
-)  # fmt: skip
+@option(
+    "--to", Named([AUTO, *_FORMS], installed_names), "Representation of the maps.", default=AUTO
+)
 @options.shared_options(*_MAKING)
 @options.view_option
-@click.option(
-    "--size", type=click.IntRange(16, 2048), default=256, show_default=True,
-    help="Width and height of a cell, pixels.",
-)  # fmt: skip
-@click.option(
-    "--exposure", type=STOPS, metavar="EV",
+@option("--size", click.IntRange(16, 2048), "Width and height of a cell, pixels.", default=256)
+@option(
+    "--exposure", STOPS, metavar="EV",
     help="Stops, for all probes.  [default: each probe's own, which its label states]",
 )  # fmt: skip
-@click.option(
-    "--frames", type=click.IntRange(1, 9999), metavar="N",
+@option(
+    "--frames", click.IntRange(1, 9999), metavar="N",
     help=f"Walk around the spheres in N steps.  [default: {DEFAULT_FRAMES} of a moving picture]",
 )  # fmt: skip
 @fps_option

@@ -17,6 +17,7 @@ import shrm_cli
 from shrm_cli import settings
 from shrm_cli.cli import usage
 from shrm_cli.cli.terminal import echo_message, tell_nobody, warn
+from shrm_cli.cli.types import flag
 from shrm_cli.errors import ArgumentError, PluginError, ShrmError, ShrmWarning
 from shrm_cli.files.whole import protecting
 from shrm_cli.settings import limit_small_products
@@ -128,11 +129,11 @@ def _tell_version(context: click.Context, parameter: click.Parameter, asked: boo
 
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.option(
-    "--version", is_flag=True, expose_value=False, is_eager=True, callback=_tell_version,
+@flag(
+    "--version", expose_value=False, is_eager=True, callback=_tell_version,
     help="Show the version and exit.",
 )  # fmt: skip
-@click.option("--debug", is_flag=True, help="Show tracebacks.")
+@flag("--debug", "Show tracebacks.")
 def cli(debug: bool) -> None:
     """Prefilter light probes for real materials, with a stated and kept error bound.
 

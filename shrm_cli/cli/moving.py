@@ -9,7 +9,7 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.types import BYTES, TURN, way, within
+from shrm_cli.cli.types import BYTES, FILE, PATH, TURN, option, way, within
 from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
@@ -17,42 +17,42 @@ if TYPE_CHECKING:
     from shrm_cli.render.moving import Key, Moment
     from shrm_cli.render.stage import Stage
 
-fps_option = click.option(
-    "--fps", type=within(0.1, 120), metavar="X",
+fps_option = option(
+    "--fps", within(0.1, 120), metavar="X",
     help=f"Frames a second of a moving picture.  [default: {DEFAULT_FPS:g}]",
 )  # fmt: skip
-max_memory_option = click.option(
-    "--max-memory", type=BYTES, metavar="BYTES",
+max_memory_option = option(
+    "--max-memory", BYTES, metavar="BYTES",
     help="The most memory that pictures may take, such as 2GB: GIF and APNG hold all frames.  "
     "[default: half of the machine's]",
 )  # fmt: skip
-frames_option = click.option(
-    "--frames", type=click.IntRange(1, 9999), metavar="N",
+frames_option = option(
+    "--frames", click.IntRange(1, 9999), metavar="N",
     help="Walk around it in N steps, or let its light or what varies move in as many: a file for "
     "each, whose name holds %04d, or one moving picture.  "
     f"[default of .apng, .gif, .mp4: {DEFAULT_FRAMES}]",
 )  # fmt: skip
 light_options = options.several(
-    click.option(
-        "--turn-light", type=TURN,
+    option(
+        "--turn-light", TURN,
         help="Turn the light about x, y, z or an axis X/Y/Z by so many degrees, or by equal steps "
         "of them with --frames.",
     ),
-    click.option(
-        "--blend-to", type=click.Path(dir_okay=False), metavar="MAP", multiple=True,
+    option(
+        "--blend-to", FILE, metavar="MAP", multiple=True,
         help="The map of the same BRDF whose light that of MAP becomes, over the frames; one for "
         "each MAP.",
     ),
-    click.option(
-        "--blend", type=within(0, 1), metavar="X",
+    option(
+        "--blend", within(0, 1), metavar="X",
         help="How much of the light is that of --blend-to, in the last frame.  [default: 1]",
     ),
-    click.option(
-        "--irradiance-to", type=click.Path(dir_okay=False), metavar="MAP",
+    option(
+        "--irradiance-to", FILE, metavar="MAP",
         help="Irradiance map that --irradiance becomes with --blend-to.",
     ),
-    click.option(
-        "--background-to", type=click.Path(), metavar="PROBE",
+    option(
+        "--background-to", PATH, metavar="PROBE",
         help="Light probe that --background becomes with --blend-to.",
     ),
 )  # fmt: skip

@@ -14,10 +14,13 @@ from shrm_cli.cli.types import (
     DIRECTION,
     NAMED_COLOR,
     OF_PRIMARIES,
+    PATH,
     STOPS,
     Named,
     Spec,
     click_option,
+    flag,
+    option,
 )
 from shrm_cli.cli.usage import Applies, remember
 from shrm_cli.errors import PluginError
@@ -47,8 +50,8 @@ def several(*options: Callable[[Any], Any]) -> Callable[[Command], Command]:
     """Return a decorator that adds options to a command, which its help lists in this order."""
 
     def decorate(command: Command) -> Command:
-        for option in reversed(options):
-            command = option(command)
+        for each in reversed(options):
+            command = each(command)
         return command
 
     return decorate
@@ -141,49 +144,46 @@ _SPEC = (
     "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
     "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
 )
-brdf_option = click.option("--brdf", "spec", type=Spec(), metavar="SPEC", required=True, help=_SPEC)
-optional_brdf_option = click.option("--brdf", type=Spec(), metavar="SPEC", help=_SPEC)
-brdfs_option = click.option(
-    "--brdf", "brdfs", type=Spec(), metavar="SPEC", multiple=True,
+brdf_option = option("--brdf spec", Spec(), _SPEC, metavar="SPEC", required=True)
+optional_brdf_option = option("--brdf", Spec(), _SPEC, metavar="SPEC")
+brdfs_option = option(
+    "--brdf brdfs", Spec(), metavar="SPEC", multiple=True,
     help="A BRDF, as `shrm prefilter` takes it. May be repeated.",
 )  # fmt: skip
-materials_option = click.option(
-    "--brdf", "specs", type=Spec(), metavar="SPEC", multiple=True, required=True,
+materials_option = option(
+    "--brdf specs", Spec(), metavar="SPEC", multiple=True, required=True,
     help="A material, as `shrm prefilter` takes it. May be repeated.",
 )  # fmt: skip
 _DIRECTION = "Direction to the viewer, degrees: azimuth from +Z towards +X, elevation."
-view_option = click.option(
-    "--view", type=DIRECTION, default="0,0", show_default=True, help=_DIRECTION
-)
+view_option = option("--view", DIRECTION, _DIRECTION, default="0,0")
 _VIEWS = ("0,0", "120,20", "240,-20")
 
 
 def views_option(name: str) -> Callable[[Command], Command]:
     """Return the option --view, whose value has a name: the directions to several viewers."""
-    return click.option(
-        "--view", name, type=DIRECTION, multiple=True, default=_VIEWS,
+    return option(
+        f"--view {name}", DIRECTION, multiple=True, default=_VIEWS, show_default=False,
         help=f"{_DIRECTION} May be given several times.  [default: {' '.join(_VIEWS)}]",
     )  # fmt: skip
 
 
-exposure_option = click.option(
-    "--exposure", type=STOPS, metavar="EV", default=0.0, show_default=True,
+exposure_option = option(
+    "--exposure", STOPS, metavar="EV", default=0.0,
     help="Stops: pictures are multiplied by 2^EV, in EXR too.",
 )  # fmt: skip
-precision_option = click.option(
-    "--precision", type=click.Choice(vocabulary.PRECISIONS), default="auto",
-    show_default=True,
+precision_option = option(
+    "--precision", click.Choice(vocabulary.PRECISIONS), default="auto",
     help="Pixel type of an EXR; auto is float where half overflows or costs dim light digits.",
 )  # fmt: skip
-exact_option = click.option(
-    "--exact", is_flag=True,
+exact_option = flag(
+    "--exact",
     help="Sum the truth over all pixels of the probe, as points, which takes up to a hundred times "
     "as long and is wrong for lobes that are narrower than a pixel.  "
     "[default: adaptively, with an error that is stated]",
 )  # fmt: skip
 truth_options = several(
-    click.option(
-        "--source-height", type=click.IntRange(2, vocabulary.MAX_SOURCE_HEIGHT), metavar="ROWS",
+    option(
+        "--source-height", click.IntRange(2, vocabulary.MAX_SOURCE_HEIGHT), metavar="ROWS",
         help="Rows that the probe is averaged down to for the truth.  [default: all]",
     ),
     exact_option,
@@ -203,68 +203,59 @@ def _limit_threads(ctx: click.Context, param: click.Parameter, value: int | None
 
 
 output_options = several(
-    click.option(
-        "--json", "as_json", is_flag=True, callback=remember, expose_value=False,
-        help="Print results as JSON.",
-    ),
-    click.option(
-        "--quiet", is_flag=True, callback=remember, expose_value=False, help="Print errors only."
-    ),
+    flag("--json as_json", "Print results as JSON.", callback=remember, expose_value=False),
+    flag("--quiet", "Print errors only.", callback=remember, expose_value=False),
 )  # fmt: skip
-cache_option = click.option(
-    "--no-cache", is_flag=True, callback=_disable_cache, expose_value=False,
+cache_option = flag(
+    "--no-cache", callback=_disable_cache, expose_value=False,
     help="Neither read nor keep coefficients of BRDFs.",
 )  # fmt: skip
 report_options = several(
     output_options,
-    click.option(
-        "--threads", type=click.IntRange(1, 1024), callback=_limit_threads, expose_value=False,
+    option(
+        "--threads", click.IntRange(1, 1024), callback=_limit_threads, expose_value=False,
         is_eager=True,
         help="Threads for image files and integrals; the rest takes one.  [default: all]",
     ),
     cache_option,
 )  # fmt: skip
 read_options = several(
-    click.option(
-        "--layout", type=click.Choice(vocabulary.IMAGE_LAYOUTS), help="Layout of the probe."
+    option("--layout", click.Choice(vocabulary.IMAGE_LAYOUTS), "Layout of the probe."),
+    option(
+        "--orientation", click.Choice(vocabulary.ORIENTATIONS), "Orientation of its cube faces."
     ),
-    click.option(
-        "--orientation", type=click.Choice(vocabulary.ORIENTATIONS),
-        help="Orientation of its cube faces.",
+    option(
+        "--yaw", float, "Turn it about +Y, degrees, +Z towards +X.", default=0.0, show_default=False
     ),
-    click.option(
-        "--yaw", type=float, default=0.0, help="Turn it about +Y, degrees, +Z towards +X."
+    option(
+        "--pitch", float, "Before that, about +X, +Y towards +Z.", default=0.0, show_default=False
     ),
-    click.option(
-        "--pitch", type=float, default=0.0, help="Before that, about +X, +Y towards +Z."
+    option(
+        "--roll", float, default=0.0, show_default=False,
+        help="And before that, about +Z, +X towards +Y.",
     ),
-    click.option(
-        "--roll", type=float, default=0.0, help="And before that, about +Z, +X towards +Y."
+    flag("--mirror", "Mirror it, x -> -x."),
+    option(
+        "--up", click.Choice(["y", "z"]), "Its axis that is up.", default="y", show_default=False
     ),
-    click.option("--mirror", is_flag=True, help="Mirror it, x -> -x."),
-    click.option("--up", type=click.Choice(["y", "z"]), default="y", help="Its axis that is up."),
-    click.option(
-        "--linearize", is_flag=True, help="Decode its integers, as sRGB where it names no curve."
-    ),
-    click.option("--part", metavar="NAME|N", help="Which of its parts is the light."),
-    click.option("--layer", metavar="NAME", help="Which of its layers or views is."),
-    click.option(
-        "--fix-nonfinite", is_flag=True, help="Fill NaN and infinite pixels from neighbours."
-    ),
-    click.option("--clamp", type=float, metavar="X", help="Limit its radiance, keeping the hue."),
-    click.option(
-        "--primaries", type=OF_PRIMARIES,
+    flag("--linearize", "Decode its integers, as sRGB where it names no curve."),
+    option("--part", str, "Which of its parts is the light.", metavar="NAME|N"),
+    option("--layer", str, "Which of its layers or views is.", metavar="NAME"),
+    flag("--fix-nonfinite", "Fill NaN and infinite pixels from neighbours."),
+    option("--clamp", float, "Limit its radiance, keeping the hue.", metavar="X"),
+    option(
+        "--primaries", OF_PRIMARIES,
         help=f"Its primaries, whatever it says: {', '.join(vocabulary.PRIMARIES)}, or x and y of "
         "red, green, blue and white.  [default: as it says, else rec709]",
     ),
-    click.option(
-        "--working", type=OF_PRIMARIES,
+    option(
+        "--working", OF_PRIMARIES,
         help="Convert its light to these primaries.  [default: it stays as it is]",
     ),
 )  # fmt: skip
 """The options about reading a probe's file, but --sampling; `make_read_options` takes them all."""
 probe_options = several(
-    click.option("--sampling", type=_sampling, help="Where edge pixels of the probe lie."),
+    option("--sampling", _sampling, "Where edge pixels of the probe lie."),
     read_options,
 )
 
@@ -325,32 +316,25 @@ def making_options(
         representation_options(wanted),
         shared_options("domain", "source_height", "frame", "size", "max_size", "sun"),
         precision_option,
-        click.option(
-            "--sampling", type=_sampling,
+        option(
+            "--sampling", _sampling,
             help=f"Where edge pixels lie, in the {probes} and in the written {cubes}.",
         ),
-        click.option(
-            "--probe-sampling", type=_sampling, help=f"The same, of the {probes} alone."
-        ),
-        click.option(
-            "--map-sampling", type=_sampling, help=f"The same, of the written {cubes} alone."
-        ),
+        option("--probe-sampling", _sampling, f"The same, of the {probes} alone."),
+        option("--map-sampling", _sampling, f"The same, of the written {cubes} alone."),
     )  # fmt: skip
 
 
 NamedColors = tuple[tuple[str, "Color"], ...]
 
 room_options = several(
-    click.option(
-        "--probe", type=click.Path(),
-        help="Light that is seen past the room, such as through windows.",
-    ),
-    click.option(
-        "--albedo", type=NAMED_COLOR, multiple=True,
+    option("--probe", PATH, "Light that is seen past the room, such as through windows."),
+    option(
+        "--albedo", NAMED_COLOR, multiple=True,
         help="What a material reflects, in place of its base colour. May be repeated.",
     ),
-    click.option(
-        "--emit", type=NAMED_COLOR, multiple=True,
+    option(
+        "--emit", NAMED_COLOR, multiple=True,
         help="Radiance that a material sends. May be repeated.",
     ),
 )  # fmt: skip

@@ -11,7 +11,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import CIRCLE, DIRECTION, RADIANCE, Parsed, within
+from shrm_cli.cli.types import CIRCLE, DIRECTION, PATH, RADIANCE, Parsed, flag, option, within
 from shrm_cli.maps.options import counted
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import Precision
@@ -34,9 +34,7 @@ def _times(text: str) -> tuple[float, ...]:
 
 
 _photo_options = options.several(
-    click.option(
-        "-o", "--output", required=True, type=click.Path(), help="OpenEXR file to write."
-    ),
+    option("-o --output", PATH, "OpenEXR file to write.", required=True),
     options.precision_option,
     options.report_options,
 )  # fmt: skip
@@ -44,13 +42,13 @@ _photo_options = options.several(
 
 @click.command()
 @click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=click.Path())
-@click.option(
-    "--times", type=Parsed("T,T,...", _times),
+@option(
+    "--times", Parsed("T,T,...", _times),
     help="What each let in, such as its shutter's seconds.  [default: what its Exif says of time, "
     "aperture and sensitivity]",
 )  # fmt: skip
-@click.option(
-    "--linear", is_flag=True,
+@flag(
+    "--linear",
     help="Integers are linear, as developers of raw files write them.  [default: find the curve]",
 )  # fmt: skip
 @_photo_options
@@ -126,31 +124,29 @@ def _white_pixels(output: str, made: Merged) -> list[str]:
 
 @click.command()
 @click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=click.Path())
-@click.option(
-    "--camera", "cameras", type=DIRECTION, multiple=True,
+@option(
+    "--camera cameras", DIRECTION, multiple=True,
     help="Where the camera stood for each, seen from the ball: 90,0 is to the right of 0,0. May be "
     "repeated.  [default: 0,0 and then every 90 degrees]",
 )  # fmt: skip
-@click.option(
-    "--circle", "circles", type=CIRCLE, multiple=True,
+@option(
+    "--circle circles", CIRCLE, multiple=True,
     help="Middle, from the left and the top, and radius of the ball in each, in pixels. May be "
     "repeated.  [default: the picture is cropped to the ball]",
 )  # fmt: skip
-@click.option(
-    "--distance", type=within(2, 1e6),
+@option(
+    "--distance", within(2, 1e6),
     help="From the camera to the ball's middle, in radii of the ball.  [default: from afar]",
 )  # fmt: skip
-@click.option(
-    "--reflectance", type=within(0.01, 1), default=1.0, show_default=True,
+@option(
+    "--reflectance", within(0.01, 1), default=1.0,
     help="The part of the light that the ball reflects; chrome has about 0.6.",
 )  # fmt: skip
-@click.option(
-    "--size", type=click.IntRange(2, 8192),
+@option(
+    "--size", click.IntRange(2, 8192),
     help="Height of the probe in pixels.  [default: as fine as the ball]",
 )  # fmt: skip
-@click.option(
-    "--linearize", is_flag=True, help="Decode integers, as sRGB where a file names no curve."
-)
+@flag("--linearize", "Decode integers, as sRGB where a file names no curve.")
 @_photo_options
 def ball(
     photos: tuple[str, ...],
@@ -197,26 +193,16 @@ def ball(
 
 @click.command()
 @click.argument("source", metavar="PROBE", type=click.Path())
-@click.option(
-    "--irradiance", type=RADIANCE,
-    help="What a surface receives from all light, in the probe's units.",
-)  # fmt: skip
-@click.option(
-    "--card", type=RADIANCE,
-    help="Instead, the radiance of a grey card, photographed as the probe was.",
-)  # fmt: skip
-@click.option(
-    "--albedo", type=within(0.01, 1), default=0.18, show_default=True,
-    help="What the card reflects.",
-)  # fmt: skip
-@click.option(
-    "--ratio", type=within(1, 1e6),
+@option("--irradiance", RADIANCE, "What a surface receives from all light, in the probe's units.")
+@option("--card", RADIANCE, "Instead, the radiance of a grey card, photographed as the probe was.")
+@option("--albedo", within(0.01, 1), "What the card reflects.", default=0.18)
+@option(
+    "--ratio", within(1, 1e6),
     help="Instead, the reading of a light meter over its reading in the lamp's shadow.",
 )  # fmt: skip
-@click.option(
-    "--facing", type=DIRECTION, default="0,90", show_default=True,
-    help="Where the card or the meter faced, degrees; 0,90 is up.",
-)  # fmt: skip
+@option(
+    "--facing", DIRECTION, "Where the card or the meter faced, degrees; 0,90 is up.", default="0,90"
+)
 @options.probe_options
 @_photo_options
 def unclip(
@@ -293,7 +279,5 @@ def _write(
     attributes = picture_attributes(recipe, [chromaticities])
     pixel_type = write_image(output, pixels, precision, attributes)
     height, width, _ = pixels.shape
-    result = {
-        "file": output, "width": width, "height": height, "precision": pixel_type, **facts,
-    }  # fmt: skip
+    result = {"file": output, "width": width, "height": height, "precision": pixel_type, **facts}
     conclude(result, [f"{output}: {width} x {height}, {pixel_type}", *lines], warnings)

@@ -12,7 +12,7 @@ import click
 from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, echo, has_terminal, progress_bar
-from shrm_cli.cli.types import BOX, VECTOR, Named
+from shrm_cli.cli.types import BOX, PATH, VECTOR, Named, option
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.naming import brdf_label, probe_stem
@@ -55,26 +55,22 @@ _HEADINGS = {
 @click.command(cls=options.command_with_headings(_HEADINGS))
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @options.optional_brdf_option
-@click.option(
-    "--to",
-    type=Named([vocabulary.AUTO, *vocabulary.REPRESENTATIONS], registry.installed_names),
-    default=vocabulary.AUTO, show_default=True,
+@option(
+    "--to", Named([vocabulary.AUTO, *vocabulary.REPRESENTATIONS], registry.installed_names),
+    default=vocabulary.AUTO,
     help="Representation to write; auto is the one of the fewest bytes whose picture is right, and "
     f"an SHRM with --eps or orders. {_OWN_BRDFS} have their BRDF.",
 )  # fmt: skip
 @options.making_options("probe", "cube")
-@click.option(
-    "-o", "--output", type=click.Path(),
-    help="File to write.  [default: PROBE.BRDF.TO.exr in the current folder]",
-)  # fmt: skip
+@option("-o --output", PATH, "File to write.  [default: PROBE.BRDF.TO.exr in the current folder]")
 @usage.force_option
-@click.option(
-    "--box", type=BOX,
+@option(
+    "--box", BOX,
     help="Two corners of the box that stands for the room around the probe, which look-ups with "
     "parallax need.  [default: what the probe says]",
 )  # fmt: skip
-@click.option(
-    "--at", type=VECTOR,
+@option(
+    "--at", VECTOR,
     help="Where the probe was captured in that box.  [default: what the probe says, or the middle]",
 )  # fmt: skip
 @options.read_options

@@ -10,7 +10,7 @@ import click
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.photo import ball, brackets, unclip
 from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
-from shrm_cli.cli.types import BOX, DIRECTION, RADIANCE, VECTOR
+from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, VECTOR, flag, option
 from shrm_cli.files.whole import check_target
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import PRECISIONS, Precision
@@ -27,26 +27,20 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
 
 
 image_options = options.several(
-    click.option(
-        "-o", "--output", required=True, type=click.Path(), callback=_checked,
-        help="OpenEXR file to write.",
-    ),
-    click.option(
-        "--size", type=click.IntRange(2, 8192), default=256, show_default=True,
+    option("-o --output", PATH, "OpenEXR file to write.", required=True, callback=_checked),
+    option(
+        "--size", click.IntRange(2, 8192), default=256,
         help="Height in pixels; the image is twice as wide.",
     ),
-    click.option(
-        "--precision", type=click.Choice(PRECISIONS), default="auto", show_default=True,
+    option(
+        "--precision", click.Choice(PRECISIONS), default="auto",
         help="Pixel type; auto is float where half overflows or costs dim light digits.",
     ),
 )  # fmt: skip
 """The options that every kind of probe has."""
 output_options = options.several(
     image_options,
-    click.option(
-        "--quiet", is_flag=True, callback=usage.remember, expose_value=False,
-        help="Print nothing on success.",
-    ),
+    flag("--quiet", "Print nothing on success.", callback=usage.remember, expose_value=False),
 )  # fmt: skip
 """Those of probes that are made at once."""
 
@@ -62,10 +56,7 @@ def probe() -> None:
 
 @probe.command()
 @output_options
-@click.option(
-    "--radiance", type=RADIANCE, default="1", show_default=True,
-    help="Radiance, grey or RGB.",
-)  # fmt: skip
+@option("--radiance", RADIANCE, "Radiance, grey or RGB.", default="1")
 def furnace(size: int, radiance: tuple[float, ...], **written: Any) -> None:
     """Make constant radiance from everywhere."""
     from shrm_cli.probe import make
@@ -76,14 +67,12 @@ def furnace(size: int, radiance: tuple[float, ...], **written: Any) -> None:
 
 @probe.command()
 @output_options
-@click.option(
-    "--direction", type=DIRECTION, default="0,0", show_default=True,
-    help="Direction that the bright texel contains, degrees.",
-)  # fmt: skip
-@click.option(
-    "--radiance", type=RADIANCE,
-    help="Radiance of the texel, grey or RGB.  [default: 1 / its solid angle]",
-)  # fmt: skip
+@option(
+    "--direction", DIRECTION, "Direction that the bright texel contains, degrees.", default="0,0"
+)
+@option(
+    "--radiance", RADIANCE, "Radiance of the texel, grey or RGB.  [default: 1 / its solid angle]"
+)
 def impulse(
     size: int, direction: tuple[float, float], radiance: tuple[float, ...] | None, **written: Any
 ) -> None:
@@ -97,22 +86,12 @@ def impulse(
 
 @probe.command()
 @output_options
-@click.option(
-    "--sun", type=DIRECTION, default="45,35", show_default=True,
-    help="Direction of the sun, degrees; elevation 0 to 90.",
-)  # fmt: skip
-@click.option(
-    "--turbidity", type=click.FloatRange(1.7, 10), default=3.0, show_default=True,
-    help="Haziness of the air.",
-)  # fmt: skip
-@click.option(
-    "--ground-albedo", type=click.FloatRange(0, 1), default=0.2, show_default=True,
-    help="Diffuse reflectance of the ground.",
-)  # fmt: skip
-@click.option(
-    "--no-sun", is_flag=True,
-    help="Leave the sun's disc out, and print it as light files have it.",
-)  # fmt: skip
+@option("--sun", DIRECTION, "Direction of the sun, degrees; elevation 0 to 90.", default="45,35")
+@option("--turbidity", click.FloatRange(1.7, 10), "Haziness of the air.", default=3.0)
+@option(
+    "--ground-albedo", click.FloatRange(0, 1), "Diffuse reflectance of the ground.", default=0.2
+)
+@flag("--no-sun", "Leave the sun's disc out, and print it as light files have it.")
 def sky(
     size: int,
     sun: tuple[float, float],
@@ -145,8 +124,8 @@ def sky(
 
 @probe.command()
 @output_options
-@click.option(
-    "--key", type=click.FloatRange(0, 65504), default=20.0, show_default=True,
+@option(
+    "--key", click.FloatRange(0, 65504), default=20.0,
     help="Radiance of the key light; the fill has 2, the rim 10.",
 )  # fmt: skip
 def studio(size: int, key: float, **written: Any) -> None:
@@ -178,17 +157,14 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
 
 @click.command()
 @click.argument("mesh", metavar="ROOM", type=click.Path())
-@click.option("--at", type=VECTOR, required=True, help="Where the probe is, in the mesh's axes.")
+@option("--at", VECTOR, "Where the probe is, in the mesh's axes.", required=True)
 @options.room_options
-@click.option(
-    "--box", type=BOX,
+@option(
+    "--box", BOX,
     help="Two corners of the box that stands for the room where light is looked up.  "
     "[default: all of the room]",
 )  # fmt: skip
-@click.option(
-    "--samples", type=click.IntRange(2, 65536), default=64, show_default=True,
-    help="Paths of light through each pixel.",
-)  # fmt: skip
+@option("--samples", click.IntRange(2, 65536), "Paths of light through each pixel.", default=64)
 @options.report_options
 def capture(
     mesh: str,

@@ -10,7 +10,7 @@ import click
 from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import Spec, way
+from shrm_cli.cli.types import PATH, Spec, option, way
 from shrm_cli.naming import brdf_label
 
 if TYPE_CHECKING:
@@ -20,30 +20,28 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("spec", metavar="BRDF", type=Spec())
-@click.option(
-    "--order", type=click.IntRange(0, vocabulary.MAX_PRODUCT_ORDER),
-    default=vocabulary.DEFAULT_PRODUCT_ORDER, show_default=True,
-    help="Largest degree of the light's harmonics.",
+@option(
+    "--order", click.IntRange(0, vocabulary.MAX_PRODUCT_ORDER),
+    default=vocabulary.DEFAULT_PRODUCT_ORDER, help="Largest degree of the light's harmonics.",
 )  # fmt: skip
-@click.option(
-    "--size", type=click.IntRange(8, vocabulary.MAX_PRODUCT_SIZE),
-    default=vocabulary.DEFAULT_PRODUCT_SIZE, show_default=True,
+@option(
+    "--size", click.IntRange(8, vocabulary.MAX_PRODUCT_SIZE),
+    default=vocabulary.DEFAULT_PRODUCT_SIZE,
     help="Texels along the edge of the parabolic map of views.",
 )  # fmt: skip
-@click.option(
-    "--vary", metavar="NAME=LOW..HIGH", multiple=True,
+@option(
+    "--vary", str, metavar="NAME=LOW..HIGH", multiple=True,
     help="A parameter of the BRDF that varies over the surface: a texture for each of --steps "
     "values. Two may vary, by few textures of which all others are sums.",
 )  # fmt: skip
-@click.option(
-    "--steps", type=click.IntRange(2, 64), metavar="N",
+@option(
+    "--steps", click.IntRange(2, 64), metavar="N",
     help="Values of each --vary, closest where the BRDF changes most.  [default: as many as miss "
     "1% between them]",
 )  # fmt: skip
-@click.option(
-    "-o", "--output", type=click.Path(),
-    help="OpenEXR file to write.  [default: BRDF.product.exr in the current folder]",
-)  # fmt: skip
+@option(
+    "-o --output", PATH, "OpenEXR file to write.  [default: BRDF.product.exr in the current folder]"
+)
 @usage.force_option
 @options.precision_option
 @options.report_options

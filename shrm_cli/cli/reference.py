@@ -8,6 +8,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
+from shrm_cli.cli.types import PATH, option
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, Precision
@@ -16,20 +17,17 @@ from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, Precision
 @click.command()
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @options.brdf_option
-@click.option(
-    "-o", "--output", type=click.Path(),
+@option(
+    "-o --output", PATH,
     help="PNG or EXR to write.  [default: PROBE.BRDF.reference.exr in the current folder]",
 )  # fmt: skip
 @usage.force_option
 @options.view_option
-@click.option(
-    "--size", type=click.IntRange(16, 8192), default=256, show_default=True,
-    help="Width and height of the picture, pixels.",
-)  # fmt: skip
+@option("--size", click.IntRange(16, 8192), "Width and height of the picture, pixels.", default=256)
 @options.exposure_option
 @options.exact_option
-@click.option(
-    "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="H",
+@option(
+    "--source-height", click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="H",
     help="Average the probe down to a lat-long of this height first.  [default: all pixels "
     "of probes of up to 2048 rows]",
 )  # fmt: skip

@@ -12,7 +12,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import moving, options, shading, stage, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import VECTOR, picture_size, within
+from shrm_cli.cli.types import PATH, VECTOR, option, picture_size, within
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
@@ -31,44 +31,41 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
 
 @click.command()
 @click.argument("maps", metavar="MAP...", nargs=-1, type=click.Path(dir_okay=False))
-@click.option(
-    "-o", "--output", type=click.Path(),
+@option(
+    "-o --output", PATH,
     help="PNG, EXR or moving .apng, .gif or .mp4.  [default: MAP.png, of several sheet.png, in the "
     "current folder]",
 )  # fmt: skip
 @options.view_option
-@click.option(
-    "--size", type=picture_size(16, 8192), default="512", show_default=True,
+@option(
+    "--size", picture_size(16, 8192), default="512",
     help="Width and height of a picture, pixels; those of spheres are square.",
 )  # fmt: skip
 @stage.mesh_options
-@click.option(
-    "--place", type=VECTOR,
+@option(
+    "--place", VECTOR,
     help="Where the sphere stands in the box that the maps' probe knows of.  [default: where the "
     "probe was]",
 )  # fmt: skip
-@click.option(
-    "--radius", type=within(0, 1e30), metavar="R",
+@option(
+    "--radius", within(0, 1e30), metavar="R",
     help="Of that sphere, in the box's unit.  [default: a tenth of the box's shortest edge]",
 )  # fmt: skip
 @shading.surface_options
 @shading.brushed_options
 @options.exposure_option
-@click.option(
-    "--background", type=click.Path(), metavar="PROBE",
+@option(
+    "--background", PATH, metavar="PROBE",
     help="Light probe to show behind it, of a sphere 50 degrees across.  [default: black]",
 )  # fmt: skip
-@click.option(
-    "--probe", type=click.Path(), metavar="PROBE",
-    help="Light of product textures that hold none.",
-)  # fmt: skip
+@option("--probe", PATH, "Light of product textures that hold none.", metavar="PROBE")
 @shading.window_option
 @moving.frames_option
 @moving.fps_option
 @moving.max_memory_option
 @moving.light_options
-@click.option(
-    "--columns", type=click.IntRange(1), metavar="N",
+@option(
+    "--columns", click.IntRange(1), metavar="N",
     help="Columns of the contact sheet of several maps.  [default: as square as possible]",
 )  # fmt: skip
 @options.precision_option

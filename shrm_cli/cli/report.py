@@ -11,7 +11,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import BYTES, STOPS, Named
+from shrm_cli.cli.types import BYTES, PATH, STOPS, Named, flag, option
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.registry import installed_names
 from shrm_cli.vocabulary import AUTO, MAX_SOURCE_HEIGHT, REPRESENTATIONS
@@ -38,33 +38,32 @@ _UNSAID = ("probe", "output")
 @click.command(cls=options.command_with_headings(_HEADINGS))
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @options.brdfs_option
-@click.option(
-    "--to", type=Named([AUTO, *REPRESENTATIONS], installed_names), multiple=True, default=[AUTO],
-    show_default=True,
+@option(
+    "--to", Named([AUTO, *REPRESENTATIONS], installed_names), multiple=True, default=[AUTO],
     help="A representation to make, or auto, as shrm prefilter has it. May be repeated.",
 )  # fmt: skip
 @options.shared_options("eps", "error", "seen", "order_f", "order_p", "center")
 @options.representation_options(lambda option: not option.prints)
 @options.shared_options("domain", "source_height", "frame", "size", "max_size", "sun")
-@click.option("-o", "--output", required=True, type=click.Path(), help="HTML to write, one file.")
+@option("-o --output", PATH, "HTML to write, one file.", required=True)
 @options.views_option("angles")
-@click.option(
-    "--picture-size", type=click.IntRange(16, 1024), default=256, show_default=True, metavar="N",
+@option(
+    "--picture-size", click.IntRange(16, 1024), default=256, metavar="N",
     help="Width and height of the spheres' pictures, pixels.",
 )  # fmt: skip
-@click.option(
-    "--truth-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
+@option(
+    "--truth-height", click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
     help="Rows that the probe is averaged down to for the truth.  [default: all]",
 )  # fmt: skip
 @options.exact_option
-@click.option(
-    "--exposure", type=STOPS, metavar="EV",
+@option(
+    "--exposure", STOPS, metavar="EV",
     help="Stops of the spheres.  [default: what suits the truth of each BRDF]",
 )  # fmt: skip
-@click.option("--no-flip", is_flag=True, help="Leave out HDR-FLIP.")
-@click.option("--no-view", is_flag=True, help="Leave out the interactive views: a small page.")
-@click.option(
-    "--max-page", type=BYTES, metavar="BYTES", default=str(_MAX_PAGE),
+@flag("--no-flip", "Leave out HDR-FLIP.")
+@flag("--no-view", "Leave out the interactive views: a small page.")
+@option(
+    "--max-page", BYTES, metavar="BYTES", default=str(_MAX_PAGE), show_default=False,
     help="The most that the page may take, such as 8MB; views that do not fit are left out.  "
     "[default: 32MB]",
 )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.types import BRUSH, Parsed, within
+from shrm_cli.cli.types import BRUSH, Parsed, option, within
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MIN_ROUGHNESS, TAP_COUNTS
 
 if TYPE_CHECKING:
@@ -33,31 +33,31 @@ def _as_number(context: object, parameter: object, value: str | None) -> int | N
     return None if value is None else int(value)
 
 
-roughness_option = click.option(
-    "--roughness", type=within(MIN_ROUGHNESS, 1), metavar="R",
+roughness_option = option(
+    "--roughness", within(MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     f"as.  [default: {DEFAULT_ROUGHNESS:g}]",
 )  # fmt: skip
-f0_option = click.option(
-    "--f0", type=Parsed("F0", _reflectance),
+f0_option = option(
+    "--f0", Parsed("F0", _reflectance),
     help="Its reflectance at normal incidence: a number, R/G/B or a metal's name.  [default: 1]",
 )  # fmt: skip
 surface_options = options.several(roughness_option, f0_option)
 brushed_options = options.several(
-    click.option(
-        "--anisotropy", type=within(0, 1), metavar="S",
+    option(
+        "--anisotropy", within(0, 1), metavar="S",
         help="Anisotropy of that surface under split sums, as in glTF: its brush marks run across "
         "the tangents, which run around +Y on spheres.  [default: 0]",
     ),
-    click.option(
-        "--taps", type=click.Choice([str(each) for each in TAP_COUNTS]), callback=_as_number,
+    option(
+        "--taps", click.Choice([str(each) for each in TAP_COUNTS]), callback=_as_number,
         help="Look-ups of the light with --anisotropy.  "
         f"[default: {DEFAULT_TAPS}]",
     ),
 )  # fmt: skip
 
-brush_option = click.option(
-    "--brush", type=BRUSH,
+brush_option = option(
+    "--brush", BRUSH,
     help="Tangents of a mesh for anisotropic maps: along the texture coordinate u, or a "
     "direction.  [default: around +Y]",
 )  # fmt: skip
@@ -93,8 +93,8 @@ def refuse_surface(maps: Sequence[Map]) -> None:
         )
 
 
-window_option = click.option(
-    "--window", metavar="NAME[:WIDTH]",
+window_option = option(
+    "--window", str, metavar="NAME[:WIDTH]",
     help="Of the light of product textures that hold none: none, hann, lanczos, or auto, the "
     "least that leaves no black spots.  [default: auto]",
 )  # fmt: skip

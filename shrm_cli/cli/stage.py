@@ -11,7 +11,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import brush_option, brushed_rules, refuse_window
-from shrm_cli.cli.types import VECTOR, within
+from shrm_cli.cli.types import PATH, VECTOR, flag, option, within
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -32,45 +32,41 @@ _NAMED = 3
 
 
 mesh_options = options.several(
-    click.option(
-        "--mesh", type=click.Path(), metavar="FILE",
+    option(
+        "--mesh", PATH, metavar="FILE",
         help="OBJ, PLY, STL, glTF or GLB to draw in place of the sphere, or a TOML scene.",
     ),
-    click.option(
-        "--fov", type=within(0.01, 170), metavar="DEGREES",
+    option(
+        "--fov", within(0.01, 170), metavar="DEGREES",
         help="Angle of view of the camera before a mesh, across the shorter edge.  "
         "[default: 35]",
     ),
-    click.option(
-        "--distance", type=within(0, _LARGEST), metavar="D",
+    option(
+        "--distance", within(0, _LARGEST), metavar="D",
         help="From the camera to its target, in the mesh's unit.  [default: all is seen]",
     ),
-    click.option(
-        "--target", type=VECTOR,
-        help="What the camera looks at.  [default: the middle of the mesh]",
-    ),
+    option("--target", VECTOR, "What the camera looks at.  [default: the middle of the mesh]"),
     brush_option,
-    click.option(
-        "--vary", metavar="vertex|IMAGE|NAME=X", multiple=True,
+    option(
+        "--vary", str, metavar="vertex|IMAGE|NAME=X", multiple=True,
         help="What the parameter of a product texture follows that varies: the brightness of "
         "the mesh's vertex colours, or of an image over its texture coordinates. Of two "
         "parameters the first follows their red, the second their green. Or its value, "
         "NAME=LOW..HIGH over --frames.",
     ),
-    click.option(
-        "--irradiance", type=click.Path(), metavar="MAP",
+    option(
+        "--irradiance", PATH, metavar="MAP",
         help="Irradiance map: light of the diffuse part of the mesh's materials.",
     ),
-    click.option(
-        "--plain", is_flag=True, default=None,
-        help="Leave out the materials, textures and vertex colours of the mesh.",
+    flag(
+        "--plain", "Leave out the materials, textures and vertex colours of the mesh.", default=None
     ),
-    click.option(
-        "--no-box", is_flag=True, default=None,
+    flag(
+        "--no-box", default=None,
         help="Look light up as if all of it were far away, whatever box the map knows of.",
     ),
-    click.option(
-        "--transfer", type=click.Path(), metavar="FILE",
+    option(
+        "--transfer", PATH, metavar="FILE",
         help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps, product "
         "textures, and with --probe in place of a MAP.",
     ),

@@ -9,7 +9,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, echo, progress_bar, warn
-from shrm_cli.cli.types import FRACTION, within
+from shrm_cli.cli.types import FRACTION, PATH, option, within
 from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
 
@@ -20,32 +20,26 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("probe", type=click.Path())
-@click.option(
-    "-o", "--output", type=click.Path(), metavar="EXR",
+@option(
+    "-o --output", PATH, metavar="EXR",
     help="Write the residual: the probe with its lamps replaced by what is around them.",
 )  # fmt: skip
-@click.option(
-    "--light-file", type=click.Path(), metavar="TOML",
+@option(
+    "--light-file", PATH, metavar="TOML",
     help="Write residual and discs as a probe of all commands; needs -o.",
 )  # fmt: skip
-@click.option(
-    "--usd", type=click.Path(), metavar="USDA",
-    help="Write a DomeLight_1 and DistantLights; needs -o.",
-)  # fmt: skip
-@click.option(
-    "--for", "engine", type=click.Choice(LIGHT_ENGINES),
+@option("--usd", PATH, "Write a DomeLight_1 and DistantLights; needs -o.", metavar="USDA")
+@option(
+    "--for engine", click.Choice(LIGHT_ENGINES),
     help="Print lines that make the lamps there, instead of the report.",
 )  # fmt: skip
-@click.option(
-    "--error", type=FRACTION, default=LAMP_ERROR, show_default=True, metavar="X",
+@option(
+    "--error", FRACTION, default=LAMP_ERROR, metavar="X",
     help="RMS error of the irradiance that discs may make; what gives less is no lamp.",
 )  # fmt: skip
-@click.option(
-    "--count", type=click.IntRange(0, 100), default=LAMP_COUNT, show_default=True,
-    help="The most lamps.",
-)  # fmt: skip
-@click.option(
-    "--sun-radius", type=within(0.001, 90), metavar="DEG",
+@option("--count", click.IntRange(0, 100), "The most lamps.", default=LAMP_COUNT)
+@option(
+    "--sun-radius", within(0.001, 90), metavar="DEG",
     help="Radius of the brightest lamp, instead of the one found; the sun's is 0.265.",
 )  # fmt: skip
 @options.precision_option

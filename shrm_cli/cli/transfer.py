@@ -9,7 +9,7 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
-from shrm_cli.cli.types import ALBEDO, BRUSH
+from shrm_cli.cli.types import ALBEDO, BRUSH, PATH, flag, option
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
 
@@ -22,40 +22,38 @@ _MOST_SAMPLES = 2**16
 
 @click.command()
 @click.argument("mesh", type=click.Path())
-@click.option(
-    "-o", "--output", type=click.Path(),
+@option(
+    "-o --output", PATH,
     help="File to write: .npz, .glb, .ply, or .txt as PIFu has it.  "
     "[default: MESH.transfer.npz in the current folder]",
 )  # fmt: skip
-@click.option(
-    "--order", type=click.IntRange(0, MAX_TRANSFER_ORDER), default=4, show_default=True,
+@option(
+    "--order", click.IntRange(0, MAX_TRANSFER_ORDER), default=4,
     help="Largest degree of the light's harmonics.",
 )  # fmt: skip
-@click.option(
-    "--bounces", type=click.IntRange(0, 2), default=0, show_default=True,
-    help="How often light is reflected within the mesh.",
-)  # fmt: skip
-@click.option(
-    "--albedo", type=ALBEDO, default="0.5", show_default=True,
+@option(
+    "--bounces", click.IntRange(0, 2), "How often light is reflected within the mesh.", default=0
+)
+@option(
+    "--albedo", ALBEDO, default="0.5",
     help="What the mesh reflects diffusely: a number, R,G,B, or the colours of its vertices.",
 )  # fmt: skip
-@click.option(
-    "--samples", type=click.IntRange(1, _MOST_SAMPLES), default=1024, show_default=True,
-    help="Rays of each vertex and bounce.",
-)  # fmt: skip
-@click.option(
-    "--brdf", metavar="SPEC",
+@option(
+    "--samples", click.IntRange(1, _MOST_SAMPLES), "Rays of each vertex and bounce.", default=1024
+)
+@option(
+    "--brdf", str, metavar="SPEC",
     help="What the mesh reflects in bounces in place of --albedo, glossy or not; bakes matrices, "
     "which are for this BRDF then.",
 )  # fmt: skip
-@click.option("--matrices", is_flag=True, help="Bake matrices too, for glossy surfaces.")
-@click.option(
-    "--brush", type=BRUSH,
+@flag("--matrices", "Bake matrices too, for glossy surfaces.")
+@option(
+    "--brush", BRUSH,
     help="Tangents of the matrices: along the texture coordinate u, or a direction.  "
     "[default: around +Y]",
 )  # fmt: skip
-@click.option(
-    "--texture", type=click.IntRange(*TRANSFER_TEXTURES),
+@option(
+    "--texture", click.IntRange(*TRANSFER_TEXTURES),
     help="Bake for the texels of a texture of so many along its edge in place of the vertices.",
 )  # fmt: skip
 @usage.force_option

@@ -323,26 +323,45 @@ def BYTES(text: str) -> int:
     return count
 
 
-def click_option(option: Option) -> Any:
+PATH, FILE = click.Path(), click.Path(dir_okay=False)
+"""The types of paths: of any, and of what must be no folder."""
+
+
+def option(names: str, type: Any, help: str, **more: Any) -> Callable[[Any], Any]:
+    """Return the decorator that adds an option to a command; its help shows the default, if any.
+
+    `names` are the words that click takes one by one: ``-o --output``. `more` are other arguments
+    of click's.
+    """
+    more.setdefault("show_default", "default" in more)
+    return click.option(*names.split(), type=type, help=help, **more)
+
+
+def flag(names: str, help: str, **more: Any) -> Callable[[Any], Any]:
+    """Return the decorator that adds an option without a value to a command."""
+    return click.option(*names.split(), is_flag=True, help=help, **more)
+
+
+def click_option(described: Option) -> Any:
     """Return the decorator that adds an option of prefiltering to a command."""
-    flag = f"--{option.name.replace('_', '-')}"
-    if option.kind == "switch":
-        flag += f"/--no-{option.name.replace('_', '-')}"
-        return click.option(flag, option.name, default=None, help=option.help)
-    low, high = option.limits
+    flag = f"--{described.name.replace('_', '-')}"
+    if described.kind == "switch":
+        flag += f"/--no-{described.name.replace('_', '-')}"
+        return click.option(flag, described.name, default=None, help=described.help)
+    low, high = described.limits
     types = {
         "integer": click.IntRange(int(low), int(high)),
         "fraction": FRACTION,
-        "choice": click.Choice(option.choices),
+        "choice": click.Choice(described.choices),
         "text": click.STRING,
         "interval": interval(low, high),
         "levels": LEVELS,
         "components": COMPONENTS,
         "bytes": BYTES,
     }
-    metavar = option.metavar or None
+    metavar = described.metavar or None
     return click.option(
-        flag, option.name, type=types[option.kind], metavar=metavar, help=option.help
+        flag, described.name, type=types[described.kind], metavar=metavar, help=described.help
     )
 
 

@@ -10,7 +10,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import brush_option, brushed_options, surface_options, surface_rules
 from shrm_cli.cli.terminal import conclude, echo, progress_bar, warn
-from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
+from shrm_cli.cli.types import BYTES, DIRECTION, PATH, STOPS, flag, option
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -28,49 +28,49 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 
 @click.command()
 @click.argument("maps", metavar="MAP...", nargs=-1, required=True, type=click.Path(dir_okay=False))
-@click.option(
-    "-o", "--output", type=click.Path(),
+@option(
+    "-o --output", PATH,
     help="HTML to write: one file that needs no network.  [default: serve the page on this "
     "machine and open a browser]",
 )  # fmt: skip
-@click.option(
-    "--probe", type=click.Path(), metavar="PROBE",
+@option(
+    "--probe", PATH, metavar="PROBE",
     help="Light probe to show behind the shape, and to compute the truth of.",
 )  # fmt: skip
-@click.option(
-    "--mesh", type=click.Path(), metavar="FILE",
+@option(
+    "--mesh", PATH, metavar="FILE",
     help="OBJ, PLY, STL, glTF or GLB to show the maps on, besides a sphere and a figure.",
 )  # fmt: skip
-@click.option(
-    "--view", "views", type=DIRECTION, multiple=True, default=["0,0"],
+@option(
+    "--view views", DIRECTION, multiple=True, default=["0,0"], show_default=False,
     help="First direction to the viewer, degrees: azimuth from +Z towards +X, elevation. Given "
     "several times, the truth is known of all of them.  [default: 0,0]",
 )  # fmt: skip
 @surface_options
 @brushed_options
 @brush_option
-@click.option(
-    "--exposure", type=STOPS, metavar="EV",
+@option(
+    "--exposure", STOPS, metavar="EV",
     help="Stops at the beginning.  [default: what suits the first MAP]",
 )  # fmt: skip
 @options.optional_brdf_option
-@click.option(
-    "--truth-size", type=click.IntRange(16, 1024), metavar="N", default=_TRUTH_SIZE,
-    show_default=True, help="Points of the truth along the edge of its picture.",
+@option(
+    "--truth-size", click.IntRange(16, 1024), metavar="N", default=_TRUTH_SIZE,
+    help="Points of the truth along the edge of its picture.",
 )  # fmt: skip
 @options.truth_options
-@click.option("--no-truth", is_flag=True, help="Compute no truth; the probe is shown all the same.")
-@click.option(
-    "--max-size", type=BYTES, metavar="BYTES", default=str(_MAX_SIZE),
+@flag("--no-truth", "Compute no truth; the probe is shown all the same.")
+@option(
+    "--max-size", BYTES, metavar="BYTES", default=str(_MAX_SIZE), show_default=False,
     help="The most that a page with -o may take, such as 20MB. The probe behind the shape is made "
     "smaller to keep it; maps are not.  [default: 64MB]",
 )  # fmt: skip
-@click.option(
-    "--lossless", is_flag=True,
+@flag(
+    "--lossless",
     help="Keep textures in half precision in the file of -o, instead of rounding them by a percent "
     "or so, which makes it ten times as small.",
 )  # fmt: skip
-@click.option("--no-open", is_flag=True, help="Print the page's address, but open no browser.")
+@flag("--no-open", "Print the page's address, but open no browser.")
 @options.probe_options
 @options.report_options
 def view(

@@ -119,9 +119,7 @@ class Mips(Converted):
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
         path = os.fspath(path)
         levels, told = without_negative(path, self.levels, self.map.against_negatives)
-        recipe = {
-            "convert": Path(self.name).name, "to": self.layout, "roughness": self.roughness
-        }  # fmt: skip
+        recipe = {"convert": Path(self.name).name, "to": self.layout, "roughness": self.roughness}
         attributes = _attributes(self.map, recipe, self.sampling)
         pixels = write_mipmap(path, levels, kept_precision(self.map, precision), attributes)
         height, width, _ = levels[0].shape

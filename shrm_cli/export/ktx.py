@@ -126,9 +126,7 @@ def ktx2(
     header = struct.pack(
         "<9I", number, type_size, *shape, 0, faces, len(levels), _ZSTD if compress else 0
     )
-    index = struct.pack(
-        "<4I2Q", head, len(descriptor), head + len(descriptor), len(pairs), 0, 0
-    )  # fmt: skip
+    index = struct.pack("<4I2Q", head, len(descriptor), head + len(descriptor), len(pairs), 0, 0)
     front = _KTX2 + header + index
     # The smallest mip comes first. What is not compressed begins at a multiple of its texels.
     step = 1 if compress else lcm(texels.size, 4)

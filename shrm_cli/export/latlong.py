@@ -7,7 +7,7 @@ same world in their centre, so that whole columns are moved and nothing is inter
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, over_channels
 from shrm_cli.errors import MapError
 from shrm_cli.export.engine import Light, OutputFile, Package
 from shrm_cli.export.pixels import FORMATS, limited
@@ -51,7 +51,7 @@ def rgbe(image: Array) -> NDArray[np.uint8]:
     Readers differ in the half, so that values are rounded to the nearest mantissa itself.
     """
     values = np.asarray(image, dtype=float)
-    largest = values.max(axis=-1)
+    largest = over_channels(np.maximum, values)
     _, exponent = np.frexp(largest)
     exponent = exponent + (np.rint(largest * np.exp2(8.0 - exponent)) > 255)
     mantissas = np.rint(values * np.exp2(8.0 - exponent)[..., None])

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, over_channels
 from shrm_cli.errors import MapError
 from shrm_cli.files.png import png_of_lines
 from shrm_cli.messages import percent
@@ -67,8 +67,8 @@ class Clipped:
 def limited(image: Array, chosen: TexelFormat, what: str) -> tuple[Array, Clipped]:
     """Return an image within the range of a format, and tell what was clipped."""
     largest = np.array(chosen.largest)
-    above = int(np.count_nonzero((image > largest).any(axis=-1)))
-    below = int(np.count_nonzero((image < 0).any(axis=-1)))
+    above = int(np.count_nonzero(over_channels(np.logical_or, image > largest)))
+    below = int(np.count_nonzero(over_channels(np.logical_or, image < 0)))
     clipped = Clipped(
         what, above, below, float(image.max()), float(image.min()), image.size // 3,
         float(image.mean(dtype=float)),
@@ -82,7 +82,7 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
     `image`, of shape (..., 3), is linear radiance. The texels are written in the order of the
     array.
     """
-    broken = int(np.count_nonzero(~np.isfinite(image).all(axis=-1)))
+    broken = int(np.count_nonzero(~over_channels(np.logical_and, np.isfinite(image))))
     if broken:
         raise MapError(
             f"{what}: {broken} texels are not finite; its light is beyond 32-bit floats, dim it"
@@ -163,7 +163,7 @@ def _small_float(values: Array, mantissa_bits: int) -> NDArray[np.uint32]:
 def _pack_shared_exponent(values: Array) -> Words:
     """Pack to RGB9E5: three mantissas of 9 bits, red lowest, and the exponent in the highest 5."""
     values = np.asarray(values, dtype=float)
-    largest = values.max(axis=-1)
+    largest = over_channels(np.maximum, values)
     _, exponent = np.frexp(largest)  # the largest is below 2^exponent
     shared = np.where(largest > 0, np.maximum(exponent, -15) + 15, 0)
     # Rounding may carry the largest mantissa to 512, which needs the next exponent.

@@ -40,9 +40,7 @@ _BEGINNING = 64  # bytes of a value
 _MOST_CUT = 2**16
 """The most bytes of a header that is cut off: what is longer may hold pixels, whatever it says."""
 _CHANNEL = 16  # bytes of a channel behind its name
-_ATTRIBUTES = frozenset(
-    ("shrm:representation", "shrm:table", "shrm:textures", "shrm:brdf_table")
-)  # fmt: skip
+_ATTRIBUTES = frozenset(("shrm:representation", "shrm:table", "shrm:textures", "shrm:brdf_table"))
 """What maps, tables, textures for shaders and tables of BRDFs have."""
 _OF_MAPS = frozenset(("shrm:brdf", "shrm:representation"))
 """What maps alone have; of a header that is cut off the first one is there sooner."""

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, over_channels, slices
 from shrm_cli.color import mix_channels, to_rec709
 from shrm_cli.errors import OutputError
 from shrm_cli.files.parts import Part, choose_storage, write_parts
@@ -77,7 +77,7 @@ def without_negative(
     Returns `images`; and `warnings`, one, with the number of pixels and the least value, where
     there were any.
     """
-    below = sum(int(np.count_nonzero((image < 0).any(axis=-1))) for image in images)
+    below = sum(int(np.count_nonzero(over_channels(np.logical_or, image < 0))) for image in images)
     if not below:
         return list(images), []
     total = sum(image.shape[0] * image.shape[1] for image in images)
@@ -154,6 +154,6 @@ def in_srgb(
         shown = pixels[band]
         if matrix is not None:
             shown = mix_channels(shown, matrix)
-            outside += int(np.count_nonzero(shown.min(axis=-1) < _SEEN))
+            outside += int(np.count_nonzero(over_channels(np.minimum, shown) < _SEEN))
         encoded[band] = encode_srgb(shown)
     return encoded, outside * 3 / pixels.size if pixels.size else 0.0

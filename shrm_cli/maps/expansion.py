@@ -11,6 +11,7 @@ from functools import cache, cached_property, partial
 
 import numpy as np
 
+from shrm_cli import reflected
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
@@ -24,16 +25,6 @@ from shrm_cli.maps.wrong_pixels import lamps_beside, share_of_points, wrong_shar
 from shrm_cli.orders import Orders, extended
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.records import record
-from shrm_cli.reflected import (
-    energy_beyond,
-    error_bound,
-    last_visible,
-    predicted_error,
-    reflected_rms,
-    visible_beyond,
-    visible_beyond_p,
-    weighted_power,
-)
 from shrm_cli.sphere.harmonics import legendre_table
 from shrm_cli.vocabulary import LUMINANCE, MAX_ORDER_F, Sampling
 
@@ -64,7 +55,7 @@ class Expansion:
     @cached_property
     def error(self) -> float:
         """The predicted relative RMS error of the reflected light; see `predicted_error`."""
-        return predicted_error(
+        return reflected.predicted_error(
             self.lighting, self.coefficients, *self._orders, factors=self._factors
         )
 
@@ -88,8 +79,10 @@ class Expansion:
     @cached_property
     def estimated(self) -> float:
         """The energy of the reflected light that is only estimated, relative to all of it."""
-        whole = reflected_rms(self.lighting, self.coefficients) ** 2
-        return energy_beyond(self.lighting, self.coefficients) / whole if whole > 0 else 0.0
+        whole = reflected.reflected_rms(self.lighting, self.coefficients) ** 2
+        return (
+            reflected.energy_beyond(self.lighting, self.coefficients) / whole if whole > 0 else 0.0
+        )
 
     def filter_error(self, sampling: Sampling = "center") -> float:
         """Return the relative RMS error of bilinear look-ups; see `shrm_look_up_error`."""
@@ -99,7 +92,9 @@ class Expansion:
     @property
     def bound(self) -> float:
         """The conservative relative RMS error of eq. 5.19; see `error_bound`."""
-        return error_bound(self.lighting, self.coefficients, *self._orders, factors=self._factors)
+        return reflected.error_bound(
+            self.lighting, self.coefficients, *self._orders, factors=self._factors
+        )
 
     @property
     def _orders(self) -> tuple[int, int]:
@@ -118,7 +113,7 @@ def carried_band(
     `lighting` is the light, to at least the order of the coefficients. `order_f` and `order_p` are
     the orders F and P that the tolerance asks for.
     """
-    beyond = visible_beyond(lighting, coefficients, order_p)
+    beyond = reflected.visible_beyond(lighting, coefficients, order_p)
     limit = max(supported_order(size, order_p), order_f)
     furthest = max(furthest_order(size, order_p), order_f)
     most = max(largest_f(order_p), order_f)
@@ -128,7 +123,7 @@ def carried_band(
 
 def view_band(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> Band:
     """Choose how the degrees of the view end that a map has."""
-    return Band.of_views(visible_beyond_p(lighting, coefficients, order_p), order_p)
+    return Band.of_views(reflected.visible_beyond_p(lighting, coefficients, order_p), order_p)
 
 
 def carry(
@@ -230,8 +225,8 @@ def _light_of(expansions: Sequence[Expansion]) -> Lighting:
 def _lobes_of(expansion: Expansion) -> Lobes:
     """Return lobes and what an SHRM leaves out of them."""
     brdf, known = expansion.brdf, expansion.coefficients
-    beyond = visible_beyond(expansion.lighting, known)
-    order = last_visible(beyond)
+    beyond = reflected.visible_beyond(expansion.lighting, known)
+    order = reflected.last_visible(beyond)
     order_p = expansion.orders.order_p
     if brdf.zonal:  # the same lobe for all views
         angles: Array = np.zeros(1)
@@ -245,7 +240,7 @@ def _lobes_of(expansion: Expansion) -> Lobes:
     for q in range(min(order_p, len(whole) - 1) + 1):
         kept = expansion.kept[: order + 1, q:, q, : whole.shape[-1]]
         error[q, : len(kept)] -= np.einsum("lpc,po->loc", kept, functions[q, : order_p + 1 - q])
-    light = weighted_power(expansion.lighting, order)
+    light = reflected.weighted_power(expansion.lighting, order)
     return Lobes(whole, error, brdf.center).ended(beyond, light)
 
 

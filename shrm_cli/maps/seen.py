@@ -103,9 +103,7 @@ def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int, left: float
     if left < 1:  # what is allowed of so little light would read as an error of all
         of, share = " of all light", best.wrong_share
         goal = replace(goal, error=left * goal.error)
-        best = replace(
-            best, total_error=left * best.total_error, find_wrong_share=lambda: share
-        )  # fmt: skip
+        best = replace(best, total_error=left * best.total_error, find_wrong_share=lambda: share)
     return (
         f"no map keeps {goal_text(goal, of)} in {bytes_text(max_size)}; the one made has "
         f"{best.errors_text}, as predicted. {why[0].upper()}{why[1:]}"

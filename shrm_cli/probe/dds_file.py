@@ -15,6 +15,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.encoding import Encoding
+from shrm_cli.probe.image_file import file_bytes
 from shrm_cli.records import record
 from shrm_cli.vocabulary import FACES
 
@@ -125,7 +126,6 @@ class DdsFile:
         return self._start + before + self._rows * self._row_bytes
 
     def read(self, start: int, stop: int) -> Array:
-        """Rows `start` .. `stop` - 1, float32 RGB, shape (rows, width, 3)."""
         pieces = []
         with open(self.path, "rb") as stream:
             while start < stop:
@@ -144,7 +144,4 @@ class DdsFile:
         return {"channels": ["R", "G", "B"], "encoding": self.encoding.name}
 
     def contents(self) -> Iterator[bytes]:
-        """Yield the bytes of the file."""
-        with open(self.path, "rb") as stream:
-            while block := stream.read(2**20):
-                yield block
+        return file_bytes(self.path)

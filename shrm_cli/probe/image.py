@@ -65,50 +65,28 @@ class ProbeImage(Protocol):
         """Yield, piece by piece, the bytes that tell this image from others."""
 
 
+def _of_image(name: str) -> Any:
+    """A property that is the one of that name of the image within."""
+    return property(lambda self: getattr(self.image, name))
+
+
 @record(eq=False)
 class ImageOfImage:
     """An image that reads the pixels of another one, and is that image in all else."""
 
     image: ProbeImage
 
-    @property
-    def name(self) -> str:
-        return self.image.name
-
-    @property
-    def path(self) -> Path | None:
-        return self.image.path
-
-    @property
-    def width(self) -> int:
-        return self.image.width
-
-    @property
-    def height(self) -> int:
-        return self.image.height
-
-    @property
-    def file_format(self) -> str:
-        return self.image.file_format
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        return self.image.notes
-
-    @property
-    def row_multiple(self) -> int:
-        return self.image.row_multiple
-
-    def facts(self) -> dict[str, Any]:
-        """What was taken of the file."""
-        return self.image.facts()
-
-    def contents(self) -> Iterator[bytes]:
-        """Yield, piece by piece, the bytes that tell this image from others."""
-        return self.image.contents()
+    name = _of_image("name")
+    path = _of_image("path")
+    width = _of_image("width")
+    height = _of_image("height")
+    file_format = _of_image("file_format")
+    notes = _of_image("notes")
+    row_multiple = _of_image("row_multiple")
+    facts = _of_image("facts")
+    contents = _of_image("contents")
 
     def read(self, start: int, stop: int) -> Array:
-        """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
         return self.image.read(start, stop)
 
 
@@ -171,7 +149,6 @@ class ArrayImage:
         return self.pixels.shape[0]
 
     def read(self, start: int, stop: int) -> Array:
-        """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
         rows = self.pixels[start:stop]
         return np.repeat(rows[..., None], 3, axis=-1) if rows.ndim == 2 else rows.copy()
 

@@ -208,7 +208,6 @@ class ImageFile:
 
     @property
     def row_multiple(self) -> int:
-        """Rows that are cheapest to read together start at multiples of this."""
         height = max(1, int(self._input.spec().tile_height))
         return height if height * self.width <= _BAND_PIXELS else math.gcd(height, _BAND_ROWS)
 
@@ -246,10 +245,7 @@ class ImageFile:
         }
 
     def contents(self) -> Iterator[bytes]:
-        """Yield the bytes of the file."""
-        with open(self.path, "rb") as stream:
-            while block := stream.read(2**20):
-                yield block
+        return file_bytes(self.path)
 
     @quiet
     def _read_data(self, start: int, stop: int) -> Array:
@@ -304,6 +300,13 @@ class ImageFile:
         if spec.tile_height * spec.width > _BAND_PIXELS and stop < high:
             held.rows, held.pixels = (low, high), pixels
         return np.asarray(pixels[start - low : stop - low])
+
+
+def file_bytes(path: Path) -> Iterator[bytes]:
+    """Yield the bytes of a file, piece by piece."""
+    with open(path, "rb") as stream:
+        while block := stream.read(2**20):
+            yield block
 
 
 def is_image_name(name: str) -> bool:

@@ -147,7 +147,6 @@ class SumImage:
         return replace(self, recipe=recipe, terms=terms, discs=discs, series=series)
 
     def read(self, start: int, stop: int) -> Array:
-        """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
         return self._pixels_and_overlaps[0][start:stop].copy()
 
     def overlaps(self) -> Array:
@@ -221,9 +220,7 @@ class LightSum(Probe):
         if matrix is None:
             return self
         image = self.image_of_sum.converted(matrix, primaries)
-        return replace(
-            self, image_of_sum=image, images=(image,), chromaticities=primaries,
-        )  # fmt: skip
+        return replace(self, image_of_sum=image, images=(image,), chromaticities=primaries)
 
     @property
     def terms(self) -> tuple[Term, ...]:

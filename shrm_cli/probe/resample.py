@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array, Indices, slices
+from shrm_cli.arrays import Array, Indices, over_channels, slices
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.image import ArrayImage, arrange_faces
 from shrm_cli.probe.probe import Probe
@@ -210,7 +210,7 @@ def _take_bright(image: Array, probe: Probe) -> tuple[Indices, Indices, Array]:
     """
     report = probe.report
     mean = (report.energy - report.energy_removed) / (4 * np.pi * 3)
-    brightest = image.max(axis=-1)
+    brightest = over_channels(np.maximum, image)
     rows, columns = np.nonzero(brightest > _BRIGHT * mean)
     before = image[rows, columns].astype(float)
     after = before * (_BRIGHT * mean / brightest[rows, columns, None])
@@ -244,6 +244,6 @@ def _add_bright(
         area = (heights[r] * widths[c])[:, None, None] / _BRIGHT_PARTS**2
         energy = (density * area)[..., None] * excess[some, None, None]
         np.add.at(light, target.pixels(directions @ matrix.T), energy)
-    lit_rows, lit_columns = np.nonzero(light.any(axis=-1))
+    lit_rows, lit_columns = np.nonzero(over_channels(np.logical_or, light))
     solid_angles = target.solid_angles(lit_rows, lit_columns)
     image[lit_rows, lit_columns] += light[lit_rows, lit_columns] / solid_angles[:, None]

@@ -9,13 +9,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.color import REC709, xyz_matrix
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe.make import (
-    Image,
-    check_size,
-    latlong_solid_angles,
-    latlong_texels,
-    shade_in_bands,
-)
+from shrm_cli.probe import make
 from shrm_cli.sphere.directions import from_azimuth_elevation, local_frame, to_angles
 from shrm_cli.sphere.grid.latlong import latlong_directions
 
@@ -46,7 +40,7 @@ def sky(
     turbidity: float = 3.0,
     ground_albedo: float = 0.2,
     has_disc: bool = True,
-) -> Image:
+) -> make.Image:
     """Clear sky, sun, and ground that they light.
 
     Parameters
@@ -88,7 +82,7 @@ def sky(
     >>> shrm.sky(16, 45, 35, has_disc=False).shape
     (16, 32, 3)
     """
-    check_size(size)
+    make.check_size(size)
     if not np.isfinite(sun_azimuth):
         raise ProbeError("the sun's azimuth must be a finite number of degrees")
     _check_range("sun elevation", sun_elevation, 0, 90, " degrees, the sun above the horizon")
@@ -98,7 +92,7 @@ def sky(
     sun = from_azimuth_elevation(sun_azimuth, sun_elevation)
     upper = latlong_directions(2 * size, size)[: (size + 1) // 2]
     image = np.zeros((size, 2 * size, 3), dtype=np.float32)
-    image[: len(upper)] = shade_in_bands(upper, lambda d: sky_radiance(d, sun, turbidity))
+    image[: len(upper)] = make.shade_in_bands(upper, lambda d: sky_radiance(d, sun, turbidity))
 
     # What each row adds to the irradiance of the ground: the integral of cos(zenith angle).
     edges = np.minimum(np.arange(size + 1) * (np.pi / size), np.pi / 2)
@@ -212,13 +206,13 @@ def sun_disc_samples(sun: Array) -> Array:
     return local @ local_frame(*to_angles(sun)).T
 
 
-def _add_beams(image: Image, directions: Array, beam: Array) -> None:
+def _add_beams(image: make.Image, directions: Array, beam: Array) -> None:
     """Add to `image` light of irradiance `beam`, shape (3,), from each direction (n, 3)."""
     size = len(image)
-    rows, columns = latlong_texels(directions, size)
+    rows, columns = make.latlong_texels(directions, size)
     texels, counts = np.unique(rows * (2 * size) + columns, return_counts=True)
     rows, columns = np.divmod(texels, 2 * size)
-    share = counts / latlong_solid_angles(size)[rows]
+    share = counts / make.latlong_solid_angles(size)[rows]
     image[rows, columns] += (share[:, None] * beam).astype(np.float32)
 
 

@@ -30,14 +30,8 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, Indices, Memo, kept_order, slices
 from shrm_cli.progress import at_once
+from shrm_cli.sphere import harmonics
 from shrm_cli.sphere.cube import face_axes
-from shrm_cli.sphere.harmonics import (
-    degrees,
-    degrees_and_orders,
-    harmonic_planes,
-    legendre_columns,
-    order_of,
-)
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_rows, shared_order
 from shrm_cli.vocabulary import FACES, Sampling
@@ -65,7 +59,7 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
 
     Returns an array of shape (2, order+1, order+1, maps): ``[A or B, m, k]``.
     """
-    count = order_of(len(coefficients)) + 1
+    count = harmonics.order_of(len(coefficients)) + 1
     maps = coefficients.shape[1]
     columns = np.zeros((count * count, 2, maps))
     place, cosine, sine = places_by_m(count)
@@ -229,7 +223,7 @@ def _make_tables(order: int, part: range) -> list[Tables]:
     rings = (order + 2) // 2 + 1
     intervals = 2 * (rings - 1)
     z = np.cos(np.linspace(0, np.pi / 2, rings))
-    table = legendre_columns(order, z, part.start, part.stop)
+    table = harmonics.legendre_columns(order, z, part.start, part.stop)
     found: list[Tables] = []
     for parity, matrix in enumerate(_transforms(order, intervals)):
         first = (part.start + parity) % 2
@@ -270,7 +264,7 @@ def is_small_cube(order: int, size: int) -> bool:
 
 def synthesize_octants(coefficients: Array, size: int, sampling: Sampling, dtype: type) -> Array:
     """Values of real series, of an order that `is_small`, at the texels of a cube."""
-    order, maps = order_of(len(coefficients)), coefficients.shape[1]
+    order, maps = harmonics.order_of(len(coefficients)), coefficients.shape[1]
     kept = kept_order(order)
     key = kept, size, sampling, np.dtype(dtype)
     tables = _known_octants.get(key, lambda: _octant_tables(kept, size, sampling, dtype))
@@ -287,7 +281,7 @@ def _class_values(coefficients: Array, tables: list[Array], half: int, dtype: ty
     Returns an array of shape (2, 2, 2, maps, 3, half, half), by the parities in x, y and z, and by
     the axis of the texel's face.
     """
-    order, maps = order_of(len(coefficients)), coefficients.shape[1]
+    order, maps = harmonics.order_of(len(coefficients)), coefficients.shape[1]
     source, sign = _exchanged(order)
     # The series, and with x and y exchanged, which belong to the class of [y, x, z].
     both = np.concatenate([coefficients, coefficients[source] * sign[:, None]], axis=1)
@@ -312,7 +306,7 @@ def _exchanged(order: int) -> tuple[NDArray[np.intp], Array]:
 
     To exchange x and y is to turn the longitude phi into ``pi/2 - phi``.
     """
-    degree = degrees(order)
+    degree = harmonics.degrees(order)
     middle = degree * (degree + 1)
     m = np.arange(len(degree)) - middle
     # cos(m (pi/2 - phi)) is cos(m pi/2) cos(m phi) or sin(m pi/2) sin(m phi), for even and odd m.
@@ -328,7 +322,7 @@ def _classes(order: int) -> list[NDArray[np.intp]]:
 
     The classes are numbered ``4 x + 2 y + z``, where x is 1 for those that are odd in x.
     """
-    degree, m = degrees_and_orders(order)
+    degree, m = harmonics.degrees_and_orders(order)
     # Y_lm of m >= 0 is a real part of (x + iy)^m, that of m < 0 an imaginary part of (x + iy)^|m|;
     # the degree of both as polynomials of x, y and z is that of l but for even powers.
     odd_y = m < 0
@@ -339,7 +333,7 @@ def _classes(order: int) -> list[NDArray[np.intp]]:
 
 def _octant_tables(order: int, size: int, sampling: Sampling, dtype: type) -> list[Array]:
     """Return the harmonics of each class, ``[texel, harmonic]``, at the texels of `_octant`."""
-    values: Array = harmonic_planes(order, _octant(size, sampling)).astype(dtype)
+    values: Array = harmonics.harmonic_planes(order, _octant(size, sampling)).astype(dtype)
     return [np.ascontiguousarray(values[rows].T) for rows in _classes(order)]
 
 

@@ -172,12 +172,12 @@ def test_little_light_does_not_make_up_for_a_small_p(rng):
     assert large.accuracy[3] > 0.99
     assert large.estimate_minimum[3] > large.estimate_brdf[3] + 0.1
     assert (small.estimate_minimum[3:] <= small.accuracy[3:]).all()
-    missed = 1 - coefficients.captured()[-1, 1]
+    missed = 1 - coefficients.captured[-1, 1]
     assert missed > 0.03
     np.testing.assert_allclose(small.estimate_minimum[3:], 1 - missed, atol=1e-3)
     np.testing.assert_allclose(
         large.estimate_brdf - small.estimate_brdf,
-        coefficients.captured()[:11, 8] - coefficients.captured()[:11, 1],
+        coefficients.captured[:11, 8] - coefficients.captured[:11, 1],
         atol=1e-12,
     )
 
@@ -274,7 +274,7 @@ def test_pictures_approach_the_truth_with_p(microfacet_pictures):
     coefficients, _, truth, made = microfacet_pictures
     assert made.pictures.shape == (6, 2, 16, 16, 3)
     np.testing.assert_array_equal(made.truth[1], render_sphere(truth, VIEWS[1], 16))
-    np.testing.assert_allclose(made.captured, coefficients.captured()[12, :6])
+    np.testing.assert_allclose(made.captured, coefficients.captured[12, :6])
     assert (np.diff(made.predicted_errors) < 0).all()
     errors = np.array([[made.error(p, view) for view in range(2)] for p in range(6)])
     assert (np.diff(errors, axis=0) < 0).all()

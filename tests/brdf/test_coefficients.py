@@ -106,10 +106,10 @@ def test_horizon_is_cut_exactly_enough_and_channels_are_kept_apart():
 
 def test_energy_of_degrees_bounds_the_expansion():
     coefficients = compute_coefficients(parse_spec("microfacet:sigma=0.4"), 32, 8)
-    by_degree = coefficients.energies().sum(axis=1)
+    by_degree = coefficients.energies.sum(axis=1)
     assert (by_degree <= coefficients.degree_energy * (1 + 1e-6) + 1e-9).all()
     assert (coefficients.degree_energy.sum(axis=0) <= coefficients.total_energy * 1.0002).all()
-    captured = coefficients.captured()
+    captured = coefficients.captured
     assert (np.diff(captured, axis=0) >= 0).all()
     assert (np.diff(captured, axis=1) >= 0).all()
     assert 0.99 < captured[-1, -1] < 1.0002

@@ -46,7 +46,7 @@ def energies(figure: Figure) -> None:
     """Draw which part of a BRDF's energy is missed by the orders up to F."""
     axes = figure.subplots()
     for spec in ("lambertian", "phong:exponent=32", "microfacet:sigma=0.2", "ggx:roughness=0.5"):
-        captured = known_coefficients(shrm.parse_spec(spec), 0.001).captured()[:, -1]
+        captured = known_coefficients(shrm.parse_spec(spec), 0.001).captured[:, -1]
         axes.semilogy(np.maximum(1 - captured, 1e-6), label=spec)
     axes.axhline(0.03, color=_GREY, lw=0.8, ls=":")
     axes.set(xlabel="order F", ylabel="energy missed", xlim=(0, 60), ylim=(1e-4, 1))

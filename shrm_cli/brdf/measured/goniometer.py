@@ -9,7 +9,7 @@ import numpy as np
 from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
+from shrm_cli.brdf.measured.reading import file
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.brdf.vectors import half_angles
 from shrm_cli.errors import BrdfError
@@ -30,7 +30,6 @@ _NODES = (64, 64, 16)  # of the table, in theta_h, theta_d and phi_d
 _NODES_AT_ONCE = 512
 _ROWS_AT_ONCE = 16
 _RECORD = 4  # floats of a node in memory, of which three are used: four are fetched faster
-_LARGEST = 1e30  # a larger number in a file is an error
 
 
 class Goniometer(MeasuredBrdf):
@@ -66,7 +65,7 @@ class Goniometer(MeasuredBrdf):
         # The data begins with a count alone on its line, and so many wavelengths follow. Where the
         # comment announces the count, what stands in its place may be damaged, but is no row of a
         # table, which another format could recognize.
-        lines = first_lines(head)
+        lines = file.first_lines(head)
         data = [line for line in lines if line and not line.startswith("#")]
         if any(line.startswith("#") and line[1:].split() == ["num", "wls"] for line in lines):
             return not data or len(data[0].replace(",", " ").split()) < 4
@@ -84,7 +83,7 @@ class Goniometer(MeasuredBrdf):
             raise BrdfError(f"{path}: none of its values is positive; copy the file again")
         theta_i, phi_i, theta_s, phi_s = rows[:, :4].T
         light, view = from_angles(theta_i, phi_i), from_angles(theta_s, phi_s)
-        return cls(light, view, colors, file_values(path))
+        return cls(light, view, colors, file.file_values(path))
 
     def above(self, light: Array, view: Array) -> Array:
         total = np.zeros((len(light), _RECORD), dtype=light.dtype)
@@ -208,7 +207,7 @@ def _are_wavelengths(line: str) -> bool:
 
 def _read(path: Path) -> tuple[Array, Array]:
     """Wavelengths (n,) in nm, and rows (samples, 4 + n) of four angles in radians and n values."""
-    lines = read_lines(path, "a file of goniometer samples")
+    lines = file.read_lines(path, "a file of goniometer samples")
     if not lines or not lines[0][1].isdecimal() or not lines[0][1].isascii():
         raise BrdfError(f"{path}: does not begin with a number of wavelengths; name another file")
     if len(lines[0][1]) > 6 or not 1 <= (count := int(lines[0][1])) <= MAX_WAVELENGTHS:
@@ -219,7 +218,7 @@ def _read(path: Path) -> tuple[Array, Array]:
     wavelengths: list[float] = []
     first = 1
     while len(wavelengths) < count and first < len(lines):
-        wavelengths += parse_numbers(path, *lines[first])
+        wavelengths += file.parse_numbers(path, *lines[first])
         first += 1
     if len(wavelengths) != count:
         raise BrdfError(f"{path}: {len(wavelengths)} wavelengths instead of {count}; copy it again")
@@ -232,16 +231,10 @@ def _read(path: Path) -> tuple[Array, Array]:
         raise BrdfError(f"{path}: {len(samples):,} samples, more than {MAX_SAMPLES:,}; thin it out")
     rows = np.empty((len(samples), 4 + count))
     for row, (number, line) in zip(rows, samples, strict=True):
-        found = parse_numbers(path, number, line)
-        if len(found) != len(row):
-            raise BrdfError(
-                f"{path}: line {number}: {len(found)} numbers instead of {len(row)}; "
-                "correct it or copy the file again"
-            )
-        row[:] = found
-        if max(abs(found[0]), abs(found[2])) > np.pi / 2 or np.abs(row).max() > _LARGEST:
+        row[:] = file.parse_numbers(path, number, line, len(row))
+        if max(abs(row[0]), abs(row[2])) > np.pi / 2 or np.abs(row).max() > file.LARGEST:
             raise BrdfError(
                 f"{path}: line {number}: theta beyond pi/2 (angles are radians), or a number "
-                f"beyond {_LARGEST:g}; correct it"
+                f"beyond {file.LARGEST:g}; correct it"
             )
     return np.array(wavelengths), rows

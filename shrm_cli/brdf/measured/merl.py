@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import check_file, file_values, readable
+from shrm_cli.brdf.measured.reading.file import LARGEST, check_file, file_values, readable
 from shrm_cli.brdf.vectors import from_half_angles, half_angles
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
@@ -24,7 +24,6 @@ SCALE = np.array([1.0, 1.15, 1.66]) / 1500
 _HEADER = np.array(CELLS, dtype="<i4").tobytes()
 _FILE_BYTES = len(_HEADER) + 3 * 8 * int(np.prod(CELLS))
 _INVALID = -1.0
-_LARGEST = 1e30  # a larger number in a file is an error
 _RECORD = 4  # floats of a cell in memory, of which three are used: four are fetched faster
 
 
@@ -166,9 +165,9 @@ def _read_cells(stream: BinaryIO, path: Path) -> NDArray[np.float32]:
         plane = np.fromfile(stream, dtype="<f8", count=valid.size)
         if plane.size != valid.size:  # the file has shrunk meanwhile
             raise BrdfError(f"{path}: ends too early; copy the file again")
-        if not (plane.min() >= -_LARGEST and plane.max() <= _LARGEST):  # or one is NaN
+        if not (plane.min() >= -LARGEST and plane.max() <= LARGEST):  # or one is NaN
             raise BrdfError(
-                f"{path}: holds values that are not numbers, infinite or beyond {_LARGEST:g}; "
+                f"{path}: holds values that are not numbers, infinite or beyond {LARGEST:g}; "
                 "copy the file again"
             )
         plane = plane.reshape(CELLS)

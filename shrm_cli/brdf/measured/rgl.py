@@ -10,13 +10,12 @@ import numpy as np
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import check_file, file_values, readable
+from shrm_cli.brdf.measured.reading.file import LARGEST, check_file, file_values, first_bytes
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.brdf.measured.reading.tensor_file import MAGIC, TensorFile, damaged
 from shrm_cli.errors import BrdfError
 
 # Limits of what is taken for sound: of numbers, of a density's integral, of sizes.
-_LARGEST = 1e30
 _SMALLEST = 1e-30
 _MOST_DENSITIES = 2**24
 _MOST_BYTES = 2**29
@@ -70,7 +69,7 @@ class Rgl(MeasuredBrdf):
             area = normals / 4
         self._normals, self._area = (Grid(each[None, ..., None]) for each in (normals, area))
         largest = np.abs(colors).max() * float(normals.max()) / float(area.min())
-        if largest > _LARGEST:
+        if largest > LARGEST:
             raise damaged(file.path, f"its values reach {largest:g}")
 
     @staticmethod
@@ -128,8 +127,7 @@ def _unit(theta: Array) -> Array:
 
 def _refuse_others(path: Path) -> None:
     """Refuse files that are no tensor files, such as Zemax's text files of the same suffix."""
-    with readable(path, "copy it again") as stream:
-        head = stream.read(_HEAD)
+    head = first_bytes(path, _HEAD)
     if head.startswith(MAGIC):
         return
     if any(word in head for word in _ZEMAX_WORDS):
@@ -232,7 +230,7 @@ def _read(file: TensorFile, name: str, shape: tuple[int | None, ...]) -> Array:
             size = " x ".join(str(n) for n in found)
             raise damaged(file.path, f"its field {name!r} is {size} of {dtype.name}")
     values = file.read(name)
-    if not (values.min() >= -_LARGEST and values.max() <= _LARGEST):  # or one is NaN
+    if not (values.min() >= -LARGEST and values.max() <= LARGEST):  # or one is NaN
         raise damaged(file.path, f"its field {name!r} holds values that are not finite")
     return values.astype(np.float32, copy=False)
 

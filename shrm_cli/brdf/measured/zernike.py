@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
+from shrm_cli.brdf.measured.reading import file
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
@@ -208,7 +208,6 @@ def _radial(order: int, azimuth: int) -> Array:
 MAX_ROWS = 2**16
 
 _SMOOTHING = 1e-3
-_LARGEST = 1e30  # a larger number in a file is an error
 _ANGLES = ("theta_i", "phi_i", "theta_r", "phi_r")
 _WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 _COEFFICIENT_ROW = re.compile(r"\s*[1-4]\s*[,\s]\s*[1-4](\s*[,\s]\s*\d{1,3}){5}\s*[,\s]\s*[-+.\d]")
@@ -242,22 +241,22 @@ class Zernike(MeasuredBrdf):
 
     @staticmethod
     def recognizes(head: bytes) -> bool:
-        data = (line for line in first_lines(head) if line and not line.startswith("#"))
+        data = (line for line in file.first_lines(head) if line and not line.startswith("#"))
         first = next(data, "")
         return _is_table(first) or _COEFFICIENT_ROW.match(first) is not None
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Zernike":
         """Read a file of coefficients or of measurements."""
-        lines = read_lines(path, "a file of BRDF measurements or Zernike coefficients")
+        lines = file.read_lines(path, "a file of BRDF measurements or Zernike coefficients")
         if not lines:
             raise BrdfError(f"{path}: holds no numbers; copy the file again")
         if len(lines) > MAX_ROWS:
             raise BrdfError(f"{path}: {len(lines):,} rows, more than {MAX_ROWS:,}; thin them out")
         if not _is_table(lines[0][1]):
-            return cls(_coefficients(Path(path), lines), file_values(path))
+            return cls(_coefficients(Path(path), lines), file.file_values(path))
         series, ceiling = _measurements(Path(path), lines)
-        return cls(series, file_values(path), ceiling)
+        return cls(series, file.file_values(path), ceiling)
 
     def above(self, light: Array, view: Array) -> Array:
         return np.clip(self.series.evaluate(light, view), 0, self._ceiling)
@@ -312,12 +311,7 @@ def _coefficients(path: Path, lines: list[tuple[int, str]]) -> ZernikeSeries:
 
 def _row(path: Path, number: int, line: str, columns: int) -> list[float]:
     """The numbers of one line, which must be so many."""
-    numbers = parse_numbers(path, number, line.replace(",", " "))
-    if len(numbers) != columns:
-        raise BrdfError(
-            f"{path}: line {number}: {len(numbers)} numbers instead of {columns}; "
-            "correct it or copy the file again"
-        )
-    if max(map(abs, numbers)) > _LARGEST:
-        raise BrdfError(f"{path}: line {number}: a number is beyond {_LARGEST:g}; correct it")
+    numbers = file.parse_numbers(path, number, line.replace(",", " "), columns)
+    if max(map(abs, numbers)) > file.LARGEST:
+        raise BrdfError(f"{path}: line {number}: a number is beyond {file.LARGEST:g}; correct it")
     return numbers

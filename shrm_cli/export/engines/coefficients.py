@@ -6,14 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
+from shrm_cli.export import harmonics
 from shrm_cli.export.engine import Engine, Light, Package
-from shrm_cli.export.harmonics import (
-    babylon,
-    ext_lights_image_based,
-    filament,
-    irradiance_over_pi,
-    three,
-)
 from shrm_cli.export.pixels import TexelFormat
 
 _BASIS = (
@@ -42,11 +36,11 @@ def coefficients_json(coefficients: ArrayLike) -> str:
         "basis": _BASIS,
         "meanings": _MEANINGS,
         "radiance": known.tolist(),
-        "irradiance": (np.pi * irradiance_over_pi(known)).tolist(),
-        "polynomial": filament(known).tolist(),
-        "three": three(known).ravel().tolist(),
-        "babylon": babylon(known),
-        "ext_lights_image_based": ext_lights_image_based(known).tolist(),
+        "irradiance": (np.pi * harmonics.irradiance_over_pi(known)).tolist(),
+        "polynomial": harmonics.filament(known).tolist(),
+        "three": harmonics.three(known).ravel().tolist(),
+        "babylon": harmonics.babylon(known),
+        "ext_lights_image_based": harmonics.ext_lights_image_based(known).tolist(),
     }
     return json.dumps(record, indent=1, allow_nan=False) + "\n"
 

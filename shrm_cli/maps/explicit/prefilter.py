@@ -17,17 +17,7 @@ from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.request import Prefiltered, Request, error_lines
-from shrm_cli.maps.shrm.make import (
-    Choice,
-    Form,
-    centered,
-    expand,
-    from_expansion,
-    halved,
-    most_order_p,
-    order_warnings,
-    refuse_large,
-)
+from shrm_cli.maps.shrm import make
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import (
@@ -60,11 +50,13 @@ _AZIMUTHS = 32
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Prefilter a probe for a BRDF."""
-    request, notes = centered(request)
+    request, notes = make.centered(request)
     if request.domain == "angular":
         return replace(prefilter_angular(probe, request), notes=notes)
     made = prefilter_explicit(probe, request)
-    return replace(made, notes=notes, warnings=(*order_warnings(made, request), *made.warnings))
+    return replace(
+        made, notes=notes, warnings=(*make.order_warnings(made, request), *made.warnings)
+    )
 
 
 def converted(
@@ -109,7 +101,7 @@ def _views_within(
         cubes = most_cubes(source.size, converted_bytes(source.size, source.cube_count, max_size))
         while count > _LEAST_VIEWS and kind.image_count(count) > cubes:
             count -= 1
-    refuse_large(source.size, kind.image_count(count), max_size)
+    make.refuse_large(source.size, kind.image_count(count), max_size)
     return count
 
 
@@ -124,7 +116,7 @@ def view_count(request: Request) -> int | None:
     return explicit_kind(request.to).view_count(own.get("slices"), own.get("views"))
 
 
-def explicit_form(request: Request) -> Form:
+def explicit_form(request: Request) -> make.Form:
     """Return what an explicit map holds that is made from an SHRM of order P.
 
     It has `ExplicitMap.default_view_count` of P samples, unless the request gives their number.
@@ -134,7 +126,7 @@ def explicit_form(request: Request) -> Form:
     def images(order_p: int) -> int:
         return kind.image_count(kind.default_view_count(order_p) if count is None else count)
 
-    return Form(images, kind.check_images)
+    return make.Form(images, kind.check_images)
 
 
 def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32) -> Prefiltered:
@@ -145,8 +137,8 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
 
     `dtype` is as `prefilter_shrm` takes it.
     """
-    expansion, warnings = expand(Projection(probe), request, explicit_form(request))
-    shrm = from_expansion(expansion, probe, request, dtype)
+    expansion, warnings = make.expand(Projection(probe), request, explicit_form(request))
+    shrm = make.from_expansion(expansion, probe, request, dtype)
     made = explicit_kind(request.to).from_shrm(shrm, view_count(request))
 
     facts = {"error_bound": expansion.bound}
@@ -185,7 +177,7 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
     brdf, kind = request.brdf, explicit_kind(request.to)
     size, sampling = request.size, request.sampling
     allowed, finest = request.allowed, max(request.eps, _FINEST_GRID)
-    most_p = most_order_p(allowed, size, explicit_form(request).largest_p(allowed))
+    most_p = make.most_order_p(allowed, size, explicit_form(request).largest_p(allowed))
     with using(None):  # all of this takes a moment beside the images
         orders, chosen = choose_orders(brdf, finest, most_p=most_p)
         _, coefficients = choose_orders(brdf, finest, order_p=_ORDER_TO_MEASURE)
@@ -193,11 +185,11 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
         views = kind.default_view_count(orders.order_p) if views is None else views
         count = kind.image_count(views)
         if size is None:
-            choice = Choice(orders, choose_size(orders.order_f))
-            choice = halved(choice, chosen, count, allowed) or choice
+            choice = make.Choice(orders, choose_size(orders.order_f))
+            choice = make.halved(choice, chosen, count, allowed) or choice
             orders, size = choice.orders, choice.size
         orders = replace(orders, eps=request.eps)
-        refuse_large(size, count, request.max_size)
+        make.refuse_large(size, count, request.max_size)
         kind.check_images(size, count)
         integral = Reference(probe, brdf, request.source_height, request.eps, exact=True)
         lighting = project(probe, coefficients.order_f)

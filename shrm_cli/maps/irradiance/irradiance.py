@@ -161,7 +161,6 @@ class Irradiance(FixedMap, ReflectionMap):
         return replace(self, coefficients=self.coefficients @ matrix.T, info=info)
 
     def turned(self, matrix: ArrayLike) -> "Irradiance":
-        """Return the map of the same light turned, exactly; see `Map.turned`."""
         turned = transform_coefficients(self.coefficients, matrix)
         return replace(self, coefficients=turned, info=self.info.turned(matrix))
 
@@ -343,9 +342,7 @@ def in_form(source: Irradiance, form: str) -> Irradiance:
     made = np.concatenate([coefficients[:4], (zonal[:, None] * zonal_harmonics(axes)).T])
     change = _change(plain, replace(plain, coefficients=made))
     info = with_change(source.info, change)
-    return Zh3(
-        made, info, source.size, source.sampling, source.window, form, axes, zonal
-    )  # fmt: skip
+    return Zh3(made, info, source.size, source.sampling, source.window, form, axes, zonal)
 
 
 def with_change(info: MapInfo, change: float) -> MapInfo:

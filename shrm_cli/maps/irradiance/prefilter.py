@@ -14,14 +14,7 @@ import numpy as np
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import provenance
-from shrm_cli.maps.irradiance.irradiance import (
-    Irradiance,
-    form_errors,
-    in_form,
-    irradiance_energies,
-    lambert_factors,
-    with_change,
-)
+from shrm_cli.maps.irradiance import irradiance
 from shrm_cli.maps.irradiance.window import make_window, parse_window
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import unconverted
@@ -60,30 +53,32 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     info = replace(
         provenance(probe, Lambertian(), orders), predicted_error=_missing(lighting, order_f)
     )
-    whole = Irradiance(lighting.coefficients[: (order_f + 1) ** 2], info, size, request.sampling)
+    whole = irradiance.Irradiance(
+        lighting.coefficients[: (order_f + 1) ** 2], info, size, request.sampling
+    )
     if form == "sh":
         return _windowed(whole, window)
-    formed = in_form(whole, form)
+    formed = irradiance.in_form(whole, form)
     # Coefficients of degree 2 that are guessed from the others cannot be damped.
     is_free = window == "auto" and form == "zh3-hallucinated"
     made = _windowed(formed, "none" if is_free else window)
-    return replace(made, facts={**made.facts, "form_errors": form_errors(whole, formed)})
+    return replace(made, facts={**made.facts, "form_errors": irradiance.form_errors(whole, formed)})
 
 
 def converted(source: Map, to: str, form: str | None = None, **options: Any) -> Map:
     """Return an irradiance map in one of the forms of ZH3; see `Map.converted`."""
     found = unconverted(source, to, **options)
-    if form is None or not isinstance(found, Irradiance):
+    if form is None or not isinstance(found, irradiance.Irradiance):
         return found
-    return in_form(found, form)
+    return irradiance.in_form(found, form)
 
 
-def _windowed(whole: Irradiance, spec: str) -> Prefiltered:
+def _windowed(whole: irradiance.Irradiance, spec: str) -> Prefiltered:
     """Apply a window to a map, and tell its least irradiance without and with the window."""
     before = least = whole.minimum()
     made, window = whole, make_window(spec, whole.series)
     if window.factors:
-        made = whole.windowed(window, with_change(whole.info, window.change))
+        made = whole.windowed(window, irradiance.with_change(whole.info, window.change))
         least = made.minimum()
     facts = {
         "brdf_energy_captured": made.info.captured,
@@ -97,7 +92,7 @@ def _windowed(whole: Irradiance, spec: str) -> Prefiltered:
     return Prefiltered(made, facts, warnings=(_dark(made, least),) if least < 0 else ())
 
 
-def _dark(made: Irradiance, least: float) -> str:
+def _dark(made: irradiance.Irradiance, least: float) -> str:
     """Return the line about a map that is negative on some side."""
     mean = float(np.mean(made.coefficients[0])) * np.sqrt(np.pi) / 2  # A_0 Y_00
     helps = "`window` auto" if made.takes_windows else "`form` zh3"
@@ -109,7 +104,7 @@ def _dark(made: Irradiance, least: float) -> str:
 
 def _missing(lighting: Lighting, order_f: int) -> float:
     """Relative RMS error of the irradiance without the degrees above an order (Parseval)."""
-    energies = irradiance_energies(lighting.power()).sum(axis=1)
+    energies = irradiance.irradiance_energies(lighting.power()).sum(axis=1)
     beyond = _unknown(lighting)
     whole = energies.sum() + beyond
     return float(np.sqrt((energies[order_f + 1 :].sum() + beyond) / whole)) if whole > 0 else 0.0
@@ -128,14 +123,14 @@ def _unknown(lighting: Lighting) -> float:
     last = slice(max(known - _LAST_DEGREES, 0), known)
     density = power[last].sum() / (2 * np.arange(known) + 1)[last].sum()
     white = density * 4 * np.pi * (2 * np.pi / 3) * (1 - _captured(known - 1))
-    following = lambert_factors(known + 1)[known:]  # above degree 1, one of the two is 0
+    following = irradiance.lambert_factors(known + 1)[known:]  # above degree 1, one of the two is 0
     return float(min(white, rest * np.max(following**2)))
 
 
 def _captured(order_f: int) -> float:
     """The part of the clamped cosine's energy, 2 pi / 3, that lies up to an order (eq. 5.18)."""
     measure = (2 * np.arange(order_f + 1) + 1) / (4 * np.pi)
-    return float(lambert_factors(order_f) ** 2 @ measure / (2 * np.pi / 3))
+    return float(irradiance.lambert_factors(order_f) ** 2 @ measure / (2 * np.pi / 3))
 
 
 def report(result: dict[str, Any]) -> list[str]:

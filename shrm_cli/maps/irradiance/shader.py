@@ -14,10 +14,9 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance, Zh3, matrix_constants
-from shrm_cli.maps.shader.language import C_MAY_BE_UNUSED, Language, harmless
+from shrm_cli.maps.shader.language import C_MAY_BE_UNUSED, FLOAT_MAX, Language, harmless
 from shrm_cli.maps.shader.source import harmonic_loop
 
-_FLOAT_MAX = float(np.finfo(np.float32).max)
 _MOST_ORDER = 16
 """The largest order whose coefficients the code holds, 289 colours. Degree 16 of E has a thousandth
 of the light's own."""
@@ -156,7 +155,7 @@ def _zh3(made: Zh3, speech: Language) -> list[str]:
     constant = c4 * made.coefficients[0] - square / 3
     y, z, x = 2 * c2 * made.coefficients[1:4]
     rows = np.array([constant, x, y, z, square])
-    if not speech.is_c and np.abs(rows).max() > _FLOAT_MAX:
+    if not speech.is_c and np.abs(rows).max() > FLOAT_MAX:
         raise MapError(f"a coefficient is beyond the 32-bit floats of {speech.name}; dim the light")
     return _zh3_c(rows, made.axes, speech) if speech.is_c else _zh3_shader(rows, made.axes, speech)
 

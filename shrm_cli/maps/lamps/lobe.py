@@ -15,14 +15,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
-from shrm_cli.brdf.measured.table import (
-    ATTRIBUTE,
-    Table,
-    sample_table,
-    stored_table,
-    table_axes,
-    table_part,
-)
+from shrm_cli.brdf.measured import table
 from shrm_cli.brdf.vectors import from_half_angles
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.files.parts import Part, StoredPart
@@ -63,14 +56,14 @@ _CELL = """\
 """The cell of a table at half and difference angles, and where in it a light and a view are."""
 
 
-class LobeTable(Table):
+class LobeTable(table.Table):
     """What a BRDF reflects of lamps, as shaders read it."""
 
     @classmethod
     def of(cls, brdf: Brdf) -> Self:
         """Sample a BRDF that is isotropic, and not about the tangent."""
-        found = sample_table(brdf, SHAPE)
-        axes = table_axes(SHAPE, cuts_horizon(brdf), brdf.center)
+        found = table.sample_table(brdf, SHAPE)
+        axes = table.table_axes(SHAPE, cuts_horizon(brdf), brdf.center)
         return cls(found.table, axes, found.settings)
 
     @property
@@ -124,7 +117,7 @@ class LobeTable(Table):
 
     def part(self) -> Part:
         """Return it as a part of a map's file."""
-        scaled = table_part(self, self.scale)
+        scaled = table.table_part(self, self.scale)
         header = {**scaled.header, "name": _NAME, _SCALE: self.scale}
         return replace(scaled, header=header, is_table=True)
 
@@ -138,9 +131,9 @@ class LobeTable(Table):
         try:
             if not isinstance(scale, float) or not 2.0**-200 < scale < 2.0**200:
                 raise ValueError("no scale")
-            values, axes, settings = stored_table(part)
+            values, axes, settings = table.stored_table(part)
             found = cls(values / scale, axes, settings)
-            known = table_axes(found.table.shape[:3], cuts_horizon(found), settings.center)
+            known = table.table_axes(found.table.shape[:3], cuts_horizon(found), settings.center)
             if min(map(len, axes)) < 2 or settings.center == "tangent":
                 raise ValueError("no lobe")
             if not all(np.allclose(*pair) for pair in zip(axes, known, strict=True)):
@@ -193,4 +186,4 @@ def table_bytes(brdf: Brdf | None) -> int:
 def lobe_part(parts: Sequence[StoredPart]) -> StoredPart | None:
     """Return the part of a map's file that holds a table of its lamps' BRDF, if there is one."""
     last = parts[-1]
-    return last if last.name == _NAME and last.attribute(ATTRIBUTE) is not None else None
+    return last if last.name == _NAME and last.attribute(table.ATTRIBUTE) is not None else None

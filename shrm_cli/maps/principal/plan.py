@@ -68,17 +68,14 @@ class Form:
 
     @property
     def bytes(self) -> int:
-        """The bytes of the cubes in half precision, before they are packed."""
         return stored_bytes(self.size, self.cubes)
 
     @property
     def least_error(self) -> float:
-        """The error without what bilinear look-ups add."""
         return total_error(self.error)
 
     @cached_property
     def total_error(self) -> float:
-        """The error with all that a renderer adds: bilinear look-ups and half precision."""
         return total_error(self.error, self.filter_error)
 
 
@@ -324,17 +321,14 @@ class Joint:
 
     @property
     def least_error(self) -> float:
-        """The error of their sum without what bilinear look-ups add."""
         return joint_error(self.shares, [form.least_error for form in self.forms], 1.0)
 
     @cached_property
     def total_error(self) -> float:
-        """The error of their sum, with those of bilinear look-ups and of half precision."""
         return joint_error(self.shares, [form.total_error for form in self.forms], 1.0)
 
     @property
     def bytes(self) -> int:
-        """The bytes of all cubes in half precision, before they are packed."""
         return sum(form.bytes for form in self.forms)
 
 

@@ -208,7 +208,6 @@ class Proposals:
         return Proposal(tuple(terms), info, self.sampling, self.notes)
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
-        """Return the map of the fewest bytes that keeps an error, or the best one that fits."""
         return self.propose(error).candidate()
 
     def rows(self, max_size: int) -> Iterator[Row[Rough[Prefiltered]]]:

@@ -15,7 +15,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.records import record
 
-_FLOAT_MAX = float(np.finfo(np.float32).max)
+FLOAT_MAX = float(np.finfo(np.float32).max)
 _MOST_NAME = 100
 """The most characters of a probe's name or digest in the code's comment."""
 
@@ -150,7 +150,7 @@ class Language:
 
     def check(self, values: Array) -> None:
         """Refuse numbers that are not finite in the type of the language."""
-        most = np.inf if self.is_c else _FLOAT_MAX
+        most = np.inf if self.is_c else FLOAT_MAX
         if not np.all(np.isfinite(values)) or np.abs(values).max(initial=0.0) > most:
             raise MapError(f"a number is beyond the 32-bit floats of {self.name}; dim the light")
 

@@ -113,7 +113,6 @@ class SphericalHarmonicExponential(LightMap):
         )
 
     def turned(self, matrix: ArrayLike) -> "SphericalHarmonicExponential":
-        """Return the map of the same light turned, exactly; see `Map.turned`."""
         no_constant = np.zeros((1, 3))
         q = transform_coefficients(np.concatenate([no_constant, self.q_coefficients]), matrix)[1:]
         p = transform_coefficients(self.p_coefficients, matrix)

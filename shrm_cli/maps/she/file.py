@@ -4,15 +4,8 @@ from typing import cast
 
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
+from shrm_cli.maps import stored
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
-from shrm_cli.maps.stored import (
-    COLORS,
-    common_header,
-    image_channels,
-    map_info,
-    read_attributes,
-    shortest,
-)
 from shrm_cli.vocabulary import LAWS, MAX_EXPONENTIAL_ORDER, Law
 
 
@@ -24,19 +17,19 @@ def encode(exponential: SphericalHarmonicExponential) -> list[Part]:
     attenuated; see `shrm_cli.maps.she.exponential`.
     """
     header = {
-        **common_header(exponential, 0),
+        **stored.common_header(exponential, 0),
         "shrm:p_order": exponential.order_p,
         "shrm:q_order": exponential.order_q,
         "shrm:ggx_alpha": tuple(map(float, exponential.ggx_alpha)),
         "shrm:law": exponential.law,
     }
-    return [Part(image_channels(exponential.coefficients[None]), header)]
+    return [Part(stored.image_channels(exponential.coefficients[None]), header)]
 
 
 def decode(file: StoredFile) -> SphericalHarmonicExponential:
     """Return the map that a file holds."""
     path, part = file.path, file.first
-    attributes = read_attributes(part)
+    attributes = stored.read_attributes(part)
     kind = SphericalHarmonicExponential
     if (attributes["frame"], attributes["center"]) != (kind.frame, kind.center):
         raise MapError(f"{path}: an SH exponential is {kind.frame}, about R; make it again")
@@ -49,10 +42,10 @@ def decode(file: StoredFile) -> SphericalHarmonicExponential:
             f"{path}: {part.width} x {part.height} pixels are not the {counts[0]} + {counts[1]} "
             f"coefficients of orders P = {p} and Q = {q}; make it again"
         )
-    if not part.holds(COLORS):
+    if not part.holds(stored.COLORS):
         raise MapError(f"{path}: its channels are not those of an SH exponential")
-    row = part.read(COLORS)[0].astype(float)
-    info, law = map_info(attributes, part), _law(part)
+    row = part.read(stored.COLORS)[0].astype(float)
+    info, law = stored.map_info(attributes, part), _law(part)
     return kind(row[: counts[0]], row[counts[0] :], _ggx_alpha(part), info, law)
 
 
@@ -71,7 +64,7 @@ def _ggx_alpha(part: StoredPart) -> tuple[float, float]:
         raise MapError.of_attribute(part.path, "ggx_alpha")
     if not 0 < value[0] <= value[1] <= 1:
         raise MapError.of_attribute(part.path, "ggx_alpha")
-    return shortest(value[0]), shortest(value[1])
+    return stored.shortest(value[0]), stored.shortest(value[1])
 
 
 def _law(part: StoredPart) -> Law:

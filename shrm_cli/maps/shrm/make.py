@@ -187,7 +187,7 @@ def halved(
     if size == choice.size:
         return choice
     f, p = min(choice.orders.order_f, supported_order(size)), choice.orders.order_p
-    captured = float(coefficients.captured()[f, p])
+    captured = float(coefficients.captured[f, p])
     return Choice(replace(choice.orders, order_f=f, captured=captured), size)
 
 

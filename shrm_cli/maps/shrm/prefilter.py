@@ -11,14 +11,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, Request, error_lines, truth_of, unkept_error
-from shrm_cli.maps.shrm.make import (
-    affordable,
-    centered,
-    order_warnings,
-    prefilter_shrm,
-    refuse_large,
-    sufficient_tolerance,
-)
+from shrm_cli.maps.shrm import make
 from shrm_cli.maps.size import converted_bytes, most_cubes, nothing_fits, total_error
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.probe.lighting import Projection
@@ -32,7 +25,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     from shrm_cli.probe.lighting import Projection
 
     _refuse_contradictions(request)
-    request, notes = centered(request)
+    request, notes = make.centered(request)
     # Each term of a sum has a center of its own, and orders that are chosen from the tolerance, so
     # that neither can be given.
     is_whole = not request.is_free or request.center is not None
@@ -67,7 +60,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     if not is_whole and split is not False and len(split_terms(brdf)) > 1:
         from shrm_cli.maps.shrm.terms import plan_terms, prefilter_terms
 
-        chosen = affordable(light, request)
+        chosen = make.affordable(light, request)
         plan = plan_terms(light, request, chosen)
         if plan is not None:
             takes = split or plan.pays
@@ -79,8 +72,8 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
                 return replace(prefilter_terms(plan), notes=notes)
         elif split:
             unsplit = (f"{brdf!r} is not split: its terms cannot keep the error of the whole",)
-    made = prefilter_shrm(light, request, chosen)
-    warnings = (*unsplit, *order_warnings(made, request), *made.warnings)
+    made = make.prefilter_shrm(light, request, chosen)
+    warnings = (*unsplit, *make.order_warnings(made, request), *made.warnings)
     return replace(made, notes=notes, warnings=warnings)
 
 
@@ -104,12 +97,12 @@ def _within_error(light: Projection, request: Request, error: float) -> Prefilte
 
     allowed, form = request.allowed, (request.size, request.sampling)
     shrms = ShrmProposals.known(light, request.brdf, error, allowed, *form)
-    found = shrms.least(error, allowed, sufficient_tolerance(error))
+    found = shrms.least(error, allowed, make.sufficient_tolerance(error))
     if found is None:
         raise nothing_fits(request.size)
     choice, is_met = found[0].choice, found[1]
     asked = replace(request, eps=choice.orders.eps, size=choice.size, max_size=allowed)
-    made = prefilter_shrm(light, asked, (choice, shrms.coefficients))
+    made = make.prefilter_shrm(light, asked, (choice, shrms.coefficients))
     if is_met:
         return made
     info = made.map.info
@@ -144,7 +137,7 @@ def converted(
     cubes = max(most_cubes(found.size, most), 1)
     if order_p is None and found.cube_count > cubes:
         found = source.to_shrm(math.isqrt(cubes) - 1, frame or own)
-    refuse_large(found.size, found.cube_count, max_size)
+    make.refuse_large(found.size, found.cube_count, max_size)
     return compressed(found, compress)
 
 

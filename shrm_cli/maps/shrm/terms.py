@@ -308,12 +308,10 @@ class Tried:
 
     @property
     def least_error(self) -> float:
-        """The error without what bilinear look-ups add."""
         return total_error(self.error)
 
     @cached_property
     def total_error(self) -> float:
-        """The error with all that a renderer adds: bilinear look-ups and half precision."""
         return total_error(self.error, self.find_filter_error())
 
 
@@ -383,7 +381,7 @@ class ShrmProposals:
             coefficients = self.coefficients
             carried = min(supported_order(size), coefficients.order_f)
             f = min(least_orders(coefficients, eps, order_p=p).order_f, carried)
-            captured = float(coefficients.captured()[carried, p])
+            captured = float(coefficients.captured[carried, p])
             choice = Choice(Orders(f, p, 1 - captured, captured), size)
             lighting = self.light.to_order(coefficients.order_f)
             errors = map_errors(lighting, coefficients, p, size, self.sampling)
@@ -452,7 +450,6 @@ class ShrmsWithin:
     most_p: int
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
-        """Return the map of the fewest bytes that keeps an error, or the best one that fits."""
         found = fewest_bytes(self.proposals.rows(self.max_size, self.most_p), error)
         if found is None:
             raise nothing_fits(self.proposals.size)

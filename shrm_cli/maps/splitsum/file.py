@@ -7,15 +7,8 @@ from typing import cast
 from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
+from shrm_cli.maps import stored
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.maps.stored import (
-    COLORS,
-    common_header,
-    image_channels,
-    map_info,
-    read_attributes,
-    shortest,
-)
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, MAX_CUBE_SIZE, MAX_LEVELS, LevelMapping
 
 _AGAIN = "make it again with shrm prefilter --to splitsum"
@@ -35,21 +28,18 @@ def encode(split_sum: SplitSum) -> list[Part]:
     """Make a part of a file for each level, the sharpest level first."""
     parts = []
     # Files hold 32-bit floats, so the names are those of the numbers that readers will get.
-    names = level_names([shortest(value) for value in split_sum.roughness])
-    levels = zip(
-        names, split_sum.roughness, split_sum.levels,
-        split_sum.level_info, strict=True,
-    )  # fmt: skip
+    names = level_names([stored.shortest(value) for value in split_sum.roughness])
+    levels = zip(names, split_sum.roughness, split_sum.levels, split_sum.level_info, strict=True)
     for name, roughness, level, level_info in levels:
         # The options, and what came to them later, are those of the whole file.
         info = level_info.read_as(split_sum.info)
         header = {
             "name": name,
-            **common_header(replace(split_sum, info=info), 0),
+            **stored.common_header(replace(split_sum, info=info), 0),
             "shrm:mapping": split_sum.mapping,
             "shrm:roughness": float(roughness),
         }
-        parts.append(Part(image_channels(level), header))
+        parts.append(Part(stored.image_channels(level), header))
     return parts
 
 
@@ -59,7 +49,7 @@ def decode(file: StoredFile) -> SplitSum:
     if not 1 <= count <= MAX_LEVELS:
         raise MapError(f"{path}: {count} levels are not a split sum; {_AGAIN}")
     parts = sorted(file.parts, key=_roughness)
-    attributes = [read_attributes(part) for part in parts]
+    attributes = [stored.read_attributes(part) for part in parts]
     roughness = [_roughness(part) for part in parts]
     is_rising = len(set(roughness)) == count
     if not is_rising or (count > 1 and [part.name for part in parts] != level_names(roughness)):
@@ -76,11 +66,11 @@ def decode(file: StoredFile) -> SplitSum:
         raise MapError(f"{path}: its parts are sampled differently; {_AGAIN}")
     _check_sizes(parts)
     return SplitSum.of_levels(
-        [part.read(COLORS) for part in parts],
+        [part.read(stored.COLORS) for part in parts],
         roughness,
         _mapping(parts, roughness[0]),
         "border" if samplings.pop() else "center",
-        [map_info(each, part) for each, part in zip(attributes, parts, strict=True)],
+        [stored.map_info(each, part) for each, part in zip(attributes, parts, strict=True)],
         attributes[-1]["center"],
     )
 
@@ -89,7 +79,7 @@ def _roughness(part: StoredPart) -> float:
     value = part.attribute("shrm:roughness")
     if type(value) is not float or not 0 <= value <= 1:
         raise MapError.of_attribute(part.path, "roughness")
-    return shortest(value)
+    return stored.shortest(value)
 
 
 def _mapping(parts: Sequence[StoredPart], first: float) -> LevelMapping:
@@ -110,6 +100,6 @@ def _check_sizes(parts: Sequence[StoredPart]) -> None:
                 f"{part.path}: a level of {part.width} x {part.height} is not a cube, or larger "
                 f"than the one before it; {_AGAIN}"
             )
-        if not part.holds(COLORS):
+        if not part.holds(stored.COLORS):
             raise MapError(f"{part.path}: the channels of a level are not R, G and B; {_AGAIN}")
         last = part.width

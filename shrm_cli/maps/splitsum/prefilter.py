@@ -263,7 +263,7 @@ def level_lobe(
     if roughness == 0 and lobe.width <= _MIRROR:
         return None
     coefficients = cached_coefficients(lobe, MAX_ORDER_F, 0, _ACCURACY, compute_coefficients)
-    missed = 1 - coefficients.captured()[:, 0]
+    missed = 1 - coefficients.captured[:, 0]
     enough = missed <= error**2
     order = int(np.argmax(enough)) if enough.any() else MAX_ORDER_F + 1
     if missed[LEAST_ORDER] <= _KINK**2:
@@ -318,7 +318,7 @@ def _expanded(
     info = replace(
         light.known,
         order_f=expansion.order,
-        captured=float(lobe.coefficients.captured()[expansion.order, 0]),
+        captured=float(lobe.coefficients.captured[expansion.order, 0]),
         predicted_error=expansion.error,
     )
     return cube, info

@@ -247,7 +247,6 @@ class WholeImageAnalysis:
         self._coefficients: Array | None = None
 
     def add(self, start: int, pixels: Array, weights: Array) -> None:
-        """Take in the whole image, as `Analysis` has it."""
         if start or self._coefficients is not None:
             raise ValueError("this grid is analyzed as a whole, not by blocks of rows")
         channels, step = pixels.shape[-1], channels_at_once(pixels)
@@ -258,7 +257,6 @@ class WholeImageAnalysis:
         self._coefficients = np.concatenate(parts, axis=-1)
 
     def coefficients(self) -> Array:
-        """Real coefficients in the grid's axes, shape ((order+1)^2, channels)."""
         if self._coefficients is None:
             raise ValueError("no rows were added")
         return self._coefficients

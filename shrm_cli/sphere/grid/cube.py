@@ -3,15 +3,7 @@
 import numpy as np
 
 from shrm_cli.arrays import Array, Indices
-from shrm_cli.sphere.cube import (
-    CubeSampler,
-    cube_coordinates,
-    cube_directions,
-    cube_solid_angles,
-    face_axes,
-    right_angles,
-    turned_face,
-)
+from shrm_cli.sphere import cube
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, channels_at_once
 from shrm_cli.sphere.synthesis import CubeIntegral
 from shrm_cli.vocabulary import FACES
@@ -29,25 +21,25 @@ class Cube(Grid):
     faces = 6
 
     def directions(self) -> Array:
-        return cube_directions(self.size, self.sampling)
+        return cube.cube_directions(self.size, self.sampling)
 
     def weights(self, start: int = 0, stop: int | None = None) -> Array:
-        angles = cube_solid_angles(self.size, self.sampling)
+        angles = cube.cube_solid_angles(self.size, self.sampling)
         first, last, _ = slice(start, stop).indices(6 * self.size)
         if first % self.size == 0 and last - first == self.size:
             return angles
         return np.tile(angles, (6, 1))[first:last]
 
     def points(self, rows: Indices, down: Array, across: Array) -> tuple[Array, Array]:
-        right, below, forward = np.moveaxis(face_axes()[rows // self.size], -2, 0)
+        right, below, forward = np.moveaxis(cube.face_axes()[rows // self.size], -2, 0)
         points = forward + right * across[..., None] + below * down[..., None]
         return points, (1 + across**2 + down**2) ** -1.5
 
     def coordinates(self, directions: Array) -> tuple[Indices, Array, Array]:
-        return cube_coordinates(directions)
+        return cube.cube_coordinates(directions)
 
     def sampler(self, image: Array) -> Sampler:
-        return CubeSampler(image, self.sampling)
+        return cube.CubeSampler(image, self.sampling)
 
     def analysis(self, order: int) -> Analysis:
         return CubeAnalysis(order, self)
@@ -57,7 +49,7 @@ class Cube(Grid):
             return
         last = self.size - 1
         k = np.arange(0, 2 * last + 1, 2) - last  # whole numbers: equal points are equal
-        right, down, forward = np.moveaxis(face_axes().astype(int), 1, 0)[:, :, None, None]
+        right, down, forward = np.moveaxis(cube.face_axes().astype(int), 1, 0)[:, :, None, None]
         points = forward * last + right * k[:, None] + down * k[:, None, None]
         on_edge = np.broadcast_to(
             (np.abs(k) == last) | (np.abs(k[:, None]) == last), (len(FACES), len(k), len(k))
@@ -71,14 +63,14 @@ class Cube(Grid):
         pixels[on_edge] = (total / count[:, None])[place.ravel()]
 
     def turned(self, image: Array, matrix: Array) -> Array | None:
-        turned = right_angles(matrix)
+        turned = cube.right_angles(matrix)
         if turned is None:
             return None
         faces = image.reshape(6, self.size, self.size, -1)
         result = np.empty_like(faces)
-        for face, axes in enumerate(face_axes() @ turned):  # M^-1 of each axis, as rows
-            source = int(np.argmax(face_axes()[:, 2] @ axes[2]))
-            result[face] = turned_face(faces[source], axes, source)
+        for face, axes in enumerate(cube.face_axes() @ turned):  # M^-1 of each axis, as rows
+            source = int(np.argmax(cube.face_axes()[:, 2] @ axes[2]))
+            result[face] = cube.turned_face(faces[source], axes, source)
         return result.reshape(image.shape)
 
 
@@ -102,6 +94,5 @@ class CubeAnalysis:
             self._integrals[first].add(dict(zip(names, faces, strict=False)))
 
     def coefficients(self) -> Array:
-        """Real coefficients in the grid's axes, shape ((order+1)^2, channels)."""
         parts = [each.coefficients() for each in self._integrals.values()]
         return np.concatenate(parts, axis=-1)

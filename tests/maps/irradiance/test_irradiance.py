@@ -225,7 +225,7 @@ def test_predicted_error_is_that_of_the_lambertian_brdf(tmp_path):
         prefiltered = prefilter_irradiance(probe, order).map.info
         expected = predicted_error(lighting, coefficients, order, 0)
         assert prefiltered.predicted_error == pytest.approx(expected, rel=1e-9)
-        assert prefiltered.captured == pytest.approx(coefficients.captured()[order, 0], rel=1e-6)
+        assert prefiltered.captured == pytest.approx(coefficients.captured[order, 0], rel=1e-6)
 
 
 @pytest.mark.parametrize("order", [10, 23, 30])

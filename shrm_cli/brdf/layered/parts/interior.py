@@ -20,21 +20,14 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color, added, multiplied, scaled
+from shrm_cli.brdf.layered.parts import table
 from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, refracted
 from shrm_cli.brdf.layered.parts.layered import Layered
-from shrm_cli.brdf.layered.parts.table import (
-    COSINES,
-    Table,
-    albedos,
-    strength,
-    transport,
-    transports,
-)
 from shrm_cli.brdf.vectors import GRAZING, refracted_cosine
 from shrm_cli.records import record
 
 Terms = Sequence[tuple[float, Brdf]]
-Lobes = Sequence[tuple[Brdf, Table]]
+Lobes = Sequence[tuple[Brdf, table.Table]]
 
 _BEYOND = np.linspace(0, 1, 9)[:-1]
 """Cosines beyond the critical angle that are tabulated, in parts of its cosine."""
@@ -67,7 +60,7 @@ class Interior:
     ) -> None:
         self.coat, self.ior = coat, coat.number("ior")
         self._color, self._glossy, self._diffuse = np.array(color), glossy, diffuse
-        seen = refracted_cosine(COSINES, self.ior)
+        seen = refracted_cosine(table.COSINES, self.ior)
         self._beyond = len(_BEYOND) if self.ior > 1 else 0
         self._cosines = np.append(_BEYOND[: self._beyond] * seen[0], seen)
 
@@ -81,10 +74,10 @@ class Interior:
         later = np.maximum(np.minimum(self._visits(whole), self._way) - whole, 0)
         matrix = part.weight * self._moved[1][number, self._beyond :]
         wanted = (later * once[number] / whole)[self._beyond :]
-        gain = strength(matrix[:, self._beyond :], self._passing, wanted)
+        gain = table.strength(matrix[:, self._beyond :], self._passing, wanted)
         return [
-            (part.lobe, Table(self._passing * self._kept[number][self._beyond :] / self.ior)),
-            (part.wider, Table(self._passing * gain / self.ior)),
+            (part.lobe, table.Table(self._passing * self._kept[number][self._beyond :] / self.ior)),
+            (part.wider, table.Table(self._passing * gain / self.ior)),
         ]
 
     def diffuse_lobes(self, number: int) -> Lobes:
@@ -95,7 +88,7 @@ class Interior:
         """
         visits = self._visits(np.ones_like(self._leaving))
         found = np.asarray(
-            sum(weight * albedos(part, self._cosines) for weight, part in self._diffuse)
+            sum(weight * table.albedos(part, self._cosines) for weight, part in self._diffuse)
         )
         mean, again = (
             _mean(each, self._cosines) for each in (found, found**2 * self._returned * visits)
@@ -104,17 +97,17 @@ class Interior:
         gain = self._passing * visits[self._beyond :] / np.sqrt(series) / self.ior
         part = self._diffuse[number][1]
         if not part.zonal:
-            own = albedos(part, self._cosines)
+            own = table.albedos(part, self._cosines)
             passing = gain * own[self._beyond :]
-            share = _mean(passing, COSINES) / np.maximum(_mean(own, self._cosines), 1e-300)
-            matrix = transport(_Inside(part, self.ior), COSINES, COSINES)
-            gain = strength(matrix, np.ones_like(passing), passing * share)
-        return [(part, Table(gain))]
+            share = _mean(passing, table.COSINES) / np.maximum(_mean(own, self._cosines), 1e-300)
+            matrix = table.transport(_Inside(part, self.ior), table.COSINES, table.COSINES)
+            gain = table.strength(matrix, np.ones_like(passing), passing * share)
+        return [(part, table.Table(gain))]
 
     @cached_property
     def _border(self) -> Array:
         """What the border reflects of light from inside, at the cosines, (n, 3)."""
-        outside = albedos(self.coat, COSINES)
+        outside = table.albedos(self.coat, table.COSINES)
         outside[0] = 1  # light that grazes is reflected
         return np.append(np.ones((self._beyond, 3)), outside, axis=0)
 
@@ -150,7 +143,7 @@ class Interior:
         """As `_matrices`, of the lobes as they are, and of the wider ones: (2, parts, n, n, 3)."""
         lobes = [(part.lobe, part.wider) for part in self._glossy]
         each = list(dict.fromkeys(lobe for pair in zip(*lobes, strict=True) for lobe in pair))
-        found = transports(each, self._cosines, self._cosines)
+        found = table.transports(each, self._cosines, self._cosines)
         count = len(self._cosines)
         moved = [found[each.index(lobe)] for pair in zip(*lobes, strict=True) for lobe in pair]
         return np.reshape(moved, (2, len(lobes), count, count, 3))
@@ -165,7 +158,7 @@ class Interior:
         whole = np.ones((len(self._glossy), len(self._cosines), 3))
         for kept, matrix, part in zip(whole, self._moved[0], self._glossy, strict=True):
             if part.lobe is not part.bare:
-                kept[:] = strength(matrix, kept, albedos(part.bare, self._cosines))
+                kept[:] = table.strength(matrix, kept, table.albedos(part.bare, self._cosines))
         return whole
 
     def _visits(self, each: Array) -> Array:

@@ -17,6 +17,8 @@ from shrm_cli.errors import BrdfError
 
 MAX_BYTES = 2**25
 """The largest file that is read, a hundred times as large as any that is known."""
+LARGEST = 1e30
+"""A larger number in a file is an error."""
 MAX_LINE = 2**16
 MAX_LINES = 2**17
 
@@ -109,8 +111,10 @@ def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]
     return [(number, line) for number, line in stripped if line and not line.startswith("#")]
 
 
-def parse_numbers(path: str | os.PathLike[str], number: int, line: str) -> list[float]:
-    """Parse the numbers of one line, which are separated by spaces."""
+def parse_numbers(
+    path: str | os.PathLike[str], number: int, line: str, count: int | None = None
+) -> list[float]:
+    """Parse the numbers of one line, which are separated by spaces; `count` is how many it has."""
     found = []
     for word in line.split():
         try:
@@ -123,4 +127,9 @@ def parse_numbers(path: str | os.PathLike[str], number: int, line: str) -> list[
                 "correct it or copy the file again"
             )
         found.append(value)
+    if count is not None and len(found) != count:
+        raise BrdfError(
+            f"{path}: line {number}: {len(found)} numbers instead of {count}; "
+            "correct it or copy the file again"
+        )
     return found
