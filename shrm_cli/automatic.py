@@ -202,7 +202,9 @@ class _Asked:
         most = 1.0 if is_kept else max(policy.MISSED * whole.badness(self.goal), 1.0)
         # An SHRM of more would lose what a smaller map of functions wins.
         share = policy.FAR_SMALLER if is_kept else policy.WORTH_LAMPS
-        simple = policy.LARGE if self.proposals.is_out_of_reach else share * whole.bytes
+        simple = share * whole.bytes
+        if self.proposals.is_out_of_reach:  # the maps beside lamps that were looked for first
+            simple = self._largest_simple
         worth: list[Candidate[Prefiltered]] = []
         for beside in self.splits:
             if beside.split.discs and beside.error <= most * self.goal.error:
@@ -252,10 +254,15 @@ class _Asked:
             return None
         for beside in self.splits:
             if beside.split.discs and beside.error <= self.goal.error:
-                found = self._foreseen_beside(beside, policy.LARGE)
+                found = self._foreseen_beside(beside, self._largest_simple)
                 if self._keeps_within_bytes(found):
                     return found
         return None
+
+    @property
+    def _largest_simple(self) -> float:
+        """The most bytes of an SHRM beside lamps where no map of all light is known."""
+        return min(policy.LARGE, policy.WORTH_LAMPS * self.request.allowed)
 
     def _keeps_within_bytes(self, found: Candidate[Prefiltered]) -> bool:
         return found.bytes <= self.request.allowed and found.keeps(self.goal)

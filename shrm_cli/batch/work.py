@@ -28,7 +28,7 @@ from shrm_cli.maps.stored import store
 from shrm_cli.prefilter import make
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.shared import shared
+from shrm_cli.probe.shared import held
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.sources import fingerprint
@@ -112,7 +112,7 @@ def _of_probe(chunk: Chunk, terms: Terms) -> Result:
 def _of_file(chunk: Chunk, path: Path, terms: Terms, start: float) -> Result:
     """Do the jobs of one probe, which is opened once."""
     try:
-        probe = shared(open_probe(path, **chunk.reading))
+        probe = held(open_probe(path, **chunk.reading))
     except Exception as error:
         return _all_failed(chunk, error, start)
     records = []
@@ -319,7 +319,7 @@ def _first_sound(jobs: Sequence[Job]) -> dict[str, Any]:
 def _predicted(job: Job) -> dict[str, Any]:
     """Make the map of a job in memory, and tell its orders and its size."""
     with local_file(job.probe) as path:
-        probe = shared(open_probe(path, **job.reading))
+        probe = held(open_probe(path, **job.reading))
         made = make(probe, request_of(job.recipe, probe))
     values = sum(plane.size for part in made.map.encode() for plane in part.channels.values())
     summary = made.quick_summary()

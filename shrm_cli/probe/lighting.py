@@ -21,9 +21,11 @@ from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.rotation import transform_coefficients
+from shrm_cli.vocabulary import MAX_ORDER_F
 
 if TYPE_CHECKING:
     from shrm_cli.probe.light_sum import LightSum
+    from shrm_cli.probe.shared import SharedProbe
 
 _MOST_ROWS = 32
 """Rows at each pole; farther away the rule and the areas differ by less than 1e-4."""
@@ -42,6 +44,9 @@ _LARGE_ROWS = 16
 of points is off by 11, 2 and .3 %, and beside a lamp by 29, 9 and 1.4 %; of 16 rows by .6 %."""
 _NOTHING = 1e-6
 """The part of the light's energy that is none: .1 % as RMS."""
+_FEW = 64
+"""Pixels that are not held are projected to this order at least. It takes no longer than to read
+them, and matte surfaces ask for less."""
 _ROWS_AT_ONCE = 16
 """The rows whose squares are summed at a time, which stay in the processor's cache."""
 
@@ -234,11 +239,25 @@ def _project(probe: Probe, order: int) -> Lighting:
     if isinstance(probe, LightSum):
         return _project_sum(probe, order)
     if isinstance(probe, SharedProbe):
-        if order not in probe.kept:
-            own = probe.project
-            probe.kept[order] = _project_image(probe, order) if own is None else own(order)
-        return probe.kept[order]
+        return _project_shared(probe, order)
     return _project_image(probe, order)
+
+
+def _project_shared(probe: "SharedProbe", order: int) -> Lighting:
+    """Project a probe once to each order, or twice if its pixels are read each time."""
+    kept = probe.kept
+    if probe.project is None and not probe.is_held:
+        # Whoever asks for more than a few degrees may soon ask for others. Those of an order are
+        # always rounded alike, whatever was asked for before.
+        most = _FEW if order <= _FEW else max(order, MAX_ORDER_F)
+        if most not in kept:
+            kept[most] = _project_image(probe, most)
+        found: Lighting = kept[most]
+        return Lighting(found.coefficients[: (order + 1) ** 2], found.energy)
+    if order not in kept:
+        own = probe.project
+        kept[order] = _project_image(probe, order) if own is None else own(order)
+    return kept[order]
 
 
 def _project_image(probe: Probe, order: int) -> Lighting:

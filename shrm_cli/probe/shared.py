@@ -1,6 +1,7 @@
 """A probe of which several maps are made: it is read, and its lamps are looked for, once.
 
-It is projected once to each order.
+It is projected once to each order. An image of many pixels is not held, but read again for each
+projection. That takes far longer than the projection, of which there are two at most therefore.
 """
 
 from collections.abc import Callable
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from shrm_cli.probe.lighting import Lighting
 
 MOST_BYTES = 128 * 2**20
-"""The most bytes of an image's pixels that are held. Larger images are read again for each map."""
+"""The most bytes of an image's pixels that are held. Larger images are read again and again."""
 _PIXEL = 3 * 4  # bytes
 
 
@@ -38,7 +39,8 @@ class HeldImage(ImageOfImage):
 class SharedProbe(Probe):
     """A probe that remembers its pixels, its digest, and its coefficients to each order.
 
-    Every map that is made of it has the same bytes as one that is made of the probe alone.
+    Every map that is made of it has the same bytes as one that is made of the probe alone, but for
+    the rounding of coefficients of images that are not held.
     """
 
     kept: dict[int | str, Any] = field(default_factory=dict)
@@ -55,21 +57,30 @@ class SharedProbe(Probe):
     def _digest(self) -> str:
         return super().digest()
 
+    @property
+    def is_held(self) -> bool:
+        """Whether its pixels stay in memory."""
+        return all(isinstance(image, HeldImage) for image in self.images)
+
     @classmethod
     def of(cls, probe: Probe, project: "Callable[[int], Lighting] | None" = None) -> "SharedProbe":
-        """Return a probe of the same pixels, whatever their number."""
+        """Return a probe of the same pixels, which are held unless they are too many."""
         values = {each.name: getattr(probe, each.name) for each in fields(Probe)}
-        held = tuple(HeldImage(image) for image in probe.images)
-        return cls(**{**values, "images": held}, project=project)
+        size = sum(image.width * image.height for image in probe.images) * _PIXEL
+        if size <= MOST_BYTES:
+            values["images"] = tuple(HeldImage(image) for image in probe.images)
+        return cls(**values, project=project)
 
 
 def shared(probe: Probe) -> Probe:
-    """Return a probe to make several maps of.
+    """Return a probe to make several maps of; a sum of lights as it is, as one that is shared."""
+    return probe if isinstance(probe, LightSum | SharedProbe) else SharedProbe.of(probe)
 
-    A sum of lights, and a probe whose pixels are too many to hold, are returned as they are, and so
-    is one that is shared.
+
+def held(probe: Probe) -> Probe:
+    """Return what `shared` does, but a probe of too many pixels to be held as it is.
+
+    So every map has the bytes of one that is made of the probe alone.
     """
-    size = sum(image.width * image.height for image in probe.images) * _PIXEL
-    if isinstance(probe, LightSum | SharedProbe) or size > MOST_BYTES:
-        return probe
-    return SharedProbe.of(probe)
+    found = shared(probe)
+    return probe if isinstance(found, SharedProbe) and not found.is_held else found
