@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import ProbeError
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid, grid_class
@@ -24,6 +24,7 @@ from shrm_cli.vocabulary import (
 
 _NEARLY = 0.02
 """A lat-long may be so much of its width wider or narrower than 2:1 by rounding, or by mistake."""
+_ROWS_AT_ONCE = 256
 
 
 class ProbeImage(Protocol):
@@ -154,7 +155,8 @@ class ArrayImage:
 
     def contents(self) -> Iterator[bytes]:
         """Yield the pixels as little-endian float32, and the shape of the array as text."""
-        yield self.pixels.astype("<f4", copy=False).tobytes()
+        for rows in slices(len(self.pixels), _ROWS_AT_ONCE):  # a copy of all takes as much again
+            yield self.pixels[rows].astype("<f4", copy=False).tobytes()
         yield repr(self.pixels.shape).encode()
 
 
