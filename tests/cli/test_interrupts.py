@@ -178,12 +178,12 @@ def test_probes_are_written_whole_too(folder):
 def test_sigint_while_it_computes(folder):
     before = snapshot(folder)
     code = f"""
-import signal, time, shrm_cli.maps.shrm.prefilter
+import signal, time, shrm_cli.maps.shrm.make
 signal.signal(signal.SIGINT, signal.default_int_handler)
 def prefilter_shrm(*_, **__):
     print("prefiltering", flush=True)
     time.sleep(20)
-shrm_cli.maps.shrm.prefilter.prefilter_shrm = prefilter_shrm
+shrm_cli.maps.shrm.make.prefilter_shrm = prefilter_shrm
 {MAIN}"""
     with start(*WRITE, code=code) as child:
         assert child.stdout.readline() == "prefiltering\n"
@@ -198,7 +198,7 @@ def test_signals_in_callbacks_of_python_are_obeyed(folder, number):
     """Python drops exceptions that are raised while an object is freed."""
     before = snapshot(folder)
     code = f"""
-import os, signal, time, weakref, shrm_cli.maps.shrm.prefilter
+import os, signal, time, weakref, shrm_cli.maps.shrm.make
 signal.signal(signal.SIGINT, signal.default_int_handler)
 def prefilter_shrm(*_, **__):
     freed = type("Freed", (), {{}})()
@@ -206,7 +206,7 @@ def prefilter_shrm(*_, **__):
     del freed
     print("survived", flush=True)
     time.sleep(0.1)
-shrm_cli.maps.shrm.prefilter.prefilter_shrm = prefilter_shrm
+shrm_cli.maps.shrm.make.prefilter_shrm = prefilter_shrm
 {MAIN}"""
     result = process(*WRITE, code=code)
     said = "interrupted" if number == signal.SIGINT else "stopped by SIGTERM"
