@@ -95,7 +95,7 @@ def sampled(texcoords: Array, charts: Integers, shape: tuple[int, int]) -> Sampl
     count = height * width
     nearest, owner = np.full(count, np.inf), np.full(count, -1)
     found = np.zeros((count, 3))
-    first, last = np.full(count, len(charts)), np.full(count, -1)
+    first, last = np.full(count, charts.max()), np.full(count, -1)
     covers = np.zeros(count, dtype=np.int64)
     for face, column, row in _pairs(corners, shape):
         middles = np.stack([column, row], axis=1) + 0.5

@@ -135,6 +135,15 @@ def test_charts_that_are_made_show_no_seam():
         np.testing.assert_allclose(found, factors * harmonics(2, normals), atol=0.02)
 
 
+def test_charts_of_more_vertices_than_triangles_fit():
+    """Sides that share no vertices have four of them for two triangles each."""
+    pytest.importorskip("xatlas", reason="xatlas is not installed")
+    sides = [meshes.quad((k, 0, 0), (k, 1, 0), (k, 1, 1), (k, 0, 1)) for k in range(9)]
+    found = charted(make_mesh("sides", *meshes.joined(*sides)), 64)
+    assert found.is_apart
+    assert set(found.faces) == set(range(18))
+
+
 def test_too_few_texels_for_the_charts_are_refused():
     pytest.importorskip("xatlas", reason="xatlas is not installed")
     with pytest.raises(MeshError, match="do not fit into 16 texels"):
