@@ -100,7 +100,7 @@ _LARGEST = 1e30
 _LEAST_NORMAL = 1e-12
 """Length below which a normal of a file has no direction."""
 _SINGULAR = 1e-30
-"""Least determinant of a transformation, which would otherwise flatten the mesh."""
+"""Least determinant of a transformation whose largest number is 1; less would flatten the mesh."""
 
 
 @record(eq=False)
@@ -163,18 +163,19 @@ class Mesh:
         """
         rows = np.asarray(matrix, dtype=float)[:3]
         linear, shift = rows[:, :3], rows[:, 3]
+        size = float(np.abs(linear).max()) or 1.0
         with np.errstate(all="ignore"):
-            determinant = float(np.linalg.det(linear))
+            determinant = float(np.linalg.det(linear / size))
         if not (np.isfinite(rows).all() and abs(determinant) > _SINGULAR):
             raise MeshError(f"{self.name}: a transformation flattens it; scale it by less")
         moved = self.vertices @ linear.T + shift
         _check_vertices(self.name, moved)
-        normals = self.normals @ np.linalg.inv(linear)
+        normals = self.normals @ np.linalg.inv(linear / size)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         faces = self.faces if determinant > 0 else self.faces[:, ::-1]
         tangents = self.tangents
         if tangents is not None:
-            along = tangents[:, :3] @ linear.T
+            along = tangents[:, :3] @ (linear / size).T
             along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), _LEAST_NORMAL)
             tangents = np.column_stack([along, np.sign(determinant) * tangents[:, 3]])
         return replace(self, vertices=moved, normals=normals, faces=faces, tangents=tangents)

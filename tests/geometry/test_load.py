@@ -36,8 +36,8 @@ FORMS = {
     "b.ply": lambda v, f: ply(v, f, binary=False),
     "a.stl": stl,
     "b.STL": lambda v, f: stl(v, f, binary=False),
-    "a.glb": lambda v, f: glb(*gltf_tree(v, f)),
-    "a.gltf": lambda v, f: gltf(*gltf_tree(v, f)),
+    "a.glb": lambda v, f: glb(*gltf_tree(v, f, normals=v)),
+    "a.gltf": lambda v, f: gltf(*gltf_tree(v, f, normals=v)),
 }
 
 
@@ -110,7 +110,8 @@ def test_nodes_of_gltf_move_their_meshes(tmp_path):
     """The node mirrors, stretches, turns by 90 degrees about +Z, and moves."""
     turn = [0, 0, 0.5**0.5, 0.5**0.5]
     node = {"translation": [5, 0, 0], "rotation": turn, "scale": [-2, 1, 1]}
-    mesh = load(tmp_path, "a.glb", glb(*gltf_tree(*TETRAHEDRON, node=node)))
+    outwards = TETRAHEDRON[0] - 0.25
+    mesh = load(tmp_path, "a.glb", glb(*gltf_tree(*TETRAHEDRON, node=node, normals=outwards)))
     expected = TETRAHEDRON[0] * [-2, 1, 1]
     expected = np.stack([5 - expected[:, 1], expected[:, 0], expected[:, 2]], axis=1)
     np.testing.assert_allclose(mesh.vertices, expected, atol=1e-6)
@@ -130,7 +131,7 @@ def test_materials_of_gltf(tmp_path):
 
 def test_coordinates_of_gltf_point_upwards(tmp_path):
     mesh = load(tmp_path, "a.glb", glb(*gltf_tree(*TETRAHEDRON, uvs=np.full((4, 2), 0.25))))
-    np.testing.assert_allclose(mesh.uvs, [[0.25, 0.75]] * 4)
+    np.testing.assert_allclose(mesh.uvs, [[0.25, 0.75]] * 12)
 
 
 def test_triangles_without_an_area_are_left_out(tmp_path):
@@ -304,8 +305,7 @@ def test_bytes_are_not_read_again_and_again(tmp_path):
     many = 2 * MOST_BYTES // len(data) + 2
     tree["buffers"][0]["byteLength"] = len(data)
     tree["bufferViews"] += [{"buffer": 0, "byteLength": len(data)}] * many
-    with pytest.raises(MeshError, match="bytes of its buffers"):
-        load(tmp_path, "a.glb", glb(tree, data))
+    assert len(load(tmp_path, "a.glb", glb(tree, data)).faces) == 4  # which are not read at all
     del tree["bufferViews"][2:]
     tree["bufferViews"][0] = {"buffer": 0, "byteLength": len(data)}
     whole = {"bufferView": 0, "componentType": 5126, "count": len(data) // 36 * 3, "type": "VEC3"}
