@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from shrm_cli.files import gltf
-from shrm_cli.geometry.mesh import Matrix, SurfaceMaterial, Texture, Wrap
+from shrm_cli.geometry.mesh import MASKED, Matrix, SurfaceMaterial, Texture, Wrap
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
@@ -14,8 +14,6 @@ _TRANSFORM = "KHR_texture_transform"
 _STRONG = "KHR_materials_emissive_strength"
 _BRIGHTEST = 1e12
 """The most radiance that a material may send."""
-_MASKED = 0.5
-"""Least opacity that is seen of what a file would blend with what lies behind."""
 _UV_SETS = 2
 _DRAWN = {_STRONG}
 """Extensions of materials that are drawn."""
@@ -63,7 +61,7 @@ class SurfaceReader:
             emission=_emission(given, extensions),
             emission_map=self._texture(given, "emissiveTexture", True),
             opacity=color[3] if len(color) > 3 else 1.0,
-            cutoff={"MASK": _unit(given.get("alphaCutoff", _MASKED)), "BLEND": _MASKED}.get(mode),
+            cutoff={"MASK": _unit(given.get("alphaCutoff", MASKED)), "BLEND": MASKED}.get(mode),
             unread=(
                 *(f"alphaMode {mode}" for _ in range(mode == "BLEND")),
                 *(str(each)[:40] for each in sorted(set(extensions) - _DRAWN)),

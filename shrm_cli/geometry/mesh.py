@@ -7,7 +7,7 @@ and are read only where a picture is drawn of them.
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,10 @@ from shrm_cli.records import record
 
 Wrap = Literal["repeat", "clamp", "mirror"]
 Matrix = tuple[float, float, float, float, float, float]
+
+
+MASKED = 0.5
+"""Least opacity that is seen of what a file would blend with what lies behind."""
 
 
 @record
@@ -199,7 +203,8 @@ def make_mesh(
     """Make a mesh of what a file or a program says, without what cannot be drawn.
 
     Triangles without an area are left out, as are vertices that belong to no triangle. Normals
-    that are missing, not finite or of no length are the smooth ones of `smooth_normals`. Texture
+    that are missing, not finite or of no length are the smooth ones of `smooth_normals`, around the
+    vertices of the file where `file_vertices` tells them, and else around places. Texture
     coordinates and colours that are not finite, or not one for each vertex, are left out as a
     whole.
 
@@ -238,6 +243,7 @@ def make_mesh(
     renumbered = np.cumsum(used) - 1
     points, kept = points[used], renumbered[kept]
     own = np.arange(len(used)) if file_vertices is None else np.asarray(file_vertices)
+    around = points if file_vertices is None else own[used]
     if file_rows is None:
         rows = _first_places(own[used], len(used) if file_count is None else file_count)
     else:
@@ -248,7 +254,8 @@ def make_mesh(
         owners[:] = face_materials
     return Mesh(
         name=name, vertices=points, faces=kept,
-        normals=_normals(points, kept, _attribute(normals, used, 3)), uvs=_attribute(uvs, used, 2),
+        normals=_normals(points, kept, around, _attribute(normals, used, 3)),
+        uvs=_attribute(uvs, used, 2),
         uvs_1=_attribute(uvs_1, used, 2), tangents=_attribute(tangents, used, 4),
         colors=_fractions(colors, used), materials=tuple(materials),
         face_materials=owners[has_area], file_vertices=own[used].astype(np.int64),
@@ -343,16 +350,16 @@ def _fractions(colors: ArrayLike | None, used: NDArray[np.bool_]) -> Array | Non
     return found / scale if found is not None and np.isfinite(found).all() else None
 
 
-def _normals(points: Array, faces: Integers, given: Array | None) -> Array:
+def _normals(points: Array, faces: Integers, around: NDArray[Any], given: Array | None) -> Array:
     """Return unit normals: the given ones, and smooth ones where those are no directions."""
     if given is None:
-        return smooth_normals(points, faces)
+        return smooth_normals(points, faces, around)
     with np.errstate(all="ignore"):
         length = np.linalg.norm(given, axis=1, keepdims=True)
         unit = given / length
     lacking = ~(np.isfinite(unit).all(axis=1) & (length[:, 0] > _LEAST_NORMAL))
     if lacking.any():
-        unit[lacking] = smooth_normals(points, faces)[lacking]
+        unit[lacking] = smooth_normals(points, faces, around)[lacking]
     return unit
 
 
@@ -392,18 +399,19 @@ def face_normals(vertices: Array, faces: Integers) -> Array:
     return np.where(length > _FLAT, normals / np.where(length > 0, length, 1), 0)
 
 
-def smooth_normals(vertices: Array, faces: Integers) -> Array:
+def smooth_normals(vertices: Array, faces: Integers, around: NDArray[Any]) -> Array:
     """Return unit normals of vertices: means of the triangles there, weighted by their angles.
 
     The result does not depend on how a surface is cut into triangles (Thurmer and Wuthrich 1998,
-    "Computing vertex normals from polygonal facets"). Vertices at one place are one, so that
-    seams of texture coordinates are not seen. Triangles without an area do not count.
+    "Computing vertex normals from polygonal facets"). Vertices are one whose rows of `around` are
+    the same, so that seams of texture coordinates are not seen. Triangles without an area do not
+    count.
 
     Returns an array of shape (n, 3). Where normals cancel each other, as on the two sides of a
     sheet, the normal is that of one of the vertex's own triangles.
     """
     flat = face_normals(vertices, faces)
-    _, place = np.unique(vertices, axis=0, return_inverse=True)
+    _, place = np.unique(around, axis=0, return_inverse=True)
     place = place.reshape(-1)
     total = np.zeros((int(place.max()) + 1, 3))
     for corner, angle in enumerate(_angles(vertices, faces)):

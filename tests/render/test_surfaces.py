@@ -231,7 +231,7 @@ def test_several_materials_of_an_obj(tmp_path):
     unread = subject.stage.unread([white()])
     assert unread == [
         "'red' (map_Ks, Pr without numbers)",
-        "'none' (its file of materials, which is missing)",
+        "'none' (which m.mtl does not have)",
     ]
 
 
