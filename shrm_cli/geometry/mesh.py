@@ -83,6 +83,11 @@ class SurfaceMaterial:
     """What else the file says of it, which is not drawn."""
 
     @property
+    def is_clear(self) -> bool:
+        """Whether nothing of it is opaque enough to be seen."""
+        return self.cutoff is not None and self.opacity < self.cutoff
+
+    @property
     def textures(self) -> tuple[Texture, ...]:
         maps = (
             self.color_map, self.metallic_map, self.roughness_map, self.normal_map,

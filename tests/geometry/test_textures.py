@@ -5,9 +5,9 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from shrm_cli.errors import MeshError
+from shrm_cli.geometry import textures
 from shrm_cli.geometry.mesh import Texture
-from shrm_cli.render import textures
-from shrm_cli.render.textures import MipMap, Shelf, pyramid_of
+from shrm_cli.geometry.textures import MipMap, Shelf, pyramid_of
 
 SCIPY = {"repeat": "grid-wrap", "clamp": "nearest", "mirror": "reflect"}
 """What SciPy calls them, for pixels that lie at centres."""
