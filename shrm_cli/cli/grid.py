@@ -115,6 +115,8 @@ def grid(
             f"{source}: all probes lie behind surfaces, whose triangles seem to face outwards; "
             "turn them round, or give `box` within the room"
         )
+    elif not found.coefficients.any():
+        warnings.append(f"{source}: no light reaches the probes; give `box` within the room")
     conclude({"file": target, **said, "bytes": bytes_written}, lines, warnings)
 
 

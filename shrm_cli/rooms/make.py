@@ -271,8 +271,8 @@ def _rows(path: Path) -> tuple[Array, list[str]]:
     try:
         if path.stat().st_size > _MOST_BYTES:
             raise MeshError(f"{path}: more than {_MOST_BYTES:,} bytes are no table of probes")
-        with open(path, newline="", encoding="utf-8") as stream:
-            table = csv.DictReader(stream)
+        with open(path, newline="", encoding="utf-8-sig") as stream:
+            table = csv.DictReader(stream, skipinitialspace=True)
             if not set(_COLUMNS) <= set(table.fieldnames or ()):
                 raise MeshError(f"{path}: no table with the columns {', '.join(_COLUMNS)}")
             rows = list(table)
