@@ -215,8 +215,8 @@ def capture(
     """
     opened = open_room(source, probe, albedo, emission)
     light = opened.surroundings
-    corners = opened.room.mesh.bounds if box is None else np.reshape(box, (2, 3))
-    proxy = ProxyBox.of(*corners, at)
+    low, high = opened.room.mesh.bounds if box is None else np.reshape(box, (2, 3))
+    proxy = ProxyBox.of(low, high, at)
     found = captured(opened.room, np.array(at, dtype=float), size, samples, light, progress)
     made = Probe.from_array(
         found.pixels, "latlong", name=opened.room.mesh.name,
