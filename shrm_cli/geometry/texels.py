@@ -29,6 +29,11 @@ Where walls meet, rays from the very edge would slip between them.
 """
 _MOST_INSET = 0.25
 """The same in texels, at the most."""
+_SAME = 2**-18
+"""Vertices that differ by less count as one, as xatlas has it: in diagonals of the mesh, normals,
+and edges of the texture."""
+_OFF = 0.2887
+"""Where steps of `_SAME` begin, so that likely numbers of meshes do not lie between two of them."""
 
 
 @record(eq=False)
@@ -128,12 +133,15 @@ def sampled(texcoords: Array, charts: Integers, shape: tuple[int, int]) -> Sampl
 def chart_numbers(mesh: Mesh, texcoords: Array) -> Integers:
     """Return the chart of each triangle: those that share vertices with all that they have.
 
-    Vertices are the same where place, normal and texture coordinates are. So charts end at creases,
-    over which a texel would have to have two normals.
+    Vertices are the same where place, normal and texture coordinates are, but for rounding. So
+    charts end at creases, over which a texel would have to have two normals.
     """
     corners = mesh.faces.ravel()
-    known = [mesh.vertices[corners], mesh.normals[corners], texcoords.reshape(-1, 2)]
-    _, vertices = np.unique(np.column_stack(known), axis=0, return_inverse=True)
+    low, high = mesh.bounds
+    places = (mesh.vertices[corners] - low) / np.linalg.norm(high - low)
+    known = [places, mesh.normals[corners], texcoords.reshape(-1, 2)]
+    steps = [np.round(each / _SAME + _OFF) for each in known]
+    _, vertices = np.unique(np.column_stack(steps), axis=0, return_inverse=True)
     faces = vertices.reshape(-1, 3)
     labels = np.arange(int(faces.max()) + 1)
     while True:

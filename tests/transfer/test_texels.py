@@ -21,6 +21,7 @@ from shrm_cli.transfer.file import read_transfer, write_transfer
 from shrm_cli.transfer.gather import DiffuseLight, Gathering
 from tests.cli.helpers import assert_refused, done, run
 from tests.oracles import real_harmonics as harmonics
+from tests.render.assets import globe
 from tests.transfer import meshes
 
 WHITE = np.r_[np.sqrt(4 * np.pi), np.zeros(24)]
@@ -142,6 +143,14 @@ def test_charts_of_more_vertices_than_triangles_fit():
     found = charted(make_mesh("sides", *meshes.joined(*sides)), 64)
     assert found.is_apart
     assert set(found.faces) == set(range(18))
+
+
+def test_seams_that_are_closed_but_for_rounding_are_no_borders():
+    """A globe ends at sin 2 pi, which is not 0; charts of xatlas go on over it."""
+    pytest.importorskip("xatlas", reason="xatlas is not installed")
+    mesh = make_mesh("globe", *globe(12)[:3])
+    assert np.unique(mesh.vertices[:, 0]).size > np.unique(mesh.vertices[:, 0].round(9)).size
+    assert charted(mesh, 64).is_apart
 
 
 def test_too_few_texels_for_the_charts_are_refused():
