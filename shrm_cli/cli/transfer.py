@@ -36,8 +36,10 @@ _MOST_SAMPLES = 2**16
     help="How often light is reflected within the mesh.",
 )  # fmt: skip
 @click.option(
-    "--albedo", type=ALBEDO, default="0.5", show_default=True,
-    help="What the mesh reflects diffusely: a number, R,G,B, or the colours of its vertices.",
+    "--albedo", type=ALBEDO,
+    help="What the mesh reflects diffusely: a number, R,G,B, the colours of its vertices, or all "
+    "that the mesh says: base colours, textures and vertex colours.  [default: mesh; 0.5 where it "
+    "says nothing]",
 )  # fmt: skip
 @click.option(
     "--samples", type=click.IntRange(1, _MOST_SAMPLES), default=1024, show_default=True,
@@ -65,7 +67,7 @@ def transfer(
     output: str | None,
     order: int,
     bounces: int,
-    albedo: str | tuple[float, ...],
+    albedo: str | tuple[float, ...] | None,
     samples: int,
     brdf: str | None,
     matrices: bool,

@@ -83,6 +83,18 @@ class SurfaceMaterial:
     """What else the file says of it, which is not drawn."""
 
     @property
+    def matte(self) -> "SurfaceMaterial":
+        """The same without what a diffuse surface has not: its colours and its glow alone."""
+        return replace(
+            self, metallic_map=None, roughness_map=None, normal_map=None, occlusion_map=None
+        )
+
+    @property
+    def has_color(self) -> bool:
+        """Whether the file says of it what it reflects."""
+        return bool(self.color_map or self.colored) or self.base_color != (1.0, 1.0, 1.0)
+
+    @property
     def is_clear(self) -> bool:
         """Whether nothing of it is opaque enough to be seen."""
         return self.cutoff is not None and self.opacity < self.cutoff
@@ -154,6 +166,11 @@ class Mesh:
     def corners(self, faces: ArrayLike) -> Array:
         """Return the corners of triangles by their indices, shape (k, 3 corners, 3)."""
         return self.vertices[self.faces[np.asarray(faces)]]
+
+    def sides(self, faces: ArrayLike) -> Array:
+        """Return the ways from the first corner of triangles to the others, shape (k, 3, 2)."""
+        corners = self.corners(faces)
+        return np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
 
     def interpolated(self, values: Array, faces: ArrayLike, barycentric: Array) -> Array:
         """Interpolate values at the vertices to points of triangles, shape (k, channels).

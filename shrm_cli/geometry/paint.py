@@ -1,11 +1,12 @@
 """What materials are at points of a mesh: numbers times textures times vertex colours."""
 
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.color import srgb_to_linear
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial, Texture
@@ -52,6 +53,30 @@ class Points:
         adjoint = np.moveaxis(np.array([[d, -b], [-b, a]]), -1, 0)
         inverse = adjoint / np.maximum(a * d - b * b, _LEAST_AREA)[:, None, None]
         return inverse @ (unit @ (self.steps / scale))
+
+
+_POINTS_AT_ONCE = 2**16
+"""The most points whose textures are looked up at a time."""
+
+
+def points_of(
+    mesh: Mesh, material: int, faces: NDArray[np.int64], weights: Array, steps: Array | None = None
+) -> Iterator[tuple[NDArray[np.int64], Points]]:
+    """Yield the points of a mesh that are of a material, some at a time, and which of all they are.
+
+    `faces`, `weights` and `steps` are as of `Points`; without steps points have no size.
+    """
+    own = np.flatnonzero(mesh.face_materials[faces] == material)
+    for part in slices(len(own), _POINTS_AT_ONCE):
+        some = own[part]
+        sides = np.zeros((len(some), 3, 2)) if steps is None else steps[some]
+        yield some, Points(mesh, faces[some], weights[some], sides)
+
+
+def linear_colors(colors: Array, encoding: str) -> Array:
+    """Return linear colours of vertices of colours as a file has them, within 0 .. 1."""
+    within = np.clip(colors, 0, 1)
+    return srgb_to_linear(within) if encoding == "srgb" else within
 
 
 @record(eq=False)
@@ -137,8 +162,7 @@ class Paint:
         given = self.material
         color = np.array(given.base_color) * self._read(points, given.color_map)[:, :3]
         if given.colored and points.mesh.colors is not None:
-            colors = np.clip(points.mesh.colors, 0, 1)
-            linear = srgb_to_linear(colors) if given.colored == "srgb" else colors
+            linear = linear_colors(points.mesh.colors, given.colored)
             color = color * points.mesh.interpolated(linear, points.faces, points.weights)
         return np.clip(self._in_primaries(color), 0, 1)
 

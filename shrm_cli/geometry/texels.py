@@ -69,6 +69,16 @@ class Texels:
         total = shares.sum(axis=1, keepdims=True)
         return np.maximum(rows, 0), shares / np.where(total > 0, total, 1)
 
+    def steps(self, mesh: Mesh, faces: NDArray[np.integer]) -> Array:
+        """Return the sides of texels upon triangles, as columns, shape (k, 3, 2)."""
+        height, width = self.rows.shape
+        corners = self.texcoords[faces] * [width, height]
+        (a, c), (b, d) = np.moveaxis(corners[:, 1:] - corners[:, :1], 0, -1)
+        area = a * d - b * c
+        scale = np.where(np.abs(area) > _INSIDE, 1 / np.where(area == 0, 1, area), 0)
+        inverse = np.moveaxis(np.array([[d, -b], [-c, a]]) * scale, -1, 0)
+        return np.asarray(mesh.sides(faces) @ inverse)
+
 
 @record(eq=False)
 class Sampled:

@@ -25,11 +25,10 @@ from shrm_cli.rooms.bake import bake
 from shrm_cli.rooms.capture import captured
 from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, is_grid, read_grid
 from shrm_cli.rooms.room import Room
+from shrm_cli.vocabulary import ALBEDO
 
 _LONGEST = 16
 """Probes along the longest edge of a room, where their number is not given."""
-_ALBEDO = 0.5
-"""What triangles reflect that have no material."""
 _NAMED = 4
 """The most materials that a warning names."""
 
@@ -69,7 +68,7 @@ def open_room(
     split = None if light is None else split_lamps(light)
     outside = (None, ()) if split is None else (split.residual_probe, split.discs)
     changes = {"albedo": albedo, "emission": emission}
-    room = Room.of(mesh, (_ALBEDO,) * 3, changes, *outside)
+    room = Room.of(mesh, (ALBEDO,) * 3, changes, *outside)
     return OpenRoom(room, light, _warnings(mesh, room))
 
 

@@ -15,7 +15,7 @@ References: Goral, Torrance, Greenberg and Battaile 1984, Modeling the Interacti
 Diffuse Surfaces. Keller 1997, Instant Radiosity, has the same integral by paths.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from shrm_cli.arrays import Array, slices
 from shrm_cli.color import from_rec709
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Integers, Mesh, SurfaceMaterial, face_normals
-from shrm_cli.geometry.paint import Paint, Points
+from shrm_cli.geometry.paint import Paint, points_of
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.textures import Shelf
 from shrm_cli.probe.disc import Disc, disc_directions
@@ -117,7 +117,7 @@ class Room:
         """
         albedo = self.albedo[faces]
         for number, paint in self.paints.items():
-            for some, points in self._painted(number, faces, weights, steps):
+            for some, points in points_of(self.mesh, number, faces, weights, steps):
                 albedo[some] = paint.base_color(points)
         return albedo
 
@@ -126,19 +126,9 @@ class Room:
         emission = self.emission[faces]
         for number, paint in self.paints.items():
             if paint.material.emission_map is not None:
-                for some, points in self._painted(number, faces, weights, steps):
+                for some, points in points_of(self.mesh, number, faces, weights, steps):
                     emission[some] = paint.emission(points)
         return emission
-
-    def _painted(
-        self, number: int, faces: Integers, weights: Array, steps: Array | None
-    ) -> Iterator[tuple[Integers, Points]]:
-        """Yield the points that are of a material, some at a time, and which of all they are."""
-        own = np.flatnonzero(self.mesh.face_materials[faces] == number)
-        for part in slices(len(own), _PAINTED_AT_ONCE):
-            some = own[part]
-            sides = np.zeros((len(some), 3, 2)) if steps is None else steps[some]
-            yield some, Points(self.mesh, faces[some], weights[some], sides)
 
     def _mean_emission(self) -> Array:
         """Return what triangles send in the mean, where textures have it."""
@@ -149,14 +139,9 @@ class Room:
         for part in slices(len(own), _PAINTED_AT_ONCE // len(weights)):
             faces = np.repeat(own[part], len(weights))
             places = np.tile(weights, (len(own[part]), 1))
-            sent = self.emission_at(faces, places, self.sides(faces) / _EMISSION_CUTS)
+            sent = self.emission_at(faces, places, self.mesh.sides(faces) / _EMISSION_CUTS)
             emission[own[part]] = sent.reshape(-1, len(weights), 3).mean(axis=1)
         return emission
-
-    def sides(self, faces: Integers) -> Array:
-        """Return two sides of triangles, as columns, shape (n, 3, 2)."""
-        corners = self.mesh.corners(faces)
-        return np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
 
     @property
     def size(self) -> float:
@@ -196,9 +181,7 @@ def _changed(
     material: SurfaceMaterial, changes: Mapping[str, Mapping[str, Color]]
 ) -> SurfaceMaterial:
     """Return what counts of a material in a room, with other values in place of its textures."""
-    found = replace(
-        material, metallic_map=None, roughness_map=None, normal_map=None, occlusion_map=None
-    )
+    found = material.matte
     albedo = changes.get("albedo", {}).get(material.name)
     if albedo is not None:
         found = replace(found, base_color=albedo, color_map=None, colored="")
@@ -357,7 +340,7 @@ class Patches:
         cuts = self._cuts[self.owner]
         self.weights = _centers(number, cuts)
         self.centers = np.einsum("kc,kcv->kv", self.weights, corners[self.owner])
-        self.sides = room.sides(self.owner) / cuts[:, None, None]
+        self.sides = room.mesh.sides(self.owner) / cuts[:, None, None]
 
     def __len__(self) -> int:
         return len(self.owner)
