@@ -158,6 +158,8 @@ MAX_TRANSFER_ORDER = 8
 """The largest order of precomputed transfer, whose matrices have (order + 1)^4 numbers a vertex."""
 TRANSFER_TEXTURES = 16, 2048
 """The fewest and the most texels along the edge of a texture of transfer."""
+ALBEDO = 0.5
+"""What triangles without a material reflect, where light goes from one to another."""
 
 MAX_TERMS = 16
 """The most terms of a sum of BRDFs, and the most factors before one. Each term takes as long as a

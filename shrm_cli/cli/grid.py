@@ -102,12 +102,14 @@ def grid(
     shape = " x ".join(map(str, said["shape"]))
     lines = [f"{target}: {shape} probes, order {found.order}, {bytes_written:,} bytes"]
     lines += _lines(said, light == "all")
-    warnings = options.textures_left_out(source, planned[0].textured if planned else [])
+    warnings = [line for plan in planned for line in plan.warnings]
     if said.get("in_walls") == found.lattice.count:
         warnings.append(
             f"{source}: all probes lie behind surfaces, whose triangles seem to face outwards; "
             "turn them round, or give `box` within the room"
         )
+    elif not found.coefficients.any():
+        warnings.append(f"{source}: no light reaches the probes; give `box` within the room")
     conclude({"file": target, **said, "bytes": bytes_written}, lines, warnings)
 
 

@@ -173,8 +173,7 @@ def main(arguments: list[str] | None = None) -> None:
     except click.ClickException as error:
         _fail(error.format_message(), error.exit_code)
     except ArgumentError as error:
-        command = f"shrm {_named(arguments)}".rstrip()
-        _fail(f"{usage.flags(str(error), arguments)}; see {command} --help", 2)
+        _fail(f"{usage.flags(str(error), arguments)}; see {_path(arguments)} --help", 2)
     except (KeyboardInterrupt, click.Abort):
         _fail("interrupted", 130)
     except _Stopped as stop:
@@ -215,6 +214,14 @@ def _named(arguments: list[str]) -> str:
     return next((each for each in arguments if not each.startswith("-")), "")
 
 
+def _path(arguments: list[str]) -> str:
+    """Return what the command is called, such as ``shrm probe ball``."""
+    words = [each for each in arguments if not each.startswith("-")][:2]
+    group = getattr(sys.modules.get(f"shrm_cli.cli.{_named(arguments)}"), _named(arguments), None)
+    known = group.commands if isinstance(group, click.Group) else {}
+    return " ".join(["shrm", *words[:1], *(each for each in words[1:] if each in known)])
+
+
 def _with_hint(error: click.UsageError, arguments: list[str]) -> str:
     message = error.format_message().rstrip(".")
     if isinstance(error, click.NoSuchOption):
@@ -223,7 +230,7 @@ def _with_hint(error: click.UsageError, arguments: list[str]) -> str:
                 return f"{message}; the file of that name is ./{each}"
     if message.endswith(("?", "?)")):  # the message already says what to do
         return message
-    command = error.ctx.command_path if error.ctx else f"shrm {_named(arguments)}".rstrip()
+    command = error.ctx.command_path if error.ctx else _path(arguments)
     return f"{message}; see {command} --help"
 
 

@@ -83,10 +83,13 @@ def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str
         {"fps": usage.Applies(moving, "to moving pictures, .apng, .gif and .mp4")}
     )
     if moving:
-        check_one_file(output)
+        check_one_file(output, "a moving picture")
         check_animation(output)
         return frames or DEFAULT_FRAMES, [output]
-    return frames, [output] if frames is None else frame_paths(output, frames)
+    if frames is None:
+        check_one_file(output, "what is made without `frames`")
+        return None, [output]
+    return frames, frame_paths(output, frames)
 
 
 def scene_keys(mesh: str | None) -> list[Key]:

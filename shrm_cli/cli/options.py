@@ -339,13 +339,3 @@ room_options = several(
     ),
 )  # fmt: skip
 """Those of commands that light rooms."""
-
-
-def textures_left_out(source: str, textured: Sequence[str]) -> list[str]:
-    """Return a warning about materials of which the numbers alone count, if there are any."""
-    if not textured:
-        return []
-    return [
-        f"{source}: textures are left out; the numbers alone count of {', '.join(textured)}; "
-        "`albedo` NAME=R,G,B and `emit` NAME=R,G,B name their means"
-    ]

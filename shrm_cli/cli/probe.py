@@ -215,7 +215,7 @@ def capture(
     }  # fmt: skip
     attributes = picture_attributes(recipe, [colors]) | box_attributes(proxy)
     pixel_type = write_image(output, found.pixels, precision, attributes)
-    warnings = options.textures_left_out(mesh, opened.textured)
+    warnings = list(opened.warnings)
     if found.behind > IN_WALLS:
         warnings.append(
             f"{output}: {found.behind:.0%} of what is seen is the back of surfaces, which is "

@@ -35,8 +35,10 @@ _MOST_SAMPLES = 2**16
     "--bounces", click.IntRange(0, 2), "How often light is reflected within the mesh.", default=0
 )
 @option(
-    "--albedo", ALBEDO, default="0.5",
-    help="What the mesh reflects diffusely: a number, R,G,B, or the colours of its vertices.",
+    "--albedo", ALBEDO,
+    help="What the mesh reflects diffusely: a number, R,G,B, the colours of its vertices, or all "
+    "that the mesh says: base colours, textures and vertex colours.  [default: mesh; 0.5 where it "
+    "says nothing]",
 )  # fmt: skip
 @option(
     "--samples", click.IntRange(1, _MOST_SAMPLES), "Rays of each vertex and bounce.", default=1024
@@ -63,7 +65,7 @@ def transfer(
     output: str | None,
     order: int,
     bounces: int,
-    albedo: str | tuple[float, ...],
+    albedo: str | tuple[float, ...] | None,
     samples: int,
     brdf: str | None,
     matrices: bool,

@@ -228,14 +228,14 @@ def RADIANCE(text: str) -> tuple[float, ...]:
     return numbers
 
 
-@partial(Parsed, "X|R,G,B|vertex")
+@partial(Parsed, "X|R,G,B|mesh|vertex")
 def ALBEDO(text: str) -> str | tuple[float, ...]:
-    """What a surface reflects: a number or three between 0 and 1, or ``vertex``."""
-    if text == "vertex":
+    """What a surface reflects: a number or three between 0 and 1, or ``vertex`` or ``mesh``."""
+    if text in ("vertex", "mesh"):
         return text
     numbers = _of_channels(text)
     if not numbers or not all(0 <= number <= 1 for number in numbers):
-        raise ValueError(f"{text!r} is not vertex, nor one or three numbers in 0 .. 1")
+        raise ValueError(f"{text!r} is neither mesh nor vertex, nor one or three numbers in 0 .. 1")
     return numbers
 
 

@@ -60,14 +60,15 @@ def beside(name: str, path: str, what: str = "texture") -> Path:
 def mean_color(texture: Path | bytes, is_srgb: bool) -> Array:
     """Return the mean of a texture's pixels.
 
-    `is_srgb` tells whether colors are encoded as sRGB has it; alpha never is.
+    `is_srgb` tells whether integers of colors are encoded as sRGB has it; alpha never is, nor are
+    floats, as those of EXR.
 
     Returns an array of shape (4,): linear red, green, blue, and alpha. A channel that is missing is
     as the first one; alpha is 1 then. Raises ValueError if it cannot be read, with why and what to
     do.
     """
-    pixels = _stored(texture)
-    pixels = pixels.reshape(-1, pixels.shape[2])
+    pixels, is_float = _stored(texture)
+    pixels, is_srgb = pixels.reshape(-1, pixels.shape[2]), is_srgb and not is_float
     channels = pixels.shape[1]
     alpha = _mean(pixels[:, -1], False) if channels in (2, 4) else 1.0
     found = [_mean(pixels[:, k if channels > 2 else 0], is_srgb) for k in range(3)]
@@ -75,8 +76,12 @@ def mean_color(texture: Path | bytes, is_srgb: bool) -> Array:
 
 
 def read_texture(texture: Path | bytes, is_srgb: bool) -> Array:
-    """Return a texture's pixels, shape (height, width, 4), linear, of 32-bit floats."""
-    pixels = _stored(texture)
+    """Return a texture's pixels, shape (height, width, 4), linear, of 32-bit floats.
+
+    `is_srgb` is as of `mean_color`.
+    """
+    pixels, is_float = _stored(texture)
+    is_srgb = is_srgb and not is_float
     count = pixels.shape[2]
     result = np.ones((*pixels.shape[:2], 4), dtype=np.float32)
     for channel in range(3):
@@ -136,15 +141,15 @@ def _suffix(head: bytes) -> str:
     raise ValueError("a texture is neither PNG, JPEG, TIFF, EXR nor Radiance; convert it")
 
 
-def _stored(texture: Path | bytes) -> Array:
-    """Return the pixels as they are stored, shape (height, width, channels)."""
+def _stored(texture: Path | bytes) -> tuple[Array, bool]:
+    """Return the pixels as they are stored, shape (height, width, channels), and if as floats."""
     with _file(texture) as path:
         return _pixels(path)
 
 
 @quiet
-def _pixels(path: Path) -> Array:
-    """Return the pixels, 8-bit integers as they are and others as floats."""
+def _pixels(path: Path) -> tuple[Array, bool]:
+    """Return the pixels, 8-bit integers as they are and others as floats, and if they are such."""
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(os.fspath(path), config)
@@ -164,4 +169,5 @@ def _pixels(path: Path) -> Array:
             raise ValueError(f"{path.name} is damaged; export it again")
     finally:
         source.close()
-    return np.asarray(pixels).reshape(spec.height * spec.depth, spec.width, channels)
+    shape = spec.height * spec.depth, spec.width, channels
+    return np.asarray(pixels).reshape(shape), str(spec.format) in ("half", "float", "double")

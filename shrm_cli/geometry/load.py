@@ -1,10 +1,10 @@
 """Meshes from files: OBJ, PLY, STL, glTF and GLB.
 
-All but OBJ are read by the package `trimesh`, which belongs to the extra `mesh` and is used by this
-module alone. Files may come from anywhere. What a file claims is checked before trimesh sees it
-(here and in `gltf`), counted before any memory is taken for it, and trimesh gets bytes and no way
-to other files. Only buffers of a glTF file and materials of an OBJ are opened, in their folder, and
-textures where a picture is drawn of them; addresses on the network are never followed.
+PLY and STL are read by the package `trimesh`, which belongs to the extra `mesh` and is used by this
+module alone. Files may come from anywhere. What a file claims is counted before any memory is taken
+for it, and before trimesh sees it, which gets bytes and no way to other files. Only buffers of a
+glTF file and materials of an OBJ are opened, in their folder, and textures where a picture is drawn
+of them; addresses on the network are never followed.
 """
 
 import contextlib
@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError, ShrmError
 from shrm_cli.extras import install
 from shrm_cli.files.gltf import MOST_BYTES
@@ -30,7 +29,6 @@ from shrm_cli.geometry.gltf import read_gltf
 from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, make_mesh, too_many
 from shrm_cli.geometry.mtl import PAINTED, read_materials
 from shrm_cli.geometry.obj import read_obj
-from shrm_cli.records import record
 
 _MOST_TEXT = 2**27
 _MOST_ROWS = 2**22
@@ -125,18 +123,6 @@ SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb")
 _CHECKS: Mapping[str, Callable[[str, bytes], None]] = {".ply": check_ply, ".stl": check_stl}
 """What looks at files of a suffix before trimesh reads them."""
 
-_MOST_STEPS = 64
-"""The most nodes of a scene on the way from its root to a mesh."""
-
-
-@record
-class _Prepared:
-    """What trimesh is given: bytes, their format, and the materials of the parts in order."""
-
-    data: bytes
-    kind: str
-    materials: Parts
-
 
 def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a mesh; the parts of a scene are joined where their nodes put them.
@@ -156,12 +142,10 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     try:
         if kind == ".obj":
             return make_mesh(name, **_surfaced(name, read_obj(name, data)))
-        if kind in _CHECKS:
-            _CHECKS[kind](name, data)
-            prepared = _Prepared(data, kind[1:], [])
-        else:
-            prepared = _Prepared(*read_gltf(name, data))
-        return _joined(name, _parsed(name, prepared), prepared)
+        if kind not in _CHECKS:
+            return read_gltf(name, data)
+        _CHECKS[kind](name, data)
+        return _joined(name, _parsed(name, data, kind[1:]))
     except ShrmError:
         raise
     except MemoryError:
@@ -215,22 +199,21 @@ def _kind(name: str, data: bytes) -> str:
 # ---- trimesh -------------------------------------------------------------------------------------
 
 
-def _parsed(name: str, prepared: _Prepared) -> dict[str, Any]:
-    """Return what trimesh's reader of the format finds: arguments of meshes and of a scene.
+def _parsed(name: str, data: bytes, kind: str) -> dict[str, Any]:
+    """Return what trimesh's reader of the format finds: arguments of a mesh, or of several.
 
-    The reader itself is called, because the scenes and meshes that trimesh makes of it no longer
-    tell whether their normals are the file's.
+    The reader itself is called, because the meshes that trimesh makes of it no longer tell whether
+    their normals are the file's.
     """
     try:
         from trimesh.exchange.load import mesh_loaders
     except ImportError as error:
         raise MeshError(f"{name}: meshes need the package trimesh; {install('mesh')}") from error
-    skip = {"skip_materials": True} if prepared.kind == "glb" else {}
     with warnings.catch_warnings(), _silent():  # numpy's, of text that is no number
         warnings.simplefilter("ignore")
         readers: Any = mesh_loaders
-        found: dict[str, Any] = readers[prepared.kind](
-            file_obj=io.BytesIO(prepared.data), file_type=prepared.kind, resolver=None, **skip
+        found: dict[str, Any] = readers[kind](
+            file_obj=io.BytesIO(data), file_type=kind, resolver=None
         )
     return found
 
@@ -247,36 +230,23 @@ def _silent() -> Iterator[None]:
         log.setLevel(before)
 
 
-def _joined(name: str, found: dict[str, Any], prepared: _Prepared) -> Mesh:
+def _joined(name: str, found: dict[str, Any]) -> Mesh:
     """Return one mesh of what trimesh found."""
-    parts = found.get("geometry", {"": found})
-    materials = prepared.materials or [None] * len(parts)
-    placed = _placed(found, list(parts))
-    total = sum(len(parts[each]["faces"]) for each, _ in placed if _has_faces(parts[each]))
-    if total > MOST_FACES:
-        raise too_many(name, total)
-    shown = {key for key, _ in placed}
-    made: dict[str, Mesh] = {}
+    meshes = []
     first = 0  # of the file's vertices, which the parts have one after the other
-    for (key, arguments), material in zip(parts.items(), materials, strict=True):
-        if key in shown and _has_faces(arguments):
-            made[key] = _mesh(name, arguments, material, prepared.kind == "stl", first)
-        first += len(arguments.get("vertices", ()))
-    meshes = [made[key].transformed(matrix) for key, matrix in placed if key in made]
+    for part in found.get("geometry", {"": found}).values():
+        if len(part.get("faces", ())):
+            meshes.append(_mesh(name, part, first))
+        first += len(part.get("vertices", ()))
     if not meshes:
         raise MeshError(f"{name}: it has no triangles; export it with its faces")
     return joined(name, meshes)
 
 
-def _mesh(
-    name: str, arguments: dict[str, Any], material: SurfaceMaterial | None, merge: bool, first: int
-) -> Mesh:
+def _mesh(name: str, arguments: dict[str, Any], first: int) -> Mesh:
     """Make a mesh of a part, whose vertices are those of the file from a number on."""
     vertices, faces = np.asarray(arguments["vertices"]), _triangles(arguments["faces"])
-    custom = arguments.get("vertex_attributes") or {}
-    if material is None and arguments.get("vertex_colors") is not None:
-        material = PAINTED
-    if merge:  # STL repeats each vertex in all of its triangles
+    if name.lower().endswith(".stl"):  # it repeats each vertex in all of its triangles
         vertices, corner, place = np.unique(
             np.asarray(vertices, dtype=float), axis=0, return_index=True, return_inverse=True
         )
@@ -285,15 +255,11 @@ def _mesh(
             name, vertices, place[faces], file_vertices=first + corner,
             file_rows=np.concatenate([np.full(first, -1), place]),
         )  # fmt: skip
-    visual = arguments.get("visual")
+    colors = arguments.get("vertex_colors")
     return make_mesh(
         name, vertices, faces, normals=arguments.get("vertex_normals"),
-        uvs=_upwards(custom["_UV"]) if "_UV" in custom else getattr(visual, "uv", None),
-        colors=custom.get("_COLOR", arguments.get("vertex_colors")),
-        materials=() if material is None else (material,),
-        uvs_1=_upwards(custom["_UV1"]) if "_UV1" in custom else None,
-        tangents=custom.get("_TANGENT"), file_vertices=first + np.arange(len(vertices)),
-        file_count=first + len(vertices),
+        uvs=getattr(arguments.get("visual"), "uv", None), colors=colors,
+        materials=() if colors is None else (PAINTED,),
     )  # fmt: skip
 
 
@@ -313,20 +279,6 @@ def _colored(found: dict[str, Any]) -> bool:
     return found["colors"] is not None
 
 
-def _upwards(uvs: Any) -> Array:
-    """Return glTF's texture coordinates, whose v points down, with v upwards.
-
-    Unsigned integers are fractions of their largest.
-    """
-    given = np.asarray(uvs)
-    scale = np.iinfo(given.dtype).max if given.dtype.kind == "u" else 1
-    return given / scale * [1, -1] + [0, 1]
-
-
-def _has_faces(arguments: Any) -> bool:
-    return isinstance(arguments, dict) and len(arguments.get("faces", ())) > 0
-
-
 def _triangles(faces: Any) -> NDArray[Any]:
     """Return triangles of polygons, which may have different numbers of corners."""
     table = np.asarray(faces) if len({len(each) for each in faces}) == 1 else None
@@ -338,29 +290,3 @@ def _triangles(faces: Any) -> NDArray[Any]:
         [(row[0], row[k], row[k + 1]) for row in rows for k in range(1, len(row) - 1)],
         dtype=np.int64,
     ).reshape(-1, 3)
-
-
-def _placed(found: dict[str, Any], names: list[str]) -> list[tuple[str, Array]]:
-    """Return the parts of a scene, each as often as its nodes show it, with its transformation."""
-    graph = found.get("graph")
-    if graph is None:
-        return [(name, np.eye(4)) for name in names]
-    edges = {
-        each["frame_to"]: (each.get("frame_from"), np.asarray(each.get("matrix", np.eye(4))))
-        for each in graph
-    }
-    return [
-        (each["geometry"], _to_world(each["frame_to"], edges))
-        for each in graph
-        if each.get("geometry") in names
-    ]
-
-
-def _to_world(node: Any, edges: Mapping[Any, tuple[Any, Array]]) -> Array:
-    matrix = np.eye(4)
-    for _ in range(_MOST_STEPS):
-        if node not in edges:
-            return matrix
-        node, step = edges[node]
-        matrix = step @ matrix
-    raise ValueError("its nodes are nested too deeply")

@@ -7,7 +7,7 @@ and are read only where a picture is drawn of them.
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,10 @@ from shrm_cli.records import record
 
 Wrap = Literal["repeat", "clamp", "mirror"]
 Matrix = tuple[float, float, float, float, float, float]
+
+
+MASKED = 0.5
+"""Least opacity that is seen of what a file would blend with what lies behind."""
 
 
 @record
@@ -79,6 +83,23 @@ class SurfaceMaterial:
     """What else the file says of it, which is not drawn."""
 
     @property
+    def matte(self) -> "SurfaceMaterial":
+        """The same without what a diffuse surface has not: its colours and its glow alone."""
+        return replace(
+            self, metallic_map=None, roughness_map=None, normal_map=None, occlusion_map=None
+        )
+
+    @property
+    def has_color(self) -> bool:
+        """Whether the file says of it what it reflects."""
+        return bool(self.color_map or self.colored) or self.base_color != (1.0, 1.0, 1.0)
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether nothing of it is opaque enough to be seen."""
+        return self.cutoff is not None and self.opacity < self.cutoff
+
+    @property
     def textures(self) -> tuple[Texture, ...]:
         maps = (
             self.color_map, self.metallic_map, self.roughness_map, self.normal_map,
@@ -100,7 +121,7 @@ _LARGEST = 1e30
 _LEAST_NORMAL = 1e-12
 """Length below which a normal of a file has no direction."""
 _SINGULAR = 1e-30
-"""Least determinant of a transformation, which would otherwise flatten the mesh."""
+"""Least determinant of a transformation whose largest number is 1; less would flatten the mesh."""
 
 
 @record(eq=False)
@@ -146,6 +167,11 @@ class Mesh:
         """Return the corners of triangles by their indices, shape (k, 3 corners, 3)."""
         return self.vertices[self.faces[np.asarray(faces)]]
 
+    def sides(self, faces: ArrayLike) -> Array:
+        """Return the ways from the first corner of triangles to the others, shape (k, 3, 2)."""
+        corners = self.corners(faces)
+        return np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
+
     def interpolated(self, values: Array, faces: ArrayLike, barycentric: Array) -> Array:
         """Interpolate values at the vertices to points of triangles, shape (k, channels).
 
@@ -163,18 +189,19 @@ class Mesh:
         """
         rows = np.asarray(matrix, dtype=float)[:3]
         linear, shift = rows[:, :3], rows[:, 3]
+        size = float(np.abs(linear).max()) or 1.0
         with np.errstate(all="ignore"):
-            determinant = float(np.linalg.det(linear))
+            determinant = float(np.linalg.det(linear / size))
         if not (np.isfinite(rows).all() and abs(determinant) > _SINGULAR):
             raise MeshError(f"{self.name}: a transformation flattens it; scale it by less")
         moved = self.vertices @ linear.T + shift
         _check_vertices(self.name, moved)
-        normals = self.normals @ np.linalg.inv(linear)
+        normals = self.normals @ np.linalg.inv(linear / size)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         faces = self.faces if determinant > 0 else self.faces[:, ::-1]
         tangents = self.tangents
         if tangents is not None:
-            along = tangents[:, :3] @ linear.T
+            along = tangents[:, :3] @ (linear / size).T
             along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), _LEAST_NORMAL)
             tangents = np.column_stack([along, np.sign(determinant) * tangents[:, 3]])
         return replace(self, vertices=moved, normals=normals, faces=faces, tangents=tangents)
@@ -198,7 +225,8 @@ def make_mesh(
     """Make a mesh of what a file or a program says, without what cannot be drawn.
 
     Triangles without an area are left out, as are vertices that belong to no triangle. Normals
-    that are missing, not finite or of no length are the smooth ones of `smooth_normals`. Texture
+    that are missing, not finite or of no length are the smooth ones of `smooth_normals`, around the
+    vertices of the file where `file_vertices` tells them, and else around places. Texture
     coordinates and colours that are not finite, or not one for each vertex, are left out as a
     whole.
 
@@ -237,6 +265,7 @@ def make_mesh(
     renumbered = np.cumsum(used) - 1
     points, kept = points[used], renumbered[kept]
     own = np.arange(len(used)) if file_vertices is None else np.asarray(file_vertices)
+    around = points if file_vertices is None else own[used]
     if file_rows is None:
         rows = _first_places(own[used], len(used) if file_count is None else file_count)
     else:
@@ -247,7 +276,8 @@ def make_mesh(
         owners[:] = face_materials
     return Mesh(
         name=name, vertices=points, faces=kept,
-        normals=_normals(points, kept, _attribute(normals, used, 3)), uvs=_attribute(uvs, used, 2),
+        normals=_normals(points, kept, around, _attribute(normals, used, 3)),
+        uvs=_attribute(uvs, used, 2),
         uvs_1=_attribute(uvs_1, used, 2), tangents=_attribute(tangents, used, 4),
         colors=_fractions(colors, used), materials=tuple(materials),
         face_materials=owners[has_area], file_vertices=own[used].astype(np.int64),
@@ -342,16 +372,16 @@ def _fractions(colors: ArrayLike | None, used: NDArray[np.bool_]) -> Array | Non
     return found / scale if found is not None and np.isfinite(found).all() else None
 
 
-def _normals(points: Array, faces: Integers, given: Array | None) -> Array:
+def _normals(points: Array, faces: Integers, around: NDArray[Any], given: Array | None) -> Array:
     """Return unit normals: the given ones, and smooth ones where those are no directions."""
     if given is None:
-        return smooth_normals(points, faces)
+        return smooth_normals(points, faces, around)
     with np.errstate(all="ignore"):
         length = np.linalg.norm(given, axis=1, keepdims=True)
         unit = given / length
     lacking = ~(np.isfinite(unit).all(axis=1) & (length[:, 0] > _LEAST_NORMAL))
     if lacking.any():
-        unit[lacking] = smooth_normals(points, faces)[lacking]
+        unit[lacking] = smooth_normals(points, faces, around)[lacking]
     return unit
 
 
@@ -391,18 +421,19 @@ def face_normals(vertices: Array, faces: Integers) -> Array:
     return np.where(length > _FLAT, normals / np.where(length > 0, length, 1), 0)
 
 
-def smooth_normals(vertices: Array, faces: Integers) -> Array:
+def smooth_normals(vertices: Array, faces: Integers, around: NDArray[Any]) -> Array:
     """Return unit normals of vertices: means of the triangles there, weighted by their angles.
 
     The result does not depend on how a surface is cut into triangles (Thurmer and Wuthrich 1998,
-    "Computing vertex normals from polygonal facets"). Vertices at one place are one, so that
-    seams of texture coordinates are not seen. Triangles without an area do not count.
+    "Computing vertex normals from polygonal facets"). Vertices are one whose rows of `around` are
+    the same, so that seams of texture coordinates are not seen. Triangles without an area do not
+    count.
 
     Returns an array of shape (n, 3). Where normals cancel each other, as on the two sides of a
     sheet, the normal is that of one of the vertex's own triangles.
     """
     flat = face_normals(vertices, faces)
-    _, place = np.unique(vertices, axis=0, return_inverse=True)
+    _, place = np.unique(around, axis=0, return_inverse=True)
     place = place.reshape(-1)
     total = np.zeros((int(place.max()) + 1, 3))
     for corner, angle in enumerate(_angles(vertices, faces)):

@@ -21,6 +21,9 @@ _MOST_LINE = 2**20
 """The most bytes of a line."""
 _WIDTHS = {b"v": 3, b"vt": 2, b"vn": 3}
 """How many numbers of a vertex, its texture coordinates and its normal are used."""
+_FACES = (b"f", b"fo")
+_NUMERIC = {*_WIDTHS, *_FACES}
+"""Lines of numbers, of which all is a comment that follows a `#`."""
 MOST_MATERIALS = 2**12
 """The most materials of a mesh, and the most files of them."""
 _COLORED = 7  # words of a vertex with a colour
@@ -62,12 +65,14 @@ class _Reader:
                     raise self.wrong("line", "is too long")
                 continue
             words = b" ".join([*before, line]).split()
+            if b"#" in line and words and words[0] in _NUMERIC:
+                words = _without_comment(words)
             before, length = [], 0
             if not words:
                 continue
             if words[0] in _WIDTHS:
                 self._value(words)
-            elif words[0] in (b"f", b"fo"):
+            elif words[0] in _FACES:
                 self._face(words)
             elif words[0] in (b"usemtl", b"mtllib") and len(words) > 1:
                 self._named(words[0], b" ".join(words[1:]).decode("utf-8", "replace"))
@@ -130,6 +135,10 @@ class _Reader:
         return MeshError(f"{self.name}: the {what} {self.line:,} {how}; export it again")
 
 
+def _without_comment(words: list[bytes]) -> list[bytes]:
+    return words[: next((k for k, word in enumerate(words) if word.startswith(b"#")), None)]
+
+
 def read_obj(name: str, data: bytes) -> dict[str, Any]:
     """Read an OBJ file.
 
@@ -164,7 +173,10 @@ def read_obj(name: str, data: bytes) -> dict[str, Any]:
     }
     if corners[:, 1:].max() < 0:
         faces = corners[:, 0].reshape(-1, 3)
-        return {"vertices": positions, "faces": faces, "colors": colors, **named}
+        own = np.arange(len(positions))
+        return {
+            "vertices": positions, "faces": faces, "colors": colors, "file_vertices": own, **named
+        }  # fmt: skip
     different, place = np.unique(corners, axis=0, return_inverse=True)
     own = different[:, 0]
     return {

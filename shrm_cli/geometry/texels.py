@@ -29,6 +29,11 @@ Where walls meet, rays from the very edge would slip between them.
 """
 _MOST_INSET = 0.25
 """The same in texels, at the most."""
+_SAME = 2**-18
+"""Vertices that differ by less count as one, as xatlas has it: in diagonals of the mesh, normals,
+and edges of the texture."""
+_OFF = 0.2887
+"""Where steps of `_SAME` begin, so that likely numbers of meshes do not lie between two of them."""
 
 
 @record(eq=False)
@@ -64,6 +69,16 @@ class Texels:
         total = shares.sum(axis=1, keepdims=True)
         return np.maximum(rows, 0), shares / np.where(total > 0, total, 1)
 
+    def steps(self, mesh: Mesh, faces: NDArray[np.integer]) -> Array:
+        """Return the sides of texels upon triangles, as columns, shape (k, 3, 2)."""
+        height, width = self.rows.shape
+        corners = self.texcoords[faces] * [width, height]
+        (a, c), (b, d) = np.moveaxis(corners[:, 1:] - corners[:, :1], 0, -1)
+        area = a * d - b * c
+        scale = np.where(np.abs(area) > _INSIDE, 1 / np.where(area == 0, 1, area), 0)
+        inverse = np.moveaxis(np.array([[d, -b], [-c, a]]) * scale, -1, 0)
+        return np.asarray(mesh.sides(faces) @ inverse)
+
 
 @record(eq=False)
 class Sampled:
@@ -95,7 +110,7 @@ def sampled(texcoords: Array, charts: Integers, shape: tuple[int, int]) -> Sampl
     count = height * width
     nearest, owner = np.full(count, np.inf), np.full(count, -1)
     found = np.zeros((count, 3))
-    first, last = np.full(count, len(charts)), np.full(count, -1)
+    first, last = np.full(count, charts.max()), np.full(count, -1)
     covers = np.zeros(count, dtype=np.int64)
     for face, column, row in _pairs(corners, shape):
         middles = np.stack([column, row], axis=1) + 0.5
@@ -128,12 +143,15 @@ def sampled(texcoords: Array, charts: Integers, shape: tuple[int, int]) -> Sampl
 def chart_numbers(mesh: Mesh, texcoords: Array) -> Integers:
     """Return the chart of each triangle: those that share vertices with all that they have.
 
-    Vertices are the same where place, normal and texture coordinates are. So charts end at creases,
-    over which a texel would have to have two normals.
+    Vertices are the same where place, normal and texture coordinates are, but for rounding. So
+    charts end at creases, over which a texel would have to have two normals.
     """
     corners = mesh.faces.ravel()
-    known = [mesh.vertices[corners], mesh.normals[corners], texcoords.reshape(-1, 2)]
-    _, vertices = np.unique(np.column_stack(known), axis=0, return_inverse=True)
+    low, high = mesh.bounds
+    places = (mesh.vertices[corners] - low) / np.linalg.norm(high - low)
+    known = [places, mesh.normals[corners], texcoords.reshape(-1, 2)]
+    steps = [np.round(each / _SAME + _OFF) for each in known]
+    _, vertices = np.unique(np.column_stack(steps), axis=0, return_inverse=True)
     faces = vertices.reshape(-1, 3)
     labels = np.arange(int(faces.max()) + 1)
     while True:

@@ -244,7 +244,5 @@ def edit_light(
     warnings = [f"{each.name}: {line}" for each in probes for line in each.report.warnings()]
     colors = probes[0].chromaticities
     if not same_primaries(colors, None):
-        warnings.append(
-            f"coefficients are in the primaries {title_of(colors)}, which OUT cannot say"
-        )
+        warnings.append(f"coefficients are in {title_of(colors)}, which their file cannot say")
     return np.asarray(total), warnings

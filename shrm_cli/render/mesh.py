@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array, slices
 from shrm_cli.files.image import Picture
 from shrm_cli.geometry.mesh import face_normals
+from shrm_cli.geometry.paint import Points
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import perpendicular
+from shrm_cli.geometry.textures import FINER
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Aim, Lens, Viewer
-from shrm_cli.render.paint import Points
 from shrm_cli.render.sphere import Surroundings
 from shrm_cli.render.stage import Reflector, Stage
-from shrm_cli.render.textures import FINER
 from shrm_cli.render.vertex_colors import VertexColors
 
 Reflectors = list[Reflector | VertexColors | None]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
+from shrm_cli.color import same_primaries
 from shrm_cli.errors import MapError, MeshError, OutputError
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
@@ -228,7 +229,7 @@ def check_blend(first: Map, second: Map, name: str) -> None:
             f"{name}: it is of another BRDF than the map whose light becomes its own; prefilter "
             "both for the same one"
         )
-    if one.chromaticities != other.chromaticities:
+    if not same_primaries(one.chromaticities, other.chromaticities):
         raise MapError(
             f"{name}: its primaries are not those of the map whose light becomes its own; convert "
             "one by shrm convert --working"
@@ -249,10 +250,10 @@ def frame_paths(pattern: str, count: int) -> list[str]:
     return [os.path.join(folder, f"{before}{k:0{digits}d}{after}") for k in range(1, count + 1)]
 
 
-def check_one_file(name: str) -> None:
-    """Check that the name of a moving picture, which is one file, has no place for a number."""
+def check_one_file(name: str, what: str) -> None:
+    """Check that the name of what is one file has no place for a number."""
     if _NUMBER.search(name):
-        raise OutputError(f"{name}: a moving picture is one file; leave the number out of its name")
+        raise OutputError(f"{name}: {what} is one file; leave the number out of its name")
 
 
 def turntable(first: Viewer, count: int) -> list[Viewer]:

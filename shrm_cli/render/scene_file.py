@@ -33,13 +33,13 @@ from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial
+from shrm_cli.geometry.paint import Paint
+from shrm_cli.geometry.textures import Shelf
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.records import record
 from shrm_cli.render.lit import reflectance
-from shrm_cli.render.paint import Paint
 from shrm_cli.render.stage import Actor, Look, transformation
-from shrm_cli.render.textures import Shelf
 from shrm_cli.render.variation import open_variation
 from shrm_cli.vocabulary import MIN_ROUGHNESS, TAP_COUNTS
 

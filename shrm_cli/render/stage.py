@@ -11,13 +11,13 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
 from shrm_cli.geometry.mesh import Mesh, joined
+from shrm_cli.geometry.paint import Paint, Painted
 from shrm_cli.geometry.tangents import UvTangents, brushed_tangents
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.records import record
 from shrm_cli.render.boxed import Vectors, outside, reflected, seen_from
 from shrm_cli.render.lit import ggx_surface, outside_range, shown_as
-from shrm_cli.render.paint import Paint, Painted
 from shrm_cli.render.variation import Variation, VariedSurface
 from shrm_cli.sphere.directions import horizontal_tangents
 

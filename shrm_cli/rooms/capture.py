@@ -107,7 +107,7 @@ class _Paths:
     def _seen(self, ways: Array, chances: Array, number: int) -> tuple[Array, Array]:
         """Return the radiance along directions from the place, and which meet back faces."""
         room, rays = self._brightness.room, self._brightness.rays
-        faces, _, distance = rays.first_hits(self._at, ways)
+        faces, weights, distance = rays.first_hits(self._at, ways)
         light = np.zeros((len(ways), 3))
         free = np.flatnonzero(faces < 0)
         if self._surroundings is not None and len(free):
@@ -117,8 +117,8 @@ class _Paths:
         hit = np.flatnonzero((faces >= 0) & is_front)
         points = self._at + distance[hit, None] * ways[hit]
         arriving = self._arriving(points, normals[hit], chances[hit], number)
-        own = faces[hit]
-        light[hit] = room.emission[own] + room.albedo[own] / np.pi * arriving
+        own = faces[hit], weights[hit]
+        light[hit] = room.emission_at(*own) + room.albedo_at(*own) / np.pi * arriving
         return light, (faces >= 0) & ~is_front
 
     def _arriving(self, points: Array, normals: Array, chances: Array, number: int) -> Array:

@@ -3,6 +3,7 @@
 import csv
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,17 +18,19 @@ from shrm_cli.lights.split import split_lamps
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import AnyProbe, as_probe, open_probe
 from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
 from shrm_cli.rooms.capture import captured
 from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, is_grid, read_grid
 from shrm_cli.rooms.room import Room
+from shrm_cli.vocabulary import ALBEDO
 
 _LONGEST = 16
 """Probes along the longest edge of a room, where their number is not given."""
-_ALBEDO = 0.5
-"""What triangles reflect that have no material."""
+_NAMED = 4
+"""The most materials that a warning names."""
 
 
 @record(eq=False)
@@ -37,8 +40,8 @@ class RoomPlan:
     mesh: Mesh
     lattice: Lattice
     """Where its probes are."""
-    textured: list[str]
-    """Materials of which the numbers alone count, because their textures are left out."""
+    warnings: list[str]
+    """What of its materials does not count, in sentences."""
 
 
 @record(eq=False)
@@ -48,8 +51,8 @@ class OpenRoom:
     room: Room
     surroundings: Probe | None
     """All of the light past it, its lamps, too."""
-    textured: list[str]
-    """Materials of which the numbers alone count, because their textures are left out."""
+    warnings: list[str]
+    """What of its materials does not count, in sentences."""
 
 
 def open_room(
@@ -65,14 +68,31 @@ def open_room(
     split = None if light is None else split_lamps(light)
     outside = (None, ()) if split is None else (split.residual_probe, split.discs)
     changes = {"albedo": albedo, "emission": emission}
-    room = Room.of(mesh, (_ALBEDO,) * 3, changes, *outside)
-    textured = [
-        repr(each.name)
-        for each in mesh.materials
-        if (each.color_map and each.name not in albedo)
-        or (each.emission_map and each.name not in emission)
+    room = Room.of(mesh, (ALBEDO,) * 3, changes, *outside)
+    return OpenRoom(room, light, _warnings(mesh, room))
+
+
+def _warnings(mesh: Mesh, room: Room) -> list[str]:
+    """Return what does not count of the materials of a room."""
+    used = {int(each) for each in np.unique(mesh.face_materials) if each >= 0}
+    clear = [repr(mesh.materials[k].name) for k in used if mesh.materials[k].is_clear]
+    holes = [repr(each.material.name) for each in room.paints.values() if each.has_holes]
+    unread = [
+        f"{each.name!r} ({', '.join(each.unread)})"
+        for each in (mesh.materials[k] for k in used)
+        if each.unread and not each.is_clear
     ]
-    return OpenRoom(room, light, textured)
+    said = [
+        (clear, "light passes through what is less than half opaque, the material "),
+        (holes, "light does not pass through the holes in the texture of the material "),
+        (unread, "only the colour and the glow count of the material "),
+    ]
+    return [
+        f"{mesh.name}: {text}{', '.join(names[:_NAMED])}"
+        + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+        for names, text in said
+        if names
+    ]
 
 
 def grid(
@@ -140,7 +160,7 @@ def grid(
     mesh = opened.room.mesh
     lattice = _lattice(mesh.bounds, size, box)
     if begin is not None:
-        begin(RoomPlan(mesh, lattice, opened.textured))
+        begin(RoomPlan(mesh, lattice, opened.warnings))
     return bake(opened.room, lattice, order, samples, progress)
 
 
@@ -194,13 +214,14 @@ def capture(
     """
     opened = open_room(source, probe, albedo, emission)
     light = opened.surroundings
+    low, high = opened.room.mesh.bounds if box is None else np.reshape(box, (2, 3))
+    proxy = ProxyBox.of(low, high, at)
     found = captured(opened.room, np.array(at, dtype=float), size, samples, light, progress)
     made = Probe.from_array(
         found.pixels, "latlong", name=opened.room.mesh.name,
         chromaticities=None if light is None else light.chromaticities,
     )  # fmt: skip
-    corners = opened.room.mesh.bounds if box is None else box
-    return made.within(np.ravel(corners), at)
+    return replace(made, proxy=proxy)
 
 
 def _lattice(
@@ -249,8 +270,8 @@ def _rows(path: Path) -> tuple[Array, list[str]]:
     try:
         if path.stat().st_size > _MOST_BYTES:
             raise MeshError(f"{path}: more than {_MOST_BYTES:,} bytes are no table of probes")
-        with open(path, newline="", encoding="utf-8") as stream:
-            table = csv.DictReader(stream)
+        with open(path, newline="", encoding="utf-8-sig") as stream:
+            table = csv.DictReader(stream, skipinitialspace=True)
             if not set(_COLUMNS) <= set(table.fieldnames or ()):
                 raise MeshError(f"{path}: no table with the columns {', '.join(_COLUMNS)}")
             rows = list(table)

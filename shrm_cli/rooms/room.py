@@ -16,14 +16,18 @@ Diffuse Surfaces. Keller 1997, Instant Radiosity, has the same integral by paths
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, slices
+from shrm_cli.color import from_rec709
 from shrm_cli.errors import MeshError
-from shrm_cli.geometry.mesh import Mesh, face_normals
+from shrm_cli.geometry.mesh import Integers, Mesh, SurfaceMaterial, face_normals
+from shrm_cli.geometry.paint import Paint, points_of
 from shrm_cli.geometry.rays import Rays
+from shrm_cli.geometry.textures import Shelf
 from shrm_cli.probe.disc import Disc, disc_directions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, tell
@@ -33,6 +37,11 @@ from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import LUMINANCE
 
 Color = tuple[float, float, float]
+
+_EMISSION_CUTS = 8
+"""Parts along the sides of a triangle whose mean is what it sends, where a texture has it."""
+_PAINTED_AT_ONCE = 2**16
+"""The most points whose textures are looked up at a time."""
 
 
 @record(eq=False)
@@ -46,11 +55,13 @@ class Room:
     albedo: Array
     """What each triangle reflects of its irradiance, shape (m, 3)."""
     emission: Array
-    """The radiance that it sends, shape (m, 3)."""
+    """The radiance that it sends, in the mean, shape (m, 3)."""
     sky: Probe | None = None
     """What is seen past the room, without its compact lamps; black by default."""
     discs: tuple[Disc, ...] = ()
     """These lamps."""
+    paints: Mapping[int, Paint] = field(default_factory=dict)
+    """Materials that vary over triangles, by textures or vertex colours, by their numbers."""
 
     @classmethod
     def of(
@@ -65,35 +76,72 @@ class Room:
 
         The base colours of the materials of `mesh` are their albedos. `albedo` is that of triangles
         without a material. `changes` has under ``albedo`` and ``emission`` other values for
-        materials, by their names. `sky` and `discs` are those of `Room`.
+        materials, by their names. All are of Rec.709, and become those of the primaries of `sky`.
+        Light passes through materials that are clear. `sky` and `discs` are those of `Room`.
         """
-        names = [each.name for each in mesh.materials]
-        if max((max(each) for each in changes.get("albedo", {}).values()), default=0) > 1:
-            raise MeshError(f"{mesh.name}: `albedo` has a number above 1, which makes light")
-        for given in changes.values():
-            for name in given:
-                if name not in names:
-                    known = ", ".join(sorted({each for each in names if each})[:8]) or "no names"
-                    raise MeshError(f"{mesh.name}: no material {name!r:.80}; it has {known}")
+        _check_changes(mesh, changes)
+        mesh = _without_clear(mesh)
+        matrix = from_rec709(None if sky is None else sky.chromaticities)
+        materials = [_changed(each, changes) for each in mesh.materials]
         # The last row is that of triangles without a material, whose index is -1.
-        values = {
-            "albedo": [*(each.base_color for each in mesh.materials), albedo],
-            "emission": [*(each.emission for each in mesh.materials), (0.0, 0.0, 0.0)],
+        colors = np.array(
+            [*((*each.base_color, *each.emission) for each in materials), (*albedo, 0, 0, 0)]
+        )
+        if matrix is not None:
+            colors = np.concatenate([colors[:, :3] @ matrix.T, colors[:, 3:] @ matrix.T], axis=1)
+        found = np.maximum(colors, 0)[mesh.face_materials]
+        shelf = Shelf("give colours in their place by `albedo` and `emit`")
+        used = {int(each) for each in np.unique(mesh.face_materials)}
+        paints = {
+            number: Paint(mesh, each, shelf, matrix)
+            for number, each in enumerate(materials)
+            if number in used and (each.textures or (each.colored and mesh.colors is not None))
         }
-        found = {}
-        for key, colors in values.items():
-            others = changes.get(key, {})
-            row = [others.get(name, each) for name, each in zip([*names, ""], colors, strict=True)]
-            found[key] = np.array(row, dtype=float)[mesh.face_materials]
-        if sky is None and not found["emission"].any():
+        normals = face_normals(mesh.vertices, mesh.faces)
+        smooth = mesh.normals[mesh.faces].sum(axis=1)
+        sides = np.where(np.einsum("fi,fi->f", normals, smooth) < 0, -1.0, 1.0)
+        room = cls(mesh, sides[:, None] * normals, found[:, :3], found[:, 3:], sky, discs, paints)
+        room = replace(room, emission=room._mean_emission())
+        if sky is None and not room.emission.any():
             raise MeshError(
                 f"{mesh.name}: nothing in it sends light; give `emit` NAME=R,G,B for a material, "
                 "or `probe` for what is seen through its openings"
             )
-        normals = face_normals(mesh.vertices, mesh.faces)
-        smooth = mesh.normals[mesh.faces].sum(axis=1)
-        sides = np.where(np.einsum("fi,fi->f", normals, smooth) < 0, -1.0, 1.0)
-        return cls(mesh, sides[:, None] * normals, found["albedo"], found["emission"], sky, discs)
+        return room
+
+    def albedo_at(self, faces: Integers, weights: Array, steps: Array | None = None) -> Array:
+        """Return what points of triangles reflect, shape (n, 3).
+
+        `faces` are of shape (n,), and `weights`, barycentric, of shape (n, 3). `steps`, of shape
+        (n, 3, 2), are two sides of what each point stands for.
+        """
+        albedo = self.albedo[faces]
+        for number, paint in self.paints.items():
+            for some, points in points_of(self.mesh, number, faces, weights, steps):
+                albedo[some] = paint.base_color(points)
+        return albedo
+
+    def emission_at(self, faces: Integers, weights: Array, steps: Array | None = None) -> Array:
+        """Return what points of triangles send; all is as of `albedo_at`."""
+        emission = self.emission[faces]
+        for number, paint in self.paints.items():
+            if paint.material.emission_map is not None:
+                for some, points in points_of(self.mesh, number, faces, weights, steps):
+                    emission[some] = paint.emission(points)
+        return emission
+
+    def _mean_emission(self) -> Array:
+        """Return what triangles send in the mean, where textures have it."""
+        emission = self.emission.copy()
+        varying = [k for k, each in self.paints.items() if each.material.emission_map is not None]
+        own = np.flatnonzero(np.isin(self.mesh.face_materials, varying))
+        weights = _centers(np.arange(_EMISSION_CUTS**2), _EMISSION_CUTS)
+        for part in slices(len(own), _PAINTED_AT_ONCE // len(weights)):
+            faces = np.repeat(own[part], len(weights))
+            places = np.tile(weights, (len(own[part]), 1))
+            sent = self.emission_at(faces, places, self.mesh.sides(faces) / _EMISSION_CUTS)
+            emission[own[part]] = sent.reshape(-1, len(weights), 3).mean(axis=1)
+        return emission
 
     @property
     def size(self) -> float:
@@ -105,6 +153,42 @@ class Room:
         if self.sky is None:
             return np.zeros((*directions.shape[:-1], 3))
         return self.sky.radiance(directions)
+
+
+def _check_changes(mesh: Mesh, changes: Mapping[str, Mapping[str, Color]]) -> None:
+    names = [each.name for each in mesh.materials]
+    if max((max(each) for each in changes.get("albedo", {}).values()), default=0) > 1:
+        raise MeshError(f"{mesh.name}: `albedo` has a number above 1, which makes light")
+    for given in changes.values():
+        for name in given:
+            if name not in names:
+                known = ", ".join(sorted({each for each in names if each})[:8]) or "no names"
+                raise MeshError(f"{mesh.name}: no material {name!r:.80}; it has {known}")
+
+
+def _without_clear(mesh: Mesh) -> Mesh:
+    """Return a mesh without the triangles of clear materials."""
+    clear = np.array([*(each.is_clear for each in mesh.materials), False])
+    kept = ~clear[mesh.face_materials]
+    if not kept.any():
+        raise MeshError(f"{mesh.name}: all of its materials are clear; give them an opacity")
+    if kept.all():
+        return mesh
+    return replace(mesh, faces=mesh.faces[kept], face_materials=mesh.face_materials[kept])
+
+
+def _changed(
+    material: SurfaceMaterial, changes: Mapping[str, Mapping[str, Color]]
+) -> SurfaceMaterial:
+    """Return what counts of a material in a room, with other values in place of its textures."""
+    found = material.matte
+    albedo = changes.get("albedo", {}).get(material.name)
+    if albedo is not None:
+        found = replace(found, base_color=albedo, color_map=None, colored="")
+    emission = changes.get("emission", {}).get(material.name)
+    if emission is not None:
+        found = replace(found, emission=emission, emission_map=None)
+    return found
 
 
 _OF_DISC = 8
@@ -199,7 +283,8 @@ class Emitters:
         hidden = (met != faces.reshape(-1)[lit]) & (first < far * (1 - _SHORT))
         seen = np.zeros(facing.size)
         seen[lit] = ~hidden
-        light = (strength * seen.reshape(facing.shape))[..., None] * self._room.emission[faces]
+        sent = self._room.emission_at(faces.ravel(), weights.reshape(-1, 3)).reshape(ways.shape)
+        light = (strength * seen.reshape(facing.shape))[..., None] * sent
         return directions, np.where(facing[..., None] > 0, light, 0)
 
     def _of_disc(self, points: Array, disc: Disc) -> tuple[Array, Array]:
@@ -229,8 +314,6 @@ LIFT = 1e-5
 _MOST = 2**18
 """The most patches of a room."""
 
-Integers = NDArray[np.int64]
-
 
 class Patches:
     """The triangles of a room, each cut into s^2 alike ones.
@@ -240,7 +323,8 @@ class Patches:
 
     `size` is the longest edge that a patch should have; there are `_MOST` of them at most.
 
-    `owner`, of shape (k,), is the triangle of each patch. `centers` is of shape (k, 3).
+    `owner`, of shape (k,), is the triangle of each patch. `centers` is of shape (k, 3), and
+    `weights`, of the same, are barycentric. `sides`, of shape (k, 3, 2), are two of its sides.
     """
 
     def __init__(self, room: Room, size: float) -> None:
@@ -253,13 +337,10 @@ class Patches:
         self._first = np.cumsum(counts) - counts
         self.owner = np.repeat(np.arange(len(counts)), counts)
         number = np.arange(len(self.owner)) - self._first[self.owner]
-        row = np.floor(np.sqrt(number + 0.5)).astype(np.int64)
-        place, inverted = np.divmod(number - row**2, 2)
-        third = (1 + inverted) / 3
         cuts = self._cuts[self.owner]
-        second, last = (row - inverted - place + third) / cuts, (place + third) / cuts
-        weights = np.stack([1 - second - last, second, last], axis=1)
-        self.centers = np.einsum("kc,kcv->kv", weights, corners[self.owner])
+        self.weights = _centers(number, cuts)
+        self.centers = np.einsum("kc,kcv->kv", self.weights, corners[self.owner])
+        self.sides = room.mesh.sides(self.owner) / cuts[:, None, None]
 
     def __len__(self) -> int:
         return len(self.owner)
@@ -272,6 +353,15 @@ class Patches:
         place = np.clip(np.floor(last), 0, row).astype(np.int64)
         inverted = np.floor(second) + place < row
         return self._first[faces] + np.minimum(row**2 + 2 * place + inverted, (row + 1) ** 2 - 1)
+
+
+def _centers(number: Integers, cuts: Integers | int) -> Array:
+    """Return the middles of patches by their numbers in triangles, barycentric, shape (n, 3)."""
+    row = np.floor(np.sqrt(number + 0.5)).astype(np.int64)
+    place, inverted = np.divmod(number - row**2, 2)
+    third = (1 + inverted) / 3
+    second, last = (row - inverted - place + third) / cuts, (place + third) / cuts
+    return np.stack([1 - second - last, second, last], axis=1)
 
 
 @record(eq=False)
@@ -322,7 +412,8 @@ class Brightness:
 
     def _settled(self, lit: Array, met: NDArray[np.int64]) -> Array:
         """Return the radiance of each patch, shape (k + 1, 3); the last one is of no patch."""
-        albedo = self.room.albedo[self.patches.owner]
+        of = self.patches
+        albedo = self.room.albedo_at(of.owner, of.weights, of.sides)
         sent = np.zeros((len(albedo) + 1, 3))
         sent[:-1] = albedo / np.pi * lit
         total = sent.copy()
@@ -354,7 +445,7 @@ class Brightness:
         own = np.broadcast_to(dense, len(faces))[hit]
         share = own / np.maximum(own + rivals, np.finfo(float).tiny)
         lamps, sky = np.zeros((2, len(faces), 3))
-        lamps[hit] = share[:, None] * self.room.emission[faces[hit]]
+        lamps[hit] = share[:, None] * self.room.emission_at(faces[hit], barycentric[hit])
         free = np.flatnonzero(faces < 0)
         if len(free):
             sky[free] = self.room.sky_radiance(directions[free])

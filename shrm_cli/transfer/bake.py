@@ -17,8 +17,10 @@ from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
+from shrm_cli.geometry.paint import Paint, linear_colors, points_of
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import brushed_tangents, perpendicular
+from shrm_cli.geometry.textures import Shelf
 from shrm_cli.maps.info import spec_of
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
@@ -27,7 +29,7 @@ from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Sent, Sites, sites_of
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
-from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
+from shrm_cli.vocabulary import ALBEDO, MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
@@ -49,11 +51,12 @@ class Plan:
     `bounces` is how often light may be reflected within the mesh. `samples` is the number of rays
     that are traced for each vertex and bounce. `albedo` is what the mesh reflects of its
     irradiance, for bounces and for pictures: a number, three for R, G and B, or an array of shape
-    (v, 1 or 3). `product` is the product function of what the mesh reflects in bounces in place of
-    `albedo`. Its order is at least `order`, and matrices are needed. `glossy` tells whether
-    matrices are baked besides the vectors. `tangents`, of shape (v, 3), are the x axes of the
-    vertices' frames, unit vectors at right angles to the normals; horizontal by default. `texture`
-    is the number of texels along the edge of a texture for which is baked, in place of the
+    (v, 1 or 3); or ``"mesh"``, what its materials say. `product` is the product function of what
+    the mesh reflects in bounces in place of `albedo`. Its order is at least `order`, and matrices
+    are needed. `glossy` tells whether matrices are baked besides the vectors. `tangents`, of shape
+    (v, 3), are the x axes of the vertices' frames, unit vectors at right angles to the normals;
+    horizontal by default. `texture` is the number of texels along the edge of a texture for which
+    is baked, in place of the
     vertices.
     """
 
@@ -61,7 +64,7 @@ class Plan:
     order: int = 4
     bounces: int = 0
     samples: int = 1024
-    albedo: ArrayLike = 0.5
+    albedo: ArrayLike = ALBEDO
     glossy: bool = False
     tangents: Array | None = None
     product: "ProductTexture | None" = None
@@ -86,6 +89,8 @@ class Plan:
 
     def reflected(self) -> Array:
         """The albedo of the mesh, or of each site, as an array of shape (1 or s, channels)."""
+        if isinstance(self.albedo, str):
+            return self._own_colors
         albedo = np.atleast_2d(np.asarray(self.albedo, dtype=float))
         rows, channels = albedo.shape[0], albedo.shape[-1]
         if albedo.ndim != 2 or rows not in (1, len(self.mesh.vertices)) or channels not in (1, 3):
@@ -93,6 +98,18 @@ class Plan:
         if not (albedo.min() >= 0 and albedo.max() <= 1):  # NaN is neither
             raise ArgumentError("albedo", "has numbers outside 0 .. 1")
         return albedo if rows == 1 else self.sites.of_vertices(albedo)
+
+    @cached_property
+    def _own_colors(self) -> Array:
+        """What the materials of the mesh reflect at the sites, shape (s, 3)."""
+        mesh, sites = self.mesh, self.sites
+        shelf, found = Shelf("give another `albedo`"), np.full((len(sites.faces), 3), ALBEDO)
+        for number in {int(each) for each in np.unique(mesh.face_materials) if each >= 0}:
+            paint = Paint(mesh, mesh.materials[number].matte, shelf)
+            where = sites.faces, sites.weights, sites.steps
+            for some, points in points_of(mesh, number, *where):
+                found[some] = paint.base_color(points)
+        return found
 
     @cached_property
     def sites(self) -> Sites:
@@ -168,7 +185,7 @@ def transfer_plan(
     *,
     order: int = 4,
     bounces: int = 0,
-    albedo: ArrayLike = 0.5,
+    albedo: ArrayLike | None = None,
     samples: int = 1024,
     matrices: bool = False,
     brush: str | tuple[float, float, float] | None = None,
@@ -177,7 +194,8 @@ def transfer_plan(
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
 
-    `albedo` is what the mesh reflects, as `Plan` takes it, or the colors of its vertices. `brush`
+    `albedo` is what the mesh reflects, as `Plan` takes it, or ``"vertex"``, the colors of its
+    vertices; by default what its materials say, if they do, and else `ALBEDO`. `brush`
     says the tangents of the matrices, as `brushed_tangents` takes them. `brdf` is what the mesh
     reflects in bounces in place of `albedo`; matrices are baked with it.
     """
@@ -186,10 +204,13 @@ def transfer_plan(
     from shrm_cli.maps.product.product import ProductTexture
 
     found = load_mesh(mesh) if isinstance(mesh, str | os.PathLike) else mesh
-    if isinstance(albedo, str):
+    if albedo is None:
+        albedo = "mesh" if any(each.has_color for each in found.materials) else ALBEDO
+    if isinstance(albedo, str) and albedo == "vertex":
         if found.colors is None:
             raise ArgumentError("albedo", f"cannot be vertex: {found.name} has no vertex colours")
-        albedo = found.colors
+        encodings = [each.colored for each in found.materials if each.colored]
+        albedo = linear_colors(found.colors, encodings[0] if encodings else "linear")
     tangents = None if brush is None else brushed_tangents(found, brush)
     product = None
     if brdf is not None:

@@ -90,6 +90,12 @@ class Sites:
     """Of which rows what is known at a point of the mesh is a mean."""
     of_vertices: Callable[[Array], Array]
     """What is known at vertices, shape (n, c), as it is at the sites, shape (v, c)."""
+    faces: NDArray[np.int64]
+    weights: Array
+    """`faces` and `weights`: a triangle that each site lies in, and where, barycentric, shapes (v,)
+    and (v, 3)."""
+    steps: Array
+    """Two sides of what each site stands for, as columns, shape (v, 3, 2)."""
     texels: Texels | None = None
 
 
@@ -99,21 +105,28 @@ def sites_of(mesh: Mesh, texture: int | None = None) -> Sites:
     if texture is None:
         inset = INSET * _ways_inwards(mesh.vertices, mesh.normals, mesh.faces)
         origins = mesh.vertices + lift * mesh.normals + inset
+        own = np.empty(len(mesh.vertices), np.int64)
+        own[mesh.faces] = np.arange(len(mesh.faces))[:, None]
+        corner = (mesh.faces[own] == np.arange(len(own))[:, None]).astype(float)
         return Sites(
             mesh, mesh.vertices, mesh.normals, origins,
             lambda faces, weights: (mesh.faces[faces], weights), lambda values: values,
+            own, corner, mesh.sides(own) / 2,
         )  # fmt: skip
     found = charted(mesh, texture)
     points = found.faces, found.weights
-    own = mesh.interpolated(mesh.normals, *points)
+    smooth = mesh.interpolated(mesh.normals, *points)
     # Normals may cancel between the two sides of a sheet; that of a corner is a direction always.
     first = mesh.normals[mesh.faces[found.faces, found.weights.argmax(axis=1)]]
-    normals = normalize(np.where(np.einsum("vi,vi->v", own, own)[:, None] > 1e-12, own, first))
+    normals = normalize(
+        np.where(np.einsum("vi,vi->v", smooth, smooth)[:, None] > 1e-12, smooth, first)
+    )
     positions = mesh.interpolated(mesh.vertices, *points)
     texels = Texels(found.rows, found.texcoords, positions)
     return Sites(
         mesh, positions, normals, smooth_points(mesh, *points, normals) + lift * normals,
-        texels.places, lambda values: mesh.interpolated(values, *points), texels,
+        texels.places, lambda values: mesh.interpolated(values, *points),
+        *points, texels.steps(mesh, found.faces), texels,
     )  # fmt: skip
 
 

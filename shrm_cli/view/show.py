@@ -7,6 +7,7 @@ from dataclasses import replace
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.color import same_primaries
 from shrm_cli.errors import BrdfError
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
@@ -150,7 +151,7 @@ def _as_beside(
         return start, []
     is_brushable = all("anisotropy" in each.surface_arguments for each in lights)
     for made, name in zip(opened, names, strict=True):
-        same = made.info.chromaticities == opened[0].info.chromaticities
+        same = same_primaries(made.info.chromaticities, opened[0].info.chromaticities)
         if isinstance(made, LightMap) or made.info.brdf.get("name") != "ggx" or not same:
             continue
         try:

@@ -150,6 +150,12 @@ def test_a_box_behind_surfaces_is_said(folder):
     assert "turn them round" in said.err
 
 
+def test_a_box_that_no_light_reaches_is_said(folder):
+    said = run("grid", "room.glb", "--box", "90,90,90,91,91,91", *SMALL)
+    assert said.code == 0
+    assert "no light reaches the probes; give --box within the room" in said.err
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "parts"),
     [

@@ -139,6 +139,7 @@ def test_moving_pictures_that_show_nothing_say_which_exposure_would(folder):
         (["a.exr", "spot.exr", "--blend-to", "a.exr"], "1 --blend-to of 2 MAP; give one for each"),
         (["a.exr", "--blend-to", "none.exr"], "none.exr"),
         (["a.exr", "--fps", "3"], "--fps applies to moving pictures"),
+        (["a.exr", "-o", "a.%04d.png"], "what is made without --frames is one file; leave"),
         (["a.exr", "--max-memory", "1GB"], "--max-memory applies to moving pictures"),
         (["a.exr", "--frames", "2", "-o", "a.gif", "--max-memory", "1MB"], "is too little"),
         (["a.exr", "--blend-to", "a.exr", "--background-to", "p.exr"], "applies with --background"),

@@ -118,7 +118,10 @@ def test_photographs_that_differ_are_told(folder):
         (("brackets", "00.png", "01.png", "-o", "00.png"), "would overwrite the input"),
         (("ball", "00.png", "-o", "x.exr"), "give --linearize"),
         (("ball", "00.png", "--linearize", "--circle", "1,2", "-o", "x.exr"), "not X,Y,RADIUS"),
-        (("unclip", "00.png", "-o", "x.exr"), "--card or --ratio or --irradiance must be given"),
+        (
+            ("unclip", "00.png", "-o", "x.exr"),
+            "--card or --ratio or --irradiance must be given; see shrm probe unclip --help",
+        ),
         (("unclip", "x.exr", "--ratio", "2", "--card", "1", "-o", "y.exr"), "--card"),
     ],
 )

@@ -76,7 +76,7 @@ def stl(vertices, faces, binary=True, count=None):
     return "\n".join(["solid a", *rows, "endsolid a", ""]).encode()
 
 
-def gltf_tree(vertices, faces, uvs=None, node=None, material=None):
+def gltf_tree(vertices, faces, uvs=None, node=None, material=None, normals=None):
     """The JSON of a glTF and its buffer."""
     data = np.asarray(vertices, "<f4").tobytes()
     views = [{"buffer": 0, "byteOffset": 0, "byteLength": len(data)}]
@@ -88,14 +88,17 @@ def gltf_tree(vertices, faces, uvs=None, node=None, material=None):
     views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(indices)})
     data += indices
     primitive = {"attributes": {"POSITION": 0}, "indices": 1}
-    if uvs is not None:
-        more = np.asarray(uvs, "<f4").tobytes()
-        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(more)})
-        accessors.append(
-            {"bufferView": 2, "componentType": 5126, "count": len(uvs), "type": "VEC2"}
-        )
-        primitive["attributes"]["TEXCOORD_0"] = 2
-        data += more
+    for label, values in (("TEXCOORD_0", uvs), ("NORMAL", normals)):
+        if values is None:
+            continue
+        more = np.asarray(values, "<f4")
+        primitive["attributes"][label] = len(accessors)
+        accessors.append({
+            "bufferView": len(views), "componentType": 5126, "count": len(more),
+            "type": f"VEC{more.shape[1]}",
+        })  # fmt: skip
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": more.nbytes})
+        data += more.tobytes()
     tree = {
         "asset": {"version": "2.0"},
         "scenes": [{"nodes": [0]}],

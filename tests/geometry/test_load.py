@@ -36,8 +36,8 @@ FORMS = {
     "b.ply": lambda v, f: ply(v, f, binary=False),
     "a.stl": stl,
     "b.STL": lambda v, f: stl(v, f, binary=False),
-    "a.glb": lambda v, f: glb(*gltf_tree(v, f)),
-    "a.gltf": lambda v, f: gltf(*gltf_tree(v, f)),
+    "a.glb": lambda v, f: glb(*gltf_tree(v, f, normals=v)),
+    "a.gltf": lambda v, f: gltf(*gltf_tree(v, f, normals=v)),
 }
 
 
@@ -110,7 +110,8 @@ def test_nodes_of_gltf_move_their_meshes(tmp_path):
     """The node mirrors, stretches, turns by 90 degrees about +Z, and moves."""
     turn = [0, 0, 0.5**0.5, 0.5**0.5]
     node = {"translation": [5, 0, 0], "rotation": turn, "scale": [-2, 1, 1]}
-    mesh = load(tmp_path, "a.glb", glb(*gltf_tree(*TETRAHEDRON, node=node)))
+    outwards = TETRAHEDRON[0] - 0.25
+    mesh = load(tmp_path, "a.glb", glb(*gltf_tree(*TETRAHEDRON, node=node, normals=outwards)))
     expected = TETRAHEDRON[0] * [-2, 1, 1]
     expected = np.stack([5 - expected[:, 1], expected[:, 0], expected[:, 2]], axis=1)
     np.testing.assert_allclose(mesh.vertices, expected, atol=1e-6)
@@ -130,7 +131,75 @@ def test_materials_of_gltf(tmp_path):
 
 def test_coordinates_of_gltf_point_upwards(tmp_path):
     mesh = load(tmp_path, "a.glb", glb(*gltf_tree(*TETRAHEDRON, uvs=np.full((4, 2), 0.25))))
-    np.testing.assert_allclose(mesh.uvs, [[0.25, 0.75]] * 4)
+    np.testing.assert_allclose(mesh.uvs, [[0.25, 0.75]] * 12)
+
+
+def test_sides_that_share_no_vertices_are_apart(tmp_path):
+    """As other programs have it: a crate whose file repeats its corners for each side has edges."""
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "v 0 0 0\nv 0 1 0\nv 0 0 1\n"
+    mesh = load(tmp_path, "a.obj", text + "vt 0 0\nf 1/1 2/1 3/1\nf 4/1 5/1 6/1\n")
+    np.testing.assert_allclose(mesh.normals, [[0, 0, 1]] * 3 + [[1, 0, 0]] * 3)
+
+
+def test_comments_end_lines_of_an_obj(tmp_path):
+    text = "v 0 0 0 # first\nv 1 0 0 # 2 3 4 5 6 7\nv 0 1 0 # a b c d\nf 1 2 3 # all\n"
+    assert load(tmp_path, "a.obj", text).faces.tolist() == [[0, 1, 2]]
+
+
+QUAD = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\n"
+
+
+def materials(folder, library, lines="mtllib a.mtl", names=("x",)):
+    """The materials of an OBJ with a file beside it."""
+    (folder / "a.mtl").write_text(library)
+    faces = "".join(f"usemtl {name}\nf 1/1 2/1 3/1\n" for name in names)
+    return load(folder, "a.obj", f"{lines}\n{QUAD}{faces}").materials
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["b.mtl a.mtl", "./a.mtl", '"a.mtl"', "C:\\out\\a.mtl", "/out/a.mtl", "b.mtl\nmtllib a.mtl"],
+)
+def test_files_of_materials_are_found(tmp_path, line):
+    """One line may name several, and paths of other machines lead to what lies beside the mesh."""
+    (tmp_path / "b.mtl").write_text("newmtl y\nKd 0 1 0\n")
+    names = ("x", "y") if "b" in line else ("x",)
+    found = materials(tmp_path, "newmtl x\nKd 1 0 0\n", f"mtllib {line}", names)
+    assert [each.base_color for each in found] == [(1, 0, 0), (0, 1, 0)][: len(names)]
+    assert not any(each.unread for each in found)
+
+
+def test_materials_that_are_missing_say_where(tmp_path):
+    (lost,) = materials(tmp_path, "newmtl y\n", "mtllib a.mtl gone.mtl")
+    assert lost.unread == ("whose file 'gone.mtl' is missing",)
+    assert materials(tmp_path, "newmtl y\n")[0].unread == ("which a.mtl does not have",)
+    assert "no file of materials is named" in materials(tmp_path, "", "")[0].unread[0]
+
+
+def test_textures_of_other_machines_are_looked_for_beside_the_mesh(tmp_path):
+    (tmp_path / "c d.png").write_bytes(b"")
+    (found,) = materials(tmp_path, "newmtl x\nmap_Kd -s 2 2 C:\\art\\c d.png\n")
+    assert found.color_map.picture == tmp_path / "c d.png"
+    (found,) = materials(tmp_path, "newmtl x\nmap_Kd /art/gone.png\n")
+    assert "copy it there" in found.color_map.picture
+
+
+def test_opacity_and_glow_of_mtl(tmp_path):
+    """What is blended by less than a half is not seen, and a black glow does not hide a texture."""
+    text = "newmtl x\nd 0.25\nTr 0\nnewmtl y\nTr 0.25\nnewmtl z\nKe 0 0 0\nmap_Ke z.png\n"
+    x, y, z = materials(tmp_path, text, names=("x", "y", "z"))
+    assert (x.opacity, x.cutoff, x.unread) == (0.25, 0.5, ("opacity 0.25",))
+    assert (y.opacity, y.cutoff, y.unread) == (0.75, 0.5, ("opacity 0.75",))
+    assert (z.emission, z.opacity, z.cutoff) == ((1, 1, 1), 1, None)
+    (found,) = materials(tmp_path, "newmtl x\nKe 2 0 0\nmap_Ke z.png\n")
+    assert found.emission == (2, 0, 0)
+
+
+def test_channels_of_packed_textures(tmp_path):
+    text = "newmtl x\nmap_Pr -imfchan g a.png\nmap_Pm -imfchan b -mm 0 2 a.png\n"
+    (found,) = materials(tmp_path, text)
+    assert (found.roughness_channel, found.metallic_channel) == (1, 2)
+    assert found.unread == ("-mm of map_Pm",)
 
 
 def test_triangles_without_an_area_are_left_out(tmp_path):
@@ -304,8 +373,7 @@ def test_bytes_are_not_read_again_and_again(tmp_path):
     many = 2 * MOST_BYTES // len(data) + 2
     tree["buffers"][0]["byteLength"] = len(data)
     tree["bufferViews"] += [{"buffer": 0, "byteLength": len(data)}] * many
-    with pytest.raises(MeshError, match="bytes of its buffers"):
-        load(tmp_path, "a.glb", glb(tree, data))
+    assert len(load(tmp_path, "a.glb", glb(tree, data)).faces) == 4  # which are not read at all
     del tree["bufferViews"][2:]
     tree["bufferViews"][0] = {"buffer": 0, "byteLength": len(data)}
     whole = {"bufferView": 0, "componentType": 5126, "count": len(data) // 36 * 3, "type": "VEC3"}

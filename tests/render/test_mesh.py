@@ -5,14 +5,14 @@ import pytest
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.geometry.mesh import SurfaceMaterial, make_mesh
+from shrm_cli.geometry.paint import Paint, Points
+from shrm_cli.geometry.textures import Shelf
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.render.camera import Aim, Lens, Viewer, aimed
 from shrm_cli.render.mesh import MIN_COSINE, MeshSubject, facing
-from shrm_cli.render.paint import Paint, Points
 from shrm_cli.render.sphere import render_background, render_sphere
 from shrm_cli.render.stage import Actor, Look, Stage, transformation
-from shrm_cli.render.textures import Shelf
 from tests.geometry.shapes import icosphere
 from tests.render.materials import INFO, furnace, spot
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import shrm_cli
+from shrm_cli.color import REC709
 from shrm_cli.errors import MapError
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.moving import Moment, check_blend, moving_light
@@ -122,6 +123,8 @@ def test_maps_of_other_brdfs_do_not_become_each_other():
     other = replace(second, info=replace(INFO, brdf={"name": "phong"}))
     with pytest.raises(MapError, match=r"b\.exr: it is of another BRDF"):
         check_blend(first, other, "b.exr")
+    stated = replace(second, info=replace(INFO, chromaticities=REC709))
+    check_blend(first, stated, "b.exr")  # what is not stated is taken for Rec.709
     primaries = tuple(np.linspace(0.1, 0.8, 8))
     with pytest.raises(MapError, match="primaries"):
         check_blend(first, replace(second, info=replace(INFO, chromaticities=primaries)), "b.exr")

@@ -8,13 +8,13 @@ import pytest
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import make_mesh
+from shrm_cli.geometry.paint import Points
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Lens, Viewer, aimed
 from shrm_cli.render.mesh import MeshSubject
-from shrm_cli.render.paint import Points
 from shrm_cli.render.scene_file import Shown
 from shrm_cli.render.stage import Stage, transformation
 from shrm_cli.render.variation import VariedSurface
@@ -231,7 +231,7 @@ def test_several_materials_of_an_obj(tmp_path):
     unread = subject.stage.unread([white()])
     assert unread == [
         "'red' (map_Ks, Pr without numbers)",
-        "'none' (its file of materials, which is missing)",
+        "'none' (which m.mtl does not have)",
     ]
 
 

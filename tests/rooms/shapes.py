@@ -1,6 +1,7 @@
 """Made rooms."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def room(parts, albedo, emission):
         of.append(np.full(len(triangles), number))
         start += len(points)
     mesh = make_mesh("room", *(np.concatenate(each) for each in (corners, faces, normals)))
-    plain = Room.of(mesh, (0.5, 0.5, 0.5), {}, sky=object())
+    plain = Room.of(mesh, (0.5, 0.5, 0.5), {}, sky=SimpleNamespace(chromaticities=None))
     of = np.concatenate(of)
     return replace(
         plain, sky=None, albedo=np.array(albedo, float)[of], emission=np.array(emission, float)[of]

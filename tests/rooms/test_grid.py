@@ -242,7 +242,8 @@ def test_tables_name_probes_that_exist(tmp_path):
         x, y, z = np.array(place) * [2.0, 1, 0.5] + [1, 5, -1]
         rows.append(f"{x},{y},{z},{index}.exr")
     table = tmp_path / "t.csv"
-    table.write_text("\n".join([rows[0], *reversed(rows[1:])]) + "\n")
+    text = "\n".join([rows[0], *reversed(rows[1:])]) + "\n"
+    table.write_text(text.replace(",", ", "), encoding="utf-8-sig")  # as spreadsheets begin it
     grid = read_positions(table, 2)
     assert grid.lattice.shape == (2, 1, 3)
     np.testing.assert_allclose(grid.lattice.points()[0], [1, 5, -1])

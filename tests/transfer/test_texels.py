@@ -21,6 +21,7 @@ from shrm_cli.transfer.file import read_transfer, write_transfer
 from shrm_cli.transfer.gather import DiffuseLight, Gathering
 from tests.cli.helpers import assert_refused, done, run
 from tests.oracles import real_harmonics as harmonics
+from tests.render.assets import globe
 from tests.transfer import meshes
 
 WHITE = np.r_[np.sqrt(4 * np.pi), np.zeros(24)]
@@ -133,6 +134,23 @@ def test_charts_that_are_made_show_no_seam():
         factors = np.repeat([np.pi, 2 * np.pi / 3, np.pi / 4], [1, 3, 5])
         found = baked.at(mesh, baked.vectors[..., 0], *points)
         np.testing.assert_allclose(found, factors * harmonics(2, normals), atol=0.02)
+
+
+def test_charts_of_more_vertices_than_triangles_fit():
+    """Sides that share no vertices have four of them for two triangles each."""
+    pytest.importorskip("xatlas", reason="xatlas is not installed")
+    sides = [meshes.quad((k, 0, 0), (k, 1, 0), (k, 1, 1), (k, 0, 1)) for k in range(9)]
+    found = charted(make_mesh("sides", *meshes.joined(*sides)), 64)
+    assert found.is_apart
+    assert set(found.faces) == set(range(18))
+
+
+def test_seams_that_are_closed_but_for_rounding_are_no_borders():
+    """A globe ends at sin 2 pi, which is not 0; charts of xatlas go on over it."""
+    pytest.importorskip("xatlas", reason="xatlas is not installed")
+    mesh = make_mesh("globe", *globe(12)[:3])
+    assert np.unique(mesh.vertices[:, 0]).size > np.unique(mesh.vertices[:, 0].round(9)).size
+    assert charted(mesh, 64).is_apart
 
 
 def test_too_few_texels_for_the_charts_are_refused():

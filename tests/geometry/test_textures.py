@@ -1,13 +1,15 @@
 """Look-ups of textures, against SciPy's and against means over many points."""
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from scipy.ndimage import map_coordinates
 
 from shrm_cli.errors import MeshError
+from shrm_cli.files.texture import mean_color, read_texture
+from shrm_cli.geometry import textures
 from shrm_cli.geometry.mesh import Texture
-from shrm_cli.render import textures
-from shrm_cli.render.textures import MipMap, Shelf, pyramid_of
+from shrm_cli.geometry.textures import MipMap, Shelf, pyramid_of
 
 SCIPY = {"repeat": "grid-wrap", "clamp": "nearest", "mirror": "reflect"}
 """What SciPy calls them, for pixels that lie at centres."""
@@ -109,6 +111,19 @@ def test_textures_that_are_missing_or_damaged_say_so(tmp_path):
         Shelf().open("a.glb", Texture(tmp_path / "a.png"))
     with pytest.raises(MeshError, match="neither PNG"):
         Shelf().open("a.glb", Texture(b"GIF89a"))
+
+
+@pytest.mark.parametrize(("name", "kind"), [("a.png", "uint8"), ("a.png", "uint16"),
+                                            ("a.exr", "half"), ("a.hdr", "float")])  # fmt: skip
+def test_integers_are_srgb_and_floats_linear(tmp_path, name, kind):
+    """Half of what an integer holds is a fifth of white, and half of a float is half."""
+    path = tmp_path / name
+    picture = oiio.ImageBuf(np.full((2, 2, 3), 0.5, np.float32))
+    assert picture.write(str(path), kind)
+    expected = 0.5 if kind in ("half", "float") else 0.2140
+    np.testing.assert_allclose(read_texture(path, True)[..., :3], expected, rtol=0.01)
+    np.testing.assert_allclose(mean_color(path, True)[:3], expected, rtol=0.01)
+    np.testing.assert_allclose(read_texture(path, False)[..., :3], 0.5, rtol=0.01)
 
 
 def test_each_picture_is_read_once_and_counted_once(tmp_path, monkeypatch):

@@ -155,9 +155,13 @@ def _ellipse(moves: Array) -> tuple[Array, Array, Array]:
 
 
 class Shelf:
-    """Textures that are open, each picture once, and so many pixels of them."""
+    """Textures that are open, each picture once, and so many pixels of them.
 
-    def __init__(self) -> None:
+    `otherwise` is what else users may do about what cannot be read, for messages.
+    """
+
+    def __init__(self, otherwise: str = "leave its materials out by `plain`") -> None:
+        self.otherwise = otherwise
         self._known: dict[tuple[Path | bytes | str, bool], Pyramid] = {}
         self._left = MOST_PIXELS
 
@@ -168,7 +172,7 @@ class Shelf:
             if key not in self._known:
                 self._known[key] = self._read(*key)
         except ValueError as error:
-            raise MeshError(f"{name}: {error}; or leave its materials out by `plain`") from None
+            raise MeshError(f"{name}: {error}; or {self.otherwise}") from None
         return MipMap(self._known[key], texture)
 
     def _read(self, picture: Path | bytes | str, is_srgb: bool) -> Pyramid:

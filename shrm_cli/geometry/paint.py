@@ -1,17 +1,18 @@
 """What materials are at points of a mesh: numbers times textures times vertex colours."""
 
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.color import srgb_to_linear
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial, Texture
 from shrm_cli.geometry.tangents import perpendicular
+from shrm_cli.geometry.textures import FINER, Shelf
 from shrm_cli.records import record
-from shrm_cli.render.textures import FINER, Shelf
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _LEAST_AREA = 1e-20
@@ -35,11 +36,7 @@ class Points:
     def over(self, uv_set: int) -> tuple[Array, Array]:
         """Return texture coordinates (n, 2), and their changes to the next pixels (n, 2, 2)."""
         uvs = self.mesh.uvs_1 if uv_set else self.mesh.uvs
-        if uvs is None:
-            raise MeshError(
-                f"{self.mesh.name}: it has textures, and no texture coordinates for them; "
-                "add them, or leave its materials out by `plain`"
-            )
+        assert uvs is not None, "a Paint is made of a mesh that has those of its textures"
         corners = uvs[self.mesh.faces[self.faces]]
         middle = np.einsum("kc,kcv->kv", self.weights, corners)
         return middle, np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2) @ self._shares
@@ -56,6 +53,30 @@ class Points:
         adjoint = np.moveaxis(np.array([[d, -b], [-b, a]]), -1, 0)
         inverse = adjoint / np.maximum(a * d - b * b, _LEAST_AREA)[:, None, None]
         return inverse @ (unit @ (self.steps / scale))
+
+
+_POINTS_AT_ONCE = 2**16
+"""The most points whose textures are looked up at a time."""
+
+
+def points_of(
+    mesh: Mesh, material: int, faces: NDArray[np.int64], weights: Array, steps: Array | None = None
+) -> Iterator[tuple[NDArray[np.int64], Points]]:
+    """Yield the points of a mesh that are of a material, some at a time, and which of all they are.
+
+    `faces`, `weights` and `steps` are as of `Points`; without steps points have no size.
+    """
+    own = np.flatnonzero(mesh.face_materials[faces] == material)
+    for part in slices(len(own), _POINTS_AT_ONCE):
+        some = own[part]
+        sides = np.zeros((len(some), 3, 2)) if steps is None else steps[some]
+        yield some, Points(mesh, faces[some], weights[some], sides)
+
+
+def linear_colors(colors: Array, encoding: str) -> Array:
+    """Return linear colours of vertices of colours as a file has them, within 0 .. 1."""
+    within = np.clip(colors, 0, 1)
+    return srgb_to_linear(within) if encoding == "srgb" else within
 
 
 @record(eq=False)
@@ -92,7 +113,7 @@ class Paint:
             if (mesh.uvs_1 if each.uv_set else mesh.uvs) is None:
                 raise MeshError(
                     f"{mesh.name}: the texture coordinates of the material {material.name!r} are "
-                    "missing or damaged; export them, or leave them out by `plain`"
+                    f"missing or damaged; export them, or {shelf.otherwise}"
                 )
 
     @property
@@ -124,25 +145,42 @@ class Paint:
 
     def at(self, points: Points) -> Painted:
         """Return what the material is at points."""
-        given, count = self.material, len(points.faces)
-        color = np.array(given.base_color) * self._read(points, given.color_map)[:, :3]
-        if given.colored and points.mesh.colors is not None:
-            colors = np.clip(points.mesh.colors, 0, 1)
-            linear = srgb_to_linear(colors) if given.colored == "srgb" else colors
-            color = color * points.mesh.interpolated(linear, points.faces, points.weights)
-        emission = np.zeros((count, 3))
-        if any(given.emission):
-            emission = np.array(given.emission) * self._read(points, given.emission_map)[:, :3]
+        given = self.material
         rough = self._read(points, given.roughness_map)[:, given.roughness_channel]
         metal = self._read(points, given.metallic_map)[:, given.metallic_channel]
         light = self._read(points, given.occlusion_map)[:, 0]
         return Painted(
-            np.clip(self._in_primaries(color), 0, 1),
-            np.maximum(self._in_primaries(emission), 0),
+            self.base_color(points),
+            self.emission(points),
             np.clip(given.metallic * metal, 0, 1),
             np.clip(given.roughness * rough, MIN_ROUGHNESS, 1),
             1 + given.occlusion_strength * (np.clip(light, 0, 1) - 1),
         )
+
+    def base_color(self, points: Points) -> Array:
+        """Return its base colour at points, shape (n, 3)."""
+        given = self.material
+        color = np.array(given.base_color) * self._read(points, given.color_map)[:, :3]
+        if given.colored and points.mesh.colors is not None:
+            linear = linear_colors(points.mesh.colors, given.colored)
+            color = color * points.mesh.interpolated(linear, points.faces, points.weights)
+        return np.clip(self._in_primaries(color), 0, 1)
+
+    def emission(self, points: Points) -> Array:
+        """Return what it emits at points, shape (n, 3)."""
+        given = self.material
+        if not any(given.emission):
+            return np.zeros((len(points.faces), 3))
+        emission = np.array(given.emission) * self._read(points, given.emission_map)[:, :3]
+        return np.maximum(self._in_primaries(emission), 0)
+
+    @property
+    def has_holes(self) -> bool:
+        """Whether some of its texture is cut out."""
+        given, texture = self.material, self.material.color_map
+        if given.cutoff is None or texture is None:
+            return False
+        return given.opacity * self._maps[texture].range(3)[0] < given.cutoff
 
     def visible(self, points: Points) -> NDArray[np.bool_]:
         """Return whether points are seen: those that are not cut out by their opacity."""
