@@ -23,6 +23,7 @@ from shrm_cli.geometry.mesh import (
     Mesh,
     SurfaceMaterial,
     face_normals,
+    first_places,
     joined,
     make_mesh,
     too_many,
@@ -33,6 +34,10 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _TRANSFORMS = {"matrix": 16, "translation": 3, "rotation": 4, "scale": 3}
 _MOST_PRIMITIVES = 2**12
 """The most primitives, each of which becomes a mesh of its own."""
+_MOST_BLENDED = 2**26
+"""The most vertices that are moved by shapes, each of which counts for every shape."""
+_NO_ROWS = np.zeros(0, np.int64)
+"""Rows of the vertices of the file are found once for all parts."""
 _MOST_STEPS = 64
 """The most nodes on the way from the root of a scene to a mesh."""
 _KNOWN = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantization", "EXT_texture_")
@@ -53,15 +58,15 @@ def read_gltf(name: str, data: bytes) -> Mesh:
 
 @record(eq=False)
 class _Part:
-    """A primitive of triangles, in the axes of its mesh."""
+    """A primitive of triangles, in the axes of its mesh, with the vertices that these use."""
 
     positions: Array
     """Shape (n, 3)."""
     normals: Array | None
     """Shape (n, 3); None where the file has none, and triangles are flat."""
     faces: Integers
-    first: int
-    """The number of its first vertex among those of the file."""
+    numbers: Integers
+    """Those of its vertices among those of the file, shape (n,)."""
     joints: tuple[tuple[NDArray[np.number], Array], ...]
     """Which joints move each vertex, and how much of it, each of shape (n, 4)."""
     more: dict[str, Any]
@@ -73,10 +78,6 @@ class _Part:
         positions, normals, faces, more = self.positions, self.normals, self.faces, self.more
         if skin is not None:
             positions, normals = _moved(positions, normals, self._blended(skin))
-        if int(faces.max()) >= len(positions):
-            raise MeshError(
-                f"{name}: a triangle names a vertex that is not there; export the mesh again"
-            )
         own = np.arange(len(positions))
         if skin is not None or normals is None:
             more = {key: values for key, values in more.items() if key != "tangents"}
@@ -89,7 +90,7 @@ class _Part:
         return make_mesh(
             name, positions, faces, normals, **more,
             materials=() if self.material is None else (self.material,),
-            file_vertices=self.first + own, file_count=self.first + len(self.positions),
+            file_vertices=self.numbers[own], file_rows=_NO_ROWS,
         )  # fmt: skip
 
     def _blended(self, skin: Array) -> Array:
@@ -131,7 +132,8 @@ class _File:
         every: list[SurfaceMaterial | None] = [*self._materials, None]
         self._colored = [replace(each or SurfaceMaterial(), colored="linear") for each in every]
         self._nodes = [gltf.table(each) for each in gltf.list_of(tree, "nodes")]
-        self._vertices = 0
+        self._vertices = self._steps = 0
+        self._firsts: dict[int, int] = {}
 
     def mesh(self) -> Mesh:
         """Return all meshes that the scene shows as one."""
@@ -170,7 +172,8 @@ class _File:
                 meshes.append(made[id(part)].transformed(places[each]))
         if not meshes:
             raise self._empty()
-        return joined(self._name, meshes)
+        found = joined(self._name, meshes)
+        return replace(found, file_rows=first_places(found.file_vertices, self._vertices))
 
     def _empty(self) -> MeshError:
         return MeshError(f"{self._name}: it has no triangles; export it with its faces")
@@ -187,14 +190,16 @@ class _File:
 
     def _part(self, given: gltf.Json, weights: list[float]) -> _Part:
         of, attributes = self._accessors, gltf.table(given["attributes"])
-        positions = of.values(attributes["POSITION"], "VEC3")
-        normals = of.values(attributes["NORMAL"], "VEC3") if "NORMAL" in attributes else None
+        positions: Array = of.values(attributes["POSITION"], "VEC3")
+        normals: Array | None = None
+        if "NORMAL" in attributes:
+            normals = of.values(attributes["NORMAL"], "VEC3")
         more: dict[str, Any] = {}
         if "TANGENT" in attributes:
             more["tangents"] = of.values(attributes["TANGENT"], "VEC4")
         for key, label in (("uvs", "TEXCOORD_0"), ("uvs_1", "TEXCOORD_1")):
-            if label in attributes:  # its v points down
-                more[key] = of.values(attributes[label], "VEC2") * [1, -1] + [0, 1]
+            if label in attributes:
+                more[key] = of.values(attributes[label], "VEC2")
         if "COLOR_0" in attributes:
             more["colors"] = of.values(attributes["COLOR_0"], "VEC3", "VEC4", is_share=True)
         joints = tuple(
@@ -206,17 +211,54 @@ class _File:
         held += [] if normals is None else [normals]
         if any(len(each) != len(positions) for each in held):
             raise ValueError("attributes of different numbers of vertices")
-        for weight, target in zip(weights, gltf.list_of(given, "targets"), strict=False):
-            if weight and "POSITION" in target:
-                positions = positions + weight * of.values(target["POSITION"], "VEC3")
-            if weight and normals is not None and "NORMAL" in target:
-                normals = normals + weight * of.values(target["NORMAL"], "VEC3")
+        faces = self._faces(given, len(positions))
+        first = self._first_number(attributes["POSITION"], len(positions))
+        # Many primitives may share the vertices of a whole scene.
+        used, corners = np.unique(faces, return_inverse=True)
+        more = {key: values[used] for key, values in more.items()}
+        for key in more.keys() & {"uvs", "uvs_1"}:
+            more[key] = more[key] * [1, -1] + [0, 1]  # its v points down
+        joints = tuple((which[used], shares[used]) for which, shares in joints)
+        positions, normals = self._blended(
+            given, weights, used, positions[used], None if normals is None else normals[used]
+        )
         place, known = -1, self._colored if "colors" in more else [*self._materials, None]
         if "material" in given:
             place = gltf.index_in(given["material"], self._materials)
-        first, self._vertices = self._vertices, self._vertices + len(positions)
-        faces = self._faces(given, len(positions))
-        return _Part(positions, normals, faces, first, joints, more, known[place])
+        return _Part(
+            positions, normals, corners.reshape(-1, 3), first + used, joints, more, known[place],
+        )  # fmt: skip
+
+    def _first_number(self, accessor: int, count: int) -> int:
+        """Return the number of the first of so many vertices among those of the file.
+
+        Primitives that name the same positions have the same vertices.
+        """
+        if accessor not in self._firsts:
+            self._firsts[accessor], self._vertices = self._vertices, self._vertices + count
+        return self._firsts[accessor]
+
+    def _blended(
+        self,
+        given: gltf.Json,
+        weights: list[float],
+        used: Integers,
+        positions: Array,
+        normals: Array | None,
+    ) -> tuple[Array, Array | None]:
+        """Return positions and normals of the used vertices, as the weights blend them."""
+        of = self._accessors
+        for weight, target in zip(weights, gltf.list_of(given, "targets"), strict=False):
+            if not weight:
+                continue
+            self._steps += len(used)
+            if self._steps > _MOST_BLENDED:
+                raise MeshError(f"{self._name}: its shapes are blended of too many; export one")
+            if "POSITION" in target:
+                positions = positions + weight * of.values(target["POSITION"], "VEC3")[used]
+            if normals is not None and "NORMAL" in target:
+                normals = normals + weight * of.values(target["NORMAL"], "VEC3")[used]
+        return positions, normals
 
     def _faces(self, given: gltf.Json, count: int) -> Integers:
         """Return the triangles of a primitive, shape (m, 3)."""
@@ -239,6 +281,10 @@ class _File:
             faces[1::2] = faces[1::2, [1, 0, 2]]
         if len(faces) > MOST_FACES:
             raise too_many(self._name, len(faces))
+        if int(faces.max()) >= count:
+            raise MeshError(
+                f"{self._name}: a triangle names a vertex that is not there; export the mesh again"
+            )
         return faces
 
     # ---- nodes -------------------------------------------------------------------------------

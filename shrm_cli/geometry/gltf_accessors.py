@@ -30,6 +30,7 @@ class Accessors:
         self._given = gltf.list_of(tree, "accessors")
         self._views = [gltf.view_of(each, buffers) for each in gltf.list_of(tree, "bufferViews")]
         self._known: dict[int, Numbers] = {}
+        self._floats: dict[tuple[int, bool], NDArray[np.float64]] = {}
         self._read = 0
 
     def numbers(self, index: object, *types: str) -> Numbers:
@@ -43,17 +44,22 @@ class Accessors:
         return self._known[place]
 
     def values(self, index: object, *types: str, is_share: bool = False) -> NDArray[np.float64]:
-        """Return an array as floats.
+        """Return an array as floats, which primitives that name it share.
 
         Integers that are normalized, or all of them with `is_share`, stand for fractions of the
         largest that their type holds.
         """
         numbers = self.numbers(index, *types)
-        given = self._given[gltf.index_in(index, self._given)]
-        result = numbers.astype(float)
-        if numbers.dtype.kind == "f" or not (is_share or given.get("normalized")):
-            return result
-        return np.maximum(result / np.iinfo(numbers.dtype).max, -1)
+        place = gltf.index_in(index, self._given)
+        key = place, is_share
+        if key not in self._floats:
+            self._count(8 * numbers.size)
+            result = numbers.astype(float)
+            if numbers.dtype.kind != "f" and (is_share or self._given[place].get("normalized")):
+                result = np.maximum(result / np.iinfo(numbers.dtype).max, -1)
+            result.setflags(write=False)
+            self._floats[key] = result
+        return self._floats[key]
 
     def _found(self, given: gltf.Json) -> Numbers:
         count, columns = gltf.natural(given["count"]), _COLUMNS[given["type"]]
@@ -96,7 +102,7 @@ class Accessors:
     def _count(self, size: int) -> None:
         """Refuse arrays that are read from the same bytes again and again."""
         self._read += size
-        if self._read > 2 * gltf.MOST_BYTES:
+        if self._read > 4 * gltf.MOST_BYTES:
             raise MeshError(
                 f"{self._name}: it reads {self._read:,} bytes of its buffers; export it again"
             )

@@ -267,7 +267,7 @@ def make_mesh(
     own = np.arange(len(used)) if file_vertices is None else np.asarray(file_vertices)
     around = points if file_vertices is None else own[used]
     if file_rows is None:
-        rows = _first_places(own[used], len(used) if file_count is None else file_count)
+        rows = first_places(own[used], len(used) if file_count is None else file_count)
     else:
         known = np.asarray(file_rows)
         rows = np.where((known >= 0) & used[known], renumbered[known], -1)
@@ -285,7 +285,7 @@ def make_mesh(
     )  # fmt: skip
 
 
-def _first_places(numbers: Integers, count: int) -> Integers:
+def first_places(numbers: Integers, count: int) -> Integers:
     """Return where each number below a count stands first in an array, and -1 if it does not."""
     found = np.full(count, -1, dtype=np.int64)
     found[numbers[::-1]] = np.arange(len(numbers))[::-1]

@@ -1,11 +1,13 @@
 """What glTF files may say of meshes, beside the same meshes in plain words."""
 
 import copy
+import tracemalloc
 
 import numpy as np
 import pytest
 
 from shrm_cli.errors import MeshError
+from shrm_cli.geometry import gltf
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import face_normals
 from tests.geometry.shapes import TETRAHEDRON, glb, gltf_tree
@@ -177,3 +179,49 @@ def test_colours_are_fractions_of_the_largest(tmp_path, kind):
     colors = np.array([(1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 0), (1, 1, 1, 1)]) * most
     file.primitive["attributes"]["COLOR_0"] = file.accessor(colors, kind, normalized=True)
     np.testing.assert_allclose(file.load(tmp_path).colors, colors[:, :3] / most)
+
+
+def test_primitives_may_share_the_vertices_of_a_whole_scene(tmp_path):
+    """Each has those that it uses, which have one number in the file, and a row of each."""
+    file = File(normals=TETRAHEDRON[0] - 0.25)
+    (primitive,) = file.tree["meshes"][0]["primitives"]
+    names = [{**primitive, "indices": file.accessor([*face], "u4")} for face in TETRAHEDRON[1]]
+    file.tree["meshes"][0]["primitives"] = names
+    mesh = file.load(tmp_path)
+    assert (len(mesh.vertices), len(mesh.faces)) == (12, 4)
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], TETRAHEDRON[0][TETRAHEDRON[1]])
+    np.testing.assert_array_equal(mesh.file_vertices, np.sort(TETRAHEDRON[1]).ravel())
+    np.testing.assert_array_equal(mesh.file_vertices[mesh.file_rows], range(4))
+
+
+def test_memory_grows_with_vertices_and_not_with_primitives_times_these(tmp_path):
+    """A scene of 1,000 primitives of 1,000 vertices took more than 7 GB."""
+    file = File()
+    (primitive,) = file.tree["meshes"][0]["primitives"]
+    points = np.random.default_rng(2).uniform(-1, 1, (200, 300, 3))
+    file.tree["meshes"][0]["primitives"] = [
+        {"attributes": {"POSITION": file.accessor(each)}, "indices": primitive["indices"]}
+        for each in points
+    ]
+    tracemalloc.start()
+    try:
+        file.load(tmp_path)
+        assert tracemalloc.get_traced_memory()[1] < 20 * points.nbytes
+    finally:
+        tracemalloc.stop()
+
+
+def test_shapes_are_blended_of_some_only(tmp_path, monkeypatch):
+    """A short text names a shape as often as it likes."""
+    monkeypatch.setattr(gltf, "_MOST_BLENDED", 4 * 5)
+    for times, is_refused in ((5, False), (6, True)):
+        file = File()
+        mesh = file.tree["meshes"][0]
+        mesh["weights"] = [0.5] * times
+        mesh["primitives"][0]["targets"] = [{"POSITION": 0}] * times
+        if is_refused:
+            with pytest.raises(MeshError, match="blended of too many"):
+                file.load(tmp_path)
+        else:
+            size = 1 + times / 2
+            np.testing.assert_allclose(np.ptp(file.load(tmp_path).vertices, axis=0), size)
