@@ -1,8 +1,8 @@
 """Wavefront OBJ, read line by line into flat arrays.
 
-This is the one format that is not left to trimesh, whose reader takes relative indices for
-absolute ones where vertices follow later, and holds all lines as text in memory at once. Materials
-are other files, which `mtl` reads.
+As glTF, it is not left to trimesh, whose reader takes relative indices for absolute ones where
+vertices follow later, and holds all lines as text in memory at once. Materials are other files,
+which `mtl` reads.
 """
 
 import io
