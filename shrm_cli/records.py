@@ -36,6 +36,11 @@ def record(cls: Any = None, /, *, eq: bool = True) -> Any:
     return _finished(cls, eq)
 
 
+def handed_on(within: str, name: str) -> Any:
+    """Return the property that is the one of a name of what an object has within it."""
+    return property(lambda self: getattr(getattr(self, within), name))
+
+
 def _finished(cls: type, eq: bool) -> type:
     dataclasses.dataclass(init=False, repr=False, eq=False)(cls)
     own: list[tuple[str, Any]] = [("__setattr__", _refuse_to_set), ("__delattr__", _refuse_to_drop)]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import ProbeError
-from shrm_cli.records import record
+from shrm_cli.records import handed_on, record
 from shrm_cli.sphere.grid.base import Grid, grid_class
 from shrm_cli.vocabulary import (
     CUBES,
@@ -66,26 +66,21 @@ class ProbeImage(Protocol):
         """Yield, piece by piece, the bytes that tell this image from others."""
 
 
-def _of_image(name: str) -> Any:
-    """A property that is the one of that name of the image within."""
-    return property(lambda self: getattr(self.image, name))
-
-
 @record(eq=False)
 class ImageOfImage:
     """An image that reads the pixels of another one, and is that image in all else."""
 
     image: ProbeImage
 
-    name = _of_image("name")
-    path = _of_image("path")
-    width = _of_image("width")
-    height = _of_image("height")
-    file_format = _of_image("file_format")
-    notes = _of_image("notes")
-    row_multiple = _of_image("row_multiple")
-    facts = _of_image("facts")
-    contents = _of_image("contents")
+    name = handed_on("image", "name")
+    path = handed_on("image", "path")
+    width = handed_on("image", "width")
+    height = handed_on("image", "height")
+    file_format = handed_on("image", "file_format")
+    notes = handed_on("image", "notes")
+    row_multiple = handed_on("image", "row_multiple")
+    facts = handed_on("image", "facts")
+    contents = handed_on("image", "contents")
 
     def read(self, start: int, stop: int) -> Array:
         return self.image.read(start, stop)

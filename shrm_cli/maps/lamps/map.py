@@ -23,7 +23,7 @@ from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.maps.lamps.lobe import LobeTable, table_bytes
 from shrm_cli.maps.lamps.rule import LitDiscs, disc_records
 from shrm_cli.probe.disc import Disc
-from shrm_cli.records import record
+from shrm_cli.records import handed_on, record
 from shrm_cli.sphere.directions import bisector, normalize
 from shrm_cli.vocabulary import Frame, Sampling
 
@@ -39,11 +39,6 @@ FORMAT_WITH_TABLE = 7
 """The version of those that hold a table of the BRDF, too."""
 _ERRORS = "predicted_error", "added_error", "filter_error", "storage_error"
 """What a map states of its errors."""
-
-
-def _within(name: str) -> Any:
-    """Return the property that is that of the map within."""
-    return property(lambda self: getattr(self.map, name))
 
 
 @record(eq=False)
@@ -71,18 +66,18 @@ class LampMap(ReflectionMap):
 
     format_version = FORMAT
 
-    representation = _within("representation")
-    frame = _within("frame")
-    center = _within("center")
-    size = _within("size")
-    sampling = _within("sampling")
-    natural_precision = _within("natural_precision")
-    is_rearrangeable = _within("is_rearrangeable")
+    representation = handed_on("map", "representation")
+    frame = handed_on("map", "frame")
+    center = handed_on("map", "center")
+    size = handed_on("map", "size")
+    sampling = handed_on("map", "sampling")
+    natural_precision = handed_on("map", "natural_precision")
+    is_rearrangeable = handed_on("map", "is_rearrangeable")
     against_negatives = DIM_THE_REST
-    is_exact_in_half = _within("is_exact_in_half")
-    turns_with_texels = _within("turns_with_texels")
-    texels_are_series = _within("texels_are_series")
-    cube_count = _within("cube_count")
+    is_exact_in_half = handed_on("map", "is_exact_in_half")
+    turns_with_texels = handed_on("map", "turns_with_texels")
+    texels_are_series = handed_on("map", "texels_are_series")
+    cube_count = handed_on("map", "cube_count")
 
     @cached_property
     def info(self) -> MapInfo:

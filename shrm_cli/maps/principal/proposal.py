@@ -129,26 +129,19 @@ class Proposals:
         self._planners: list[Planner] = []
 
     @cached_property
-    def _scouted(self) -> Planner | None:
-        """A coarse look at a brushed lobe, the only term of a BRDF; None for other BRDFs."""
+    def _look(self) -> Planner | None:
+        """A first look at the only term of a BRDF, coarse if it is brushed; None for sums."""
         part = self.parts[0]
-        if len(self.parts) > 1 or part.isotropic or self.asked.error is None:
+        if len(self.parts) > 1 or self.asked.error is None:
             return None
+        if part.isotropic:
+            return first_planner(self.light, part, self.divide, self.sampling)
         return scouted(self.light, part, self.sampling)
-
-    @cached_property
-    def _first(self) -> Planner | None:
-        """The only term of an isotropic BRDF, factorized to the first orders; None for others."""
-        part = self.parts[0]
-        if len(self.parts) > 1 or not part.isotropic or self.asked.error is None:
-            return None
-        return first_planner(self.light, part, self.divide, self.sampling)
 
     @cached_property
     def is_out_of_reach(self) -> bool:
         """Whether a first look tells that no map keeps what is asked, by far."""
-        look = self._scouted or self._first
-        return look is not None and is_out_of_reach(look, self.asked)
+        return self._look is not None and is_out_of_reach(self._look, self.asked)
 
     @property
     def planners(self) -> list[Planner]:
@@ -160,9 +153,13 @@ class Proposals:
     def _know(self, error: float | None) -> None:
         """Factorize the terms as far as an error of the light needs it."""
         want = replace(self.asked, error=error)
-        known: Sequence[Planner | None] = self._planners or [self._first] * len(self.parts)
-        is_coarse = self._scouted is not None and self.is_out_of_reach
-        given, look = (want, self.divide, self.sampling), (self._scouted, is_coarse)
+        # A first look at an isotropic lobe is exact, and so is known.
+        first, coarse = self._look, None
+        if not self.parts[0].isotropic:
+            first, coarse = None, self._look
+        known: Sequence[Planner | None] = self._planners or [first] * len(self.parts)
+        is_coarse = coarse is not None and self.is_out_of_reach
+        given, look = (want, self.divide, self.sampling), (coarse, is_coarse)
         self._planners = [
             planner_of(self.light, part, *given, each, *look)
             for part, each in zip(self.parts, known, strict=True)
@@ -289,10 +286,10 @@ def _info(probe: Probe, brdf: Brdf, terms: Sequence[Term], eps: float, sharing: 
     )  # fmt: skip
 
 
-_FAR = {True: (1.5, 1.5), False: (1.5, 3.0)}
-"""How many times the error and the share of wrong pixels of the best map must be too large here, to
-be so in truth, by whether the BRDF is isotropic. The shares of brushed ones that were compared were
-up to 1.6 times those of enough azimuths."""
+_FAR, _FAR_BRUSHED = 1.5, 3.0
+"""How many times the error, or the share of wrong pixels, of the best map must be too large here to
+be so in truth; and the share for brushed lobes. Those that were compared were up to 1.6 times the
+shares of enough azimuths."""
 
 
 def scouted(light: Projection, brdf: Brdf, sampling: Sampling) -> Planner:
@@ -314,15 +311,15 @@ def is_out_of_reach(planner: Planner, want: Wanted) -> bool:
     form = planner.best_fitting(want.max_size, want.size)
     # What lies at higher orders is no error of maps that are made of more of them.
     missed = form.total_error**2 - sum(unknown_light(planner))
-    is_isotropic = not isinstance(planner.spectrum, BrushedSpectrum)
-    if missed <= COARSE and not is_isotropic:  # in such a map coarse sampling would tell
+    is_brushed = isinstance(planner.spectrum, BrushedSpectrum)
+    if is_brushed and missed <= COARSE:  # in such a map coarse sampling would tell
         return False
-    far_error, far_share = _FAR[is_isotropic]
-    if missed > (far_error * want.error) ** 2:
+    if missed > (_FAR * want.error) ** 2:
         return True
     if want.seen is None:
         return False
-    return predicted_wrong_share([(planner, form)]) > far_share * want.seen
+    far = _FAR_BRUSHED if is_brushed else _FAR
+    return predicted_wrong_share([(planner, form)]) > far * want.seen
 
 
 def predicted_wrong_share(terms: Sequence[tuple[Planner, Form]]) -> float:
