@@ -291,10 +291,11 @@ class _LongWork(_Lines):
         if not 0 < done < total or (spent := self.spent(_LONG_SILENCE)) is None:
             return
         share = done / total
-        # A step that takes long tells nothing of the rest.
-        is_known, self._share = share > self._share, share
-        left = f", about {_duration(spent / share - spent)} left" if is_known else ""
-        echo_message(f"{self.label}: {share:.0%} after {_duration(spent)}{left}")
+        # A step that takes long tells nothing of the rest, nor do searches that go on at the end.
+        left = spent / share - spent
+        is_known, self._share = share > self._share and left >= 1, share
+        text = f", about {_duration(left)} left" if is_known else ""
+        echo_message(f"{self.label}: {int(100 * share)}% after {_duration(spent)}{text}")
 
 
 class _Bar:

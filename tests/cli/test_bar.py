@@ -165,8 +165,11 @@ def test_logs_tell_of_long_work(monkeypatch, capsys):
     with terminal.progress_bar("comparing") as progress:
         for now in range(0, 121, 7):
             progress(min(now, 35) if now < 100 else now, 120)
+        now = 180
+        progress(999, 1000)
     assert capsys.readouterr().err.splitlines() == [
         "comparing: 29% after 35 s, about 85 s left",
         "comparing: 29% after 70 s",
-        "comparing: 88% after 2 min, about 15 s left",
+        "comparing: 87% after 2 min, about 15 s left",
+        "comparing: 99% after 3 min",
     ]
