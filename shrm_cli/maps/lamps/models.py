@@ -17,6 +17,7 @@ from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, ThroughCoat
 from shrm_cli.brdf.layered.parts.interior import UnderCoat
 from shrm_cli.brdf.layered.parts.opaque import BorderLobe, MetalLobe, UnderBorder
 from shrm_cli.brdf.layered.parts.table import COSINES, Table
+from shrm_cli.brdf.models.ashikhmin_shirley import AshikhminShirley
 from shrm_cli.brdf.models.blinn_phong import BlinnPhong, normalization
 from shrm_cli.brdf.models.charlie import Charlie
 from shrm_cli.brdf.models.eon import Eon
@@ -24,7 +25,9 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.brdf.models.microfacet import Microfacet
 from shrm_cli.brdf.models.phong import Phong
+from shrm_cli.brdf.models.ward import Ward
 from shrm_cli.brdf.sums import weighted_terms
+from shrm_cli.brdf.vectors import GRAZING
 from shrm_cli.errors import MapError
 from shrm_cli.maps.lamps.lobe import TABLE_BYTES, LobeTable
 from shrm_cli.maps.shader.language import Language
@@ -83,9 +86,11 @@ class Functions:
         name = self.named(header, brdf, lambda: _WRITERS[type(brdf)](brdf, self))
         return f"{name}({light}, {view})" if takes_view else f"{name}({light})"
 
-    def reflectance(self, lobe: Ggx) -> str:
+    def reflectance(self, lobe: Ggx | AshikhminShirley) -> str:
         """Return the call of a facet's reflectance, where `size` is twice the cosine."""
-        of = _film if lobe.film else _REFLECTANCES[type(lobe)]
+        of: Callable[..., list[str]] = _REFLECTANCES[type(lobe)]
+        if isinstance(lobe, Ggx) and lobe.film:
+            of = _film
         header, key = "vec3 shrm_reflectance{}(float cosine)", ("reflectance", lobe)
         name = self.named(header, key, lambda: of(lobe, self))
         return f"{name}(min(0.5 * size, 1.0))"
@@ -182,6 +187,47 @@ def _facets(squares: Sequence[str], lobe: Ggx, functions: Functions) -> list[str
         f"    float value = above / ({language.number(2 * math.pi)} * sqrt(a * b) * d * d * both);",
         f"    return {language.scale('value', functions.reflectance(lobe))};",
     ]
+
+
+def _ward(brdf: Ward, functions: Functions) -> list[str]:
+    language, number = functions.language, functions.language.number
+    a, b = (brdf.number(each) for each in ("ax", "ay"))
+    return [
+        "    float x = l.x + v.x, y = l.y + v.y;",
+        f"    float z = max(l.z + v.z, {number(2 * GRAZING)}), z2 = z * z;",
+        f"    float slope = (x * x * {number(a**-2)} + y * y * {number(b**-2)}) / z2;",
+        _ABOVE,
+        f"    float value = {number(1 / (math.pi * a * b))} * exp(-slope) * above;",
+        "    value = value * ((x * x + y * y + z2) / z2) / z2;",
+        f"    return {language.scale('value', _rgb(brdf.color('color'), language))};",
+    ]
+
+
+def _ashikhmin_shirley(brdf: AshikhminShirley, functions: Functions) -> list[str]:
+    language, number = functions.language, functions.language.number
+    nu, nv = (brdf.number(each) for each in ("nu", "nv"))
+    scale = math.sqrt((nu + 1) * (nv + 1)) / (4 * math.pi)
+    lines = [
+        *_SUM.split("\n"),
+        "    float sine2 = (x * x + y * y) / (size * size);",
+        _COSINES,
+        _ABOVE,
+        # It is log(up) / sine2, of which single precision leaves nothing near the normal.
+        "    float rate = sine2 > 0.01 ? 0.5 * log(max(1.0 - sine2, 1e-7)) / sine2"
+        " : -0.5 - sine2 * (0.25 + sine2 / 6.0);",
+        f"    float power = ({number(nu)} * x * x + {number(nv)} * y * y) / (size * size) * rate;",
+        f"    float value = {number(scale)} * exp(power) * above / (size * max(lz, vz));",
+    ]
+    lobe = language.scale("value", functions.reflectance(brdf))
+    colors = zip(brdf.color("diffuse"), brdf.color("specular"), strict=True)
+    red, green, blue = (28 / (23 * math.pi) * base * (1 - top) for base, top in colors)
+    if max(red, green, blue) > 0:
+        header = "float shrm_rest(float less)"
+        fifth = ["    return 1.0 - less * less * less * less * less;"]
+        name = functions.named(header, header, lambda: fifth)
+        lines.append(f"    float lower = {name}(1.0 - 0.5 * lz) * {name}(1.0 - 0.5 * vz) * above;")
+        lobe = language.add(lobe, language.scale("lower", _rgb((red, green, blue), language)))
+    return [*lines, f"    return {lobe};"]
 
 
 def _blinn_phong(brdf: BlinnPhong, functions: Functions) -> list[str]:
@@ -318,9 +364,10 @@ def _table(table: Table, functions: Functions) -> list[str]:
 # ---- reflectances of facets ----------------------------------------------------------------------
 
 
-def _schlick(lobe: Ggx, functions: Functions) -> list[str]:
+def _schlick(lobe: Ggx | AshikhminShirley, functions: Functions) -> list[str]:
     number = functions.language.number
-    channels = [f"{number(f0)} + {number(1 - f0)} * rest" for f0 in lobe.color("f0")]
+    colors = lobe.color("f0" if isinstance(lobe, Ggx) else "specular")
+    channels = [f"{number(f0)} + {number(1 - f0)} * rest" for f0 in colors]
     return [_FIFTH, f"    return vec3({', '.join(channels)});"]
 
 
@@ -360,8 +407,9 @@ def _film(lobe: Ggx, functions: Functions) -> list[str]:
 
 _FIFTH = """\
     float less = 1.0 - cosine, rest = less * less * less * less * less;"""
-_REFLECTANCES: dict[type[Ggx], Callable[..., list[str]]] = {
+_REFLECTANCES: dict[type[Brdf], Callable[..., list[str]]] = {
     Ggx: _schlick,
+    AshikhminShirley: _schlick,
     MetalLobe: _metal,
     BorderLobe: _fresnel,
     CoatLobe: _fresnel,
@@ -369,6 +417,8 @@ _REFLECTANCES: dict[type[Ggx], Callable[..., list[str]]] = {
 _MODELS: dict[type[Brdf], Callable[..., list[str]]] = {
     Lambertian: _lambertian,
     Ggx: _ggx,
+    Ward: _ward,
+    AshikhminShirley: _ashikhmin_shirley,
     BlinnPhong: _blinn_phong,
     Phong: _phong,
     Microfacet: _microfacet,

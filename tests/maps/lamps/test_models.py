@@ -42,6 +42,7 @@ LAYERS = [
         "fuzzy:roughness=0.3,color=0.5,base=(coated:roughness=0.5,base=(coated:roughness=0.4))",
         marks=pytest.mark.proof,
     ),
+    "0.6*ward:ax=0.2,color=gold+0.4*ashikhmin-shirley:nu=90,specular=0.3/0.2/0.1,diffuse=0.4/0.5/0.1",
     "0.3*charlie:roughness=0.4,visibility=neubelt+0.5*eon:roughness=1,albedo=0.9/0.6/0.2",
     pytest.param(
         f"0.4*{PAINT}+0.5*ggx:roughness=0.4,f0=0.04/0.1/0.3,film=500", marks=pytest.mark.proof
@@ -83,10 +84,17 @@ def test_c_reflects_discs_as_the_brdf_does(tmp_path, monkeypatch, spec):
     np.testing.assert_allclose(lamps, expected, rtol=0, atol=2e-3 * expected.max())
 
 
-@pytest.mark.proof
-def test_c_reflects_discs_in_brushed_layers(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "spec",
+    [
+        pytest.param(BRUSHED, marks=pytest.mark.proof),
+        "ward:ax=0.1,ay=0.3,color=0.9/0.6/0.3",
+        "ashikhmin-shirley:nu=400,nv=20,specular=gold",
+    ],
+)
+def test_c_reflects_discs_in_brushed_surfaces(tmp_path, monkeypatch, spec):
     cases.filter_bilinearly(monkeypatch)
-    made, points = cases.lamps(BRUSHED, cases.FORMS["principal brushed"]()), some(frames(60))
+    made, points = cases.lamps(spec, cases.FORMS["principal brushed"]()), some(frames(60))
     found = brushed_in_c(tmp_path, made, points, "shrm_brushed_radiance({})")
     lamps, expected = found - made.map.brushed_radiance(*points), summed(made, points)
     np.testing.assert_allclose(lamps, expected, rtol=0, atol=2e-3 * expected.max())
@@ -95,7 +103,7 @@ def test_c_reflects_discs_in_brushed_layers(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "spec",
     [
-        "0.5*lambertian+0.5*ward",
+        "0.5*lambertian+0.5*cook-torrance",
         "fuzzy:base=(coated:base=(lambertian+0.1*oren-nayar))",
     ],
 )

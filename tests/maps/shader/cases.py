@@ -273,6 +273,11 @@ FORMS = {
         "phong:exponent=60+2*blinn-phong:exponent=90,color=0.5/0.6/0.7+microfacet:sigma=0.1",
         explicit_map("cabral"),
     ),
+    "lamps of brushed lobes": lambda: lamps(
+        "0.5*ward:ax=0.1,ay=0.3,color=gold"
+        "+ashikhmin-shirley:nu=200,nv=20,specular=0.5/0.4/0.3,diffuse=0.2/0.3/0.4",
+        FORMS["principal brushed"](),
+    ),
     "lamps of a coat": lambda: lamps(
         "coated:roughness=0.4,color=0.9/0.6/0.3,base=(0.4*ggx:roughness=0.5,f0=gold+lambertian)",
         make_shrm(2, 2, 4),
