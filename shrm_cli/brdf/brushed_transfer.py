@@ -22,7 +22,7 @@ from shrm_cli.brdf.transfer import LobeSampling, TransferFunctions, of_channels
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles
 
-FEWEST_STEPS = 6
+_FEWEST_STEPS = 6
 """The fewest steps of azimuths in a quarter turn. Measured BRDFs have no more, because no number of
 samples mends their noise."""
 _MOST_STEPS = 24
@@ -112,16 +112,28 @@ def quarters_that_differ(brdf: Brdf) -> int:
 
 
 def compute_brushed_transfer(
-    brdf: Brdf, order_f: int, max_q: int, accuracy: float = 1e-5, most_steps: int = _MOST_STEPS
+    brdf: Brdf, order_f: int, max_q: int, accuracy: float = 1e-5
 ) -> TransferFunctions:
     """Compute the transfer functions of an anisotropic BRDF.
 
-    `most_steps` is the most steps of azimuths in a quarter turn.
-
     Nodes of the result are indexed [part, azimuth, theta_o], flattened: real parts come first.
     """
-    azimuths = Azimuths(FEWEST_STEPS, quarters_that_differ(brdf))
-    most = FEWEST_STEPS if brdf.is_measured else most_steps
+    most_steps = _FEWEST_STEPS if brdf.is_measured else _MOST_STEPS
+    return _computed(brdf, order_f, max_q, accuracy, most_steps)
+
+
+def scout_brushed_transfer(
+    brdf: Brdf, order_f: int, max_q: int, accuracy: float
+) -> TransferFunctions:
+    """Compute the same at the fewest azimuths of views, which tell how much light is reflected."""
+    return _computed(brdf, order_f, max_q, accuracy, _FEWEST_STEPS)
+
+
+def _computed(
+    brdf: Brdf, order_f: int, max_q: int, accuracy: float, most_steps: int
+) -> TransferFunctions:
+    """Compute transfer functions with so many steps of azimuths in a quarter turn at most."""
+    azimuths = Azimuths(_FEWEST_STEPS, quarters_that_differ(brdf))
     known: dict[float, TransferFunctions] = {}
     # All azimuths share the tables of the sampling.
     sampling = LobeSampling(brdf, order_f, max_q, accuracy, share=azimuths.quarters)
@@ -130,7 +142,7 @@ def compute_brushed_transfer(
         found = _together([known[azimuth] for azimuth in azimuths.angles], azimuths)
         energy = np.sum(wave_energies(found), axis=0)
         tail = energy[np.abs(azimuths.waves[:, 0]) > azimuths.steps].sum()
-        if tail <= _UNSEEN * accuracy * energy.sum() or 2 * azimuths.steps > most:
+        if tail <= _UNSEEN * accuracy * energy.sum() or 2 * azimuths.steps > most_steps:
             return found
         del found  # it is large, and so is the next one
         azimuths = Azimuths(2 * azimuths.steps, azimuths.quarters)

@@ -143,7 +143,7 @@ def _from_disk(
 ) -> Content:
     """What a function computes of a BRDF, from the cache on disk if it is there."""
     is_used = settings.current().cache is not False
-    key = _key(kind.content.__name__, brdf, parameters) if is_used else None
+    key = _key(compute.__name__, brdf, parameters) if is_used else None
     if key is None:
         return compute(brdf, *parameters)
     try:
@@ -210,11 +210,14 @@ def clear_cache() -> tuple[int, int]:
     return count, size
 
 
-def _key(kind: str, brdf: Brdf, parameters: tuple[int, int, float]) -> str | None:
-    """All that an entry depends on, as JSON; None for a BRDF that this does not identify."""
+def _key(compute: str, brdf: Brdf, parameters: tuple[int, int, float]) -> str | None:
+    """All that an entry depends on, as JSON; None for a BRDF that this does not identify.
+
+    `compute` is the name of the function that computes it.
+    """
     *orders, accuracy = parameters
     program = [np.__version__, fingerprint(COEFFICIENTS)]
-    return _record(brdf, kind=kind, orders=orders, accuracy=accuracy, program=program)
+    return _record(brdf, compute=compute, orders=orders, accuracy=accuracy, program=program)
 
 
 def _record(brdf: Brdf, **more: Any) -> str | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.brushed_transfer import compute_brushed_transfer
+from shrm_cli.brdf.brushed_transfer import scout_brushed_transfer
 from shrm_cli.brdf.cache import cached_transfer
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
@@ -135,7 +135,7 @@ def splits_for(probe: Probe, brdf: Brdf, goal: Goal) -> Iterator[Beside]:
 def _transfer(brdf: Brdf) -> TransferFunctions:
     """Return the transfer functions that tell how much light lamps reflect."""
     order, max_q = _ORDERS
-    compute = compute_transfer if brdf.isotropic else compute_brushed_transfer
+    compute = compute_transfer if brdf.isotropic else scout_brushed_transfer
     return cached_transfer(brdf, order, 0 if brdf.zonal else max_q, _ACCURACY, compute)
 
 

@@ -16,7 +16,7 @@ class Counted:
     """Computes, and counts how often."""
 
     def __init__(self, compute):
-        self.compute, self.calls = compute, 0
+        self.compute, self.calls, self.__name__ = compute, 0, compute.__name__
 
     def __call__(self, *arguments):
         self.calls += 1

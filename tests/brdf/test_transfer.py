@@ -9,6 +9,7 @@ import pytest
 from scipy import integrate
 from scipy.special import sph_harm_y
 
+from shrm_cli.arrays import Memo
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_transfer
@@ -275,6 +276,19 @@ def test_coefficients_and_transfer_functions_have_entries_of_their_own(folder):
     cache.cached_coefficients(brdf, 8, 3, 1e-3, compute_coefficients)
     assert cache.cache_usage()[0] == 2
     assert cached_transfer(brdf, 8, 3, 1e-3, compute_transfer).max_q == 3
+
+
+def test_what_another_function_computes_has_an_entry_of_its_own(folder, monkeypatch):
+    monkeypatch.setattr(cache, "_in_memory", Memo(0))
+
+    def coarse(brdf, order_f, max_q, accuracy):
+        return compute_transfer(brdf, order_f, max_q, 0.1)
+
+    for _ in range(2):
+        ways = coarse, compute_transfer
+        rough, fine = (cached_transfer(parse_spec("phong"), 8, 3, 1e-4, way) for way in ways)
+        assert (rough.asked, fine.asked) == (0.1, 1e-4)
+    assert cache.cache_usage()[0] == 2
 
 
 def test_damaged_entries_are_made_anew(folder):

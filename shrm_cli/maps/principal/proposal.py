@@ -14,8 +14,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.brushed_transfer import FEWEST_STEPS, compute_brushed_transfer
-from shrm_cli.brdf.cache import remembered
+from shrm_cli.brdf.brushed_transfer import scout_brushed_transfer
+from shrm_cli.brdf.cache import cached_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.info import MapInfo, provenance
@@ -286,20 +286,16 @@ def _info(probe: Probe, brdf: Brdf, terms: Sequence[Term], eps: float, sharing: 
     )  # fmt: skip
 
 
-_FAR, _FAR_BRUSHED = 1.5, 3.0
+_FAR, _FAR_BRUSHED = 1.5, 4.0
 """How many times the error, or the share of wrong pixels, of the best map must be too large here to
-be so in truth; and the share for brushed lobes. Those that were compared were up to 1.6 times the
+be so in truth; and the share for brushed lobes. Those that were compared were up to 3.2 times the
 shares of enough azimuths."""
 
 
 def scouted(light: Projection, brdf: Brdf, sampling: Sampling) -> Planner:
     """Take a coarse look at a brushed lobe, the only term of a BRDF."""
     order = first_order(brdf)
-
-    def look():  # type: ignore[no-untyped-def]
-        return compute_brushed_transfer(brdf, order, MAX_Q, COARSE, FEWEST_STEPS)
-
-    transfer = remembered(brdf, ("scouted", order), look)
+    transfer = cached_transfer(brdf, order, MAX_Q, COARSE, scout_brushed_transfer)
     lighting = light.to_order(order)
     spectrum = BrushedSpectrum.of(transfer, brdf.center, weighted_power(lighting, order))
     return Planner(spectrum, lighting, sampling)
@@ -311,14 +307,13 @@ def is_out_of_reach(planner: Planner, want: Wanted) -> bool:
     form = planner.best_fitting(want.max_size, want.size)
     # What lies at higher orders is no error of maps that are made of more of them.
     missed = form.total_error**2 - sum(unknown_light(planner))
-    is_brushed = isinstance(planner.spectrum, BrushedSpectrum)
-    if is_brushed and missed <= COARSE:  # in such a map coarse sampling would tell
+    if missed <= planner.spectrum.transfer.accuracy:  # which coarse sampling hides
         return False
     if missed > (_FAR * want.error) ** 2:
         return True
     if want.seen is None:
         return False
-    far = _FAR_BRUSHED if is_brushed else _FAR
+    far = _FAR_BRUSHED if isinstance(planner.spectrum, BrushedSpectrum) else _FAR
     return predicted_wrong_share([(planner, form)]) > far * want.seen
 
 
