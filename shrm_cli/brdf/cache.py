@@ -41,14 +41,18 @@ if TYPE_CHECKING:
 Known = TypeVar("Known")
 Content = TypeVar("Content", BrdfCoefficients, "TransferFunctions")
 
-MOST_BYTES = 256 * 2**20
+MOST_BYTES = 512 * 2**20
 """The size of all entries together; those that were used longest ago make room for new ones."""
+_LEAST_ENTRIES = 3
+"""The number of entries that there is room for in any case. Brushed lobes take up to 145 MB, to 256
+degrees, and 20 s to sample."""
 
 _SUFFIX = ".coefficients"
 _MAGIC = b"shrm coefficients 1\n"
 _SLOW = 0.004  # seconds; what takes less to compute is not worth a file
 _MOST_HEADER = 2**16
-_DOUBLE = 8  # bytes
+_DOUBLE, _SINGLE = "<f8", "<f4"
+_BYTES = np.dtype(_DOUBLE).itemsize
 _DIGEST = hashlib.sha256().digest_size
 _UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RecursionError
 _in_memory = Memo(2**27)
@@ -119,7 +123,8 @@ def _transfer_kind() -> _Kind[TransferFunctions]:
 
     return _Kind(
         TransferFunctions,
-        lambda order_f, max_q: MOST_BYTES // 4 // _DOUBLE,  # nobody knows how many views it took
+        # Nobody knows how many views it took.
+        lambda order_f, max_q: MOST_BYTES // _LEAST_ENTRIES // _BYTES,
         lambda found, order_f, max_q: (found.order_f, found.max_q) == (order_f, max_q),
     )
 
@@ -248,24 +253,39 @@ def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) 
     # The three channels of what is grey share the memory of one, and its place in the file.
     grey = [name for name, each in arrays.items() if each.shape[-1] == 3 and not each.strides[-1]]
     arrays |= {name: arrays[name][..., :1] for name in grey}
-    if sum(_DOUBLE * array.size for array in arrays.values()) > MOST_BYTES // 4:
-        return  # before copies of it fill the memory
+    kinds = {name: _SINGLE if _is_single(array) else _DOUBLE for name, array in arrays.items()}
     header = {
         "key": key,
         "shapes": {name: array.shape for name, array in arrays.items()},
+        "kinds": kinds,
         "grey": grey,
         "others": {name: value for name, value in values.items() if name not in arrays},
     }
     text = json.dumps(header).encode()
-    packed = (np.ascontiguousarray(array, dtype="<f8").tobytes() for array in arrays.values())
-    body = b"".join([len(text).to_bytes(4, "little"), text, *packed])
-    if len(text) > _MOST_HEADER or len(body) > MOST_BYTES // 4:
+    size = sum(np.dtype(kinds[name]).itemsize * array.size for name, array in arrays.items())
+    if len(text) > _MOST_HEADER or len(text) + size > MOST_BYTES // _LEAST_ENTRIES:
         return
+    digest = hashlib.sha256()
     with contextlib.suppress(OSError, OutputError, ValueError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as temporary:
-            temporary.write_bytes(_MAGIC + hashlib.sha256(body).digest() + body)
+        with replacing(path) as temporary, open(temporary, "wb") as stream:
+
+            def put(part: bytes | memoryview) -> None:
+                digest.update(part)
+                stream.write(part)
+
+            stream.write(_MAGIC + bytes(_DIGEST))
+            put(len(text).to_bytes(4, "little") + text)
+            for name, array in arrays.items():
+                put(array.ravel().astype(kinds[name]).data)
+            stream.seek(len(_MAGIC))
+            stream.write(digest.digest())
         _make_room(path)
+
+
+def _is_single(array: Array) -> bool:
+    """Tell whether single precision loses nothing of an array, as of lobes sampled in it."""
+    return array.ndim > 2 and all(np.array_equal(part.astype(_SINGLE), part) for part in array)
 
 
 def _read(path: Path, key: str, kind: _Kind[Content], orders: tuple[int, int]) -> Content | None:
@@ -274,7 +294,7 @@ def _read(path: Path, key: str, kind: _Kind[Content], orders: tuple[int, int]) -
         if not path.is_file():  # opening a pipe would wait for its writer
             return None
         # An entry cannot be larger than its arrays can be, so no more than that is read.
-        most = len(_MAGIC) + _DIGEST + 4 + _MOST_HEADER + _DOUBLE * kind.most_values(*orders)
+        most = len(_MAGIC) + _DIGEST + 4 + _MOST_HEADER + _BYTES * kind.most_values(*orders)
         with open(path, "rb") as stream:
             data = stream.read(most + 1)
         start = len(_MAGIC) + _DIGEST
@@ -306,10 +326,13 @@ def _unpacked(body: memoryview, key: str, content: type[Content]) -> Content:
     }
     for name, shape in header["shapes"].items():
         count = math.prod(shape)
-        array: Array = np.frombuffer(body, "<f8", count, start).reshape(shape).astype(float)
+        if header["kinds"][name] not in (_SINGLE, _DOUBLE):
+            raise ValueError("no floats")
+        packed = np.frombuffer(body, header["kinds"][name], count, start)
+        array: Array = packed.reshape(shape).astype(float)
         if not np.isfinite(array).all():
             raise ValueError("not finite")
-        start += array.nbytes
+        start += packed.nbytes
         is_grey = name in header["grey"]
         fields[name] = np.broadcast_to(array, (*array.shape[:-1], 3)) if is_grey else array
     if start != len(body):

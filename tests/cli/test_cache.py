@@ -32,10 +32,10 @@ def test_info(folder):
         "folder": str(folder),
         "entries": 2,
         "bytes": size(folder),
-        "limit": 256 * 2**20,
+        "limit": 512 * 2**20,
     }
     text = done("cache", "info")
-    assert text == f"{folder}: 2 entries, {size(folder) / 1000:.3g} kB, at most 268 MB\n"
+    assert text == f"{folder}: 2 entries, {size(folder) / 1000:.3g} kB, at most 537 MB\n"
 
 
 def test_clear(folder):
