@@ -64,7 +64,7 @@ class Source:
     split: SplitSum | None = None
     irradiance: Irradiance | None = None
     path: str = ""
-    """The file of the split sum, for messages."""
+    """The file of the probe or of the split sum, for messages."""
 
     @classmethod
     def of_maps(cls, name: str, maps: Sequence[tuple[str, Map]]) -> "Source":
@@ -104,7 +104,7 @@ class Source:
             note(*paths)
             return cls.of_maps(name, [(path, open_map(path)) for path in paths])
         (path,) = paths
-        return cls(name, Path(path).name, open_probe(path, reading))
+        return cls(name, Path(path).name, open_probe(path, reading), path=path)
 
     @property
     def primaries(self) -> list[tuple[float, ...] | None]:
@@ -366,7 +366,7 @@ def _with_images(light: Light, probe: Probe, engine: Engine, asked: Asked) -> Li
     if engine.wants_latlong:
         # Where there are levels, the size is theirs, and the lat-long is as fine as the light.
         rows = 0 if engine.wants_levels else asked.size or engine.default_size
-        rows = rows or default_size(probe, LatLong)
+        rows = rows or min(default_size(probe, LatLong), engine.latlong_rows or LatLong.largest)
         if asked.safe and engine.sampler is not None and asked.size is None:
             rows = min(rows, engine.sampler.rows)
         light = replace(light, latlong=to_grid(probe, LatLong(rows)))

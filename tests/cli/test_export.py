@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from shrm_cli.export import make
 from shrm_cli.maps.file import open_map
 from shrm_cli.vocabulary import ENGINES, PRIMARIES
 from tests.cli.helpers import MAIN, assert_refused, done, process, run, snapshot, write_exr
@@ -106,6 +107,41 @@ def test_an_engine_that_has_not_what_is_asked_loses_no_other(folder):
     assert [path.name for path in (folder / "assets").iterdir()] == ["bevy"]
     assert run(*given, "--format", "r11g11b10", "-o", "none").code == 1
     assert not (folder / "none").exists()
+
+
+def test_what_is_wrong_with_a_probe_is_said_once_for_all_engines(folder):
+    result = run("export", "none.exr", "--for", "all", "-o", "assets")
+    assert_refused(result, 1, "none.exr: no such file")
+    assert result.err.count("none.exr") == 1
+    assert not (folder / "assets").exists()
+
+
+def test_a_probe_is_read_once_for_all_engines(folder, monkeypatch):
+    opened, given = [], make.open_probe
+    monkeypatch.setattr(make, "open_probe", lambda *args: opened.append(args) or given(*args))
+    done("export", "sky.exr", "--for", "json", "--for", "godot", "--for", "usd")
+    assert len(opened) == 1
+
+
+def test_the_only_format_of_an_engine_may_be_named(folder):
+    given = ("export", "sky.exr", "--for", "cesium", "--size", "16")
+    done(*given)
+    done(*given, "--format", "rgba16f", "--max-error", ".01")  # the same bytes, or it would refuse
+    assert_refused(run(*given, "--max-error", "1e-9"), 2, "--max-error 1e-09 is not kept: rgba16f")
+    assert_refused(run(*given, "--format", "bc6h"), 2, "CesiumJS reads rgba16f, auto")
+
+
+def test_gltf_sample_viewer_gets_no_pixel_that_it_skips(folder):
+    """It looks a panorama up at the texels of a cube of 256, and would miss a lamp of a pixel."""
+    light = np.ones((1024, 2048, 3), np.float32)
+    light[300, 600] = 101
+    write_exr(folder / "lamp.exr", light)
+    done("export", "lamp.exr", "--for", "gltf-sample-viewer", "--size", "16")
+    data = (folder / "lamp.gltf-sample-viewer" / "lamp.hdr").read_bytes()
+    start = data.index(b"-Y 512 +X 1024\n") + len(b"-Y 512 +X 1024\n")
+    pixels = np.frombuffer(data, np.uint8, offset=start).reshape(512, 1024, 4).astype(float)
+    image = pixels[..., :3] * np.exp2(pixels[..., 3:] - 136)
+    assert image[150, 300] == pytest.approx(1 + 100 / 4, rel=0.01)
 
 
 def test_a_turned_probe_is_turned(folder):

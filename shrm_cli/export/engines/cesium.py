@@ -23,6 +23,7 @@ class Cesium(Engine):
 
     name = "cesium"
     title = "CesiumJS"
+    formats = ("rgba16f",)
     mapping = "linear"
     least = 8
     """Texels along an edge of the last level: fewer would not show a lobe of roughness 1."""
