@@ -228,7 +228,7 @@ def _tell_box(engine: Engine, box: ProxyBox, made: Package) -> None:
 
 
 def _readme(engine: Engine, light: Light, package: Package) -> str:
-    """Return the README: a line each of title, files, what was done, and loading, and the code.
+    """Return the README: a line each of title, files, what was done, and loading, with the code.
 
     File names stand in it without folders, so that the same light makes the same text anywhere.
     """
@@ -238,10 +238,11 @@ def _readme(engine: Engine, light: Light, package: Package) -> str:
         f"Light of {markdown(light.source)} for {engine.title}, by shrm {__release__}. Linear RGB.",
         f"Files: {files}.",
         f"What was done: {told}.",
-        f"Load it in {engine.title}:",
-        *[f"    {line}" for line in package.loading],
     ]
-    return "\n".join([*lines[:4], "", *lines[4:]]) + "\n"
+    if package.loading:
+        code = (f"    {line}" for line in package.loading)
+        lines += [f"Load it in {engine.title}:", "", *code]
+    return "\n".join(lines) + "\n"
 
 
 def check(engine: Engine, asked: Asked) -> None:

@@ -1,6 +1,7 @@
 """`shrm export`: files, folder, what is said, and what is refused in one line."""
 
 import json
+import re
 import sys
 
 import numpy as np
@@ -176,8 +177,17 @@ def test_a_chain_of_cloth_is_written_for_readers_of_it_alone(folder):
     refused = run("export", "cloth.exr", "--for", "gltf-sample-viewer", "--dfg", "-o", "b")
     assert_refused(refused, 2, "shrm dfg --brdf charlie")
     refused = run("export", "cloth.exr", "--for", "gltf-sample-viewer", "--size", "64", "-o", "b")
-    assert_refused(refused, 1, "--to splitsum --brdf charlie --mapping linear --levels 3 --size 64")
+    assert_refused(refused, 1, "--to splitsum --brdf charlie --mapping linear --levels 3 --mips")
     assert not (folder / "b").exists()
+
+
+@pytest.mark.parametrize("engine", ["filament", "babylon", "playcanvas"])
+def test_a_split_sum_is_taken_as_it_is_where_it_is_made_as_the_refusal_says(folder, engine):
+    done("prefilter", "sky.exr", "--to", "splitsum", "--levels", "9", "--size", "32", "-o", "a.exr")
+    refused = run("export", "a.exr", "--for", engine)
+    command = re.search(r"shrm (prefilter PROBE [^ ]*.*), or export", refused.err)[1]
+    done(*command.replace("PROBE", "sky.exr").split(), "-o", "b.exr")
+    assert "interpolated" not in done("export", "b.exr", "--for", engine)
 
 
 def test_cloth_has_colours_of_its_own(folder):

@@ -47,7 +47,7 @@ class Cesium(Engine):
             made.told.append(f"{len(light.levels)} levels of roughness k / {len(light.levels) - 1}")
         if options:
             made.loading += [
-                "// with the names that the package cesium exports",
+                'import { ImageBasedLighting } from "cesium";',
                 "model.imageBasedLighting = new ImageBasedLighting({",
                 *options,
                 "});",
