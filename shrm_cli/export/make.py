@@ -18,6 +18,7 @@ from shrm_cli.export.cubes import levels_of_map
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
 from shrm_cli.export.packing import packed, refuse_missing
+from shrm_cli.export.pixels import CURE
 from shrm_cli.export.quoting import code_span, markdown
 from shrm_cli.export.tamed import tamed
 from shrm_cli.files.whole import keeping, note, together
@@ -208,7 +209,10 @@ def export(
         raise MapError(f"{source.title}: nothing in it is what {engine.title} reads")
     if source.proxy is not None:
         _tell_box(engine, source.proxy, made)
-    if asked.sun is None and source.probe is not None:
+    if source.probe is None:
+        again = f"make the map anew, and {CURE} there"
+        made.warnings = [line.replace(CURE, again) for line in made.warnings]
+    elif asked.sun is None:
         made.warnings = better_cures(made, source.probe, engine)
     made.told[:0] = told
     made.warnings[:0] = warnings

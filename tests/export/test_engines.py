@@ -379,6 +379,16 @@ def test_bright_light_is_clipped_with_one_warning_a_file(tmp_path, name):
     assert all("dim them with `clamp`" in line for line in above)
 
 
+def test_a_map_of_bright_light_is_to_be_made_anew():
+    """`clamp` does not apply to maps."""
+    image = np.ones((32, 64, 3))
+    image[5, 9] = 1e6
+    split = split_sum_of(Probe.from_array(image), levels=3, mapping="linear", size=32).map
+    source = Source.of_maps("sun", [("sun.splitsum.exr", split)])
+    (line,) = export(source, engines.engine("directx"), Asked()).warnings
+    assert "; make the map anew, and dim them with `clamp` there" in line
+
+
 def test_coefficients_that_would_be_negative_are_windowed_and_it_is_told():
     pixels = np.full((32, 64, 3), 0.05, np.float32)
     pixels[8, 20] = 2000
