@@ -130,7 +130,7 @@ def export(
         engine = _checked(names[0], asked)
         conclude(*_exported(_opened(sources, reading), engine, folder, asked, force))
         return
-    source = _opened(sources, reading)
+    source = _opened(sources, reading).for_several()
     results, lines, warnings, failures = [], [], [], []
     with made_folder(Path(output)) if output else nullcontext():
         for each in names:

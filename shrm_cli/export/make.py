@@ -41,6 +41,7 @@ from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.probe.resample import default_size, to_grid
+from shrm_cli.probe.shared import SharedProbe, shared
 from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.cube import Cube
@@ -106,6 +107,18 @@ class Source:
             return cls.of_maps(name, [(path, open_map(path)) for path in paths])
         (path,) = paths
         return cls(name, Path(path).name, open_probe(path, reading), path=path)
+
+    def for_several(self) -> "Source":
+        """Return the same source for several engines, which get the bytes that each gets alone.
+
+        A probe is decoded, projected and resampled once for all of them, unless it has too many
+        pixels to be held.
+        """
+        if self.probe is None:
+            return self
+        known = shared(self.probe)
+        is_held = isinstance(known, SharedProbe) and known.is_held
+        return replace(self, probe=known) if is_held else self
 
     @property
     def primaries(self) -> list[tuple[float, ...] | None]:

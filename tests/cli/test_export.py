@@ -9,8 +9,9 @@ import pytest
 
 from shrm_cli.export import make
 from shrm_cli.maps.file import open_map
+from shrm_cli.maps.splitsum import prefilter
 from shrm_cli.vocabulary import ENGINES, PRIMARIES
-from tests.cli.helpers import MAIN, assert_refused, done, process, run, snapshot, write_exr
+from tests.cli.helpers import MAIN, assert_refused, done, noise, process, run, snapshot, write_exr
 from tests.export.readers import read_ktx1, read_ktx2
 from tests.web.glb import ball_file
 
@@ -143,6 +144,18 @@ def test_gltf_sample_viewer_gets_no_pixel_that_it_skips(folder):
     pixels = np.frombuffer(data, np.uint8, offset=start).reshape(512, 1024, 4).astype(float)
     image = pixels[..., :3] * np.exp2(pixels[..., 3:] - 136)
     assert image[150, 300] == pytest.approx(1 + 100 / 4, rel=0.01)
+
+
+def test_engines_share_what_is_made_of_a_probe_and_get_the_same_bytes(folder, monkeypatch):
+    write_exr(folder / "sky.exr", noise(128, 256))  # fewer rows would be cut for each
+    made, given = [], prefilter.to_grid
+    monkeypatch.setattr(prefilter, "to_grid", lambda *args: made.append(args) or given(*args))
+    several = [word for each in ("bevy", "cesium", "directx") for word in ("--for", each)]
+    done("export", "sky.exr", *several, "--size", "16", "-o", "all")
+    assert len(made) == 1
+    for name in ("bevy", "cesium", "directx"):
+        done("export", "sky.exr", "--for", name, "--size", "16")
+        assert snapshot(folder / "all" / name) == snapshot(folder / f"sky.{name}")
 
 
 def test_a_turned_probe_is_turned(folder):
