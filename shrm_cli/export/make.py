@@ -112,9 +112,9 @@ class Source:
         """Return the same source for several engines, which get the bytes that each gets alone.
 
         A probe is decoded, projected and resampled once for all of them, unless it has too many
-        pixels to be held.
+        pixels to be held, or its colours are converted for each engine.
         """
-        if self.probe is None:
+        if self.probe is None or not same_primaries(self.probe.chromaticities, REC709):
             return self
         known = shared(self.probe)
         is_held = isinstance(known, SharedProbe) and known.is_held

@@ -10,6 +10,7 @@ import pytest
 from shrm_cli.export import make
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.splitsum import prefilter
+from shrm_cli.probe.options import ReadOptions
 from shrm_cli.vocabulary import ENGINES, PRIMARIES
 from tests.cli.helpers import MAIN, assert_refused, done, noise, process, run, snapshot, write_exr
 from tests.export.readers import read_ktx1, read_ktx2
@@ -156,6 +157,15 @@ def test_engines_share_what_is_made_of_a_probe_and_get_the_same_bytes(folder, mo
     for name in ("bevy", "cesium", "directx"):
         done("export", "sky.exr", "--for", name, "--size", "16")
         assert snapshot(folder / "all" / name) == snapshot(folder / f"sky.{name}")
+
+
+def test_probes_of_other_primaries_are_not_shared(folder):
+    """What is known of their own light is not what is known of the light that engines get."""
+    given = ReadOptions(primaries=PRIMARIES["acescg"])
+    source = make.Source.open(["sky.exr"], reading=given)
+    assert source.for_several() is source
+    plain = make.Source.open(["sky.exr"])
+    assert plain.for_several().probe is not plain.probe
 
 
 def test_a_turned_probe_is_turned(folder):
