@@ -50,7 +50,8 @@ _plain_options = options.several(
 )  # fmt: skip
 @option(
     "--shader", click.Choice(SHADER.choices),
-    help="Of --to layers: print the code that looks the map up in them, too.",
+    help="Print the code that looks the map up, too: with --to layers in them, else in arrays of "
+    "cube maps.",
 )  # fmt: skip
 @option("-o --output", PATH, "File to write.  [default: IN.TO.exr]")
 @usage.force_option
@@ -166,7 +167,7 @@ def _rules(target: str) -> dict[str, usage.Applies]:
             ("order_p", "max_size"),
             usage.Applies(target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
         ),
-        "shader": usage.Applies(target == vocabulary.LAYERS, f"with --to {vocabulary.LAYERS}"),
+        "shader": usage.Applies(target not in vocabulary.LAYOUTS, "to all but images"),
         **dict.fromkeys(
             ("size", "to_orientation", "to_sampling"),
             usage.Applies(target != vocabulary.LAYERS, f"to all but --to {vocabulary.LAYERS}"),

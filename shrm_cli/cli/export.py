@@ -15,7 +15,8 @@ from shrm_cli.errors import ShrmError
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
 if TYPE_CHECKING:
-    from shrm_cli.export.make import Asked
+    from shrm_cli.export.engine import Engine
+    from shrm_cli.export.make import Asked, Source
     from shrm_cli.probe.options import ReadOptions
 
 
@@ -126,14 +127,17 @@ def export(
     )
     if len(names) == 1:
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
-        conclude(*_exported(sources, names[0], folder, asked, reading, force))
+        engine = _checked(names[0], asked)
+        conclude(*_exported(_opened(sources, reading), engine, folder, asked, force))
         return
+    source = _opened(sources, reading).for_several()
     results, lines, warnings, failures = [], [], [], []
     with made_folder(Path(output)) if output else nullcontext():
         for each in names:
             folder = Path(output) / each if output else Path(f"{name}.{each}")
             try:
-                result, told, warned = _exported(sources, each, folder, asked, reading, force)
+                engine = _checked(each, asked)
+                result, told, warned = _exported(source, engine, folder, asked, force)
             except ShrmError as error:
                 failures.append(f"{each}: {usage.flags(str(error))}")
                 continue
@@ -143,38 +147,45 @@ def export(
     conclude({"exports": results, "failures": failures}, lines, warnings, failures)
 
 
-def _exported(
-    sources: tuple[str, ...],
-    engine: str,
-    folder: Path,
-    asked: Asked,
-    reading: ReadOptions,
-    force: bool,
-) -> tuple[dict[str, Any], list[str], list[str]]:
-    """Make the files of one engine; return what is told as JSON, its lines, and warnings."""
-    from shrm_cli.export.engine import engine as engine_of
-    from shrm_cli.export.make import Source, check, export, write
+def _checked(name: str, asked: Asked) -> Engine:
+    """Return an engine, which has all that is asked for."""
+    from shrm_cli.export.engine import engine
+    from shrm_cli.export.make import check
+
+    chosen = engine(name)
+    with usage.renamed(texels="format", safe="firefly_safe"):
+        check(chosen, asked)
+    return chosen
+
+
+def _opened(sources: tuple[str, ...], reading: ReadOptions) -> Source:
+    """Open a probe, or maps, once for all engines."""
+    from shrm_cli.export.make import Source
     from shrm_cli.maps.file import is_map
     from shrm_cli.probe.open import open_probe
 
-    name = usage.source_stem(sources[0], REPRESENTATIONS)
-    chosen = engine_of(engine)
-    with usage.renamed(texels="format", safe="firefly_safe"):
-        check(chosen, asked)
     if is_map(sources[0]):
         usage.refuse_inapplicable(options.reading_rules(False, "to probes; this is a map"))
     elif len(sources) > 1:
         open_probe(sources[0], reading)  # or a file that is not there would be called a probe
         raise usage.wrong_usage(f"{sources[0]} is a probe; export it alone")
-    source = Source.open(sources, name, reading)
-    usage.check_outputs([str(folder / name) if folder.is_dir() else str(folder)])
-    with usage.renamed(texels="format"), progress_bar(f"exporting for {engine}") as progress:
-        made = export(source, chosen, asked, progress)
+    return Source.open(sources, usage.source_stem(sources[0], REPRESENTATIONS), reading)
+
+
+def _exported(
+    source: Source, engine: Engine, folder: Path, asked: Asked, force: bool
+) -> tuple[dict[str, Any], list[str], list[str]]:
+    """Make the files of one engine; return what is told as JSON, its lines, and warnings."""
+    from shrm_cli.export.make import export, write
+
+    usage.check_outputs([str(folder / source.name) if folder.is_dir() else str(folder)])
+    with usage.renamed(texels="format"), progress_bar(f"exporting for {engine.name}") as progress:
+        made = export(source, engine, asked, progress)
     if folder.is_dir():
         usage.check_outputs([str(folder / file.name) for file in made.files])
     paths = write(made, folder, kept=not force)
     result = {
-        "engine": engine,
+        "engine": engine.name,
         "folder": str(folder),
         "files": [{"name": path.name, "bytes": path.stat().st_size} for path in paths],
         "told": made.told,
@@ -182,9 +193,9 @@ def _exported(
         **made.facts,
     }
     lines = [
-        f"{folder}: {chosen.title}",
+        f"{folder}: {engine.title}",
         *[f"  {path.name:<32} {path.stat().st_size:>12,} bytes" for path in paths],
         *[f"  {line}" for line in made.told],
     ]
     remarks = source.probe.report.warnings() if source.probe is not None else ()
-    return result, lines, [*(f"{sources[0]}: {line}" for line in remarks), *made.warnings]
+    return result, lines, [*(f"{source.path}: {line}" for line in remarks), *made.warnings]

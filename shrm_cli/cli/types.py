@@ -29,13 +29,18 @@ _START = re.compile(r"(?:^|\+|=\()(?:[0-9.eE+-]*\*)?")
 class Parsed(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only
     """A type whose texts a function reads; what is no text, such as a default, is a value already.
 
-    `name` is what the help calls it. `parse` returns the value of a text, or raises a ValueError,
-    whose message the user reads. `offered` holds texts that the shell completes. Functions of this
-    module become types as they are defined: ``@partial(Parsed, "name")``.
+    `name` is what the help calls it: a single word in capitals, and what words are a part of, such
+    as ``pca:K``, as it is. `parse` returns the value of a text, or raises a ValueError, whose
+    message the user reads. `offered` holds texts that the shell completes. Functions of this module
+    become types as they are defined: ``@partial(Parsed, "name")``.
     """
 
     def __init__(self, name: str, parse: Callable[[str], Any], offered: Iterable[str] = ()) -> None:
         self.name, self.parse, self._offered = name, parse, offered
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str | None:
+        """Return what stands in the help, which click would write in capitals; see the class."""
+        return None if self.name.isalpha() else self.name
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the value of a text; what is wrong with it becomes wrong usage of the option."""

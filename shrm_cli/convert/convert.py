@@ -52,7 +52,8 @@ def convert(
     orientation, sampling : str, optional
         How the faces of a cube are turned, and where edge pixels lie, in what is made.
     shader : str, optional
-        Of ``layers``: the language of code that looks the map up in them.
+        The language of code that looks the map up: of ``layers`` in them, of representations in
+        arrays of cube maps, and of irradiance in no textures at all. C reads layers alone.
     view : tuple of 2 float, optional
         Azimuth and elevation of a distant viewer, degrees: the lat-long is of the light that a map
         reflects there.
@@ -88,7 +89,7 @@ def convert(
     """
     if view is None:
         refuse_arguments("what is seen from no `view`", by=by, roughness=roughness, f0=f0)
-    if to != vocabulary.LAYERS:
+    if to not in (vocabulary.LAYERS, *vocabulary.REPRESENTATIONS):
         refuse_arguments(f"`to` {to}", shader=shader)
     reading = reading or ReadOptions()
     if isinstance(source, Probe) or not (isinstance(source, Map) or is_map(source)):
@@ -98,30 +99,31 @@ def convert(
     found, notes = _read(source, name, reading)
     if to == vocabulary.LAYERS:
         refuse_arguments("`to` layers", size=size, orientation=orientation, sampling=sampling)
-        return Layers(found, name, _code(found, shader), notes)
+        return Layers(found, name, _code(found, shader, vocabulary.LAYERS), notes)
     if view is None and not mips:
-        return _of_map(found, name, to, size, orientation, sampling, notes, options)
+        made = _of_map(found, name, to, size, orientation, sampling, notes, options)
+        return replace(made, code=_code(made.map, shader))
     if to not in (vocabulary.MIP_LAYOUTS if view is None else ("latlong",)):
         raise ArgumentError("to", f"{to} is no plain image; take latlong")
     refuse_arguments("plain images", orientation=orientation, **options)
     from shrm_cli.convert.plain import mips_of, seen_from
 
     if view is None:
-        made: Any = mips_of(found, name, to, size, sampling)
+        plain: Any = mips_of(found, name, to, size, sampling)
     else:
         refuse_arguments("a single `view`", mips=mips or None)
         surface = roughness, f0
-        made = seen_from(found, name, view, by, size, sampling, surface, progress)
-    return replace(made, notes=(*made.notes, *notes))
+        plain = seen_from(found, name, view, by, size, sampling, surface, progress)
+    return replace(plain, notes=(*plain.notes, *notes))
 
 
-def _code(found: Map, language: str | None) -> str | None:
+def _code(found: Map, language: str | None, textures: str | None = None) -> str | None:
     """Return the code that looks a map up in its textures, if there shall be some."""
     if language is None:
         return None
     from shrm_cli.maps.shader.code import look_up_code
 
-    return look_up_code(found, language, vocabulary.LAYERS)
+    return look_up_code(found, language, textures)
 
 
 def _read(

@@ -68,6 +68,8 @@ class ConvertedMap(Converted):
     orientation: Orientation
     notes: tuple[str, ...] = ()
     """What is to be said of its colors."""
+    code: str | None = None
+    """The code that looks it up."""
 
     def save(self, path: str | os.PathLike[str], precision: Precision = "auto") -> Written:
         made, info = self.map, self.map.info
@@ -89,6 +91,7 @@ class ConvertedMap(Converted):
             "fit_residual": info.fit_residual,
             "storage_error": math.hypot(stored.error, info.storage_error),
             "precision": stored.pixel_type,
+            **({} if self.code is None else {"shader": self.code}),
         }
         return Written(result, _map_report(result), list(self.notes))
 

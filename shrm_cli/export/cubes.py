@@ -193,11 +193,10 @@ def _command(engine: Engine, size: int, lobe: str) -> str:
     sizes = engine.sizes(size)
     to = "--to splitsum" if lobe == "ggx" else f"--to splitsum --brdf {lobe}"
     if engine.mapping is None:
-        levels = ",".join(f"{value:.6g}" for value in engine.roughness(sizes))
-        return f"shrm prefilter PROBE {to} --levels {levels} --size {size}"
-    return (
-        f"shrm prefilter PROBE {to} --mapping {engine.mapping} --levels {len(sizes)} --size {size}"
-    )
+        levels = f"--levels {','.join(f'{value:.6g}' for value in engine.roughness(sizes))}"
+    else:
+        levels = f"--mapping {engine.mapping} --levels {len(sizes)}"
+    return f"shrm prefilter PROBE {to} {levels} --mips --size {size}"
 
 
 def _listed(values: Sequence[float]) -> str:

@@ -149,6 +149,8 @@ class Engine(ABC):
     """`wants_levels`, `wants_irradiance`, `wants_diffuse` and `wants_latlong`: which attributes of
     `Light` it is given: levels of a split sum, nine coefficients, the irradiance for cubes, the
     light as a lat-long."""
+    latlong_rows: ClassVar[int | None] = None
+    """The most rows of a lat-long of which it skips no pixel, where it is given no more."""
     default_skybox: ClassVar[int] = 0
     """Texels along an edge of the sharp cube that it is given by default, at most; 0 for none."""
     takes_skybox: ClassVar[bool] = False

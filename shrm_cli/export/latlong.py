@@ -7,7 +7,7 @@ same world in their centre, so that whole columns are moved and nothing is inter
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, over_channels
+from shrm_cli.arrays import Array, over_channels, slices
 from shrm_cli.errors import MapError
 from shrm_cli.export.engine import Light, OutputFile, Package
 from shrm_cli.export.pixels import FORMATS, limited
@@ -15,6 +15,8 @@ from shrm_cli.files.image import probe_attributes, write_image
 
 _HALF = FORMATS["rgba16f"]
 """Engines keep lat-longs in halves; what is beyond them would become infinite there."""
+_MOST = 100_000
+"""Pixels that are encoded at a time, for which it takes 20 MB."""
 
 
 def rolled(image: Array, degrees: int) -> Array:
@@ -42,7 +44,8 @@ def add_radiance(made: Package, name: str, image: Array) -> None:
     within = _limited(made, name, image)
     height, width = within.shape[:2]
     header = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
-    made.add_bytes(name, header + rgbe(within).tobytes())
+    pixels = (rgbe(within[rows]).tobytes() for rows in slices(height, _MOST // width))
+    made.add_bytes(name, header + b"".join(pixels))
 
 
 def rgbe(image: Array) -> NDArray[np.uint8]:

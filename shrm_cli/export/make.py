@@ -18,6 +18,7 @@ from shrm_cli.export.cubes import levels_of_map
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
 from shrm_cli.export.packing import packed, refuse_missing
+from shrm_cli.export.pixels import CURE
 from shrm_cli.export.quoting import code_span, markdown
 from shrm_cli.export.tamed import tamed
 from shrm_cli.files.whole import keeping, note, together
@@ -40,6 +41,7 @@ from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.probe.resample import default_size, to_grid
+from shrm_cli.probe.shared import SharedProbe, shared
 from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.cube import Cube
@@ -64,7 +66,7 @@ class Source:
     split: SplitSum | None = None
     irradiance: Irradiance | None = None
     path: str = ""
-    """The file of the split sum, for messages."""
+    """The file of the probe or of the split sum, for messages."""
 
     @classmethod
     def of_maps(cls, name: str, maps: Sequence[tuple[str, Map]]) -> "Source":
@@ -104,7 +106,19 @@ class Source:
             note(*paths)
             return cls.of_maps(name, [(path, open_map(path)) for path in paths])
         (path,) = paths
-        return cls(name, Path(path).name, open_probe(path, reading))
+        return cls(name, Path(path).name, open_probe(path, reading), path=path)
+
+    def for_several(self) -> "Source":
+        """Return the same source for several engines, which get the bytes that each gets alone.
+
+        A probe is decoded, projected and resampled once for all of them, unless it has too many
+        pixels to be held, or its colours are converted for each engine.
+        """
+        if self.probe is None or not same_primaries(self.probe.chromaticities, REC709):
+            return self
+        known = shared(self.probe)
+        is_held = isinstance(known, SharedProbe) and known.is_held
+        return replace(self, probe=known) if is_held else self
 
     @property
     def primaries(self) -> list[tuple[float, ...] | None]:
@@ -208,7 +222,10 @@ def export(
         raise MapError(f"{source.title}: nothing in it is what {engine.title} reads")
     if source.proxy is not None:
         _tell_box(engine, source.proxy, made)
-    if asked.sun is None and source.probe is not None:
+    if source.probe is None:
+        again = f"make the map anew, and {CURE} there"
+        made.warnings = [line.replace(CURE, again) for line in made.warnings]
+    elif asked.sun is None:
         made.warnings = better_cures(made, source.probe, engine)
     made.told[:0] = told
     made.warnings[:0] = warnings
@@ -228,7 +245,7 @@ def _tell_box(engine: Engine, box: ProxyBox, made: Package) -> None:
 
 
 def _readme(engine: Engine, light: Light, package: Package) -> str:
-    """Return the README: a line each of title, files, what was done, and loading, and the code.
+    """Return the README: a line each of title, files, what was done, and loading, with the code.
 
     File names stand in it without folders, so that the same light makes the same text anywhere.
     """
@@ -238,10 +255,11 @@ def _readme(engine: Engine, light: Light, package: Package) -> str:
         f"Light of {markdown(light.source)} for {engine.title}, by shrm {__release__}. Linear RGB.",
         f"Files: {files}.",
         f"What was done: {told}.",
-        f"Load it in {engine.title}:",
-        *[f"    {line}" for line in package.loading],
     ]
-    return "\n".join([*lines[:4], "", *lines[4:]]) + "\n"
+    if package.loading:
+        code = (f"    {line}" for line in package.loading)
+        lines += [f"Load it in {engine.title}:", "", *code]
+    return "\n".join(lines) + "\n"
 
 
 def check(engine: Engine, asked: Asked) -> None:
@@ -366,7 +384,7 @@ def _with_images(light: Light, probe: Probe, engine: Engine, asked: Asked) -> Li
     if engine.wants_latlong:
         # Where there are levels, the size is theirs, and the lat-long is as fine as the light.
         rows = 0 if engine.wants_levels else asked.size or engine.default_size
-        rows = rows or default_size(probe, LatLong)
+        rows = rows or min(default_size(probe, LatLong), engine.latlong_rows or LatLong.largest)
         if asked.safe and engine.sampler is not None and asked.size is None:
             rows = min(rows, engine.sampler.rows)
         light = replace(light, latlong=to_grid(probe, LatLong(rows)))

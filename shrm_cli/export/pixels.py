@@ -66,7 +66,7 @@ class Clipped:
 
 def limited(image: Array, chosen: TexelFormat, what: str) -> tuple[Array, Clipped]:
     """Return an image within the range of a format, and tell what was clipped."""
-    largest = np.array(chosen.largest)
+    largest = np.array(chosen.largest, image.dtype)
     above = int(np.count_nonzero(over_channels(np.logical_or, image > largest)))
     below = int(np.count_nonzero(over_channels(np.logical_or, image < 0)))
     clipped = Clipped(
@@ -87,7 +87,7 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
         raise MapError(
             f"{what}: {broken} texels are not finite; its light is beyond 32-bit floats, dim it"
         )
-    within, clipped = limited(image, chosen, what)
+    within, clipped = limited(np.asarray(image, dtype=float), chosen, what)
     words = chosen.pack(within)
     return words.astype(words.dtype.newbyteorder("<"), copy=False).tobytes(), clipped
 

@@ -19,6 +19,17 @@ _LARGEST_WORD = 2**16 - 1
 _COLUMNS = 3
 
 
+def check_texture(path: str | os.PathLike[str], columns: int, precision: Precision) -> None:
+    """Refuse a texture that cannot hold a table, before this is integrated.
+
+    Raises OutputError.
+    """
+    if columns > _COLUMNS:
+        raise OutputError(f"{path}: textures hold three columns, not {columns}; take .exr")
+    if precision != "auto" and Path(path).suffix.lower() != ".ktx2":
+        raise OutputError(f"{path}: a PNG has 16 bits, whatever `precision` is; leave it out")
+
+
 def write_texture(path: str | os.PathLike[str], table: Array, precision: Precision = "auto") -> str:
     """Write a table as a texture, by the suffix of its name, whole or not at all.
 
@@ -27,14 +38,11 @@ def write_texture(path: str | os.PathLike[str], table: Array, precision: Precisi
 
     Returns what the texels are: ``"half"``, ``"float"`` or ``"16 bits"``.
     """
-    if table.shape[-1] > _COLUMNS:
-        raise OutputError(f"{path}: textures hold three columns, not {table.shape[-1]}; take .exr")
+    check_texture(path, table.shape[-1], precision)
     values = np.zeros((*table.shape[:2], _COLUMNS))
     values[..., : table.shape[-1]] = table
     if Path(path).suffix.lower() == ".ktx2":
         return _write_ktx2(path, values, precision)
-    if precision != "auto":
-        raise OutputError(f"{path}: a PNG has 16 bits, whatever `precision` is; leave it out")
     if values.max() > 1 or values.min() < 0:
         raise OutputError(
             f"{path}: PNG holds 0 .. 1, and the table has {values.min():.3g} .. "

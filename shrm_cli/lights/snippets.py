@@ -66,7 +66,8 @@ def _filament(discs: Sequence[Disc]) -> str:
     """Filament shades with one directional light, the strongest; the others are far away points."""
     lines = [
         "// World axes, as cubes of `shrm export --for filament` have them.",
-        "// scale: the intensity of the IndirectLight that is made of the residual.",
+        "// The intensity of the IndirectLight that is made of the residual: Filament's own.",
+        "const float scale = 30000.0f;",
     ]
     if len(discs) > 1:
         lines.append("const float far = 1000.0f;  // from the origin, much farther than the scene")
@@ -88,7 +89,7 @@ def _filament(discs: Sequence[Disc]) -> str:
             f"LightManager::Builder(LightManager::Type::{'SUN' if is_sun else 'POINT'})",
             f"    .color({{{_numbers(color)}}})  // linear",
             *(travelling if is_sun else placed),
-            "    .build(engine, EntityManager::get().create());",
+            "    .build(*engine, EntityManager::get().create());",
         ]
     return "\n".join(lines)
 
@@ -97,7 +98,8 @@ def _bevy(discs: Sequence[Disc]) -> str:
     """A directional light of Bevy shines along the -Z of its transform."""
     lines = [
         "// World axes, as cubes of `shrm export --for bevy` have them.",
-        "// scale: the intensity of the EnvironmentMapLight that is made of the residual.",
+        "// The intensity of the EnvironmentMapLight that is made of the residual.",
+        "let scale = 1000.0;",
     ]
     for disc in discs:
         intensity, color = intensity_and_color(disc)

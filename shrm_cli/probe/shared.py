@@ -45,7 +45,8 @@ class SharedProbe(Probe):
 
     kept: dict[int | str, Any] = field(default_factory=dict)
     """What was computed of the light, by what it is: `shrm_cli.probe.lighting.project` keeps
-    coefficients by their order, and `shrm_cli.lights.beside` the lamps."""
+    coefficients by their order, `shrm_cli.lights.beside` the lamps, and
+    `shrm_cli.maps.splitsum.prefilter` the light as a cube."""
     project: "Callable[[int], Lighting] | None" = None
     """Projects the light to an order, where its coefficients are not those of its pixels."""
 

@@ -1,6 +1,7 @@
 """`shrm dfg`: the table, reopened by OpenEXR and used as its attributes say."""
 
 import json
+import re
 import struct
 
 import numpy as np
@@ -8,6 +9,7 @@ import OpenEXR
 import OpenImageIO as oiio
 import pytest
 
+from shrm_cli.brdf.environment import dfg
 from shrm_cli.brdf.environment.environment_brdf import brushed_table
 from shrm_cli.brdf.models.ggx import Ggx
 from tests.cli.helpers import assert_refused, done, read_exr, run, snapshot, write_exr
@@ -246,6 +248,27 @@ def test_tables_that_cannot_be_made_or_held(tmp_path, monkeypatch, options, told
     code = 2 if "exclude" in told else 1
     assert_refused(run("dfg", "--size", "4", *options), code, told)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--brdf", "ggx:anisotropy=0.6", "-o", "a.ktx2"],
+        ["--moments", "-o", "a.png"],
+        ["-o", "a.png", "--precision", "half"],
+    ],
+)
+def test_what_a_texture_cannot_hold_is_refused_before_it_is_integrated(monkeypatch, options):
+    monkeypatch.setattr(dfg, "dfg", lambda *_, **__: pytest.fail("the table was integrated"))
+    assert_refused(run("dfg", *options), 1, options[options.index("-o") + 1])
+
+
+def test_the_examples_of_the_help_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    examples = re.findall(r"^ +shrm (dfg .*)$", done("dfg", "--help"), re.M)
+    for example in examples:
+        done(*example.split(), "--size", "4", "--force")
+    assert len(examples) == 3
 
 
 def test_a_table_whose_columns_are_unknown_is_refused(tmp_path):

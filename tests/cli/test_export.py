@@ -1,14 +1,18 @@
 """`shrm export`: files, folder, what is said, and what is refused in one line."""
 
 import json
+import re
 import sys
 
 import numpy as np
 import pytest
 
+from shrm_cli.export import make
 from shrm_cli.maps.file import open_map
+from shrm_cli.maps.splitsum import prefilter
+from shrm_cli.probe.options import ReadOptions
 from shrm_cli.vocabulary import ENGINES, PRIMARIES
-from tests.cli.helpers import MAIN, assert_refused, done, process, run, snapshot, write_exr
+from tests.cli.helpers import MAIN, assert_refused, done, noise, process, run, snapshot, write_exr
 from tests.export.readers import read_ktx1, read_ktx2
 from tests.web.glb import ball_file
 
@@ -108,6 +112,62 @@ def test_an_engine_that_has_not_what_is_asked_loses_no_other(folder):
     assert not (folder / "none").exists()
 
 
+def test_what_is_wrong_with_a_probe_is_said_once_for_all_engines(folder):
+    result = run("export", "none.exr", "--for", "all", "-o", "assets")
+    assert_refused(result, 1, "none.exr: no such file")
+    assert result.err.count("none.exr") == 1
+    assert not (folder / "assets").exists()
+
+
+def test_a_probe_is_read_once_for_all_engines(folder, monkeypatch):
+    opened, given = [], make.open_probe
+    monkeypatch.setattr(make, "open_probe", lambda *args: opened.append(args) or given(*args))
+    done("export", "sky.exr", "--for", "json", "--for", "godot", "--for", "usd")
+    assert len(opened) == 1
+
+
+def test_the_only_format_of_an_engine_may_be_named(folder):
+    given = ("export", "sky.exr", "--for", "cesium", "--size", "16")
+    done(*given)
+    done(*given, "--format", "rgba16f", "--max-error", ".01")  # the same bytes, or it would refuse
+    assert_refused(run(*given, "--max-error", "1e-9"), 2, "--max-error 1e-09 is not kept: rgba16f")
+    assert_refused(run(*given, "--format", "bc6h"), 2, "CesiumJS reads rgba16f, auto")
+
+
+def test_gltf_sample_viewer_gets_no_pixel_that_it_skips(folder):
+    """It looks a panorama up at the texels of a cube of 256, and would miss a lamp of a pixel."""
+    light = np.ones((1024, 2048, 3), np.float32)
+    light[300, 600] = 101
+    write_exr(folder / "lamp.exr", light)
+    done("export", "lamp.exr", "--for", "gltf-sample-viewer", "--size", "16")
+    data = (folder / "lamp.gltf-sample-viewer" / "lamp.hdr").read_bytes()
+    start = data.index(b"-Y 512 +X 1024\n") + len(b"-Y 512 +X 1024\n")
+    pixels = np.frombuffer(data, np.uint8, offset=start).reshape(512, 1024, 4).astype(float)
+    image = pixels[..., :3] * np.exp2(pixels[..., 3:] - 136)
+    assert image[150, 300] == pytest.approx(1 + 100 / 4, rel=0.01)
+
+
+def test_engines_share_what_is_made_of_a_probe_and_get_the_same_bytes(folder, monkeypatch):
+    write_exr(folder / "sky.exr", noise(128, 256))  # fewer rows would be cut for each
+    made, given = [], prefilter.to_grid
+    monkeypatch.setattr(prefilter, "to_grid", lambda *args: made.append(args) or given(*args))
+    several = [word for each in ("bevy", "cesium", "directx") for word in ("--for", each)]
+    done("export", "sky.exr", *several, "--size", "16", "-o", "all")
+    assert len(made) == 1
+    for name in ("bevy", "cesium", "directx"):
+        done("export", "sky.exr", "--for", name, "--size", "16")
+        assert snapshot(folder / "all" / name) == snapshot(folder / f"sky.{name}")
+
+
+def test_probes_of_other_primaries_are_not_shared(folder):
+    """What is known of their own light is not what is known of the light that engines get."""
+    given = ReadOptions(primaries=PRIMARIES["acescg"])
+    source = make.Source.open(["sky.exr"], reading=given)
+    assert source.for_several() is source
+    plain = make.Source.open(["sky.exr"])
+    assert plain.for_several().probe is not plain.probe
+
+
 def test_a_turned_probe_is_turned(folder):
     done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "plain")
     done("export", "sky.exr", "--for", "bevy", "--size", "16", "--yaw", "180", "-o", "turned")
@@ -140,8 +200,17 @@ def test_a_chain_of_cloth_is_written_for_readers_of_it_alone(folder):
     refused = run("export", "cloth.exr", "--for", "gltf-sample-viewer", "--dfg", "-o", "b")
     assert_refused(refused, 2, "shrm dfg --brdf charlie")
     refused = run("export", "cloth.exr", "--for", "gltf-sample-viewer", "--size", "64", "-o", "b")
-    assert_refused(refused, 1, "--to splitsum --brdf charlie --mapping linear --levels 3 --size 64")
+    assert_refused(refused, 1, "--to splitsum --brdf charlie --mapping linear --levels 3 --mips")
     assert not (folder / "b").exists()
+
+
+@pytest.mark.parametrize("engine", ["filament", "babylon", "playcanvas"])
+def test_a_split_sum_is_taken_as_it_is_where_it_is_made_as_the_refusal_says(folder, engine):
+    done("prefilter", "sky.exr", "--to", "splitsum", "--levels", "9", "--size", "32", "-o", "a.exr")
+    refused = run("export", "a.exr", "--for", engine)
+    command = re.search(r"shrm (prefilter PROBE [^ ]*.*), or export", refused.err)[1]
+    done(*command.replace("PROBE", "sky.exr").split(), "-o", "b.exr")
+    assert "interpolated" not in done("export", "b.exr", "--for", engine)
 
 
 def test_cloth_has_colours_of_its_own(folder):

@@ -48,6 +48,21 @@ def test_examples_fit_into_80_columns(command):
     assert max(map(len, examples), default=0) <= 80
 
 
+@pytest.mark.parametrize(
+    ("command", "shown"),
+    [
+        ("prefilter", "--compress pca:K|pca:X "),
+        ("render", "--brush uv|X,Y,Z "),
+        ("render", "--size N|WxH "),
+        ("transfer", "--albedo X|R,G,B|mesh|vertex "),
+        ("export", "--yaw FLOAT "),
+    ],
+)
+def test_words_of_values_are_shown_as_they_are_written(command, shown):
+    """In capitals, as click shows types, they would be refused."""
+    assert shown in done(command, "--help")
+
+
 def test_prefilter_lists_each_option_once_under_a_heading():
     text = done("prefilter", "--help")
     headings = re.findall(r"^(\S.*):$", text, re.M)

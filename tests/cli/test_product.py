@@ -139,7 +139,7 @@ def test_a_parameter_that_varies(tmp_path, probe, monkeypatch):
     for given, code, words in (
         (["--vary", "az=0..1"], 1, ["no parameter 'az'", "ax, ay, color"]),
         (["--vary", "ay=0.5..0.2"], 2, ["NAME=LOW..HIGH"]),
-        (["--vary", "ay=0..9"], 1, ["outside"]),
+        (["--vary", "ay=0.1..9"], 1, ["ay=9 is outside"]),
         (["--steps", "3"], 2, ["--vary"]),
     ):
         assert_refused(run("product", "ward:ax=0.5", *SMALL, *given, "-o", "z.exr"), code, *words)

@@ -83,11 +83,21 @@ def test_the_file_holds_the_textures(folder, to):
             np.testing.assert_array_equal(stored, layer)
 
 
+@pytest.mark.parametrize("options", [("--yaw", "30"), ("--form", "zh3"), ()])
+def test_files_of_maps_tell_their_code(folder, options):
+    """No probe is needed, and none of the options that the map was made with."""
+    done("prefilter", "probe.exr", "--to", "irradiance", "-o", "map.exr")
+    convert = ("convert", "map.exr", "--to", "irradiance", *options, "-o", "new.exr")
+    code = done(*convert, "--shader", "c", "--quiet").rstrip("\n")
+    assert code == look_up_code(open_map("new.exr"), "c").rstrip("\n")
+    assert json.loads(done(*convert, "--shader", "c", "--json"))["shader"].rstrip("\n") == code
+
+
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
         (["m.exr", "--to", "layers", "--size", 4], 2, "--size applies to all but --to layers"),
-        (["m.exr", "--to", "openexr", "--shader", "c"], 2, "--shader applies with --to layers"),
+        (["m.exr", "--to", "openexr", "--shader", "c"], 2, "--shader applies to all but images"),
         (["probe.exr", "--to", "layers"], 2, "probe.exr is no map"),
         (["missing.exr", "--to", "layers"], 1, "missing.exr: no such file"),
         (["m.exr", "--to", "layers", "-o", "m.exr"], 1, "m.exr"),

@@ -86,7 +86,7 @@ def test_shrms_of_maps_have_the_orders_that_fit(monkeypatch):
     ("to", "arguments", "words"),
     [
         ("cabral", {"by": "normal"}, "`by` does not apply to what is seen from no `view`"),
-        ("cabral", {"shader": "glsl"}, "`shader` does not apply to `to` cabral"),
+        ("latlong", {"shader": "glsl"}, "`shader` does not apply to `to` latlong"),
         ("latlong", {"slices": 4}, "`slices` does not apply to `to` latlong"),
         ("layers", {"size": 4}, "`size` does not apply to `to` layers"),
         ("strip", {"view": (0.0, 0.0)}, "strip is no plain image"),

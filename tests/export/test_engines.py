@@ -5,6 +5,7 @@ chance. What the engines find in the files is compared with sums over the probe'
 """
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -316,7 +317,7 @@ def test_a_split_sum_that_fits_gives_the_same_levels(probe, tmp_path):
     ("levels", "mapping", "size", "asked", "why"),
     [
         (5, "linear", 64, {}, r"roughness 0, 0\.25, .*, 1; Filament looks up 0, 0\.293, 1 at size"),
-        (3, "linear", 64, {}, r"--mapping filament --levels 3 --size 64"),
+        (3, "linear", 64, {}, r"--mapping filament --levels 3 --mips --size 64"),
         (3, "filament", 32, {"size": 64}, r"level 0 has 32 texels along an edge, not 64"),
     ],
 )
@@ -336,6 +337,8 @@ def test_an_irradiance_map_gives_coefficients_and_cubes(probe, samples, tmp_path
     ):
         made = export(source, engines.engine(name), Asked())
         assert {file.name for file in made.files} == wanted
+        named = re.findall(r"\w+\.(?:ktx2?|txt)", "\n".join(made.loading))
+        assert set(named) == wanted - {"sky_README.md"}
     with pytest.raises(MapError, match="nothing in it is what Godot reads"):
         export(source, engines.engine("godot"), Asked())
 
@@ -374,6 +377,16 @@ def test_bright_light_is_clipped_with_one_warning_a_file(tmp_path, name):
     assert above
     assert len(above) == len({line.partition(":")[0] for line in above})
     assert all("dim them with `clamp`" in line for line in above)
+
+
+def test_a_map_of_bright_light_is_to_be_made_anew():
+    """`clamp` does not apply to maps."""
+    image = np.ones((32, 64, 3))
+    image[5, 9] = 1e6
+    split = split_sum_of(Probe.from_array(image), levels=3, mapping="linear", size=32).map
+    source = Source.of_maps("sun", [("sun.splitsum.exr", split)])
+    (line,) = export(source, engines.engine("directx"), Asked()).warnings
+    assert "; make the map anew, and dim them with `clamp` there" in line
 
 
 def test_coefficients_that_would_be_negative_are_windowed_and_it_is_told():

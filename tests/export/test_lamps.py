@@ -83,6 +83,17 @@ def test_levels_are_smooth_without_their_lamps(lit, name):
     assert any(line.startswith("lamps: ") for line in told)
 
 
+@pytest.mark.parametrize(("name", "word"), [("filament", "const float"), ("bevy", "let")])
+def test_lines_say_by_what_lamps_are_scaled_before_they_are(lit, name, word):
+    """The engine's own intensity of the environment; without a value the lines did not compile."""
+    code = "\n".join(export(source(lit), engines.engine(name), SPLIT).loading)
+    given = re.search(rf"{word} scale = ([0-9.]+)f?;", code)
+    assert given
+    assert given.end() < code.index("* scale")
+    own = re.search(r"intensity: ([0-9.]+), \.\.default", code)
+    assert float(given[1]) == (float(own[1]) if own else 30000)
+
+
 def test_light_without_lamps_is_left_alone():
     image = np.ones((ROWS, 2 * ROWS, 3))
     made = export(source(image), engines.engine("three"), SPLIT)

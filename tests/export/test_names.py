@@ -19,6 +19,17 @@ NAMES = (
 )  # fmt: skip
 
 
+@pytest.mark.parametrize("engine", ["three", "cesium"])
+def test_lines_of_javascript_import_what_they_make(exported, engine):
+    files = exported(engine)
+    (readme,) = (path for file, path in files.items() if file.endswith("_README.md"))
+    code = readme.read_text().partition("\n\n")[2]
+    imported = re.findall(r"\w+", " ".join(re.findall(r"import \{(.*?)\} from", code)))
+    made = re.findall(r"new (\w+)", code)
+    assert made
+    assert set(made) <= set(imported)
+
+
 @pytest.mark.parametrize("name", [*NAMES, "*/ x /*", "// \u2028"])
 def test_every_form_stands_for_the_name(name):
     assert json.loads(string(name)) == name
@@ -70,7 +81,7 @@ def test_files_are_named_so_that_they_are_found(exported, engine):
     text = readme.read_text()
     assert text.count("\n") == len(text.splitlines())
     head, _, code = text.partition("\n\n")
-    assert len(head.splitlines()) == 4  # no name breaks a line
+    assert len(head.splitlines()) == (4 if code else 3)  # no name breaks a line
     for line in code.splitlines():
         assert line.startswith("    "), line
     wanted = [each for each in strings(code) if each.rpartition(".")[2] in

@@ -1,10 +1,13 @@
 """Cubes turned for engines: an engine's own lookup of a direction finds the light from there."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from shrm_cli.export.cubes import WORLD, mirrored, to_lookup
-from shrm_cli.export.latlong import rgbe, rolled
+from shrm_cli.export.engine import Package
+from shrm_cli.export.latlong import add_radiance, rgbe, rolled
 from tests.brute_force import latlong_samples, unit
 from tests.export.readers import look_up
 
@@ -64,3 +67,16 @@ def test_rgbe_is_the_nearest_mantissa(rng):
     assert (found[3] == 0).all()
     steps = image.max(axis=1) / 128
     assert (np.abs(found - image) <= steps[:, None] / 2 + 1e-12).all()
+
+
+def test_radiance_files_take_little_memory_beside_their_pixels(tmp_path, rng):
+    """They are encoded some rows at a time, which changes nothing."""
+    image = rng.uniform(0, 9, size=(512, 1024, 3)).astype(np.float32)
+    made = Package()
+    tracemalloc.start()
+    add_radiance(made, "a.hdr", image)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 5 * image.nbytes  # it was 11 times
+    made.files[0].write(tmp_path / "a.hdr")
+    assert (tmp_path / "a.hdr").read_bytes().endswith(b"-Y 512 +X 1024\n" + rgbe(image).tobytes())

@@ -1,5 +1,7 @@
 """`dfg`: the environment-BRDF table of a kind, or of a BRDF."""
 
+from typing import cast
+
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, value_text
 from shrm_cli.brdf.environment import environment_brdf as tables
@@ -83,10 +85,11 @@ def dfg(
         raise ArgumentError("kind", f"is {kind}; tables of GGX without `brdf` are of {known}")
     if brdf is not None:
         material = parse_spec(brdf) if isinstance(brdf, str) else brdf
-        if isinstance(material, Ggx) and not material.isotropic:
-            return EnvironmentTable(brushed_table(material, size), "brushed", _named(material))
+        own = kind_of(material)
+        if own == "brushed":
+            return EnvironmentTable(brushed_table(cast(Ggx, material), size), own, _named(material))
         check_varies(material)
-        return EnvironmentTable(albedo_table(material, size), "albedo", _named(material))
+        return EnvironmentTable(albedo_table(material, size), own, _named(material))
     if kind == "moments":
         return EnvironmentTable(tables.moments_table(size), kind)
     if kind in (None, "scale-bias", "multiscatter"):
@@ -94,6 +97,11 @@ def dfg(
     else:
         texels = tables.columns_table(kind, size)
     return EnvironmentTable(texels, kind or "scale-bias")
+
+
+def kind_of(material: Brdf) -> Kind:
+    """Return the kind of the table of a BRDF."""
+    return "brushed" if isinstance(material, Ggx) and not material.isotropic else "albedo"
 
 
 def _named(material: Brdf) -> str:

@@ -266,7 +266,9 @@ def _totals(alphas: tuple[float, float], z: Array, azimuth: float) -> Array:
     ax, ay = alphas
     sine = np.sqrt(1 - z**2)
     x, y = sine * np.cos(azimuth), sine * np.sin(azimuth)
-    turns = (np.arange(_TURNS)[:, None] + 0.5) * 2 * np.pi / _TURNS
+    # Seen along or across the tangent, both sides of the plane of the view reflect the same.
+    sides, first = (2, azimuth) if azimuth in (AZIMUTHS[0], AZIMUTHS[-1]) else (1, 0.0)
+    turns = first + (np.arange(_TURNS // sides)[:, None] + 0.5) * 2 * np.pi / _TURNS
     unit_x, unit_y = ax * np.cos(turns), ay * np.sin(turns)
     along, square = unit_x * x + unit_y * y, unit_x**2 + unit_y**2
     # N.L > 0 is ``z + 2 along t - z square t^2 > 0``; the form of the root does not cancel.
@@ -285,7 +287,7 @@ def _totals(alphas: tuple[float, float], z: Array, azimuth: float) -> Array:
     masking = np.sqrt((ax * x) ** 2 + (ay * y) ** 2 + z**2)
     shadowing = np.sqrt((ax * light[0]) ** 2 + (ay * light[1]) ** 2 + height**2)
     # With t = sinh(x), D cos(theta_h) dH = 2 t / (1 + t^2)^2 dt dphi / (2 pi).
-    measure = end * weights * 2 * length / np.cosh(steps) ** 3 / _TURNS
+    measure = end * weights * (2 * sides / _TURNS) * length / np.cosh(steps) ** 3
     both = np.maximum(height * masking + z * shadowing, np.finfo(float).tiny)
     base = measure * 2 * facing * height / both
     tail = base * fifth_power(1 - np.minimum(facing * np.sqrt(cosine2), 1.0))

@@ -29,19 +29,24 @@ class Bevy(Engine):
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
+        specular, diffuse = f"{light.name}_specular.ktx2", f"{light.name}_diffuse.ktx2"
         if light.levels:
-            ktx2_file(made, f"{light.name}_specular.ktx2", light.levels, texels, _LOOKUP)
+            ktx2_file(made, specular, light.levels, texels, _LOOKUP)
             made.told.append(f"{len(light.levels)} levels of roughness k / {len(light.levels) - 1}")
         if light.diffuse is not None:
             cube = diffuse_cube(light.diffuse)
-            ktx2_file(made, f"{light.name}_diffuse.ktx2", [cube], texels, _LOOKUP)
+            ktx2_file(made, diffuse, [cube], texels, _LOOKUP)
             made.told.append("the diffuse cube holds E/pi")
         made.told.append("cubes are mirrored, z to -z, as Bevy looks them up")
         made.loading += [
             "// features: ktx2, zstd_rust",
             "commands.entity(camera).insert(EnvironmentMapLight {",
-            f"    diffuse_map: assets.load({string(f'{light.name}_diffuse.ktx2')}),",
-            f"    specular_map: assets.load({string(f'{light.name}_specular.ktx2')}),",
+            f"    diffuse_map: assets.load({string(diffuse)}),"
+            if light.diffuse is not None
+            else "    // diffuse_map: none here; export an irradiance map, too",
+            f"    specular_map: assets.load({string(specular)}),"
+            if light.levels
+            else "    // specular_map: none here; export a split sum, too",
             "    intensity: 1000.0, ..default() });",
         ]
         return made

@@ -23,6 +23,7 @@ class Cesium(Engine):
 
     name = "cesium"
     title = "CesiumJS"
+    formats = ("rgba16f",)
     mapping = "linear"
     least = 8
     """Texels along an edge of the last level: fewer would not show a lobe of roughness 1."""
@@ -46,7 +47,7 @@ class Cesium(Engine):
             made.told.append(f"{len(light.levels)} levels of roughness k / {len(light.levels) - 1}")
         if options:
             made.loading += [
-                "// with the names that the package cesium exports",
+                'import { ImageBasedLighting } from "cesium";',
                 "model.imageBasedLighting = new ImageBasedLighting({",
                 *options,
                 "});",

@@ -53,6 +53,10 @@ class Filament(Engine):
                 "auto* ibl = IndirectLight::Builder().reflections(ktxreader::Ktx1Reader::"
                 "createTexture(engine, ktx, false)).irradiance(3, sh).build(*engine);",
             ]
+        elif nine is not None:
+            made.loading.append(
+                "// float3 sh[9], the lines of sh.txt: IndirectLight::Builder().irradiance(3, sh)"
+            )
         if light.skybox is not None:
             name = f"{light.name}_skybox.ktx"
             made.add_bytes(name, _cube(made, name, [light.skybox], texels, {}))

@@ -27,6 +27,7 @@ class GltfSampleViewer(Engine):
     wants_irradiance = False
     wants_diffuse = True
     wants_latlong = True
+    latlong_rows = 512  # it reads single pixels, at the middles of the texels of a cube of 256
     takes_table = True
     lobes = ("ggx", "charlie")
     least = 16
@@ -37,7 +38,10 @@ class GltfSampleViewer(Engine):
         if light.latlong is not None:
             name = f"{light.name}.hdr"
             add_radiance(made, name, light.latlong)
-            made.told.append("the panorama is right at the viewer's default rotation of 90 degrees")
+            made.told.append(
+                "the panorama is right at the viewer's default rotation of 90 degrees; of more "
+                f"than {self.latlong_rows} rows it would skip pixels"
+            )
             load = "view.createResourceLoader().loadEnvironment"
             made.loading.append(f"state.environment = await {load}({string(uri(name))});")
         if light.levels:

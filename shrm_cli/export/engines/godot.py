@@ -51,6 +51,7 @@ class Godot(PanoramaEngine):
         made.loading += [
             "var material := PanoramaSkyMaterial.new()",
             f"material.panorama = load({string(f'res://{name}')})",
+            "environment.background_mode = Environment.BG_SKY",
             "environment.sky = Sky.new()",
             "environment.sky.sky_material = material",
         ]

@@ -63,6 +63,7 @@ class Three(Engine):
             file = string(uri(name))
             if is_stock:
                 made.loading += [
+                    'import { LightProbe, SphericalHarmonics3 } from "three";',
                     f"const {{ three }} = await (await fetch({file})).json();",
                     "scene.add(new LightProbe(new SphericalHarmonics3().fromArray(three)));",
                 ]

@@ -69,6 +69,8 @@ def varying_steps(
 
     Returns `steps`; and `points`, the values of the parameters for each texture.
     """
+    for ends in zip(*ranges.values(), strict=True):
+        _with_values(brdf, ranges, ends)  # which names the end that is wrong, and no value between
     views = _views()[:: _VIEWS // _VIEWS_OF_STEPS]
     accuracy = ACCURACY if len(ranges) == 1 else _ACCURACY_OF_TWO
 

@@ -70,7 +70,7 @@ def write_layers(
     if not textures:
         raise MapError(
             f"{made.what} has no textures: its code holds all numbers, and "
-            "shrm prefilter --shader prints it"
+            f"shrm convert --to {made.representation} --shader prints it"
         )
     about = {
         _MARK: "layers",

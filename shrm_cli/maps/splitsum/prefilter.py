@@ -34,6 +34,7 @@ from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
+from shrm_cli.probe.shared import SharedProbe
 from shrm_cli.probe.source import latlong_light
 from shrm_cli.progress import Stages, current, using
 from shrm_cli.records import record
@@ -303,7 +304,13 @@ def _mirror(light: _Light, size: int) -> tuple[Array, MapInfo]:
     The order that it is given is the one that its texels can hold.
     """
     info = replace(light.known, order_f=4 * size // 10, domain="angular")
-    return to_grid(light.probe, Cube(size, light.sampling)), info
+    probe, target = light.probe, Cube(size, light.sampling)
+    kept = probe.kept if isinstance(probe, SharedProbe) else {}
+    key = f"on {target!r}"
+    if key not in kept:
+        kept[key] = to_grid(probe, target)
+    cube: Array = kept[key]
+    return cube.copy(), info
 
 
 def _expanded(

@@ -39,6 +39,14 @@ def test_even_surfaces_are_those_of_their_own_table(roughness):
     np.testing.assert_allclose(found, lobe_moments(roughness, cosines)[:, 0], atol=2e-5)
 
 
+@pytest.mark.parametrize("azimuth", [AZIMUTHS[0], AZIMUTHS[-1]])
+def test_half_of_the_slopes_tell_all_where_both_halves_are_alike(azimuth):
+    """Beside these azimuths all slopes are summed."""
+    cosines = np.array([0.05, 0.4, 0.9])
+    halved = brushed_totals((0.5, 0.2), cosines, azimuth)
+    np.testing.assert_allclose(halved, brushed_totals((0.5, 0.2), cosines, azimuth + 1e-9), 1e-7)
+
+
 PROOFS = [pytest.param(each, marks=pytest.mark.proof) for each in (0.3, 1.3)]
 
 
