@@ -5,7 +5,7 @@ projection. That takes far longer than the projection, of which there are two at
 """
 
 from collections.abc import Callable
-from dataclasses import field, fields
+from dataclasses import field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -57,6 +57,10 @@ class SharedProbe(Probe):
     @cached_property
     def _digest(self) -> str:
         return super().digest()
+
+    def multiplied(self, matrix: Array, primaries: tuple[float, ...] | None) -> Probe:
+        """The probe of pixels multiplied by a matrix, of which nothing is remembered."""
+        return replace(super().multiplied(matrix, primaries), kept={}, project=None)
 
     @property
     def is_held(self) -> bool:

@@ -40,6 +40,13 @@ def test_pixels_are_held_unless_they_are_too_many(pixels, reads, monkeypatch):
     assert shared(held) is held
 
 
+def test_what_is_known_is_not_that_of_other_colors(pixels):
+    held = shared(Probe.from_array(pixels))
+    before = project(held, 64).coefficients
+    found = project(held.multiplied(np.diag([2.0, 1.0, 0.5]), None), 64).coefficients
+    np.testing.assert_allclose(found, before * [2, 1, 0.5], rtol=1e-5, atol=1e-6)
+
+
 def test_an_image_that_is_not_held_is_read_twice_at_most(pixels, reads, monkeypatch):
     """Once for few degrees, which are enough for dull surfaces, and once for all."""
     monkeypatch.setattr(of_several, "MOST_BYTES", 0)
