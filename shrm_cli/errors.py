@@ -70,6 +70,10 @@ class ArgumentError(ShrmError):
         super().__init__(f"`{argument}` {message}")
         self.argument, self.message = argument, message
 
+    def __reduce__(self) -> tuple[type["ArgumentError"], tuple[str, str]]:
+        """How it comes out of worker processes, which break where an error cannot be pickled."""
+        return type(self), (self.argument, self.message)
+
 
 class ShrmWarning(UserWarning):
     """A remark of one line that the user should know about a result which is not wrong."""

@@ -1,6 +1,7 @@
 """The library as its page and its example use it, and what `import shrm_cli` loads."""
 
 import os
+import pickle  # noqa: TID251 (of its own objects)
 import re
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import shrm_cli as shrm
+from shrm_cli import errors
 from tests import brute_force
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -165,3 +167,12 @@ def test_refusals_speak_of_arguments():
         shrm.prefilter(np.ones((8, 16, 3)), to="splitsum", level=3)
     with pytest.raises(shrm.ArgumentError, match="'shmr' is none of shrm"):
         shrm.prefilter(np.ones((8, 16, 3)), to="shmr")
+
+
+def test_errors_come_out_of_worker_processes():
+    """A pool breaks, and tells nothing, where an error cannot be made again of its pickle."""
+    kinds = [each for each in vars(errors).values() if isinstance(each, type)]
+    for kind in (each for each in kinds if issubclass(each, Exception)):
+        error = kind("size", "is 3") if kind is shrm.ArgumentError else kind("a.exr: damaged")
+        again = pickle.loads(pickle.dumps(error))
+        assert (type(again), str(again), vars(again)) == (kind, str(error), vars(error))

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from shrm_cli.analysis.facts import in_words, map_facts, probe_facts
+from shrm_cli.batch.collect import is_collection, read_collection
 from shrm_cli.brdf.environment.file import read_table_facts
 from shrm_cli.brdf.measured.table import Table, is_table
 from shrm_cli.brdf.spec import is_measured_file
@@ -91,6 +92,11 @@ def _grid(name: str) -> dict[str, Any]:
     return {"kind": "grid of probes", **read_grid(name).summary()}
 
 
+def _collection(name: str) -> dict[str, Any]:
+    found = read_collection(name)
+    return {"kind": "collection of coefficients", "probes": len(found.names), **found.settings()}
+
+
 def _table(name: str) -> dict[str, Any]:
     table = Table.open(name)
     return {
@@ -121,6 +127,7 @@ _KINDS: tuple[tuple[Callable[[str], bool], str, Callable[[str], dict[str, Any]]]
     (is_map, "is a map", lambda name: map_facts(open_map(name))),
     (is_transfer, "is a precomputed transfer", _transfer),
     (is_grid, "is a grid of probes", _grid),
+    (is_collection, "is a collection of coefficients", _collection),
     (is_table, "is a BRDF table", _table),
 )
 """How files are recognized, what they are, and how their facts are read."""

@@ -8,6 +8,7 @@ fresh process rather than a fork, so that libraries find no threads of the paren
 import contextlib
 import os
 import signal
+import sys
 import threading
 import time
 import warnings
@@ -45,7 +46,8 @@ class ProcessWorkers:
 
         Raises BrokenExecutor if a process has died, and the pool is to be renewed.
         """
-        return self.executor.submit(ending, function, *arguments)
+        with without_script():
+            return self.executor.submit(ending, function, *arguments)
 
     def is_lost(self, error: BaseException) -> bool:
         return isinstance(error, BrokenExecutor)
@@ -67,6 +69,23 @@ class ProcessWorkers:
         self.executor.shutdown(wait=not at_once, cancel_futures=True)
         if at_once:
             connection.wait([child.sentinel for child in children], _GRACE)
+
+
+@contextmanager
+def without_script() -> Iterator[None]:
+    """Context manager in which new processes do not run the script of this process first.
+
+    Python has each fresh process do so, in case its tasks name something in it, which ours never
+    do. A script that calls `batch` outside of ``if __name__ == "__main__":`` would begin again in
+    each of them.
+    """
+    main = vars(sys.modules["__main__"])
+    hidden = {name: main[name] for name in ("__file__", "__spec__") if main.get(name) is not None}
+    main.update(dict.fromkeys(hidden))
+    try:
+        yield
+    finally:
+        main.update(hidden)
 
 
 def _begin() -> None:
@@ -133,8 +152,7 @@ def batch(
     Parameters
     ----------
     entries : sequence of Entry
-        What is made. A program that starts processes must do so below ``if __name__ ==
-        "__main__":``.
+        What is made.
     jobs : int, optional
         Processes that work at a time; by default as many as there are processors.
     scheduler : str, optional
@@ -180,7 +198,7 @@ def workers(
     if scheduler is not None:
         from shrm_cli.batch.cluster import cluster_executor
 
-        with cluster_executor(scheduler, jobs) as found:
+        with without_script(), cluster_executor(scheduler, jobs) as found:
             yield found, True
         return
     pool = ProcessWorkers(jobs or _processors())

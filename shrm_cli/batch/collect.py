@@ -169,6 +169,11 @@ def _write(path: Path, collection: Collection, settings: str) -> None:
     npz.write_npz(path, arrays)
 
 
+def is_collection(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a file is an ``.npz`` of coefficients; reading tells whether it is sound."""
+    return npz.holds(path, {"coefficients", "names", "sha256", "settings"})
+
+
 def read_collection(path: str | os.PathLike[str]) -> Collection:
     """Read a collection from an ``.npz``."""
     missing, again = "name one that shrm batch wrote", "collect it again with shrm batch"

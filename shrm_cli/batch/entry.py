@@ -467,11 +467,13 @@ def _identity(name: str) -> str:
 def _twice(one: Job, other: Job) -> str:
     """Say what two jobs of one output differ in."""
     both = f"{one.output}: of {other.probe} and of {one.probe}"
+    if one.probe != other.probe and _identity(one.probe) == _identity(other.probe):
+        return f"{both}, which is the same file; name it once"
     if one.probe != other.probe and probe_stem(one.probe) != probe_stem(other.probe):
         return f"{both}; put {{probe}} into the name of the outputs"
     if one.probe != other.probe:
         return f"{both}; put {{folder}} into the name of the outputs"
-    if one.recipe.brdf != other.recipe.brdf:
+    if one.recipe.brdf != other.recipe.brdf and None not in (one.recipe.brdf, other.recipe.brdf):
         return (
             f"{one.output}: of {other.recipe.brdf} and of {one.recipe.brdf}; put {{brdf}} into the "
             "name of the outputs, or make two entries of them"

@@ -7,7 +7,7 @@ import re
 import stat
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -102,8 +102,7 @@ class ImageFile:
         path = check_file(path)
         _check_whole(path)
         radiance = radiance_encoding(path)
-        with caught():
-            source = oiio.ImageInput.open(str(path), _reading_hints())
+        source = _open_input(path)
         if source is None:
             from zipfile import is_zipfile  # slow to load, and rarely needed
 
@@ -169,6 +168,19 @@ class ImageFile:
             path, width, height, envmap, bool(spec.get_int_attribute("oiio:sampleborder")),
             file_format, encoding, chosen, tuple(notes), source, offset,
         )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process is given of it, which opens the file itself, and a copy, too."""
+        if not self.path.exists():  # as where it was unpacked for a moment
+            raise ProbeError(f"{self.path}: gone, so that no other process can open it")
+        kept = {each.name: getattr(self, each.name) for each in fields(self)}
+        return {**kept, "path": self.path.absolute(), "_input": None, "_held": _Held()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        source = _open_input(check_file(state["path"]))
+        if source is None or not source.seek_subimage(state["layer"].index, 0):
+            raise ProbeError(f"{state['path']}: not the image that it was; open it again")
+        self.__dict__.update(state, _input=source)
 
     @property
     def name(self) -> str:
@@ -402,12 +414,13 @@ def _begins_as_archive(path: Path) -> bool:
         return stream.read(4) == b"PK\x03\x04"
 
 
-def _reading_hints() -> Any:
-    """What OpenImageIO is asked to leave as it is, or to turn upright."""
-    hints = oiio.ImageSpec()
+def _open_input(path: Path) -> Any:
+    """OpenImageIO's reader of a file, None where it has none."""
+    hints = oiio.ImageSpec()  # what it leaves as it is, or turns upright
     hints.attribute("oiio:UnassociatedAlpha", 1)  # or color comes multiplied by alpha
     hints.attribute("pnm:pfmflip", 1)  # PFM stores its bottom row first
-    return hints
+    with caught():
+        return oiio.ImageInput.open(str(path), hints)
 
 
 def _canvas(spec: Any, is_envmap: bool) -> tuple[int, int, tuple[int, int]]:

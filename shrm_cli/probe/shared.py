@@ -60,7 +60,7 @@ class SharedProbe(Probe):
 
     def multiplied(self, matrix: Array, primaries: tuple[float, ...] | None) -> Probe:
         """The probe of pixels multiplied by a matrix, of which nothing is remembered."""
-        return replace(super().multiplied(matrix, primaries), kept={}, project=None)
+        return Probe.multiplied(replace(self, kept={}, project=None), matrix, primaries)
 
     @property
     def is_held(self) -> bool:

@@ -93,6 +93,11 @@ def test_a_pattern_that_matches_nothing_is_refused(folder):
         ({"output": "o/{probe}.{to}.exr", "probes": ("probes/**/*.exr",)}, "put {folder}"),
         ({"output": "o/{probe}.{to}.exr", "brdfs": ("lambertian", "phong")}, "put {brdf}"),
         ({"output": "o/{probe}.{brdf}.exr", "to": ("shrm", "cabral")}, "put {to}"),
+        ({"output": "o/{probe}.exr", "to": ("shrm", "irradiance")}, "of two forms; put {to}"),
+        (
+            {"output": "o/{probe}.exr", "probes": ("probes/day/p0.exr", "./probes/day/p0.exr")},
+            "of probes/day/p0.exr and of ./probes/day/p0.exr, which is the same file; name it once",
+        ),
         ({"output": "probes/day/{probe}.exr"}, "would overwrite the input"),
         ({"output": "o/{probe}.{to}.png"}, "what is written is .exr"),
         ({"output": "o/{name}.exr"}, "{name} stands for nothing"),

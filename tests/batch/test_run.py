@@ -8,8 +8,10 @@ import signal
 import subprocess
 import sys
 import time
+import types
 from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
+from multiprocessing import spawn
 
 import pytest
 
@@ -221,3 +223,38 @@ def test_a_run_that_is_stopped_goes_on_where_it_was(folder, number):
     assert {name for name, status in found.items() if status == "skipped"} == there
     assert len(found) == COUNT
     assert rest(folder) == []
+
+
+def test_workers_do_not_run_the_script_of_who_calls(monkeypatch):
+    """Python hands a fresh process the name of the script, or of the module, that it runs first."""
+    script = types.ModuleType("__main__")
+    script.__file__, script.__spec__ = "bake.py", types.SimpleNamespace(name="bake")
+    monkeypatch.setitem(sys.modules, "__main__", script)
+    assert spawn.get_preparation_data("one")["init_main_from_name"] == "bake"
+    given = []
+    workers = ProcessWorkers(1)
+    monkeypatch.setattr(workers.executor, "submit", lambda *call: given.append(
+        spawn.get_preparation_data("two")
+    ))  # fmt: skip
+    workers.submit(print)
+    assert not [key for key in given[0] if key.startswith("init_main")]
+    assert (script.__file__, script.__spec__.name) == ("bake.py", "bake")
+    workers.stop()
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("scheduler", [None, "local"])
+def test_a_script_needs_no_guard(tmp_path, scheduler):
+    write_probes(tmp_path, 1)
+    script = tmp_path / "bake.py"
+    script.write_text(
+        "import shrm_cli as shrm\n"
+        "print('begun')\n"
+        "entry = shrm.Entry(('p0.exr',), to=('irradiance',))\n"
+        f"print(shrm.batch([entry], jobs=2, scheduler={scheduler!r}).made)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, env=environment(), capture_output=True,
+        text=True,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr) == ("begun\n1\n", "")

@@ -8,6 +8,7 @@ import struct
 import numpy as np
 import pytest
 
+from shrm_cli.batch.collect import Collection, write_collection
 from shrm_cli.brdf.spec import parse_spec
 from tests import oracles
 from tests.brdf.measured.goniometer_files import write_goniometer
@@ -244,6 +245,16 @@ def test_a_table_of_a_brdf(folder):
     packed = json.loads(done("info", "matte.npz", "--json"))
     assert {**packed, "file": "matte.exr", "see": values["see"]} == values
     assert packed["see"] == "shrm brdf matte.npz"
+
+
+def test_a_collection_of_coefficients(folder):
+    write_collection(
+        "light.npz", Collection(["a", "b"], ["1", "2"], np.ones((2, 4, 3)), "radiance", 1)
+    )
+    values = json.loads(done("info", "light.npz", "--json"))
+    assert (values["kind"], values["probes"]) == ("collection of coefficients", 2)
+    assert (values["what"], values["order"], values["shape"]) == ("radiance", 1, [4, 3])
+    assert_refused(run("info", "light.npz", "--yaw", "5"), 2, "a collection of coefficients")
 
 
 @pytest.mark.slow

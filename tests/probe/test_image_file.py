@@ -1,6 +1,8 @@
 """Every kind of file that can hold a probe: its pixels come back as they were written."""
 
+import copy
 import hashlib
+import pickle  # noqa: TID251 (of its own objects)
 
 import numpy as np
 import OpenEXR
@@ -389,3 +391,39 @@ def test_tall_tiles_are_decoded_once_for_all_their_rows(tmp_path, monkeypatch, i
         is_held = (start + 4) % 16 and start + 4 < HEIGHT
         assert (file._held.pixels is not None) == bool(is_held)
     np.testing.assert_array_equal(file.read(13, 19), expected[13:19])
+
+
+@pytest.mark.parametrize("tile", [0, 16])
+def test_other_processes_and_copies_open_the_file_again(tmp_path, image, tile, monkeypatch):
+    """Whatever was read before, and wherever they start."""
+    monkeypatch.chdir(tmp_path)
+    scenes.write(tmp_path / "a.exr", image, "float", tile)
+    file = ImageFile.open("a.exr")
+    file.read(0, 5)
+    packed = pickle.dumps(file)
+    copies = copy.deepcopy(file), copy.copy(file)
+    (tmp_path / "else").mkdir()
+    monkeypatch.chdir(tmp_path / "else")
+    for again in (pickle.loads(packed), *copies):
+        np.testing.assert_array_equal(again.read(0, HEIGHT), image)
+
+
+def test_a_part_of_a_file_is_the_same_part_elsewhere(tmp_path, image):
+    parts = [
+        OpenEXR.Part({"type": OpenEXR.scanlineimage}, {"RGB": image * k}, name)
+        for k, name in ((1, "one"), (2, "two"))
+    ]
+    OpenEXR.File(parts).write(str(tmp_path / "a.exr"))
+    again = pickle.loads(pickle.dumps(ImageFile.open(tmp_path / "a.exr", part="two")))
+    np.testing.assert_array_equal(again.read(0, HEIGHT), image * 2)
+
+
+def test_a_file_that_is_gone_is_not_handed_to_other_processes(tmp_path, image):
+    path = scenes.write(tmp_path / "a.exr", image, "float", 0)
+    file = ImageFile.open(path)
+    packed = pickle.dumps(file)
+    path.unlink()
+    with pytest.raises(ProbeError, match="gone, so that no other process can open it"):
+        pickle.dumps(file)
+    with pytest.raises(ProbeError, match="no such file"):
+        pickle.loads(packed)
