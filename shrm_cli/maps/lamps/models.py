@@ -36,9 +36,12 @@ _SUM = """\
     float x = l.x + v.x, y = l.y + v.y, z = l.z + v.z;
     float size = max(sqrt(x * x + y * y + z * z), 1e-5);"""
 """The half vector before it is normalized."""
-_HALF = f"""{_SUM}
-    float sine2 = (x * x + y * y) / (size * size), up = z / size;"""
-"""The squared sine and the cosine of the half vector's angle to the normal."""
+_SINE = f"""{_SUM}
+    float sine2 = (x * x + y * y) / (size * size);"""
+"""The squared sine of the half vector's angle to the normal."""
+_HALF = f"""{_SINE}
+    float up = z / size;"""
+"""That, and the cosine of the angle."""
 _COSINES = "    float lz = max(l.z, 1e-5), vz = max(v.z, 1e-5);"
 _ABOVE = "    float above = max(l.z, 0.0) * min(max(1e30 * v.z, 0.0), 1.0);"
 """The light's cosine, or 0 where light or view is below the surface: browsers that have no graphics
@@ -208,8 +211,7 @@ def _ashikhmin_shirley(brdf: AshikhminShirley, functions: Functions) -> list[str
     nu, nv = (brdf.number(each) for each in ("nu", "nv"))
     scale = math.sqrt((nu + 1) * (nv + 1)) / (4 * math.pi)
     lines = [
-        *_SUM.split("\n"),
-        "    float sine2 = (x * x + y * y) / (size * size);",
+        *_SINE.split("\n"),
         _COSINES,
         _ABOVE,
         # It is log(up) / sine2, of which single precision leaves nothing near the normal.
@@ -296,8 +298,7 @@ def _charlie(brdf: Charlie, functions: Functions) -> list[str]:
         hidden = f"lz * vz * (1.0 + {name}(lz) + {name}(vz))"
     power = f"exp({number(rate / 2)} * log(min(max(sine2, 1e-30), 1.0)))"
     return [
-        *_SUM.split("\n"),
-        "    float sine2 = (x * x + y * y) / (size * size);",
+        *_SINE.split("\n"),
         _COSINES,
         _ABOVE,
         f"    float value = {number((2 + rate) / (8 * math.pi))} * {power} * above / ({hidden});",
@@ -364,10 +365,9 @@ def _table(table: Table, functions: Functions) -> list[str]:
 # ---- reflectances of facets ----------------------------------------------------------------------
 
 
-def _schlick(lobe: Ggx | AshikhminShirley, functions: Functions) -> list[str]:
+def _schlick(color: Color, functions: Functions) -> list[str]:
     number = functions.language.number
-    colors = lobe.color("f0" if isinstance(lobe, Ggx) else "specular")
-    channels = [f"{number(f0)} + {number(1 - f0)} * rest" for f0 in colors]
+    channels = [f"{number(f0)} + {number(1 - f0)} * rest" for f0 in color]
     return [_FIFTH, f"    return vec3({', '.join(channels)});"]
 
 
@@ -408,8 +408,8 @@ def _film(lobe: Ggx, functions: Functions) -> list[str]:
 _FIFTH = """\
     float less = 1.0 - cosine, rest = less * less * less * less * less;"""
 _REFLECTANCES: dict[type[Brdf], Callable[..., list[str]]] = {
-    Ggx: _schlick,
-    AshikhminShirley: _schlick,
+    Ggx: lambda lobe, functions: _schlick(lobe.color("f0"), functions),
+    AshikhminShirley: lambda lobe, functions: _schlick(lobe.color("specular"), functions),
     MetalLobe: _metal,
     BorderLobe: _fresnel,
     CoatLobe: _fresnel,
