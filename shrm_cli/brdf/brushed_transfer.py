@@ -167,7 +167,8 @@ def _together(found: Sequence[TransferFunctions], azimuths: Azimuths) -> Transfe
     first = found[0]
     waves, degrees, views = first.values.shape[:3]
     channels = 1 if all(each.values.strides[-1] == 0 for each in found) else 3
-    nodes = np.empty((waves // 2, degrees, 2, len(found), views, channels))
+    shape = waves // 2, degrees, 2, len(found), views, channels
+    nodes: Array = np.empty(shape, first.values.dtype)
     for place, each in enumerate(found):
         parts = each.values[..., :channels].reshape(2, -1, degrees, views, channels)
         nodes[:, :, :, place] = np.moveaxis(parts, 0, 2)

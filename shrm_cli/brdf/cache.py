@@ -51,14 +51,14 @@ _SUFFIX = ".coefficients"
 _MAGIC = b"shrm coefficients 1\n"
 _SLOW = 0.004  # seconds; what takes less to compute is not worth a file
 _MOST_HEADER = 2**16
-_DOUBLE, _SINGLE = "<f8", "<f4"
-_BYTES = np.dtype(_DOUBLE).itemsize
+_KINDS = "<f8", "<f4"
+_BYTES = np.dtype(_KINDS[0]).itemsize
 _DIGEST = hashlib.sha256().digest_size
 _UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RecursionError
-_in_memory = Memo(2**27)
+_in_memory = Memo(2**28, MOST_BYTES // _LEAST_ENTRIES)
 """Coefficients, lobes and their widths. Coefficients to F = 128 and P = 8 take 0.25 MB, those to
-the limits of the orders 13 MB; brushed lobes take 50 MB, and are asked for twice where lamps go
-beside a map."""
+the limits of the orders 13 MB; brushed lobes take 50 MB, to 256 degrees 145 MB, and are asked for
+twice where lamps go beside a map."""
 
 
 def cached_coefficients(
@@ -253,7 +253,7 @@ def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) 
     # The three channels of what is grey share the memory of one, and its place in the file.
     grey = [name for name, each in arrays.items() if each.shape[-1] == 3 and not each.strides[-1]]
     arrays |= {name: arrays[name][..., :1] for name in grey}
-    kinds = {name: _SINGLE if _is_single(array) else _DOUBLE for name, array in arrays.items()}
+    kinds = {name: array.dtype.newbyteorder("<").str for name, array in arrays.items()}
     header = {
         "key": key,
         "shapes": {name: array.shape for name, array in arrays.items()},
@@ -281,11 +281,6 @@ def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) 
             stream.seek(len(_MAGIC))
             stream.write(digest.digest())
         _make_room(path)
-
-
-def _is_single(array: Array) -> bool:
-    """Tell whether single precision loses nothing of an array, as of lobes sampled in it."""
-    return array.ndim > 2 and all(np.array_equal(part.astype(_SINGLE), part) for part in array)
 
 
 def _read(path: Path, key: str, kind: _Kind[Content], orders: tuple[int, int]) -> Content | None:
@@ -326,10 +321,10 @@ def _unpacked(body: memoryview, key: str, content: type[Content]) -> Content:
     }
     for name, shape in header["shapes"].items():
         count = math.prod(shape)
-        if header["kinds"][name] not in (_SINGLE, _DOUBLE):
+        if header["kinds"][name] not in _KINDS:
             raise ValueError("no floats")
         packed = np.frombuffer(body, header["kinds"][name], count, start)
-        array: Array = packed.reshape(shape).astype(float)
+        array: Array = packed.reshape(shape).astype(packed.dtype.newbyteorder("="))
         if not np.isfinite(array).all():
             raise ValueError("not finite")
         start += packed.nbytes

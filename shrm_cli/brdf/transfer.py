@@ -75,7 +75,8 @@ class TransferFunctions(Sampled):
     """rho_hat_lq(theta_o) for q >= 0, indexed [q, l, node, channel]: ``2 pi`` times the integral
     over the light of ``rho_hat f_lq(theta_i) cos(q phi)``, for views at azimuth 0, shape (max_q+1,
     F+1, n, 3). It is zero where q > l, and the same for -q. Then ``rho_hat_lpq = sum over nodes of
-    weights f_pq(theta_o) values``."""
+    weights f_pq(theta_o) values``. They are of 32 bits where the lobes were sampled in single
+    precision."""
     theta_o: Array
     weights: Array
     """`theta_o` and `weights`: the angles of the views from C, radians, ascending, and weights for
@@ -228,6 +229,8 @@ class LobeSampling:
         reached = float(missing / total.sum()) if total.sum() > 0 else 0.0
         lights, phis = (int(n) for n in views.levels.max(axis=0))
         values = _without_rounding(views.values, _ROUNDING[self._is_single])
+        if self._is_single:  # as they were sampled, so that this loses nothing
+            values = values.astype(np.float32)
         return TransferFunctions(
             of_channels(values), views.theta_o, views.weights,
             np.array(np.broadcast_to(total, 3)), (lights, count, phis), reached, self.accuracy,

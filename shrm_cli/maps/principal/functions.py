@@ -334,7 +334,7 @@ class Spectrum:
         Returns an array of shape (F+1, n, 3), in the units of the transfer functions, at the nodes.
         """
         at = np.arange(len(self.weights)) if nodes is None else nodes
-        rest = self.transfer.values[q][:, at]
+        rest = self.transfer.values[q][:, at].astype(float)
         used = counts[q] if q < len(counts) else 0
         if not used:
             return rest
@@ -352,9 +352,12 @@ class Spectrum:
         """The BRDF's energy of each degree over visible views, shape (F+1, 3)."""
         return self._energy(self.transfer.values)
 
-    def _energy(self, values: Array) -> Array:
-        """Integrate the squares of transfer functions over visible views, shape (F+1, 3)."""
-        squares = np.einsum("qloc,qloc,o->qlc", values, values, self.weights)
+    def _energy(self, values: Iterable[Array]) -> Array:
+        """Integrate the squares of transfer functions over visible views, shape (F+1, 3).
+
+        `values` are those of each order q, of shape (F+1, n, 3).
+        """
+        squares = [np.einsum("loc,loc,o->lc", each, each, self.weights) for each in values]
         return np.tensordot(both_signs(self.transfer.max_q), squares, 1) / (2 * np.pi)
 
     @cached_property
@@ -376,7 +379,8 @@ class Spectrum:
         known = float(self.known.sum())
         if self.albedo is None or known <= 0:
             return whole
-        return whole * float(self._energy(self.transfer.values / self.albedo).sum()) / known
+        quotients = (values / self.albedo for values in self.transfer.values)
+        return whole * float(self._energy(quotients).sum()) / known
 
     def whole(self) -> float:
         """Return the energy of the reflected light over visible views, of the known degrees."""
@@ -401,7 +405,7 @@ def _to_entries(q: int, nodes: Array, angles: Array) -> Array:
 
 def directional_albedo(transfer: TransferFunctions) -> Array:
     """Return the integral of a transfer function over the light, for each node, shape (n, 3)."""
-    albedo = transfer.values[0, 0] / np.sqrt(np.pi)
+    albedo = transfer.values[0, 0].astype(float) / np.sqrt(np.pi)
     if transfer.azimuths.size:  # the imaginary parts have none of their own
         albedo = np.tile(albedo[: len(albedo) // 2], (2, 1))
     floor = 1e-3 * np.max(albedo, axis=0)
