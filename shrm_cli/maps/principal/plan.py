@@ -352,7 +352,7 @@ class Sharing:
         return float(self.strengths.sum()) * self.coherence
 
     @cached_property
-    def _shares(self) -> tuple[float, ...]:
+    def shares(self) -> tuple[float, ...]:
         """The RMS of the light of each term, relative to that of all."""
         if len(self.planners) == 1:
             return (1.0,)
@@ -369,7 +369,7 @@ class Sharing:
         if is_exact:
             pairs = zip(self.planners, forms, strict=True)
             forms = tuple(planner.form(each.counts, each.size, True) for planner, each in pairs)
-        return Joint(forms, self._shares)
+        return Joint(forms, self.shares)
 
     def rows(self, max_size: int, sizes: Sequence[int] = TRIED_SIZES) -> Iterator[Row[Joint]]:
         """Yield all that fits into a number of bytes, and that might be best.
@@ -388,7 +388,7 @@ class Sharing:
         """Return the combinations of forms that no other one beats, by rising bytes."""
         found: list[tuple[Form, ...]] = [()]
         costs, squares = np.zeros(1, dtype=np.int64), np.zeros(1)
-        for planner, part in zip(self.planners, self._shares, strict=True):
+        for planner, part in zip(self.planners, self.shares, strict=True):
             forms = [form for row in planner.rows(max_size, sizes) for form in row.every()]
             own_costs = np.array([form.bytes for form in forms], dtype=np.int64)
             own_squares = np.square([part * form.total_error for form in forms])
@@ -399,7 +399,7 @@ class Sharing:
             kept = kept[costs[kept] <= max_size]
             found = [(*found[k // len(best)], forms[best[k % len(best)]]) for k in kept]
             costs, squares = costs[kept], squares[kept]
-        return [Joint(forms, self._shares) for forms in found]
+        return [Joint(forms, self.shares) for forms in found]
 
     def within_error(self, error: float, max_size: int, size: int | None) -> tuple[Joint, bool]:
         """Find the forms of the fewest bytes with a total error; else the best ones that fit.

@@ -129,19 +129,19 @@ class Proposals:
         self._planners: list[Planner] = []
 
     @cached_property
-    def _look(self) -> Planner | None:
-        """A first look at the only term of a BRDF, coarse if it is brushed; None for sums."""
-        part = self.parts[0]
-        if len(self.parts) > 1 or self.asked.error is None:
-            return None
-        if part.isotropic:
-            return first_planner(self.light, part, self.divide, self.sampling)
-        return scouted(self.light, part, self.sampling)
+    def _look(self) -> list[Planner]:
+        """A first look at each term, coarse at a brushed one; none at sums with brushed terms."""
+        if self.asked.error is None:
+            return []
+        if all(part.isotropic for part in self.parts):
+            given = self.divide, self.sampling
+            return [first_planner(self.light, part, *given) for part in self.parts]
+        return [scouted(self.light, self.parts[0], self.sampling)] if len(self.parts) == 1 else []
 
     @cached_property
     def is_out_of_reach(self) -> bool:
         """Whether a first look tells that no map keeps what is asked, by far."""
-        return self._look is not None and is_out_of_reach(self._look, self.asked)
+        return bool(self._look) and is_out_of_reach(self._look, self.asked)
 
     @property
     def planners(self) -> list[Planner]:
@@ -153,11 +153,12 @@ class Proposals:
     def _know(self, error: float | None) -> None:
         """Factorize the terms as far as an error of the light needs it."""
         want = replace(self.asked, error=error)
-        # A first look at an isotropic lobe is exact, and so is known.
-        first, coarse = self._look, None
-        if not self.parts[0].isotropic:
-            first, coarse = None, self._look
-        known: Sequence[Planner | None] = self._planners or [first] * len(self.parts)
+        known: Sequence[Planner | None] = self._planners or [None] * len(self.parts)
+        coarse: Planner | None = None
+        if self._look and self.parts[0].isotropic:  # of which a first look is exact
+            known = self._planners or self._look
+        elif self._look:
+            (coarse,) = self._look
         is_coarse = coarse is not None and self.is_out_of_reach
         given, look = (want, self.divide, self.sampling), (coarse, is_coarse)
         self._planners = [
@@ -301,20 +302,27 @@ def scouted(light: Projection, brdf: Brdf, sampling: Sampling) -> Planner:
     return Planner(spectrum, lighting, sampling)
 
 
-def is_out_of_reach(planner: Planner, want: Wanted) -> bool:
-    """Tell whether the best map of a lobe misses what is asked of it by far, after a first look."""
+def is_out_of_reach(planners: Sequence[Planner], want: Wanted) -> bool:
+    """Tell whether the best map misses what is asked of it by far, after a first look at its terms.
+
+    Each term has all bytes that the map may have, and is as bright as the others where these are.
+    """
     assert want.error is not None
-    form = planner.best_fitting(want.max_size, want.size)
+    forms = [planner.best_fitting(want.max_size, want.size) for planner in planners]
+    shares = np.square(Sharing(planners).shares)
     # What lies at higher orders is no error of maps that are made of more of them.
-    missed = form.total_error**2 - sum(unknown_light(planner))
-    if missed <= planner.spectrum.transfer.accuracy:  # which coarse sampling hides
+    unknown = [sum(unknown_light(planner)) for planner in planners]
+    missed = float(shares @ (np.square([form.total_error for form in forms]) - unknown))
+    accuracies = [planner.spectrum.transfer.accuracy for planner in planners]
+    if missed <= shares @ accuracies:  # which coarse sampling hides
         return False
     if missed > (_FAR * want.error) ** 2:
         return True
     if want.seen is None:
         return False
-    far = _FAR_BRUSHED if isinstance(planner.spectrum, BrushedSpectrum) else _FAR
-    return predicted_wrong_share([(planner, form)]) > far * want.seen
+    is_brushed = any(isinstance(planner.spectrum, BrushedSpectrum) for planner in planners)
+    share = predicted_wrong_share(list(zip(planners, forms, strict=True)))
+    return share > (_FAR_BRUSHED if is_brushed else _FAR) * want.seen
 
 
 def predicted_wrong_share(terms: Sequence[tuple[Planner, Form]]) -> float:

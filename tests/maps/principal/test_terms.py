@@ -9,7 +9,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.maps.principal import terms
 from shrm_cli.maps.principal.proposal import Proposals, is_out_of_reach, scouted
-from shrm_cli.maps.principal.terms import Wanted, first_planner, planner_of
+from shrm_cli.maps.principal.terms import Wanted, first_planner, planner_of, terms_of
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.seen import kept_or_best
 from shrm_cli.plan.search import Candidate, Goal
@@ -68,7 +68,7 @@ def test_a_coarse_look_tells_what_no_map_keeps(light):
     planner = scouted(light, brdf, "center")
 
     def is_far(error, seen):
-        return is_out_of_reach(planner, Wanted(0.03, error, None, LITTLE, None, seen))
+        return is_out_of_reach([planner], Wanted(0.03, error, None, LITTLE, None, seen))
 
     assert is_far(error / 1.7, None)
     assert not is_far(error / 1.3, None)
@@ -76,26 +76,35 @@ def test_a_coarse_look_tells_what_no_map_keeps(light):
     assert not is_far(error, share / 1.8)
     # Nor of maps that are so good that coarse sampling would be a part of their error.
     best = Wanted(0.03, 1e-4, None, 2**25, None)
-    assert not is_out_of_reach(planner, best)
+    assert not is_out_of_reach([planner], best)
     # Where maps are nearly as good, shares are told that are 3.2 times as large as they are.
-    assert not is_out_of_reach(planner, Wanted(0.03, error, None, 8 * LITTLE, None, 0.082))
-    assert is_out_of_reach(planner, Wanted(0.03, error, None, 8 * LITTLE, None, 0.06))
+    assert not is_out_of_reach([planner], Wanted(0.03, error, None, 8 * LITTLE, None, 0.082))
+    assert is_out_of_reach([planner], Wanted(0.03, error, None, 8 * LITTLE, None, 0.06))
 
 
-@pytest.mark.parametrize("spec", ["ggx:roughness=0.3", "ggx:roughness=0.4"])
-def test_a_first_look_tells_what_no_map_keeps(light, spec):
+@pytest.mark.parametrize(
+    ("spec", "sure"),
+    [
+        ("ggx:roughness=0.3", 1.7),
+        ("ggx:roughness=0.4", 1.7),
+        # The terms of a sum share the bytes, all of which each has at a first look.
+        ("ggx:roughness=0.3,f0=0.04+0.5*lambertian", 2.2),
+    ],
+)
+def test_a_first_look_tells_what_no_map_keeps(light, spec, sure):
     """It is sure only where the best map misses by far."""
     brdf = parse_spec(spec)
     asked = {"brdf": brdf, "error": 1e-3, "max_size": LITTLE}
     best = prefilter_with_facts(light.probe, "principal", asked)
     error = np.hypot(best.map.info.predicted_error, best.map.info.filter_error)
     share = best.further["predicted_wrong_share"]()
-    planner = first_planner(light, brdf, False, "center")
+    parts, _ = terms_of(brdf, None, False)
+    planners = [first_planner(light, part, False, "center") for part in parts]
 
     def is_far(error, seen):
-        return is_out_of_reach(planner, Wanted(0.03, error, None, LITTLE, None, seen))
+        return is_out_of_reach(planners, Wanted(0.03, error, None, LITTLE, None, seen))
 
-    assert is_far(error / 1.7, None)
+    assert is_far(error / sure, None)
     assert not is_far(error / 1.4, None)
     assert is_far(error, share / 1.7)
     assert not is_far(error, share / 1.3)
