@@ -16,11 +16,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, slices
 from shrm_cli.export.cubes import diffuse_cube
 from shrm_cli.export.engine import Engine, Light, Package, halving
 from shrm_cli.export.pixels import TexelFormat, encoded, rgba_png
 from shrm_cli.export.quoting import string, uri
+from shrm_cli.progress import at_once
 from shrm_cli.sphere.cube import CubeSampler
 
 _LEVELS = 6
@@ -29,6 +30,7 @@ _MIPS = 6
 """Mips of the light itself, the largest included."""
 _UNIT = 256
 """Rows of the light itself in a picture of 512 texels, where a border is one texel wide."""
+_PLACES_AT_ONCE = 2**17
 _LARGEST = 64.0
 """The largest radiance that a texel can hold."""
 
@@ -80,36 +82,42 @@ def env_atlas(levels: Sequence[Array], diffuse: Array) -> Array:
     border = rows / _UNIT
     atlas = np.zeros((2 * rows, 2 * rows, 3))
 
-    def place(cube: Array, left: int, top: int, height: int, finer: int) -> None:
-        part = _bordered(cube, height, border, finer)
-        atlas[top : top + height, left : left + 2 * height] = part
+    def place(cube: Array, left: int, top: int, height: int, finer: int = 2) -> None:
+        part = atlas[top : top + height, left : left + 2 * height]
+        _fill_bordered(part, CubeSampler(cube, "center"), border, finer)
 
-    for k in range(_MIPS):
+    for k in range(min(_MIPS, rows.bit_length())):
         far = 2 * rows - (2 * rows >> k)
         place(levels[0], far, far, rows >> k, 2 << k)
     for k, cube in enumerate(levels[1:], 1):
-        place(cube, 0, 2 * rows - (2 * rows >> k), rows >> k, 2)
-    place(diffuse, rows // 2, rows + rows // 2, rows // 8, 2)
+        place(cube, 0, 2 * rows - (2 * rows >> k), rows >> k)
+    place(diffuse, rows // 2, rows + rows // 2, rows // 8)
     return atlas
 
 
-def _bordered(cube: Array, height: int, border: float, finer: int) -> Array:
-    """Return a lat-long of some rows, of which the border belongs to the far side.
+def _fill_bordered(part: Array, sampler: CubeSampler, border: float, finer: int) -> None:
+    """Fill a lat-long, shape (n, 2 n, 3), of which the border belongs to the far side.
 
     Each texel is the mean of `finer` by `finer` places.
     """
-    inner = np.array([height, 2 * height]) - 2 * border
-    v, u = (
-        ((np.arange(finer * count) + 0.5) / finer - border) / inside
-        for count, inside in zip((height, 2 * height), inner, strict=True)
-    )
-    theta, phi = np.pi * v[:, None], np.pi * (1 - 2 * u[None])
-    sine = np.sin(theta)  # negative beyond a pole, which is the far side of the meridian
-    parts = (sine * np.sin(phi), np.cos(theta) + 0 * phi, sine * np.cos(phi))
-    sampler = CubeSampler(cube, "center")
-    values = sampler(np.stack(parts, axis=-1).reshape(-1, 3))
-    means = values.reshape(height, finer, 2 * height, finer, 3).mean(axis=(1, 3))
-    return np.asarray(np.maximum(means, 0))  # a cubic filter overshoots
+    height, width = part.shape[:2]
+
+    def angles(texels: slice, count: int) -> Array:
+        """The angles of the places in some texels of so many, in parts of what is inside."""
+        places = np.arange(finer * texels.start, finer * texels.stop) + 0.5
+        return np.pi * (places / finer - border) / (count - 2 * border)
+
+    phi = np.pi - 2 * angles(slice(0, width), width)
+
+    def fill(rows: slice) -> None:
+        theta = angles(rows, height)[:, None]
+        sine = np.sin(theta)  # negative beyond a pole, which is the far side of the meridian
+        towards = sine * np.sin(phi), np.cos(theta) + 0 * phi, sine * np.cos(phi)
+        values = sampler(np.stack(towards, axis=-1))
+        means = values.reshape(-1, finer, width, finer, 3).mean(axis=(1, 3))
+        part[rows] = np.maximum(means, 0)  # a cubic filter overshoots
+
+    at_once(fill, list(slices(height, _PLACES_AT_ONCE // (finer**2 * width))))
 
 
 def _pack(radiance: Array) -> NDArray[np.uint8]:
