@@ -194,7 +194,7 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
     """Return what is to be made, from a manifest or from the options."""
     from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry, every_engine
     from shrm_cli.batch.manifest import is_manifest, read_manifest
-    from shrm_cli.probe.image_file import check_file
+    from shrm_cli.probe.reader import check_file
 
     given = usage.given_options()
     if any(is_manifest(name) for name in probes):

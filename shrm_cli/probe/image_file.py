@@ -4,7 +4,6 @@ import math
 import mmap
 import os
 import re
-import stat
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
@@ -17,11 +16,9 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.color import are_unset
 from shrm_cli.errors import ProbeError
-from shrm_cli.files.exr_header import excess
-from shrm_cli.files.openimageio import caught, last_noise, oiio, quiet
-from shrm_cli.files.whole import fault_of_name, note
-from shrm_cli.messages import is_url
+from shrm_cli.files.openimageio import last_noise, oiio, quiet
 from shrm_cli.probe.encoding import Encoding, Layer, choose_layer, encoding_of, radiance_encoding
+from shrm_cli.probe.reader import Reader, check_file, open_input
 from shrm_cli.records import record
 from shrm_cli.vocabulary import PROXY_ATTRIBUTE
 
@@ -82,7 +79,7 @@ class ImageFile:
     """Which of its parts and layers is read."""
     notes: tuple[str, ...]
     """What a user should know of the file, a line each."""
-    _input: Any
+    _reader: Reader
     _offset: tuple[int, int]
     _held: _Held = field(default_factory=_Held, compare=False, repr=False)
 
@@ -102,7 +99,7 @@ class ImageFile:
         path = check_file(path)
         _check_whole(path)
         radiance = radiance_encoding(path)
-        source = _open_input(path)
+        source = open_input(path)
         if source is None:
             from zipfile import is_zipfile  # slow to load, and rarely needed
 
@@ -166,7 +163,7 @@ class ImageFile:
             )
         return cls(
             path, width, height, envmap, bool(spec.get_int_attribute("oiio:sampleborder")),
-            file_format, encoding, chosen, tuple(notes), source, offset,
+            file_format, encoding, chosen, tuple(notes), Reader(path, source), offset,
         )  # fmt: skip
 
     def __getstate__(self) -> dict[str, Any]:
@@ -174,13 +171,10 @@ class ImageFile:
         if not self.path.exists():  # as where it was unpacked for a moment
             raise ProbeError(f"{self.path}: gone, so that no other process can open it")
         kept = {each.name: getattr(self, each.name) for each in fields(self)}
-        return {**kept, "path": self.path.absolute(), "_input": None, "_held": _Held()}
+        return {**kept, "path": self.path.absolute(), "_held": _Held()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        source = _open_input(check_file(state["path"]))
-        if source is None or not source.seek_subimage(state["layer"].index, 0):
-            raise ProbeError(f"{state['path']}: not the image that it was; open it again")
-        self.__dict__.update(state, _input=source)
+        self.__dict__.update(state)
 
     @property
     def name(self) -> str:
@@ -190,7 +184,7 @@ class ImageFile:
     @property
     def is_float(self) -> bool:
         """Whether all channels that are read are floats."""
-        spec = self._input.spec()
+        spec = self._reader.spec
         return all(str(spec.channelformat(k)) in _FLOAT_FORMATS for k in self.layer.channels)
 
     @property
@@ -200,7 +194,7 @@ class ImageFile:
 
     def number(self, name: str) -> float | None:
         """A number of the header, such as Exif's ``ExposureTime``; None where it has none."""
-        value = self._input.spec().getattribute(name)
+        value = self._reader.spec.getattribute(name)
         return float(value) if isinstance(value, int | float) else None
 
     @property
@@ -211,7 +205,7 @@ class ImageFile:
     @property
     def proxy(self) -> "ProxyBox | None":
         """Where it was captured, and the box around that, where the file tells them."""
-        text = self._input.spec().get_string_attribute(PROXY_ATTRIBUTE)
+        text = self._reader.spec.get_string_attribute(PROXY_ATTRIBUTE)
         if not text:
             return None
         from shrm_cli.probe.proxy import ProxyBox
@@ -220,12 +214,12 @@ class ImageFile:
 
     @property
     def row_multiple(self) -> int:
-        height = max(1, int(self._input.spec().tile_height))
+        height = max(1, int(self._reader.spec.tile_height))
         return height if height * self.width <= _BAND_PIXELS else math.gcd(height, _BAND_ROWS)
 
     def read(self, start: int, stop: int) -> Array:
         """Rows `start` .. `stop` - 1 of the canvas, float32 RGB, shape (rows, width, 3)."""
-        spec = self._input.spec()
+        spec = self._reader.spec
         left, top = self._offset
         first, last = max(start - top, 0), min(stop - top, spec.height)
         if (left, top) == (0, 0) and (spec.width, spec.height) == (self.width, self.height):
@@ -262,7 +256,7 @@ class ImageFile:
     @quiet
     def _read_data(self, start: int, stop: int) -> Array:
         """Rows of the data window, shape (rows, its width, 3)."""
-        spec = self._input.spec()
+        spec = self._reader.spec
         channels = self.layer.channels
         begin, end = min(channels), max(channels) + 1
         if spec.tile_width:
@@ -270,7 +264,7 @@ class ImageFile:
         elif self._repeated is not None:
             pixels = self._repeated.read(start, stop)[..., begin:end]
         else:
-            pixels = self._input.read_scanlines(
+            pixels = self._reader.source.read_scanlines(
                 self.layer.index, 0, spec.y + start, spec.y + stop, spec.z, begin, end, oiio.FLOAT
             )
         if pixels is None:
@@ -295,14 +289,14 @@ class ImageFile:
 
         What has been decoded of tall tiles is held as it is stored, until the last row is read.
         """
-        spec, held = self._input.spec(), self._held
+        spec, held = self._reader.spec, self._held
         low = start // spec.tile_height * spec.tile_height
         high = min(-(-stop // spec.tile_height) * spec.tile_height, spec.height)
         pixels = held.pixels if held.rows == (low, high) else None
         held.rows, held.pixels = None, None  # or two of them would be in memory
         if pixels is None:
             is_half = all(str(spec.channelformat(k)) == "half" for k in range(begin, end))
-            pixels = self._input.read_tiles(
+            pixels = self._reader.source.read_tiles(
                 self.layer.index, 0, spec.x, spec.x + spec.width, spec.y + low, spec.y + high,
                 spec.z, spec.z + 1, begin, end, oiio.HALF if is_half else oiio.FLOAT,
             )  # fmt: skip
@@ -350,34 +344,6 @@ def open_picture(
     return replace(opened, encoding=Encoding()) if as_stored else opened
 
 
-def check_file(name: str | os.PathLike[str]) -> Path:
-    """The path of a file, without what would block, mislead, or make noise when it is opened."""
-    path = Path(name)
-    try:
-        str(path).encode()  # image libraries take no other names
-        status = os.stat(path)
-    except UnicodeEncodeError:
-        raise ProbeError(f"{path}: {fault_of_name(path)}, or rename it") from None
-    except FileNotFoundError:
-        advice = "shrm batch reads URLs; else fetch it" if is_url(path) else "check its name"
-        raise ProbeError(f"{path}: no such file; {advice}") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "a name that no file can have"
-        raise ProbeError(f"{path}: cannot be opened ({reason}); check its name") from None
-    if stat.S_ISDIR(status.st_mode):
-        raise ProbeError(f"{path}: a directory; name an image file")
-    if not stat.S_ISREG(status.st_mode):
-        raise ProbeError(f"{path}: not a regular file; name an image file")
-    if not os.access(path, os.R_OK):
-        raise ProbeError(f"{path}: no permission to read it; change its mode")
-    if status.st_size == 0:
-        raise ProbeError(f"{path}: the file is empty; copy or export it again")
-    if much := excess(path):
-        raise ProbeError(f"{path}: {much}, which is too much; export it again")
-    note(path)
-    return path
-
-
 def _check_whole(path: Path) -> None:
     """Refuse a file that its end tells to be cut or damaged."""
     with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, prot=mmap.PROT_READ) as data:
@@ -412,15 +378,6 @@ def _begins_as_archive(path: Path) -> bool:
     """Whether a file begins as a ZIP does, though it may be cut. Tables in .npz are ZIPs."""
     with open(path, "rb") as stream:
         return stream.read(4) == b"PK\x03\x04"
-
-
-def _open_input(path: Path) -> Any:
-    """OpenImageIO's reader of a file, None where it has none."""
-    hints = oiio.ImageSpec()  # what it leaves as it is, or turns upright
-    hints.attribute("oiio:UnassociatedAlpha", 1)  # or color comes multiplied by alpha
-    hints.attribute("pnm:pfmflip", 1)  # PFM stores its bottom row first
-    with caught():
-        return oiio.ImageInput.open(str(path), hints)
 
 
 def _canvas(spec: Any, is_envmap: bool) -> tuple[int, int, tuple[int, int]]:

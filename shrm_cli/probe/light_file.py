@@ -29,10 +29,11 @@ from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.messages import as_keys
 from shrm_cli.probe.disc import LEAST_RADIUS, Disc, facing_factor, radius_of
-from shrm_cli.probe.image_file import check_file, is_light_file
+from shrm_cli.probe.image_file import is_light_file
 from shrm_cli.probe.light_sum import LightSum, SumImage, Term, in_one_color
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
 from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.reader import check_file
 from shrm_cli.probe.series import Series, as_radiance, holds_series, read_series, sum_of
 from shrm_cli.sphere.directions import from_azimuth_elevation
 from shrm_cli.sphere.rotation import transform_coefficients

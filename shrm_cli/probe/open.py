@@ -21,9 +21,10 @@ from shrm_cli.errors import PluginError, ProbeError
 from shrm_cli.files.exr_header import says_map
 from shrm_cli.messages import explained
 from shrm_cli.probe.image import ArrayImage, detect_layout
-from shrm_cli.probe.image_file import ImageFile, check_file, is_image_name, is_light_file
+from shrm_cli.probe.image_file import ImageFile, is_image_name, is_light_file
 from shrm_cli.probe.options import ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.probe import Probe, make_probe
+from shrm_cli.probe.reader import check_file
 from shrm_cli.records import record
 from shrm_cli.vocabulary import FACES, Layout, Sampling
 

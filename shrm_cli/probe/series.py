@@ -31,8 +31,8 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.npz import read_npy
-from shrm_cli.probe.image_file import check_file
 from shrm_cli.probe.options import ColorReading, ReadOptions
+from shrm_cli.probe.reader import check_file
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, degrees_and_orders, order_of, polynomial_factors
 

@@ -29,10 +29,10 @@ from shrm_cli.files.texture import beside
 from shrm_cli.files.whole import note, scratch_folder
 from shrm_cli.probe.disc import LEAST_RADIUS, Disc, facing_factor
 from shrm_cli.probe.image import ArrayImage
-from shrm_cli.probe.image_file import check_file
 from shrm_cli.probe.light_sum import LightSum, SumImage, Term, in_one_color
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.reader import check_file
 from shrm_cli.sphere.directions import normalize
 
 _MOST_BYTES = 2**28

@@ -3,6 +3,7 @@
 import copy
 import hashlib
 import pickle  # noqa: TID251 (of its own objects)
+from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -10,7 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe import image_file
+from shrm_cli.probe import image_file, reader
 from shrm_cli.probe.image import digest
 from shrm_cli.probe.image_file import ImageFile
 from tests.probe import scenes
@@ -416,6 +417,34 @@ def test_a_part_of_a_file_is_the_same_part_elsewhere(tmp_path, image):
     OpenEXR.File(parts).write(str(tmp_path / "a.exr"))
     again = pickle.loads(pickle.dumps(ImageFile.open(tmp_path / "a.exr", part="two")))
     np.testing.assert_array_equal(again.read(0, HEIGHT), image * 2)
+
+
+def test_files_beyond_those_that_may_be_open_are_opened_again(tmp_path, image, monkeypatch):
+    """Those that are read last stay open."""
+    monkeypatch.setattr(reader, "_MOST_OPEN", 2)
+    files = []
+    for k in range(4):
+        scenes.write(tmp_path / f"{k}.exr", image * (k + 1), "float", 0)
+        files.append(ImageFile.open(tmp_path / f"{k}.exr"))
+    (tmp_path / "3.exr").unlink()  # it is still open
+    np.testing.assert_array_equal(files[3].read(0, HEIGHT), image * 4)
+    (tmp_path / "2.exr").unlink()
+    for k in (0, 1, 0):
+        np.testing.assert_array_equal(files[k].read(0, HEIGHT), image * (k + 1))
+    with pytest.raises(ProbeError, match="no such file"):
+        files[2].read(0, HEIGHT)
+    scenes.write(tmp_path / "3.exr", image[:-1], "float", 0)
+    with pytest.raises(ProbeError, match="not the image that it was; open it again"):
+        files[3].read(0, HEIGHT)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="the system does not list files")
+def test_thousands_of_probes_may_be_opened(tmp_path, image):
+    path = scenes.write(tmp_path / "a.exr", image, "float", 0)
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    kept = [ImageFile.open(path) for _ in range(200)]
+    assert len(list(Path("/proc/self/fd").iterdir())) <= before + 64
+    np.testing.assert_array_equal(kept[0].read(0, HEIGHT), image)
 
 
 def test_a_file_that_is_gone_is_not_handed_to_other_processes(tmp_path, image):

@@ -1,0 +1,115 @@
+"""Image files that are open for reading, of which a process has only so many at once.
+
+A data set has thousands of probes, and a process may have a few hundred files open. The file that
+was read longest ago is closed for one more, and opened again when it is read.
+"""
+
+import os
+import stat
+import threading
+from pathlib import Path
+from typing import Any
+from weakref import WeakValueDictionary
+
+from shrm_cli.errors import ProbeError
+from shrm_cli.files.exr_header import excess
+from shrm_cli.files.openimageio import caught, oiio
+from shrm_cli.files.whole import fault_of_name, note
+from shrm_cli.messages import is_url
+
+_MOST_OPEN = 64
+_open: "WeakValueDictionary[int, Reader]" = WeakValueDictionary()
+"""The readers of open files that are still in use, by their identity; the one that was read last
+comes last."""
+_lock = threading.Lock()
+
+
+class Reader:
+    """OpenImageIO's reader of one image of a file."""
+
+    def __init__(self, path: Path, source: Any) -> None:
+        """Take a reader of OpenImageIO that stands at the image that is to be read."""
+        self._path, self._index = path.absolute(), source.current_subimage()
+        self.spec = source.spec()
+        self._source: Any = source
+        self._use()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"path": self._path, "index": self._index}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._path, self._index = state["path"], state["index"]
+        self._source = self._opened()
+        self.spec = self._source.spec()
+        self._use()
+
+    @property
+    def source(self) -> Any:
+        """OpenImageIO's reader, which is open.
+
+        Raises ProbeError if the file was closed, and is no more what it was.
+        """
+        source = self._source
+        if source is None:
+            source = self._opened()
+            if source.spec().to_xml() != self.spec.to_xml():
+                raise self._changed()
+            self._source = source
+        self._use()
+        return source
+
+    def _opened(self) -> Any:
+        source = open_input(check_file(self._path))
+        if source is None or not source.seek_subimage(self._index, 0):
+            raise self._changed()
+        return source
+
+    def _changed(self) -> ProbeError:
+        return ProbeError(f"{self._path}: not the image that it was; open it again")
+
+    def _use(self) -> None:
+        """Let this file stay open longer than others. Threads that read one still have it."""
+        with _lock:
+            _open.pop(id(self), None)
+            _open[id(self)] = self
+            while len(_open) > _MOST_OPEN:
+                oldest = next(iter(_open.values()))
+                del _open[id(oldest)]
+                oldest._source = None
+
+
+def check_file(name: str | os.PathLike[str]) -> Path:
+    """The path of a file, without what would block, mislead, or make noise when it is opened."""
+    path = Path(name)
+    try:
+        str(path).encode()  # image libraries take no other names
+        status = os.stat(path)
+    except UnicodeEncodeError:
+        raise ProbeError(f"{path}: {fault_of_name(path)}, or rename it") from None
+    except FileNotFoundError:
+        advice = "shrm batch reads URLs; else fetch it" if is_url(path) else "check its name"
+        raise ProbeError(f"{path}: no such file; {advice}") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "a name that no file can have"
+        raise ProbeError(f"{path}: cannot be opened ({reason}); check its name") from None
+    if stat.S_ISDIR(status.st_mode):
+        raise ProbeError(f"{path}: a directory; name an image file")
+    if not stat.S_ISREG(status.st_mode):
+        raise ProbeError(f"{path}: not a regular file; name an image file")
+    if not os.access(path, os.R_OK):
+        raise ProbeError(f"{path}: no permission to read it; change its mode")
+    if status.st_size == 0:
+        raise ProbeError(f"{path}: the file is empty; copy or export it again")
+    if much := excess(path):
+        raise ProbeError(f"{path}: {much}, which is too much; export it again")
+    note(path)
+    return path
+
+
+def open_input(path: Path) -> Any:
+    """Return OpenImageIO's reader of a file, None where it has none."""
+    hints = oiio.ImageSpec()  # what it leaves as it is, or turns upright
+    hints.attribute("oiio:UnassociatedAlpha", 1)  # or color comes multiplied by alpha
+    hints.attribute("pnm:pfmflip", 1)  # PFM stores its bottom row first
+    with caught():
+        return oiio.ImageInput.open(str(path), hints)
