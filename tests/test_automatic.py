@@ -518,3 +518,11 @@ def test_who_hears_of_other_forms_hears_of_the_shrm_of_a_single_cube(folder):
     asked = ["prefilter", "probe.exr", "--brdf", "phong:exponent=8", "--order-f", "0"]
     told = run(*asked, "-o", "a.exr", terminal=True).err
     assert "would make shrm in " in told
+
+
+def test_bytes_that_hold_no_map_of_a_sum_are_refused_with_those_that_would(bare_sun):
+    """Each term needs a cube."""
+    spec = "ggx:roughness=0.6,f0=0.04+0.5*lambertian"
+    for max_size in ("5kB", "6kB"):
+        with pytest.raises(ArgumentError, match="the least map takes 10,368 bytes"):
+            made(bare_sun, brdf=spec, max_size=max_size)

@@ -278,11 +278,14 @@ class Planner:
     def _form_at(self, size: int, index: int) -> Form:
         return self.form(self.choices[index], size)
 
-    def best_fitting(self, max_size: int, size: int | None) -> Form:
-        """Return the form of the least error of all that fit into a number of bytes."""
+    def best_fitting(self, max_size: int, size: int | None, terms: int = 1) -> Form:
+        """Return the form of the least error of all that fit into a number of bytes.
+
+        Raises ArgumentError if none fits; `terms` tells how many terms the bytes are for.
+        """
         forms = least_errors(self.rows(max_size, sizes_of(size)))
         if not forms:
-            raise nothing_fits(size)
+            raise nothing_fits(size, terms)
         return min(forms, key=lambda form: form.total_error)
 
     def nearly_best(self, max_size: int, size: int | None) -> Form:

@@ -308,7 +308,8 @@ def is_out_of_reach(planners: Sequence[Planner], want: Wanted) -> bool:
     Each term has all bytes that the map may have, and is as bright as the others where these are.
     """
     assert want.error is not None
-    forms = [planner.best_fitting(want.max_size, want.size) for planner in planners]
+    limits = want.max_size, want.size, len(planners)
+    forms = [planner.best_fitting(*limits) for planner in planners]
     shares = np.square(Sharing(planners).shares)
     # What lies at higher orders is no error of maps that are made of more of them.
     unknown = [sum(unknown_light(planner)) for planner in planners]
