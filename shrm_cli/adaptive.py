@@ -72,8 +72,9 @@ class Points:
     rows: Array
     """Vectors whose cosines with the directions to the light `evaluate` needs, shape (k, points,
     3)."""
-    evaluate: Callable[[Array], Array]
-    """From cosines, shape (1, k, points, m), to the transfer function, (1, points, m, 3)."""
+    evaluate: Callable[[Array, Indices], Array]
+    """From cosines, shape (1, k, some, m), and which points these are of, shape (some,), to the
+    transfer function, (1, some, m, 3)."""
     caps: list[Cap]
     """Each point is lit from within all its caps."""
     centers: Array
@@ -81,14 +82,18 @@ class Points:
     core: tuple[float, float]
     """The width of the core of their lobes and how far from the center it reaches, radians."""
 
-    def transfer(self, directions: Array) -> Array:
-        """The transfer function of light from directions, (m, 3): (channels, points, m)."""
-        count, points = self.rows.shape[:2]
-        rows = self.rows.reshape(-1, 3)
+    def transfer(self, directions: Array, only: int | None = None) -> Array:
+        """The transfer function of light from directions, (m, 3): (channels, points, m).
+
+        `only` tells the one point that it is of; all of them by default.
+        """
+        which = np.arange(len(self.centers)) if only is None else np.array([only])
+        rows = self.rows if only is None else self.rows[:, which]
         parts = []
-        for part in slices(len(directions), _SAMPLES_AT_ONCE // points):
-            cosines = rows @ directions[part].T
-            values = self.evaluate(cosines.reshape(1, count, points, -1))[0]
+        for part in slices(len(directions), _SAMPLES_AT_ONCE // len(which)):
+            cosines = rows.reshape(-1, 3) @ directions[part].T
+            cosines = cosines.reshape(1, len(rows), len(which), -1)
+            values = self.evaluate(cosines, which)[0]
             grey = values.strides[-1] == 0
             parts.append(values[None, ..., 0] if grey else np.moveaxis(values, -1, 0))
         return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
@@ -101,44 +106,49 @@ class Points:
             cells = cells[(axes @ level.directions[cells].T).max(axis=0) >= limits]
         return cells
 
-    def has_core(self, directions: Array, radii: Array, part: float = PART) -> NDArray[np.bool_]:
-        """Which cells are larger than a part of the core of a lobe, where it may be."""
+    def near_core(self, directions: Array, radii: Array, part: float = PART) -> NDArray[np.bool_]:
+        """Which cells are larger than a part of the core of a point's lobe, where it may be.
+
+        Returns an array of shape (points, m).
+        """
         least, reach = part * self.core[0], self.core[1]
-        large: NDArray[np.bool_] = radii > least
+        near = np.zeros((len(self.centers), len(radii)), dtype=bool)
+        large = radii > least
         if large.any():
-            cosines = (self.centers @ directions[large].T).max(axis=0)
+            cosines = self.centers @ directions[large].T
             beyond = np.arccos(np.clip(cosines, -1, 1)) - radii[large] - reach
-            large[large] = radii[large] > least + _GRADING * np.maximum(beyond, 0)
-        return large
+            near[:, large] = radii[large] > least + _GRADING * np.maximum(beyond, 0)
+        return near
 
     def of_pixels(
         self, pixels: Level, cells: Indices, values: Array, weights: Array, scale: Array
     ) -> Array:
         """Sum the light of pixels, shape (points, 3), of known values at their middles.
 
-        Those that are large beside the core of a lobe, or cross the edge of a cap, are cut into
-        parts, if a point has enough of its luminance, `scale`, from theirs, `weights`.
+        Those that are large beside the core of the lobe of a point, or cross the edge of its cap,
+        are cut into parts, if the point has enough of its luminance, `scale`, from theirs,
+        `weights`.
         """
-        sides = pixel_sides(pixels, cells)
+        directions, sides = pixels.directions[cells], pixel_sides(pixels, cells)
         radii = np.linalg.norm(sides, axis=-1).max(axis=-1) / 2
-        large = self.has_core(pixels.directions[cells], radii, _PIXEL_PART)
         # What a lobe that is narrower than a pixel sees of it, its middle does not tell.
         relative = np.abs(values).mean(axis=0) / scale[:, None]
-        is_heavy = relative.max(axis=0) * weights > _PIXEL_SHARE
+        is_heavy = relative * weights > _PIXEL_SHARE
+        large = self.near_core(directions, radii, _PIXEL_PART)
         large &= is_heavy | (radii > PART * self.core[0])
-        edge = self.has_edge(pixels.directions[cells], radii, weights, relative, scale)
-        points = ~(large | edge)
-        total = _sums(values[..., points], pixels.light[cells[points]])
-        fineness = radii.max() / (PART * self.core[0])
-        nodes = int(min(1 + np.ceil(fineness), _MOST_NODES))
+        edge = self.on_edge(directions, radii, weights, relative, scale)
+        light = pixels.light[cells]
+        total = _sums(np.where(large | edge, 0, values), light)
+        nodes = int(min(1 + np.ceil(radii.max() / (PART * self.core[0])), _MOST_NODES))
         for cut, count in ((edge, max(nodes, _EDGE_NODES)), (large & ~edge, nodes)):
-            if cut.any():
-                means = self._over_pixels(pixels.directions[cells[cut]], sides[cut], count)
-                total += _sums(means, pixels.light[cells[cut]])
+            for point in np.flatnonzero(cut.any(axis=1)):
+                own = cut[point]
+                means = self._over_pixels(directions[own], sides[own], count, point)
+                total[point] += _sums(means, light[own])[0]
         return total
 
-    def _over_pixels(self, directions: Array, sides: Array, count: int) -> Array:
-        """Means of the transfer function over pixels, shape (channels, points, m).
+    def _over_pixels(self, directions: Array, sides: Array, count: int, point: int) -> Array:
+        """Means of the transfer function of a point over pixels, shape (channels, 1, m).
 
         Each is by `count` nodes of Gauss and Legendre along both of its sides.
         """
@@ -147,11 +157,11 @@ class Points:
         across, down = (offsets[:, None] * sides[:, None, side] for side in (0, 1))
         parts = directions[:, None, None] + across[:, :, None] + down[:, None]
         parts /= np.linalg.norm(parts, axis=-1, keepdims=True)
-        found = self.transfer(parts.reshape(-1, 3))
+        found = self.transfer(parts.reshape(-1, 3), point)
         means: Array = found.reshape(*found.shape[:2], -1, shares.size) @ shares
         return means
 
-    def has_edge(
+    def on_edge(
         self, directions: Array, radii: Array, weights: Array, relative: Array, scale: Array
     ) -> NDArray[np.bool_]:
         """Which cells cross the edge of a cap, where the transfer function bends or jumps, and are
@@ -159,9 +169,11 @@ class Points:
 
         `relative` is the transfer function at their centroids, shape (points, m), as parts of that
         light. A dark one tells nothing, as a part of its cell may be lit: its inner side tells.
+
+        Returns an array of shape (points, m).
         """
         some = np.flatnonzero((radii > _EDGE) | (weights * relative.max() > _PIXEL_SHARE))
-        found = np.zeros(len(radii), dtype=bool)
+        found = np.zeros(relative.shape, dtype=bool)
         for axes, angle in self.caps:
             cosines, sizes = axes @ directions[some].T, radii[some]
             inner, outer = np.maximum(angle - sizes, 0), np.minimum(angle + sizes, np.pi)
@@ -173,9 +185,8 @@ class Points:
             lit = directions[cells] + radii[cells, None] * axes.mean(axis=0)
             lit /= np.linalg.norm(lit, axis=-1, keepdims=True)
             shares = np.abs(self.transfer(lit)).mean(axis=0) / scale[:, None]
-            shares = np.maximum(shares, relative[:, cells]) * crosses
-            is_heavy = weights[cells] * shares.max(axis=0) > _PIXEL_SHARE
-            found[cells] |= is_heavy | (radii[cells] > _EDGE)
+            is_heavy = weights[cells] * np.maximum(shares, relative[:, cells]) > _PIXEL_SHARE
+            found[:, cells] |= crosses & (is_heavy | (radii[cells] > _EDGE))
         return found
 
 
@@ -214,11 +225,13 @@ def adaptive_sums(pyramid: Pyramid, points: Points) -> tuple[Array, Array]:
         cut = np.ones(len(cells), dtype=bool)
         cut[order[: np.searchsorted(spent, _SPENT * left, side="right")]] = False
         shares = np.abs(values).mean(axis=0) / scale[:, None]
-        cut |= points.has_edge(level.directions[cells], level.radii[cells], weights, shares, scale)
+        edge = points.on_edge(level.directions[cells], level.radii[cells], weights, shares, scale)
+        cut |= edge.any(axis=0)
         cut |= ~np.repeat(is_known, 4)
         cut &= spread > 0
         # A pixel alone in the dark has no spread, and may be large beside the lobe all the same.
-        cut |= points.has_core(level.directions[cells], level.radii[cells]) & (weights > 0)
+        near = points.near_core(level.directions[cells], level.radii[cells])
+        cut |= near.any(axis=0) & (weights > 0)
         done = np.flatnonzero(~cut)
         left -= float(worst[done].sum(dtype=float))
         bent = spread[done] / np.maximum(weights[done], _TINY)

@@ -261,7 +261,7 @@ class Reference:
         def work(points: Indices) -> tuple[Array, Array]:
             group = Points(
                 np.ascontiguousarray(rows[points].swapaxes(0, 1)),
-                lambda cosines: evaluate(cosines, points[None]),
+                lambda cosines, which: evaluate(cosines, points[which][None]),
                 [(axes[points], angle) for axes, angle in caps],
                 centers[points],
                 self._core.seen(angles[points]),
