@@ -56,8 +56,8 @@ def test_border_sampled_residuals_are_tagged(tmp_path):
 
 
 def test_a_lamp_of_the_largest_pixels_is_read_back(tmp_path):
-    image = np.zeros((32, 64, 3), np.float32)
-    image[9, 20] = 3e38
+    image = np.zeros((64, 128, 3), np.float32)
+    image[20, 37] = 3e38
     split = split_lamps(Probe.from_array(image))
     write_residual(str(tmp_path / "rest.exr"), split)
     write_bytes(str(tmp_path / "sun.toml"), light_file_text(split, "rest.exr").encode())
