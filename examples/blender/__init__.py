@@ -3,6 +3,7 @@
 It runs the command `shrm`, which may belong to another Python: Blender's own needs no packages.
 """
 
+import json
 import os
 import runpy
 import shlex
@@ -75,15 +76,19 @@ class _Job:
         return {"FINISHED"}
 
     def run(self, context, *arguments):
-        """Run the command; RuntimeError has the line that says what is wrong."""
+        """Run the command; return what it prints, or raise RuntimeError with the line of errors."""
         command = context.preferences.addons[__package__].preferences.command
         line = [*words_of(command), *map(str, arguments)]
-        done = subprocess.run(line, capture_output=True, text=True, encoding="utf-8")
+        try:
+            done = subprocess.run(line, capture_output=True, text=True, encoding="utf-8")
+        except FileNotFoundError:
+            raise RuntimeError(f"there is no command {line[0]}; name it in Preferences") from None
         if done.returncode:
             said = (done.stderr.strip() or "shrm failed").splitlines()[-1]
             raise RuntimeError(said.removeprefix("Error: "))
         for warning in done.stderr.strip().splitlines():
             self.report({"WARNING"}, warning)
+        return done.stdout
 
 
 class SHRM_OT_world(_Job, bpy.types.Operator):
@@ -95,8 +100,10 @@ class SHRM_OT_world(_Job, bpy.types.Operator):
 
     def work(self, context, settings, probe, folder):
         world = folder / "world"
-        self.run(context, "export", probe, "--for", "blender", "--force", "-o", world)
-        runpy.run_path(str(world / f"{probe.stem}_world.py"))
+        asked = "--for", "blender", "--force", "--json", "-o", world
+        told = json.loads(self.run(context, "export", probe, *asked))
+        (script,) = (each["name"] for each in told["files"] if each["name"].endswith(".py"))
+        runpy.run_path(str(world / script))
 
 
 class SHRM_OT_prefilter(_Job, bpy.types.Operator):

@@ -266,17 +266,17 @@ def halving(size: int, least: int, count: int | None = None) -> tuple[int, ...]:
     least : int
         The least size of a level.
     count : int, optional
-        The number of levels; all down to the least by default.
+        The number of levels; all down to the least by default, which are two at least, since a
+        single level would be shown at every roughness.
 
     Raises ArgumentError if the size is no power of two, or too small for so many levels.
     """
     if size < 1 or size & (size - 1):
         raise ArgumentError("size", f"{size} is no power of two, which the mips of a cube need")
-    sizes: list[int] = []
-    while size >= least and (count is None or len(sizes) < count):
-        sizes.append(size)
-        size //= 2
-    if not sizes or (count is not None and len(sizes) < count):
-        needed = least if count is None else least << (count - 1)
+    needed = 2 * least if count is None else least << (count - 1)
+    if size < needed:
         raise ArgumentError("size", f"must be {needed} at least")
+    sizes = [size]
+    while sizes[-1] >= 2 * least and len(sizes) != count:
+        sizes.append(sizes[-1] // 2)
     return tuple(sizes)

@@ -44,8 +44,9 @@ class Region:
 
 
 def brightness_of(image: Array) -> Array:
-    """The mean of the channels, shape (..., 3) -> (...)."""
-    return np.asarray((image[..., 0] + image[..., 1] + image[..., 2]) / 3)
+    """The mean of the channels, shape (..., 3) -> (...), of any numbers that pixels can hold."""
+    thirds = np.full(3, 1 / 3, image.dtype)  # the sum of three large numbers would overflow
+    return np.einsum("...c,c->...", image, thirds)
 
 
 def typical_brightness(brightness: Array, areas: Array) -> float:

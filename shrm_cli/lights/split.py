@@ -287,7 +287,7 @@ def _in_memory(probe: Probe, pixels: NDArray[np.float32], matrix: Array) -> Prob
 
 ORDER = 32
 """Degrees of the light that are counted, where pixels are fine enough. Of a point's irradiance
-those beyond hold 1e-6 of the square."""
+those beyond hold less than 1e-5 of the square."""
 _NORMALS = 2048
 """Normals among which the largest difference is looked for: any is within 3 degrees of one."""
 _VALUES_AT_ONCE = 2**23

@@ -38,7 +38,6 @@ from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MAX_CUBE_SIZE
 if TYPE_CHECKING:
     import os
 
-    from shrm_cli.brdf.base import Color
     from shrm_cli.files.parts import Part
     from shrm_cli.maps.kinds import HarmonicLight
     from shrm_cli.maps.shrm.shrm import Shrm
@@ -184,7 +183,7 @@ class Map(Displayed, ABC):
     def shaded(
         self,
         roughness: float = DEFAULT_ROUGHNESS,
-        f0: Color = (1.0, 1.0, 1.0),
+        f0: float | Sequence[float] = 1.0,
         anisotropy: float = 0.0,
         taps: int = DEFAULT_TAPS,
     ) -> ReflectedLight:
@@ -194,8 +193,8 @@ class Map(Displayed, ABC):
         ----------
         roughness : float
             Perceptual roughness in 0 .. 1; GGX's alpha is its square.
-        f0 : tuple of 3 float
-            Reflectance at normal incidence, linear RGB, in 0 .. 1.
+        f0 : float or sequence of 3 float
+            Reflectance at normal incidence, grey or linear RGB, in 0 .. 1.
         anisotropy : float
             That of glTF, in 0 .. 1, which split sums of GGX show.
         taps : {3, 5, 8}

@@ -100,12 +100,12 @@ class LightMap(FixedMap):
     def shaded(
         self,
         roughness: float = DEFAULT_ROUGHNESS,
-        f0: Color = (1.0, 1.0, 1.0),
+        f0: float | Sequence[float] = 1.0,
         anisotropy: float = 0.0,
         taps: int = DEFAULT_TAPS,
     ) -> "Shaded":
         self.check_brush(anisotropy)
-        return self.surface(roughness, f0, anisotropy, taps)
+        return self.surface(roughness, _reflectance(f0), anisotropy, taps)
 
     @abstractmethod
     def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int) -> "Shaded":
@@ -115,6 +115,16 @@ class LightMap(FixedMap):
         """Raise a `MapError`, if the light cannot be shown on a brushed surface."""
         if anisotropy and "anisotropy" not in self.surface_arguments:
             raise MapError(f"anisotropy is of split sums of GGX, not of {self.what}")
+
+
+def _reflectance(f0: float | Sequence[float]) -> Color:
+    """Return the channels of a reflectance, which is grey where it is one number."""
+    try:
+        channels = np.asarray(f0, dtype=float)
+        red, green, blue = np.broadcast_to(channels, (3,)).tolist()
+    except (TypeError, ValueError):
+        raise MapError(f"f0 must be one number or three, not {f0!r}") from None
+    return red, green, blue
 
 
 class MaterialMap(FixedMap):

@@ -19,6 +19,8 @@ _LEAST_PARTS, _MOST_PARTS = 16, 32
 _PARTS_IN_A_RADIUS = 64
 LEAST_RADIUS = 1e-6
 """The least radius of a disc in radians: smaller ones are points, which have no radiance."""
+BRIGHTEST = float(np.finfo(np.float32).max)
+"""The largest radiance of a disc, as of pixels, so that lamps of any probe can be discs."""
 
 
 @record(eq=False)

@@ -28,7 +28,7 @@ from shrm_cli.errors import ProbeError
 from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.messages import as_keys
-from shrm_cli.probe.disc import LEAST_RADIUS, Disc, facing_factor, radius_of
+from shrm_cli.probe.disc import BRIGHTEST, LEAST_RADIUS, Disc, facing_factor, radius_of
 from shrm_cli.probe.image_file import is_light_file
 from shrm_cli.probe.light_sum import LightSum, SumImage, Term, in_one_color
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 
 _MOST_BYTES = 2**20
 _MOST_LIGHTS = 1000
-_BRIGHTEST = 1e30
-"""The largest radiance, irradiance or scale, at which sums of squares are still finite."""
 _OF_THE_WHOLE = {"yaw", "pitch", "roll", "mirror", "up", "working", "box", "at"}
 """The options that apply to a light file: they turn it, and tell its primaries and its box."""
 _PROBE_KEYS = {each.name for each in fields(ReadOptions)} - {"pixels"} | {"clamp", "fix_nonfinite"}
@@ -283,7 +281,7 @@ def _color(what: str, key: str, value: object) -> Array:
     values = value if isinstance(value, list) else [value] * 3
     if len(values) != 3:
         raise ProbeError(f"{what}: '{key}' must be one number or three")
-    return np.array([_number(what, key, each, 0, _BRIGHTEST) for each in values])
+    return np.array([_number(what, key, each, 0, BRIGHTEST) for each in values])
 
 
 def _number(what: str, key: str, value: object, least: float, most: float) -> float:

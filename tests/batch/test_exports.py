@@ -69,9 +69,9 @@ def test_what_is_there_and_whole_is_kept(folder):
     write_exr(folder / "b.exr", np.ones((16, 32, 3), np.float32))
     _, found = statuses(folder)
     assert {name for name, status in found.items() if status == "made"} == {"b.three", "b.cesium"}
-    _, found = statuses(folder, *BOTH[:-1], "8")
+    _, found = statuses(folder, *BOTH[:-1], "32")
     assert set(found.values()) == {"made"}
-    assert "`size` 16 there, 8 here" in records(folder)[0]["why"]
+    assert "`size` 16 there, 32 here" in records(folder)[0]["why"]
 
 
 def test_a_run_that_ended_between_files_is_finished(folder):
@@ -151,7 +151,7 @@ def test_a_manifest_names_engines_beside_forms(folder):
         'for = ["bevy"]\n'
         'output = "maps/{probe}.{engine}.{to}.exr"\n'
         "[entry.export]\n"
-        "size = 8\n"
+        "size = 16\n"
     )
     run("batch", "bake.toml")
     assert not [each for each in records(folder) if each["status"] == "failed"]

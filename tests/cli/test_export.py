@@ -56,11 +56,11 @@ def test_the_same_export_is_the_same_bytes(folder):
 def test_a_light_goes_into_a_copy_of_a_gltf_file(folder):
     (folder / "ball.glb").write_bytes(ball_file(1.0, 0.5, rows=4))
     before = (folder / "ball.glb").read_bytes()
-    export = ["export", "sky.exr", "--for", "gltf", "--size", "16", "--into", "ball.glb"]
+    export = ["export", "sky.exr", "--for", "gltf", "--size", "32", "--into", "ball.glb"]
     out = done(*export)
     assert "sky_ball.glb" in out
     done(*export)  # the same again
-    again = [*export[:-3], "32", *export[-2:]]
+    again = [*export[:-3], "64", *export[-2:]]
     assert_refused(run(*again), 1, "--force")
     done(*again, "--force")
     json_file = run("export", "sky.exr", "--for", "json", "--into", "ball.glb")
@@ -139,7 +139,7 @@ def test_gltf_sample_viewer_gets_no_pixel_that_it_skips(folder):
     light = np.ones((1024, 2048, 3), np.float32)
     light[300, 600] = 101
     write_exr(folder / "lamp.exr", light)
-    done("export", "lamp.exr", "--for", "gltf-sample-viewer", "--size", "16")
+    done("export", "lamp.exr", "--for", "gltf-sample-viewer", "--size", "32")
     data = (folder / "lamp.gltf-sample-viewer" / "lamp.hdr").read_bytes()
     start = data.index(b"-Y 512 +X 1024\n") + len(b"-Y 512 +X 1024\n")
     pixels = np.frombuffer(data, np.uint8, offset=start).reshape(512, 1024, 4).astype(float)

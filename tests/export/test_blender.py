@@ -3,6 +3,7 @@
 SHRM_BLENDER names a Python that has the package `bpy`, for the latter: `make blender` installs it.
 """
 
+import importlib.util
 import json
 import os
 import runpy
@@ -17,7 +18,7 @@ import pytest
 
 from shrm_cli.export.engine import engine
 from shrm_cli.export.make import Asked, Source, export, write
-from tests.cli.helpers import ROOT, done
+from tests.cli.helpers import ROOT, done, write_exr
 from tests.web import letters
 
 NAME = "li\"ght's 灯"
@@ -95,6 +96,43 @@ def test_the_script_makes_a_world_of_the_picture(tmp_path, monkeypatch):
         (texture.outputs["Color"], background.inputs["Color"]),
         (background.outputs["Background"], output.inputs["Surface"]),
     ]
+
+
+@pytest.fixture
+def extension(monkeypatch):
+    """The extension, beside as much of Blender as it touches when it is imported."""
+    bpy = ModuleType("bpy")
+    names = ("AddonPreferences", "PropertyGroup", "Operator", "Panel")
+    bpy.types = SimpleNamespace(**{name: type(name, (), {}) for name in names})
+    bpy.props = SimpleNamespace(StringProperty=lambda **described: str)
+    monkeypatch.setitem(sys.modules, "bpy", bpy)
+    path = ROOT / "examples" / "blender" / "__init__.py"
+    spec = importlib.util.spec_from_file_location("shrm_extension", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def context_of(command):
+    own = SimpleNamespace(preferences=SimpleNamespace(command=command))
+    return SimpleNamespace(preferences=SimpleNamespace(addons={"shrm_extension": own}))
+
+
+def test_the_extension_finds_the_world_of_six_files(extension, tmp_path, monkeypatch):
+    """Their name is `sky_%.exr`, and those of the files that are made begin with `sky`."""
+    for face in ("+X", "-X", "+Y", "-Y", "+Z", "-Z"):
+        write_exr(tmp_path / f"sky_{face}.exr", np.ones((8, 8, 3), np.float32))
+    operator, ran = extension.SHRM_OT_world(), []
+    monkeypatch.setattr(operator, "run", lambda context, *given: done(*given), raising=False)
+    monkeypatch.setattr(extension.runpy, "run_path", ran.append)
+    operator.work(None, None, tmp_path / "sky_%.exr", tmp_path)
+    assert [Path(each) for each in ran] == [tmp_path / "world" / "sky_world.py"]
+    assert Path(ran[0]).is_file()
+
+
+def test_the_extension_says_that_there_is_no_command(extension):
+    with pytest.raises(RuntimeError, match="there is no command no-such-shrm; name it in"):
+        extension.SHRM_OT_world().run(context_of("no-such-shrm -q"), "info")
 
 
 @pytest.mark.skipif("SHRM_BLENDER" not in os.environ, reason="SHRM_BLENDER names a Python with bpy")

@@ -409,6 +409,8 @@ def test_coefficients_that_would_be_negative_are_windowed_and_it_is_told():
         ("godot", {"texels": "rgba16f"}, "format"),
         ("filament", {"size": 100}, "size"),
         ("filament", {"size": 8}, "size"),
+        ("three", {"size": 8}, "size"),  # a single level would be shown at every roughness
+        ("gltf", {"size": 16}, "size"),
         ("bevy", {"skybox": 64}, "skybox"),
         ("bevy", {"window": "auto"}, "window"),
         ("godot", {"window": "none"}, "window"),

@@ -55,6 +55,16 @@ def test_border_sampled_residuals_are_tagged(tmp_path):
         assert open_probe(tmp_path / "sun.toml").terms[0].probe.grid == found.probe.grid
 
 
+def test_a_lamp_of_the_largest_pixels_is_read_back(tmp_path):
+    image = np.zeros((64, 128, 3), np.float32)
+    image[20, 37] = 3e38
+    split = split_lamps(Probe.from_array(image))
+    write_residual(str(tmp_path / "rest.exr"), split)
+    write_bytes(str(tmp_path / "sun.toml"), light_file_text(split, "rest.exr").encode())
+    (found,) = open_probe(tmp_path / "sun.toml").discs
+    np.testing.assert_allclose(found.radiance, 3e38, rtol=1e-6)
+
+
 def test_names_are_relative_and_below(tmp_path):
     inner = tmp_path / "in"
     inner.mkdir()

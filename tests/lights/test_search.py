@@ -44,6 +44,11 @@ def test_a_sun_hardly_raises_what_others_stand_out_of(brightness, count):
     assert len(regions(image)) == 1 + count
 
 
+def test_the_largest_number_of_a_pixel_is_a_lamp():
+    """The sum of its three channels has no 32-bit number."""
+    assert len(regions(lit(3e38))) == 1
+
+
 @pytest.mark.parametrize(("degrees", "is_compact"), [(5.7, True), (6.3, False)])
 def test_a_glow_of_eight_times_its_area_is_of_the_lamp(degrees, is_compact):
     image = lit(1)

@@ -53,3 +53,15 @@ def test_only_split_sums_of_ggx_are_brushed(name):
         FORMS[name]().shaded(0.5, (1.0, 1.0, 1.0), anisotropy=0.5)
     shown = FORMS["splitsum linear"]().shaded(0.5, (1.0, 1.0, 1.0), anisotropy=0.5, taps=8)
     assert (shown.anisotropy, shown.taps) == (0.5, 8)
+
+
+@pytest.mark.parametrize("name", ["splitsum linear", "she lobe"])
+def test_a_reflectance_may_be_one_number(name):
+    made, points = FORMS[name](), cases.points(9)
+    for grey in (0.04, np.float32(0.04), [0.04]):
+        found = made.shaded(0.5, grey).radiance(*points)
+        expected = made.shaded(0.5, (0.04, 0.04, 0.04)).radiance(*points)
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
+    for wrong in ((0.04, 1.0), "gold"):
+        with pytest.raises(MapError, match="f0 must be one number or three"):
+            made.shaded(0.5, wrong)

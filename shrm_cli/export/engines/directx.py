@@ -3,15 +3,12 @@
 DirectX itself has no law of levels; they are those of glTF's sampler, linear in roughness.
 """
 
-from collections.abc import Sequence
-
 from shrm_cli.export.cubes import packed_levels
 from shrm_cli.export.dds import dds_cube
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string
-from shrm_cli.maps.splitsum.roughness import level_roughnesses
 
 
 class DirectX(Engine):
@@ -22,9 +19,6 @@ class DirectX(Engine):
     formats = ("rgba16f", "rgb9e5", "r11g11b10", "bc6h")
     mapping = "linear"
     least = 8
-
-    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
-        return (0.0,) if len(sizes) == 1 else level_roughnesses(len(sizes), "linear")
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()

@@ -34,7 +34,7 @@ class Gltf(Engine):
     """Texels along an edge of the last level, as the extension's text has it."""
 
     def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
-        steps = max(len(sizes) - 1, 1)
+        steps = len(sizes) - 1
         return (0.0, *(sizes[0] ** ((k / steps - 1) / 2) for k in range(1, len(sizes))))
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:

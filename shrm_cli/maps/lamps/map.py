@@ -22,7 +22,7 @@ from shrm_cli.maps.info import MapInfo, common_brdf
 from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.maps.lamps.lobe import LobeTable, table_bytes
 from shrm_cli.maps.lamps.rule import LitDiscs, disc_records
-from shrm_cli.probe.disc import Disc
+from shrm_cli.probe.disc import BRIGHTEST, Disc
 from shrm_cli.records import handed_on, record
 from shrm_cli.sphere.directions import bisector, normalize
 from shrm_cli.vocabulary import Frame, Sampling
@@ -200,7 +200,7 @@ _OFF_UNIT = 1e-3
 """How much the length of a direction may be off 1."""
 _LARGEST = 1e6
 """The largest error that is sound."""
-_MOST_RADIUS, _MOST_RADIANCE = 90.0, 1e30
+_MOST_RADIUS = 90.0
 
 
 def lamps_text(discs: Sequence[Disc], left: float, error: float) -> str:
@@ -238,7 +238,7 @@ def _disc(values: object) -> Disc:
     direction, radiance = (_triple(values[name]) for name in ("direction", "radiance"))
     (radius,) = _numbers([values["radius"]])
     is_unit = abs(math.hypot(*direction) - 1) <= _OFF_UNIT
-    is_lit = all(0 <= channel <= _MOST_RADIANCE for channel in radiance)
+    is_lit = all(0 <= channel <= BRIGHTEST for channel in radiance)
     if not (is_unit and is_lit and 0 < radius <= _MOST_RADIUS):
         raise ValueError("beyond its range")
     return Disc(normalize(direction), math.radians(radius), np.array(radiance))
