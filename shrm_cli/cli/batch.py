@@ -162,7 +162,7 @@ def batch(
         made = f"{counted(len(set(left_out)), 'file')} that shrm made of probes"
         echo(f"{made}, such as {left_out[0]}: left out of the patterns", err=True)
     written = [commands, openjd] if commands or openjd else [collect, contact_page, log]
-    check_others([each for each in written if each is not None], chunks)
+    check_others([each for each in written if each is not None and each != "-"], chunks)
     if commands or openjd:
         write_farm_files(options.words_of_call(), commands, openjd, len(chunks), chunk)
         return

@@ -191,6 +191,10 @@ def test_command_lines_for_farms(folder):
     job = json.loads((folder / "job.json").read_text())
     assert job["specificationVersion"] == "jobtemplate-2023-09"
     assert not (folder / "out").exists()
+    printed = run(*IRRADIANCE, "--chunk", "2", "--commands", "-")
+    assert (printed.code, printed.err) == (0, "")
+    assert printed.out.splitlines() == lines
+    assert not (folder / "-").exists()
 
 
 def test_a_second_run_beside_its_own_outputs(folder, here, monkeypatch):
