@@ -81,6 +81,9 @@ class Points:
     """Central directions, shape (points, 3)."""
     core: tuple[float, float]
     """The width of the core of their lobes and how far from the center it reaches, radians."""
+    beside: Array
+    """The luminance of what other parts of the BRDF reflect, shape (points,), beside which errors
+    count."""
 
     def transfer(self, directions: Array, only: int | None = None) -> Array:
         """The transfer function of light from directions, (m, 3): (channels, points, m).
@@ -141,7 +144,7 @@ class Points:
         total = _sums(np.where(large | edge, 0, values), light)
         nodes = int(min(1 + np.ceil(radii.max() / (PART * self.core[0])), _MOST_NODES))
         for cut, count in ((edge, max(nodes, _EDGE_NODES)), (large & ~edge, nodes)):
-            for point in np.flatnonzero(cut.any(axis=1)):
+            for point in np.flatnonzero(cut.any(axis=1)).tolist():
                 own = cut[point]
                 means = self._over_pixels(directions[own], sides[own], count, point)
                 total[point] += _sums(means, light[own])[0]
@@ -211,7 +214,7 @@ def adaptive_sums(pyramid: Pyramid, points: Points) -> tuple[Array, Array]:
         values = points.transfer(level.directions[cells])
         total += _sums(values, light) - _sums(coarse, above.light[parents])
         weights = np.abs(light) @ np.array(LUMINANCE, light.dtype)
-        bright = np.abs(total) @ LUMINANCE
+        bright = np.abs(total) @ LUMINANCE + points.beside
         scale = np.maximum(bright, max(_DARK * float(bright.mean()), _TINY))
         if level is levels[0]:
             sums += points.of_pixels(level, cells, values, weights, scale)

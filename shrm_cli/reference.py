@@ -18,13 +18,13 @@ from shrm_cli.adaptive import Cap, Points, adaptive_sums
 from shrm_cli.arrays import Array
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
-from shrm_cli.brdf.core import MOST_CELLS, Core
+from shrm_cli.brdf.core import MOST_CELLS, Core, apart
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.source import Pyramid, Source
-from shrm_cli.progress import Progress, in_order
+from shrm_cli.progress import Progress, in_order, tell
 from shrm_cli.sphere.directions import (
     bisector,
     central_directions,
@@ -35,6 +35,8 @@ from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 
 Indices = NDArray[np.integer]
 Evaluate = Callable[[Array, Indices], Array]
+Part = tuple[Brdf, Core | None]
+"""A part of a BRDF that is summed at once, and its core, if sums are adaptive."""
 
 _SAMPLES_AT_ONCE = 2**15
 """Pairs of a point and a pixel that are evaluated at a time.
@@ -90,7 +92,6 @@ class Reference:
         self.angle = np.pi if tolerance is None else lobe.lobe_angle(brdf, tolerance)
         self.dtype = dtype
         self.progress = progress
-        self._reach = min(self.angle, lobe.zonal_support(brdf)) if brdf.zonal else self.angle
         own = probe.grid.shape if source_height is None else (source_height, 2 * source_height)
         if source_height is None:
             probe = probe if exact else fine_probe(probe)
@@ -98,11 +99,16 @@ class Reference:
         else:
             rows, columns = source_height, 2 * source_height
         pixels = rows * columns
+        self._core: Core | None = None
+        self._parts: list[Part] = [(brdf, None)]
         if not exact:
-            self._core = Core.of(brdf)
-            is_narrow = np.median(self._core.widths) < _PIXELS_OF_CORE * np.sqrt(4 * np.pi / pixels)
+            self._core = core = Core.of(brdf)
+            is_narrow = np.median(core.widths) < _PIXELS_OF_CORE * np.sqrt(4 * np.pi / pixels)
             exact = pixels <= _FEW_PIXELS and not is_narrow
-            exact = exact or self._core.cells > min(MOST_CELLS, _FULL_SHARE * pixels)
+            exact = exact or core.cells > min(MOST_CELLS, _FULL_SHARE * pixels)
+            # Where lobes are truncated, that is about the central direction of all of them.
+            is_one = exact or self.angle < np.pi
+            self._parts = [(brdf, core)] if is_one else [*apart(brdf, core)]
         made: type[Source] | type[Pyramid] = Source if exact else Pyramid
         self.source = made.of(probe, source_height, dtype)
         self.pixels = min(self.source.pixels, own[0] * own[1])
@@ -163,21 +169,49 @@ class Reference:
         tangents of a BRDF that is central about them. `tangents` are their x axes; anisotropic
         BRDFs are brushed along the horizontal tangent by default, and the others do not care.
         """
-        brdf, truncated = self.brdf, self.angle < np.pi
         shape = axes.shape
-        normals, views, centers = (each.reshape(-1, 3) for each in (axes, views, centers))
+        axes, views, centers = (each.reshape(-1, 3) for each in (axes, views, centers))
+        if tangents is not None:
+            tangents = tangents.reshape(-1, 3)
+        found, errors = np.zeros(axes.shape), np.zeros(len(axes))
+        work = len(self._parts) * len(axes)
+        for number, part in enumerate(self._parts):
+            place = number * len(axes), work
+            light, error = self._of_part(part, axes, centers, views, tangents, found, place)
+            found += light
+            errors += error
+        self._note(found, errors)
+        return found.reshape(shape)
+
+    def _of_part(
+        self,
+        part: Part,
+        normals: Array,
+        centers: Array,
+        views: Array,
+        tangents: Array | None,
+        found: Array,
+        place: tuple[int, int],
+    ) -> tuple[Array, Array]:
+        """What a part of the BRDF reflects at points, and the errors, as `_integrate` has them.
+
+        `found` is what the parts before it reflect there.
+        """
+        brdf, truncated = part[0], self.angle < np.pi
+        if brdf.center != self.brdf.center:
+            centers = central_directions(brdf.center, normals, views)
         if brdf.zonal:  # it depends on C.L alone, so N and V may be C
             normals = views = centers
         if tangents is None or brdf.zonal:
             tangents = horizontal_tangents(normals)
-        tangents = tangents.reshape(-1, 3)
         rows = surface_frames(normals, tangents)
         local_views = np.einsum("nij,nj->ni", rows, views).astype(self.dtype)
         if truncated and not brdf.zonal:  # the last row is C
             rows = np.concatenate([rows, centers[:, None]], axis=1)
         caps = []
-        if self._reach < np.pi:
-            caps.append((centers, self._reach))
+        reach = self._reach(brdf)
+        if reach < np.pi:
+            caps.append((centers, reach))
         if lobe.cuts_horizon(brdf):
             caps.append((normals, np.pi / 2))
         bound = self.dtype(np.cos(self.angle))
@@ -188,7 +222,20 @@ class Reference:
             return scaled(values, cosines[:, -1] >= bound) if truncated else values
 
         angles = np.arccos(np.clip(np.einsum("nj,nj->n", centers, views), -1, 1))
-        return self._integrate(rows, (centers, angles), caps, evaluate).reshape(shape)
+        beside = np.abs(found @ LUMINANCE)
+        return self._integrate(rows, (centers, angles), caps, evaluate, part[1], beside, place)
+
+    def _reach(self, brdf: Brdf) -> float:
+        """How far from its central directions a part of the BRDF reflects, radians."""
+        return min(self.angle, lobe.zonal_support(brdf)) if brdf.zonal else self.angle
+
+    def _note(self, light: Array, errors: Array) -> None:
+        """Keep estimated errors of the luminance of points, shape (n,), as parts of it."""
+        if not len(light):
+            return
+        luminance = np.abs(light @ LUMINANCE)
+        least = max(SEEN_FLOOR * float(luminance.mean()), _TINY)
+        self._errors.append(errors / np.maximum(luminance, least))
 
     def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
         """Light integrated with the lobe's mean over the azimuth (Kautz and McCool).
@@ -209,14 +256,26 @@ class Reference:
             cosine = cosines[:, 0]
             return scaled(lobe.interpolate_mean(cosine, means), cosine >= bound)
 
-        caps = [(points, self._reach)]
+        caps = [(points, self._reach(self.brdf))]
         views = points, np.full(len(points), view_theta)
-        return self._integrate(points[:, None], views, caps, evaluate).reshape(centers.shape)
+        light, errors = self._integrate(
+            points[:, None], views, caps, evaluate, self._core, np.zeros(len(points)),
+            (0, len(points)),
+        )  # fmt: skip
+        self._note(light, errors)
+        return light.reshape(centers.shape)
 
     def _integrate(
-        self, rows: Array, lobes: tuple[Array, Array], caps: list[Cap], evaluate: Evaluate
-    ) -> Array:
-        """Sum over the source at every point, shape (points, 3).
+        self,
+        rows: Array,
+        lobes: tuple[Array, Array],
+        caps: list[Cap],
+        evaluate: Evaluate,
+        core: Core | None,
+        beside: Array,
+        place: tuple[int, int],
+    ) -> tuple[Array, Array]:
+        """Sum over the source at every point, shape (points, 3), for a part of the BRDF.
 
         `rows`, of shape (points, k, 3), are vectors whose cosines with the directions to the light
         `evaluate` needs. `lobes`, of shapes (points, 3) and (points,), are the central directions,
@@ -224,24 +283,29 @@ class Reference:
         `caps`, given by axes, shape (points, 3), and an angle, radians. `evaluate` leads from
         cosines, shape (pairs, k, group, m), and the indices of their points, (pairs, group), to the
         transfer function, (pairs, group, m, 3); a pair is one of a group of points and a tile of m
-        pixels.
+        pixels. `core` is that of the part; full sums need none. `beside`, of shape
+        (points,), is the luminance of other parts, beside which errors count. `place` tells how
+        many points were summed for other parts, and how many there are for all of them.
+
+        Returns `light`, shape (points, 3), and the estimated `errors` of its luminance, (points,),
+        which are 0 for full sums.
         """
-        result = np.zeros((len(rows), 3))
+        result, errors = np.zeros((len(rows), 3)), np.zeros(len(rows))
         if len(rows) == 0:
-            return result
+            return result, errors
         rows = rows.astype(self.dtype)
         caps = [(axes.astype(self.dtype), angle) for axes, angle in caps]
         done = 0
         if isinstance(self.source, Source):
             parts = self._full(self.source, rows, caps, evaluate)
         else:
-            parts = self._adaptive(self.source, rows, lobes, caps, evaluate)
+            assert core is not None
+            parts = self._adaptive(self.source, rows, lobes, caps, evaluate, core, beside, errors)
         for points, sums in parts:
             result[points] = sums
             done = min(done + points.size, len(rows))
-            if self.progress is not None:
-                self.progress(done, len(rows))
-        return result
+            tell(self.progress, place[0] + done, place[1])
+        return result, errors
 
     def _adaptive(
         self,
@@ -250,13 +314,15 @@ class Reference:
         lobes: tuple[Array, Array],
         caps: list[Cap],
         evaluate: Evaluate,
+        core: Core,
+        beside: Array,
+        errors: Array,
     ) -> Iterator[tuple[Indices, Array]]:
-        """Yield groups of points and their adaptive sums."""
+        """Yield groups of points and their adaptive sums, and set the errors of these."""
         centers: Array = lobes[0].astype(self.dtype)
         angles = lobes[1]
         size = int(np.clip(len(rows) * _EXTENT**2 / (4 * np.pi), *_ADAPTIVE_SIZES))
         groups = list(_neighbors(centers, size))
-        errors, luminance = np.zeros(len(rows)), np.zeros(len(rows))
 
         def work(points: Indices) -> tuple[Array, Array]:
             group = Points(
@@ -264,15 +330,14 @@ class Reference:
                 lambda cosines, which: evaluate(cosines, points[which][None]),
                 [(axes[points], angle) for axes, angle in caps],
                 centers[points],
-                self._core.seen(angles[points]),
+                core.seen(angles[points]),
+                beside[points],
             )
             return adaptive_sums(source, group)
 
         for points, (sums, error) in zip(groups, in_order(work, groups), strict=True):
-            errors[points], luminance[points] = error, np.abs(sums @ LUMINANCE)
+            errors[points] = error
             yield points, sums
-        least = max(SEEN_FLOOR * float(luminance.mean()), _TINY)
-        self._errors.append(errors / np.maximum(luminance, least))
 
     def _full(
         self, source: Source, rows: Array, caps: list[Cap], evaluate: Evaluate
@@ -284,7 +349,7 @@ class Reference:
             for _, angle in caps
         ]
         # Groups are to be small beside the lobe, if the points fill the sphere.
-        size = len(rows) * (min(self._reach, np.pi / 2) / 10) ** 2
+        size = len(rows) * (min(self._reach(self.brdf), np.pi / 2) / 10) ** 2
         first_axes = axes[0] if caps else rows[:, 0]
         groups = _neighbors(first_axes, int(np.clip(size, *_GROUP_SIZES)))
         at_once = max(_POINTS_AT_ONCE // groups.shape[1], 1)

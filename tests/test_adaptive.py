@@ -196,6 +196,35 @@ def test_few_cells_are_enough(made, monkeypatch):
     assert sum(seen) / 256 < 0.06 * 2 * ROWS**2
 
 
+def test_wide_terms_are_not_evaluated_as_finely_as_narrow_ones(made, pairs):
+    """The base under a coat is summed apart from it, and both together are right."""
+    coated = parse_spec("coated:roughness=0.2,base=(ggx:roughness=0.7)")
+    (_, narrow), (_, wide) = coated.terms
+    counts = {"narrow": 0, "wide": 0}
+
+    def count(term, name):
+        evaluate = term.evaluate
+
+        def counted(light, view):
+            counts[name] += light.size // 3
+            return evaluate(light, view)
+
+        term.evaluate = counted
+
+    for term, name in ((narrow, "narrow"), (wide, "wide")):
+        count(term, name)
+    some, calls = (pairs[0][:FEW], pairs[1]), []
+    truth = Reference(made["lamps"], coated, progress=lambda *call: calls.append(call))
+    counts.update(narrow=0, wide=0)
+    found = truth.radiance(*some) @ LUMINANCE
+    assert 0 < counts["wide"] < counts["narrow"] / 2
+    assert calls == sorted(calls)
+    assert calls[-1] == (2 * FEW, 2 * FEW)
+    expected = Reference(made["lamps"], coated, exact=True).radiance(*some) @ LUMINANCE
+    errors = np.abs(found - expected) / np.maximum(expected, SEEN_FLOOR * expected.mean())
+    assert np.percentile(errors, 95) < min(0.01, truth.error)
+
+
 def test_truncated_lobes_and_means_over_the_azimuth(made, pairs):
     normals, view = pairs[0][: 2 * FEW], pairs[1]
     brdf = parse_spec("microfacet:sigma=0.2")

@@ -296,6 +296,11 @@ class Brdf(ABC):
         """Whether the BRDF interpolates samples of a file, so that it has kinks and noise."""
         return "sha256" in self.values
 
+    @property
+    def is_slow(self) -> bool:
+        """Whether evaluating the BRDF takes several times as long as an analytic lobe."""
+        return self.is_measured
+
     def number(self, key: str) -> float:
         """The value of a parameter that is a number."""
         return float(self.values[key])  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.sums import joined, weighted_terms
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame, turned
 
@@ -19,6 +20,8 @@ PART = 0.5
 """Cells are to be no larger than this part of the width of the core: with the whole of it, the
 peaks of Phong's lobe of exponent 512 and of fibres were missed by 3 and 6 %."""
 MOST_CELLS = 2**14
+_APART = 3
+"""How much wider than the narrowest the core of a term is that is summed apart from it."""
 _PEAK = 0.75
 """Azimuths count that come so near to the peak."""
 
@@ -57,6 +60,31 @@ class Core:
         last = int(np.searchsorted(self.views, angles.max()))
         views = slice(first, last + 1)
         return float(self.widths[views].min()), float(self.reaches[views].max())
+
+
+def apart(brdf: Brdf, core: Core) -> list[tuple[Brdf, Core]]:
+    """Return the parts of a BRDF that are to be summed one after the other, with their cores, the
+    widest first.
+
+    `core` is that of the BRDF. Wide terms that take long, as the base under a clear coat, would be
+    evaluated as often beside a narrow one as that needs: for car paint at night this took two
+    thirds of the time. Others share what they compute with the narrow ones.
+    """
+    terms = weighted_terms(brdf)
+    is_slow = [term.is_slow for _, term in terms]
+    if len(terms) < 2 or not any(is_slow):
+        return [(brdf, core)]
+    widths = [float(np.median(Core.of(term).widths)) for _, term in terms]
+    is_apart = [
+        slow and width > _APART * min(widths) for slow, width in zip(is_slow, widths, strict=True)
+    ]
+    if not any(is_apart):
+        return [(brdf, core)]
+    groups = (
+        joined([term for term, own in zip(terms, is_apart, strict=True) if own is group])
+        for group in (True, False)
+    )
+    return [(each, Core.of(each)) for each in groups]
 
 
 def _core(brdf: Brdf, theta: float) -> tuple[float, float]:

@@ -162,7 +162,7 @@ def batch(
         made = f"{counted(len(set(left_out)), 'file')} that shrm made of probes"
         echo(f"{made}, such as {left_out[0]}: left out of the patterns", err=True)
     written = [commands, openjd] if commands or openjd else [collect, contact_page, log]
-    check_others([each for each in written if each is not None], chunks)
+    check_others([each for each in written if each is not None and each != "-"], chunks)
     if commands or openjd:
         write_farm_files(options.words_of_call(), commands, openjd, len(chunks), chunk)
         return
@@ -285,13 +285,14 @@ def _run(
     count = sum(len(chunk.jobs) for chunk in chunks)
     totals = Totals(count)
     results: list[Result] = []
+    told: set[tuple[str, str]] = set()
     with ExitStack() as stack:
         written = stack.enter_context(opened_log(log, count) if log else nullcontext())
         show = stack.enter_context(ticking("baking", count or len(chunks)))
 
         def take(result: Result) -> None:
             totals.add_result(result)
-            _note(result, written, terms.only_looks)
+            _note(result, written, terms.only_looks, told)
             if result.coefficients is not None:
                 results.append(result)
             show(totals)
@@ -342,14 +343,20 @@ def _show(chunks: list[Chunk], totals: Totals, target: str) -> None:
     write_contacts(found, target, "shrm batch")
 
 
-def _note(result: Result, log: Log | None, only_looks: bool) -> None:
-    """Write records into the log, and what failed, or would be made, to the terminal."""
+def _note(result: Result, log: Log | None, only_looks: bool, told: set[tuple[str, str]]) -> None:
+    """Write records into the log, and what failed, or would be made, to the terminal.
+
+    `told` are the probes and the reasons that were told of; others of their outputs that failed for
+    these stand in the log alone.
+    """
     for record in result.records:
         if log is not None:
             log(record)
         if record["status"] == "failed":
             error = record["error"].removeprefix(f"{record['output']}: ")
-            echo_message(f"Failed: {record['output']}: {usage.flags(error)}")
+            if (result.probe, error) not in told:
+                told.add((result.probe, error))
+                echo_message(f"Failed: {record['output']}: {usage.flags(error)}")
         elif only_looks and not usage.is_quiet():
             why = record.get("why", "there already")
             echo(f"{record['status']:<8} {record['output']}  ({usage.flags(why)})", err=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -208,17 +209,18 @@ def _advice(path: str, choice: Choice) -> list[str]:
         why = f"nothing{room} keeps {asked}; this is the least wrong"
     lines = [f"  take {best.form}, {best.what}, {bytes_text(best.bytes)}: {why}"]
     if best.arguments is not None:
-        lines.append(f"  shrm prefilter {path}{_flags(best.arguments, choice.brdf)}")
+        given = _flags(best.arguments, choice.brdf)
+        words = ["shrm", "prefilter", path, *options.words_of_reading(), *given]
+        lines.append(f"  {shlex.join(words)}")
     return lines
 
 
-def _flags(arguments: Mapping[str, Any], brdf: str) -> str:
-    """Return the options of `shrm prefilter` that make a map."""
+def _flags(arguments: Mapping[str, Any], brdf: str) -> list[str]:
+    """Return the options of `shrm prefilter` that make a map, as words."""
     from shrm_cli.maps.registry import description
 
-    needs_brdf = description(arguments["to"]).needs_brdf
-    texts = [f" --brdf {brdf}"] if needs_brdf else []
+    words = ["--brdf", brdf] if description(arguments["to"]).needs_brdf else []
     for name, value in arguments.items():
-        text = ",".join(map(str, value)) if isinstance(value, tuple) else value
-        texts.append(f" --{name.replace('_', '-')} {text}")
-    return "".join(texts)
+        text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+        words += [f"--{name.replace('_', '-')}", text]
+    return words

@@ -36,7 +36,7 @@ def _part(text: str) -> tuple[int, int, int]:
 farm_options = several(
     option(
         "--commands", FILE, metavar="FILE",
-        help="Write command lines for a farm, one for each chunk, and make nothing.",
+        help="Write command lines for a farm, one for each chunk, and make nothing; - prints them.",
     ),
     option("--openjd", FILE, "Write an Open Job Description template instead.", metavar="FILE"),
     option(
@@ -76,7 +76,9 @@ def write_farm_files(
             "the farm will have; put credentials into the environment (docs/batch.md)"
         )
     texts = {}
-    if commands is not None:
+    if commands == "-":
+        echo("\n".join(command_lines(rest, parts)))
+    elif commands is not None:
         texts[commands] = "\n".join(command_lines(rest, parts)) + "\n"
     if openjd is not None:
         texts[openjd] = openjd_template(rest, parts)
@@ -84,7 +86,8 @@ def write_farm_files(
         check_target(path)
     for path, text in texts.items():
         write_bytes(path, text.encode())
-        echo(f"{path}: {counted(parts, 'part')} of {counted(probes, 'probe')}")
+        told = f"{path}: {counted(parts, 'part')} of {counted(probes, 'probe')}"
+        echo(told, err=commands == "-")
 
 
 def named_parts(chunks: list[Chunk], share: tuple[int, int, int] | None) -> list[Chunk]:

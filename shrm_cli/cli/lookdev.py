@@ -107,9 +107,9 @@ def lookdev(
         made = shrm.lookdev(
             probes, specs, to, size=size, exposure=exposure, reading=reading, progress=progress,
             **given,
-        )  # fmt: skip
-    failures = [usage.flags(line) for line in made.failures]
-    if len(failures) == len(specs) * len(probes):
+        ).worded(usage.flags)  # fmt: skip
+    failures = made.failures
+    if all(isinstance(cell, str) for each in made.columns for cell in each.cells):
         raise click.ClickException(failures[0])
     said = {"to": to, **made.arguments, "view": list(view), "size": size}
     recipe = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +71,18 @@ def split_vary(texts: Sequence[str]) -> tuple[str | None, dict[str, tuple[float,
         raise usage.wrong_usage(
             "--vary takes vertex, an image, or a value of each parameter; give one"
         )
+    for text in follows:
+        if _is_number(text) and not os.path.exists(text):
+            raise usage.wrong_usage(f"--vary {text} names no parameter; give NAME={text}")
     return next(iter(follows), None), ways
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str]]:

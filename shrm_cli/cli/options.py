@@ -22,7 +22,7 @@ from shrm_cli.cli.types import (
     flag,
     option,
 )
-from shrm_cli.cli.usage import Applies, remember
+from shrm_cli.cli.usage import Applies, given_options, remember
 from shrm_cli.errors import PluginError
 from shrm_cli.maps.options import SHARED, Option, all_options
 from shrm_cli.maps.registry import description, descriptions, is_known
@@ -138,6 +138,17 @@ def _made(option: Option) -> Any:
 def words_of_call() -> list[str]:
     """Return the words that the running command, which has headings, was called with."""
     return click.get_current_context().meta["shrm.words"]
+
+
+def words_of_reading() -> list[str]:
+    """Return the words about how a probe is read that the running command was called with."""
+    values, words = click.get_current_context().params, []
+    for name, word in given_options().items():
+        if name in READING_NAMES:
+            value = values[name]
+            text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+            words += [word] if value is True else [word, text]
+    return words
 
 
 _SPEC = (

@@ -236,7 +236,8 @@ def _doubted(
 
     for number, picture in enumerate(film.pictures(progress)):
         if number == 0:
-            told += exposure_advice(path, picture, film.exposure)
+            for label, part in film.parts(picture):
+                told += exposure_advice(path, part, film.exposure, label)
         yield picture
 
 

@@ -104,7 +104,10 @@ def report(
         made = shrm.report(
             light, brdfs, to, angles=angles, picture_size=picture_size, truth_height=truth_height,
             exact=exact, flips=not no_flip, progress=progress, **arguments,
-            look=shrm.Look(exposure, not no_view, max_page, command, _options(), usage.flags),
+            look=shrm.Look(
+                exposure, not no_view, max_page, command, _options(), usage.flags,
+                shlex.join(options.words_of_reading()),
+            ),
         )  # fmt: skip
     text, measured = made.html.encode("utf-8", "replace"), made.measured
     write_bytes(output, text)

@@ -135,7 +135,9 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | N
     `follows` is what --vary lets parameters follow, if anything.
     """
     with_mesh = usage.Applies(mesh is not None, "with --mesh")
-    usage.refuse_inapplicable({k: with_mesh for k in _OPTIONS if k != "vary" or follows})
+    usage.refuse_inapplicable({k: with_mesh for k in _OPTIONS if k != "vary"})
+    spread = usage.Applies(mesh is not None, "with --mesh, or as NAME=X")
+    usage.refuse_inapplicable({"vary": spread} if follows else {})
     if transfer is not None and mesh is not None:
         from shrm_cli.render.scene_file import is_scene_name
 

@@ -173,7 +173,8 @@ def turn_angles(matrix: Array) -> tuple[float, float, float]:
     else:
         yaw = np.arctan2(matrix[0, 2], matrix[2, 2])
         roll = np.arctan2(matrix[1, 0], matrix[1, 1])
-    found = np.degrees([yaw, pitch, roll])
+    # Rounding keeps 30 degrees from 29.999999999999996, and adding 0 makes 0 of -0.
+    found = np.round(np.degrees([yaw, pitch, roll]), 12) + 0.0
     return float(found[0]), float(found[1]), float(found[2])
 
 

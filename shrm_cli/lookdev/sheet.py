@@ -12,7 +12,8 @@ depends neither on the materials nor on the view, so that a turntable does not f
 import base64
 import html
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -86,6 +87,24 @@ class Column:
     """Stops."""
     warnings: tuple[str, ...] = ()
     """About the probe, and about maps."""
+
+    def failures(self, specs: Sequence[str]) -> list[str]:
+        """A line for each material, of specifications, that has no map; one where none has any
+        because the probe cannot be used.
+        """
+        lines = [
+            (spec, cell.removeprefix(f"{self.path}: "))
+            for spec, cell in zip(specs, self.cells, strict=True)
+            if isinstance(cell, str)
+        ]
+        if self.surroundings is None:
+            return [f"{self.path}: {lines[0][1]}"]
+        return [f"{self.path}, {spec}: {why}" for spec, why in lines]
+
+    def worded(self, words: Callable[[str], str]) -> "Column":
+        """Return the same with other words for why cells have no map."""
+        cells = (words(cell) if isinstance(cell, str) else cell for cell in self.cells)
+        return replace(self, cells=tuple(cells))
 
     def tiles(self, viewer: Viewer, size: int) -> Iterator[Picture | str]:
         """Draw the spheres before their surroundings.
@@ -200,13 +219,16 @@ class Lookdev:
 
     @property
     def failures(self) -> list[str]:
-        """A line for each cell without a map, which says why."""
-        return [
-            f"{column.path}, {spec}: {cell.removeprefix(f'{column.path}: ')}"
-            for column in self.columns
-            for spec, cell in zip(self.specs, column.cells, strict=True)
-            if isinstance(cell, str)
-        ]
+        """A line for each probe that cannot be used, and for each other cell without a map, which
+        says why.
+        """
+        return [line for column in self.columns for line in column.failures(self.specs)]
+
+    def worded(self, words: Callable[[str], str]) -> "Lookdev":
+        """Return the same with other words for why cells have no map: the library's messages name
+        its arguments in backticks.
+        """
+        return replace(self, columns=tuple(each.worded(words) for each in self.columns))
 
     def sheets(
         self, viewers: Sequence[Viewer], progress: Progress | None = None

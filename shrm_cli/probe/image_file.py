@@ -37,6 +37,8 @@ MAX_TILE_PIXELS = 2**22
 _BAND_PIXELS, _BAND_ROWS = 2**22, 128
 """Rows of tiles with more pixels than this are not handed out at once, but by so many rows."""
 _UPRIGHT = (0, 1)
+_UNKNOWN_TYPE = "could not find a format reader"
+"""What OpenImageIO says of files whose suffix and content it does not know."""
 """Values of Exif's Orientation that leave an image as it is; 0 is "not known"."""
 _NO_PROBES = {
     "shrm:representation": ("a map that shrm made", "name the probe"),
@@ -110,6 +112,11 @@ class ImageFile:
                 raise ProbeError(
                     f"{path}: a damaged or truncated archive, not an image; copy it again; tables "
                     "belong to `brdf`"
+                )
+            if _UNKNOWN_TYPE in why and path.suffix:
+                raise ProbeError(
+                    f"{path}: {path.suffix} is no type of image that is read; give .exr, .hdr or "
+                    "another one"
                 )
             raise ProbeError(
                 f"{path}: not an image that can be read ({why}); copy or export it again"

@@ -92,6 +92,13 @@ class Film:
             yield self._scene(each, around).picture(each.viewer, stages.within)
             stages.done(number, len(self.moments))
 
+    def parts(self, picture: Picture) -> list[tuple[str, Picture]]:
+        """Return each material's label and what a picture shows of it; of one it has no label."""
+        layout = self._scene(self.moments[0], None).layout
+        if layout is None:
+            return [("", picture)]
+        return list(zip(self.labels, layout.cut(picture), strict=True))
+
     def _scene(self, moment: Moment, around: Any) -> Scene[Any]:
         drawing = self.drawing
         return Scene(

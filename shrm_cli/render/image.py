@@ -48,11 +48,11 @@ def suitable_exposure(luminance: ArrayLike, weights: ArrayLike = 1.0) -> float:
     return float(np.clip(np.round(4 * np.log2(_SHOWN_AS / bright)) / 4, -_MOST_STOPS, _MOST_STOPS))
 
 
-def exposure_advice(path: str, pixels: ArrayLike, exposure: float) -> list[str]:
+def exposure_advice(path: str, pixels: ArrayLike, exposure: float, label: str = "") -> list[str]:
     """Say which exposure shows a picture that is all but black or white; nothing of an EXR.
 
     `pixels`, of shape (..., 3), are linear and exposed by `exposure` stops. What is black in truth,
-    as beside a sphere, does not count.
+    as beside a sphere, does not count. `label` is what the sheet says of a part of it.
     """
     luminance = np.asarray(pixels, dtype=float) @ np.array(LUMINANCE)
     lit = luminance[np.isfinite(luminance) & (luminance > 0)]
@@ -67,7 +67,8 @@ def exposure_advice(path: str, pixels: ArrayLike, exposure: float) -> list[str]:
     shows = f"`exposure` {better:g} shows it"
     if high * 2.0**suitable <= _SEEN or low * 2.0**suitable >= 1 or abs(better) > _LARGEST:
         shows = "it is beyond what exposures show"
-    return [f"{path}: all but {looks} at an exposure of {exposure:g}; {shows}"]
+    name = f"{path}, {label}" if label else path
+    return [f"{name}: all but {looks} at an exposure of {exposure:g}; {shows}"]
 
 
 def weighted_quantiles(

@@ -185,7 +185,7 @@ def one_of(stated: set[tuple[float, ...] | None]) -> tuple[float, ...] | None:
     for other in others:
         if not same_primaries(first, other):
             raise MapError(
-                f"maps in {title_of(first)} and in {title_of(other)} do not add up; convert one "
-                "of them, by shrm convert MAP --to REPRESENTATION with `working`"
+                f"maps in {title_of(first)} and in {title_of(other)} cannot be in one picture of a "
+                "mesh; convert one of them, by shrm convert MAP --to REPRESENTATION with `working`"
             )
     return next((each for each in stated if each is not None), None)

@@ -19,7 +19,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.color import same_primaries
 from shrm_cli.errors import MapError, MeshError, OutputError
 from shrm_cli.maps.base import Map, ReflectedLight
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, same_brdf
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
@@ -223,16 +223,17 @@ def check_values(frames: Iterable[Moment], maps: Sequence[Map]) -> None:
 def check_blend(first: Map, second: Map, name: str) -> None:
     """Check that the light of one map can become that of another."""
     one, other = first.info, second.info
+    # Metals have other values in other primaries, so that these are the reason where both differ.
+    if not same_primaries(one.chromaticities, other.chromaticities):
+        raise MapError(
+            f"{name}: its primaries are not those of the map whose light becomes its own; "
+            "prefilter one with `working`, or convert it by shrm convert --working"
+        )
     are_lights = isinstance(first, LightMap), isinstance(second, LightMap)
-    if are_lights[0] != are_lights[1] or one.brdf != other.brdf:
+    if are_lights[0] != are_lights[1] or not same_brdf(one.brdf, other.brdf):
         raise MapError(
             f"{name}: it is of another BRDF than the map whose light becomes its own; prefilter "
             "both for the same one"
-        )
-    if not same_primaries(one.chromaticities, other.chromaticities):
-        raise MapError(
-            f"{name}: its primaries are not those of the map whose light becomes its own; convert "
-            "one by shrm convert --working"
         )
 
 

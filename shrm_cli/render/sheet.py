@@ -74,6 +74,13 @@ class SheetLayout:
             self.gap + column * (self.tile + self.gap),
         )
 
+    def cut(self, sheet: Picture) -> list[Picture]:
+        """Cut the tiles out of a sheet."""
+        places = [self.origin(index) for index in range(self.count)]
+        return [
+            sheet[top : top + self.tile_height, left : left + self.tile] for top, left in places
+        ]
+
 
 def arrange(
     count: int, tile: int, columns: int | None = None, tall: int | None = None

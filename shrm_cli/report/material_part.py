@@ -48,7 +48,7 @@ def material_part(
     made = material.maps
     return tag(
         "section",
-        tag("h2", tag("code", material.spec), id=f"material-{count}"),
+        tag("h2", tag("code", material.name), id=f"material-{count}"),
         table(
             ["Map", "Orders", "Texels", "Predicted", "Filtering", *row_titles()],
             [_row(material, index, each) for index, each in enumerate(made)],

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from shrm_cli.batch.entry import Entry
 from shrm_cli.batch.job import Recipe
 from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import named_files, parse_spec
 from shrm_cli.errors import ArgumentError, ShrmError
 from shrm_cli.files.whole import scratch_folder
 from shrm_cli.maps.base import Map, ReflectedLight
@@ -95,6 +96,14 @@ class Material:
     """Of each map and, in that, of each view; empty where it was not measured."""
     seconds: float = 0.0
     """That the truth took."""
+
+    @cached_property
+    def name(self) -> str:
+        """Its specification for a page, on which folders of files are nobody's business."""
+        text = self.spec
+        for file in named_files(self.spec):
+            text = text.replace(str(file), file.name)
+        return text
 
     @property
     def surface(self) -> tuple[float, Color] | None:

@@ -1,6 +1,7 @@
 """`report`: a page about a probe and its maps, for somebody who has neither."""
 
 import platform
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from importlib.metadata import version
@@ -8,8 +9,10 @@ from typing import Any
 
 from shrm_cli import __version__
 from shrm_cli.analysis.probe_statistics import ProbeStatistics, probe_statistics
+from shrm_cli.brdf.base import value_text
 from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages
@@ -57,6 +60,8 @@ class Look:
         All options, for readers.
     worded : callable
         How messages of the library, which name its arguments in backticks, are shown.
+    reading : str
+        The options that say how the probe is read, for other commands.
     """
 
     exposure: float | None = None
@@ -65,6 +70,7 @@ class Look:
     command: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     worded: Callable[[str], str] = str
+    reading: str = ""
 
 
 @record
@@ -128,7 +134,7 @@ class _Place(Html):
 def _head(measured: Measured, name: str) -> Html:
     links = [tag("a", "The light", href="#light")]
     links += [
-        tag("a", tag("code", each.spec), href=f"#material-{count}")
+        tag("a", tag("code", each.name), href=f"#material-{count}")
         for count, each in enumerate(measured.materials, start=1)
     ]
     links.append(tag("a", "How it was made", href="#made"))
@@ -145,7 +151,7 @@ def _overview(measured: Measured, look: Look) -> Html:
     if not measured.materials:
         return joined(*failed, *warned)
     rows = [
-        [tag("code", material.spec), made.form, *number_cells(material, index)]
+        [tag("code", material.name), made.form, *number_cells(material, index)]
         for material, index, made in names_of(measured.materials)
     ]
     return joined(
@@ -154,7 +160,7 @@ def _overview(measured: Measured, look: Look) -> Html:
         table(["Material", "Map", *row_titles()], rows, texts=2),
         tag(
             "p.quiet",
-            "Errors beside a brute-force integral. ",
+            "Errors beside an integral over the probe. ",
             tag("a", "What they mean", href="#meanings"),
         ),
     )
@@ -192,11 +198,11 @@ def _view(
         return _left_out(material, str(error).partition(";")[0], remarks)
     frame = tag(
         "iframe", srcdoc=text, sandbox="allow-scripts allow-downloads", loading="lazy",
-        title=f"Interactive view of {material.spec}",
+        title=f"Interactive view of {material.name}",
     )  # fmt: skip
     note: Html | str = ""
     if change:
-        remarks.append(f"the view of {material.spec} {change}; raise `max_page` to have all")
+        remarks.append(f"the view of {material.name} {change}; raise `max_page` to have all")
         note = tag("p.quiet", f"So that the page stays small, this view {change}.")
     return joined(tag("h3.view-heading", "To turn and compare"), tag("div.view", frame), note)
 
@@ -244,7 +250,7 @@ def _halved(reflection_map: Map) -> Map:
 
 
 def _left_out(material: Material, why: str, remarks: list[str]) -> Html:
-    remarks.append(f"no view of {material.spec}: {why}; `max_page` and `max_size` say how large")
+    remarks.append(f"no view of {material.name}: {why}; `max_page` and `max_size` say how large")
     files = " ".join(each.file for each in material.maps)
     return tag(
         "p.quiet", f"No interactive view: {why}. ", tag("code", f"shrm view {files}"), " shows it."
@@ -253,10 +259,8 @@ def _left_out(material: Material, why: str, remarks: list[str]) -> Html:
 
 def _making(measured: Measured, look: Look) -> Html:
     """Return how the page was made, and what its numbers mean."""
-    probe, plan = measured.probe, measured.plan
-    views = " ".join(f"--view {azimuth:g},{elevation:g}" for azimuth, elevation in plan.views)
-    views += "" if plan.rows is None else f" --source-height {plan.rows}"
-    views += " --exact" if plan.exact else ""
+    probe = measured.probe
+    options = _comparing(measured.plan, look)
     versions = [
         ("shrm", __version__),
         ("Python", platform.python_version()),
@@ -270,17 +274,29 @@ def _making(measured: Measured, look: Look) -> Html:
         tag("pre", look.command) if look.command else "",
         facts([*versions, ("Probe", tag("code", f"sha256 {probe.digest()}"))]),
         details("All options", table(["Option", "Value"], said, texts=2)) if said else "",
-        details("Each map", *[_recipe(*each, views) for each in names_of(measured.materials)]),
+        details("Each map", *[_recipe(*each, options) for each in names_of(measured.materials)]),
         _meanings(),
     )
 
 
-def _recipe(material: Material, index: int, made: Made, views: str) -> Html:
+def _comparing(plan: Plan, look: Look) -> str:
+    """Return the options of `shrm compare` that all maps have in common."""
+    words = [look.reading] if look.reading else []
+    words += [f"--view {azimuth:g},{elevation:g}" for azimuth, elevation in plan.views]
+    words += [] if plan.rows is None else [f"--source-height {plan.rows}"]
+    words += ["--exact"] if plan.exact else []
+    return " ".join([*words, f"--size {plan.size}"])
+
+
+def _recipe(material: Material, index: int, made: Made, options: str) -> Html:
     said = {
         key: value for key, value in made.summary.items() if key not in ("brdf", "probe_sha256")
     }
     rows = [(key, _text(value)) for key, value in said.items()]
-    compared = f"shrm compare {made.file} --probe PROBE {views}"
+    compared = f"shrm compare {shlex.quote(made.file)} --probe PROBE {options}"
+    if isinstance(made.map, LightMap) and material.surface is not None:
+        roughness, f0 = material.surface
+        compared += f" --roughness {value_text(roughness)} --f0 {value_text(list(f0))}"
     return joined(
         tag("h3", tag("code", made.file)),
         tag("pre", compared),

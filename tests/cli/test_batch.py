@@ -191,6 +191,22 @@ def test_command_lines_for_farms(folder):
     job = json.loads((folder / "job.json").read_text())
     assert job["specificationVersion"] == "jobtemplate-2023-09"
     assert not (folder / "out").exists()
+    printed = run(*IRRADIANCE, "--chunk", "2", "--commands", "-")
+    assert (printed.code, printed.err) == (0, "")
+    assert printed.out.splitlines() == lines
+    assert not (folder / "-").exists()
+
+
+def test_a_probe_that_cannot_be_read_is_told_of_once(folder):
+    """Not for each of its outputs; the log has each."""
+    (folder / "bad.exr").write_bytes(b"no image")
+    forms = ("--to", "irradiance", "--to", "splitsum", "--log", "l.jsonl")
+    result = run("batch", "bad.exr", *forms, "-o", "{probe}.{to}.exr")
+    assert result.code == 1
+    (line,) = result.err.splitlines()
+    assert re.match(r"Failed: bad\.(irradiance|splitsum)\.exr: bad\.exr: not an image", line)
+    failed = [each["output"] for each in log_lines(folder / "l.jsonl") if "error" in each]
+    assert sorted(failed) == ["bad.irradiance.exr", "bad.splitsum.exr"]
 
 
 def test_a_second_run_beside_its_own_outputs(folder, here, monkeypatch):

@@ -1,6 +1,8 @@
 """`shrm choose`: its table, JSON, picture and map, beside the library."""
 
 import json
+import shlex
+from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
@@ -55,6 +57,18 @@ def test_the_command_that_is_told_makes_the_map():
     taken = [each for each in text.splitlines() if each.startswith("  >")]
     assert len(taken) == 1
     assert "irradiance" in taken[0]
+
+
+def test_the_command_that_is_told_can_be_pasted_into_a_shell():
+    """The probe's name is quoted, and it is read as it was read."""
+    Path("my probe's.exr").write_bytes(Path("p.exr").read_bytes())
+    turned = ("--yaw", "30", "--mirror")
+    text = done("choose", "my probe's.exr", "--brdf", MATTE, *turned)
+    (line,) = (each.strip() for each in text.splitlines() if each.startswith("  shrm prefilter"))
+    done(*shlex.split(line)[1:], "-o", "told.exr")
+    done("prefilter", "p.exr", *turned, "--to", "irradiance", "--order-f", "2", "-o", "made.exr")
+    told, made = shrm.open_map("told.exr"), shrm.open_map("made.exr")
+    np.testing.assert_array_equal(told.coefficients, made.coefficients)
 
 
 def test_the_map_and_the_picture_are_written():

@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -482,3 +483,10 @@ def test_textures_of_a_map_are_called_so(folder):
     assert_refused(run("info", "t.exr", "--layout", "latlong"), 2, "holds the textures of a map")
     result = run("prefilter", "t.exr", "--brdf", "phong", "-o", "x.exr")
     assert_refused(result, 1, "t.exr", "textures that shrm made", "name the probe")
+
+
+def test_files_that_are_no_images_are_told_by_their_type(tmp_path):
+    for name in ("page.html", "log.jsonl", "light.ktx"):
+        (tmp_path / name).write_text("<html>")
+        said = f"{name}: {Path(name).suffix} is no type of image that is read; give .exr, .hdr"
+        assert_refused(run("info", tmp_path / name), 1, said)

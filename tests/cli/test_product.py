@@ -251,7 +251,8 @@ def test_values_that_a_texture_does_not_have_are_refused(worn):
         (["ay=0.6"], 1, ["ay varies from 0.2 to 0.5", "cannot be 0.6"]),
         (["ay=0.2", "ay=0.3"], 2, ["--vary"]),
         (["ay=0.2", "wear.png"], 2, ["--vary"]),
-        (["vertex"], 2, ["--vary", "--mesh"]),
+        (["vertex"], 2, ["--vary", "with --mesh, or as NAME=X"]),
+        (["0.3"], 2, ["--vary 0.3 names no parameter; give NAME=0.3"]),
         (["az=1"], 1, ["'az'", "ay"]),
     ):
         options = [word for each in given for word in ("--vary", each)]

@@ -255,6 +255,9 @@ def test_dark_and_bright_limits_of_exposure(folder):
     assert (result.exit_code, result.stderr.count("\n")) == (0, 1)
     assert "dark.png: all but black at an exposure of -32; --exposure -2 shows it" in result.stderr
     assert not read("dark.png").any()
+    # The paper and the labels of a sheet are not dark.
+    result = run("spot.exr", "spot.exr", "--size", 16, "--exposure", -32, "-o", "sheet.png")
+    assert result.stderr.count("Warning: sheet.png, spot: all but black at an exposure of -32") == 2
     done("spot.exr", "--size", 16, "--exposure", 32, "-o", "bright.exr")
     assert np.isfinite(read("bright.exr")).all()
 

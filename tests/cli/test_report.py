@@ -105,7 +105,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_the_numbers_are_those_of_prefilter_and_compare(folder):
-    spec = "ggx:roughness=0.6"
+    spec, turned = "ggx:roughness=0.6,f0=gold", ("--yaw", "30")
     forms = ["--to", "principal", "--to", "splitsum", "--levels", "2", "--size", "8"]
     out = json.loads(
         done(
@@ -116,6 +116,7 @@ def test_the_numbers_are_those_of_prefilter_and_compare(folder):
             *forms,
             *SMALL,
             "--exact",
+            *turned,
             "-o",
             "a.html",
             "--json",
@@ -126,7 +127,7 @@ def test_the_numbers_are_those_of_prefilter_and_compare(folder):
     assert out["bytes"] == (folder / "a.html").stat().st_size
     assert out["failures"] == []
     assert out["probe"] == {
-        key: each for key, each in json.loads(done("info", "probe.exr", "--json")).items()
+        key: each for key, each in json.loads(done("info", "probe.exr", *turned, "--json")).items()
         if key in out["probe"]
     }  # fmt: skip
     given = {"principal": ["--brdf", spec], "splitsum": ["--levels", "2"]}
@@ -134,16 +135,14 @@ def test_the_numbers_are_those_of_prefilter_and_compare(folder):
     for found in out["maps"]:
         form = found["representation"]
         options = [*given[form], "--to", form, "--size", "8", "-o", found["file"], "--json"]
-        made = json.loads(done("prefilter", "probe.exr", *options))
+        made = json.loads(done("prefilter", "probe.exr", *turned, *options))
         own = {"warnings", "file"}
         assert {key: found[key] for key in made.keys() - own} == {
             key: made[key] for key in made.keys() - own
         }
-        shown = [] if form == "principal" else ["--roughness", "0.6"]
-        compared = json.loads(
-            done("compare", found["file"], "--probe", "probe.exr", "--view", "10,20", "--size",
-                 "16", "--source-height", "16", "--exact", "--no-picture", "--json", *shown)
-        )  # fmt: skip
+        (told,) = (each for each in page.texts if each.startswith(f"shrm compare {found['file']} "))
+        words = told.replace(" PROBE ", " probe.exr ").split()[1:]
+        compared = json.loads(done(*words, "--no-picture", "--json"))
         (expected,) = compared["summary"]
         del expected["file"]
         assert found["measured"] == expected
@@ -221,6 +220,19 @@ def test_names_are_escaped(folder):
     assert_self_contained(page)
     assert EVIL in page.texts
     assert "./map%20%3Ci%3E.exr" in [each.get("href") for each in page.all("a")]
+
+
+def test_pages_name_files_of_brdfs_without_their_folders(folder):
+    """But for the command line and its options, which stand as they were typed."""
+    (folder / "secret").mkdir()
+    done("brdf", "phong", "--save", "secret/paint.exr", "--quiet")
+    brdf = ("--brdf", "secret/paint.exr")
+    done("report", "probe.exr", *brdf, *SUMMED, "--to", "shrm", "--no-view", "-o", "a.html")
+    _, page = read("a.html")
+    command, option = (text for text in page.texts if "secret" in text)
+    assert command.startswith("shrm report probe.exr --brdf secret/paint.exr ")
+    assert option == "secret/paint.exr"
+    assert page.texts.count("paint.exr") == 3  # a link, a row and a heading
 
 
 def test_a_brdf_that_fails_is_said_and_the_others_are_there(folder):

@@ -74,6 +74,10 @@ def test_angles_of_a_rotation(pitch):
         np.testing.assert_allclose(turn_matrix(*turn_angles(matrix)), matrix, atol=1e-12)
 
 
+def test_angles_are_written_as_they_were_asked_for():
+    assert str(turn_angles(turn_matrix(yaw=30.0))) == "(30.0, 0.0, 0.0)"
+
+
 @pytest.mark.parametrize("suffix", [".txt", ".npy", ".json"])
 def test_written_coefficients_are_read_to_the_last_digit(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"

@@ -176,6 +176,8 @@ def test_a_picture_that_shows_nothing_says_which_exposure_would():
         assert exposure_advice("a.png", expose(ball, stops + better - 1.5), better) == []
         assert exposure_advice("a.exr", expose(ball, stops), 1.5) == []
     assert exposure_advice("a.png", np.zeros((4, 4, 3)), 0) == []
+    (line,) = exposure_advice("sheet.png", expose(ball, 9), 0, "b.shrm")
+    assert line.startswith("sheet.png, b.shrm: all but white")
     # No --exposure is as large, and one of 30 left it black.
     for dim, stops in ((1e-12 * ball, 0), (expose(ball, -12), 26)):
         (line,) = exposure_advice("a.png", dim, stops)

@@ -126,8 +126,10 @@ def test_maps_of_other_brdfs_do_not_become_each_other():
     stated = replace(second, info=replace(INFO, chromaticities=REC709))
     check_blend(first, stated, "b.exr")  # what is not stated is taken for Rec.709
     primaries = tuple(np.linspace(0.1, 0.8, 8))
-    with pytest.raises(MapError, match="primaries"):
-        check_blend(first, replace(second, info=replace(INFO, chromaticities=primaries)), "b.exr")
+    for brdf in (INFO.brdf, {"name": "phong"}):  # gold is another colour in other primaries
+        info = replace(INFO, chromaticities=primaries, brdf=brdf)
+        with pytest.raises(MapError, match=r"primaries .* prefilter one with `working`"):
+            check_blend(first, replace(second, info=info), "b.exr")
 
 
 def wrong(found, truth):

@@ -210,6 +210,10 @@ class UnderCoat(Brdf):
     def is_measured(self) -> bool:
         return self.part.is_measured
 
+    @property
+    def is_slow(self) -> bool:
+        return True  # it refracts, and has two lobes
+
     @cached_property
     def lobes(self) -> Lobes:
         """What is seen of it, for refracted light and view, and what it is multiplied by for each
