@@ -21,7 +21,7 @@ from shrm_cli.progress import using
 if TYPE_CHECKING:
     from shrm_cli.files.parts import Storage
     from shrm_cli.maps.base import Map
-    from shrm_cli.maps.request import Prefiltered
+    from shrm_cli.maps.request import Prefiltered, Request
     from shrm_cli.probe.probe import Probe
 
 _OWN_BRDFS = listing(
@@ -110,7 +110,7 @@ def prefilter(
       shrm prefilter probe.exr --to splitsum --brdf charlie:color=0.6/0.2/0.1
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
-    from shrm_cli.maps.request import Request, check_arguments, resolved_form, with_wrong_share
+    from shrm_cli.maps.request import check_arguments, resolved_form, with_wrong_share
     from shrm_cli.maps.stored import store
     from shrm_cli.plan import policy
     from shrm_cli.prefilter import make
@@ -133,7 +133,7 @@ def prefilter(
     usage.check_outputs([output] if output else names, specs=[brdf], suffixes=vocabulary.CONTAINERS)
     is_told = usage.wants_json() or not usage.is_quiet()
     with progress_bar("prefiltering") as progress:
-        request = Request.of(to, given, source)
+        request = _request(to, given, source, prints)
         for name in [] if output or force else names:
             usage.keep_other_map(name, source, request, precision)
         made = make(source, request, progress)
@@ -157,6 +157,18 @@ def prefilter(
         echo(text.rstrip("\n"))
     lines = _report(made, result) if is_told else []
     conclude({**result, **printed}, lines, warnings, err=bool(printed))
+
+
+def _request(to: str, given: Mapping[str, Any], probe: Probe, prints: Mapping[str, Any]) -> Request:
+    """Return what is asked for, unless it is code that cannot be written, for maps take a while."""
+    from shrm_cli.maps.request import Request
+
+    request = Request.of(to, given, probe)
+    if prints["shader"] is not None and request.splits:
+        from shrm_cli.maps.lamps.models import check_has_code
+
+        check_has_code(request.brdf)
+    return request
 
 
 def _printed(made: Map, prints: Mapping[str, Any]) -> dict[str, str]:

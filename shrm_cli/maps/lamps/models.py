@@ -72,11 +72,7 @@ class Functions:
         terms = weighted_terms(brdf)
         for _, term in terms:
             if not _is_known(term):
-                known = ", ".join(each.name for each in _MODELS)
-                raise MapError(
-                    f"no code for the lamps beside the map: there is none of {term.name}, only of "
-                    f"{known}, their sums and layers; the map's own code is had without `sun`"
-                )
+                raise _has_none(term)
         calls = [self.call(term, light, view) for _, term in terms]
         weights = [self.language.number(weight) for weight, _ in terms]
         found = self.language.combined(weights, calls)
@@ -138,6 +134,20 @@ def bytes_of_table(brdf: Brdf) -> int | None:
     if has_code(brdf):
         return 0
     return TABLE_BYTES if brdf.isotropic and brdf.center != "tangent" else None
+
+
+def check_has_code(brdf: Brdf) -> None:
+    """Raise MapError if shaders show what a BRDF reflects of lamps neither by code nor a table."""
+    if bytes_of_table(brdf) is None:
+        raise _has_none(next(term for _, term in weighted_terms(brdf) if not _is_known(term)))
+
+
+def _has_none(term: Brdf) -> MapError:
+    known = ", ".join(each.name for each in _MODELS)
+    return MapError(
+        f"no code for the lamps beside the map: there is none of {term.name}, only of {known}, "
+        "their sums and layers; the map's own code is had without `sun`"
+    )
 
 
 def _is_known(brdf: Brdf) -> bool:
