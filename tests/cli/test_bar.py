@@ -121,7 +121,7 @@ GGX = ("ggx:roughness=0.7", "--eps", "0.03", "--eps", "0.01")
         ("sun", PROBE),
         ("prefilter", PROBE, "--to", "splitsum", "--size", "32"),
         ("prefilter", PROBE, "--brdf", "phong:exponent=32", "--to", "shrm", "--sun", "split"),
-        ("export", PROBE, "--for", "filament", "--size", "16"),
+        ("export", PROBE, "--for", "filament", "--size", "32"),
     ],
     ids=lambda command: command[0],
 )

@@ -48,7 +48,7 @@ WRITERS = {
     "product": ("product", "phong", "-o", "out.exr"),
     "probe": ("probe", "studio", "--size", "32", "-o", "out.exr"),
     "sun": ("sun", "lamp.exr", "-o", "out.exr", "--light-file", "out.toml", "--usd", "out.usda"),
-    "filament": ("export", "probe.exr", "--for", "filament", "--size", "16", "-o", "out"),
+    "filament": ("export", "probe.exr", "--for", "filament", "--size", "32", "-o", "out"),
     "directx": ("export", "probe.exr", "--for", "directx", "--size", "16", "-o", "out"),
     "sheet": ("lookdev", "probe.exr", *BALLS, "-o", "out.html"),
     "gif": ("lookdev", "probe.exr", *BALLS, "--frames", "3", "-o", "out.gif"),
