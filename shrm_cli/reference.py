@@ -25,6 +25,7 @@ from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.source import Pyramid, Source
 from shrm_cli.progress import Progress, in_order, tell
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import (
     bisector,
     central_directions,
@@ -174,30 +175,20 @@ class Reference:
         if tangents is not None:
             tangents = tangents.reshape(-1, 3)
         found, errors = np.zeros(axes.shape), np.zeros(len(axes))
-        work = len(self._parts) * len(axes)
         for number, part in enumerate(self._parts):
-            place = number * len(axes), work
-            light, error = self._of_part(part, axes, centers, views, tangents, found, place)
+            lit = self._lit(part, axes, centers, views, tangents)
+            beside = np.abs(found @ LUMINANCE)
+            light, error = self._integrate(lit, beside, (number, len(self._parts)))
             found += light
             errors += error
         self._note(found, errors)
         return found.reshape(shape)
 
-    def _of_part(
-        self,
-        part: Part,
-        normals: Array,
-        centers: Array,
-        views: Array,
-        tangents: Array | None,
-        found: Array,
-        place: tuple[int, int],
-    ) -> tuple[Array, Array]:
-        """What a part of the BRDF reflects at points, and the errors, as `_integrate` has them.
-
-        `found` is what the parts before it reflect there.
-        """
-        brdf, truncated = part[0], self.angle < np.pi
+    def _lit(
+        self, part: Part, normals: Array, centers: Array, views: Array, tangents: Array | None
+    ) -> "_Lit":
+        """A part of the BRDF at points."""
+        (brdf, core), truncated = part, self.angle < np.pi
         if brdf.center != self.brdf.center:
             centers = central_directions(brdf.center, normals, views)
         if brdf.zonal:  # it depends on C.L alone, so N and V may be C
@@ -222,8 +213,7 @@ class Reference:
             return scaled(values, cosines[:, -1] >= bound) if truncated else values
 
         angles = np.arccos(np.clip(np.einsum("nj,nj->n", centers, views), -1, 1))
-        beside = np.abs(found @ LUMINANCE)
-        return self._integrate(rows, (centers, angles), caps, evaluate, part[1], beside, place)
+        return _Lit.of(rows, evaluate, caps, centers, angles, core, self.dtype)
 
     def _reach(self, brdf: Brdf) -> float:
         """How far from its central directions a part of the BRDF reflects, radians."""
@@ -256,81 +246,54 @@ class Reference:
             cosine = cosines[:, 0]
             return scaled(lobe.interpolate_mean(cosine, means), cosine >= bound)
 
-        caps = [(points, self._reach(self.brdf))]
-        views = points, np.full(len(points), view_theta)
-        light, errors = self._integrate(
-            points[:, None], views, caps, evaluate, self._core, np.zeros(len(points)),
-            (0, len(points)),
-        )  # fmt: skip
+        caps, angles = [(points, self._reach(self.brdf))], np.full(len(points), view_theta)
+        rows = points[:, None]
+        lit = _Lit.of(rows, evaluate, caps, points, angles, self._core, self.dtype)
+        light, errors = self._integrate(lit, np.zeros(len(points)))
         self._note(light, errors)
         return light.reshape(centers.shape)
 
     def _integrate(
-        self,
-        rows: Array,
-        lobes: tuple[Array, Array],
-        caps: list[Cap],
-        evaluate: Evaluate,
-        core: Core | None,
-        beside: Array,
-        place: tuple[int, int],
+        self, lit: "_Lit", beside: Array, stage: tuple[int, int] = (0, 1)
     ) -> tuple[Array, Array]:
-        """Sum over the source at every point, shape (points, 3), for a part of the BRDF.
+        """Sum over the source at every point, for a part of the BRDF.
 
-        `rows`, of shape (points, k, 3), are vectors whose cosines with the directions to the light
-        `evaluate` needs. `lobes`, of shapes (points, 3) and (points,), are the central directions,
-        and the angles from them to the views, radians. Each point is lit from within all its
-        `caps`, given by axes, shape (points, 3), and an angle, radians. `evaluate` leads from
-        cosines, shape (pairs, k, group, m), and the indices of their points, (pairs, group), to the
-        transfer function, (pairs, group, m, 3); a pair is one of a group of points and a tile of m
-        pixels. `core` is that of the part; full sums need none. `beside`, of shape
-        (points,), is the luminance of other parts, beside which errors count. `place` tells how
-        many points were summed for other parts, and how many there are for all of them.
+        `beside`, of shape (points,), is the luminance of other parts, beside which errors count.
+        `stage` tells how many parts were summed before, and how many there are, for the progress.
 
         Returns `light`, shape (points, 3), and the estimated `errors` of its luminance, (points,),
         which are 0 for full sums.
         """
-        result, errors = np.zeros((len(rows), 3)), np.zeros(len(rows))
-        if len(rows) == 0:
+        count, done = len(lit.rows), 0
+        result, errors = np.zeros((count, 3)), np.zeros(count)
+        if count == 0:
             return result, errors
-        rows = rows.astype(self.dtype)
-        caps = [(axes.astype(self.dtype), angle) for axes, angle in caps]
-        done = 0
         if isinstance(self.source, Source):
-            parts = self._full(self.source, rows, caps, evaluate)
+            groups = self._full(self.source, lit)
         else:
-            assert core is not None
-            parts = self._adaptive(self.source, rows, lobes, caps, evaluate, core, beside, errors)
-        for points, sums in parts:
+            groups = self._adaptive(self.source, lit, beside, errors)
+        for points, sums in groups:
             result[points] = sums
-            done = min(done + points.size, len(rows))
-            tell(self.progress, place[0] + done, place[1])
+            done = min(done + points.size, count)
+            tell(self.progress, stage[0] * count + done, stage[1] * count)
         return result, errors
 
     def _adaptive(
-        self,
-        source: Pyramid,
-        rows: Array,
-        lobes: tuple[Array, Array],
-        caps: list[Cap],
-        evaluate: Evaluate,
-        core: Core,
-        beside: Array,
-        errors: Array,
+        self, source: Pyramid, lit: "_Lit", beside: Array, errors: Array
     ) -> Iterator[tuple[Indices, Array]]:
         """Yield groups of points and their adaptive sums, and set the errors of these."""
-        centers: Array = lobes[0].astype(self.dtype)
-        angles = lobes[1]
-        size = int(np.clip(len(rows) * _EXTENT**2 / (4 * np.pi), *_ADAPTIVE_SIZES))
-        groups = list(_neighbors(centers, size))
+        core = lit.core
+        assert core is not None
+        size = int(np.clip(len(lit.rows) * _EXTENT**2 / (4 * np.pi), *_ADAPTIVE_SIZES))
+        groups = list(_neighbors(lit.centers, size))
 
         def work(points: Indices) -> tuple[Array, Array]:
             group = Points(
-                np.ascontiguousarray(rows[points].swapaxes(0, 1)),
-                lambda cosines, which: evaluate(cosines, points[which][None]),
-                [(axes[points], angle) for axes, angle in caps],
-                centers[points],
-                core.seen(angles[points]),
+                np.ascontiguousarray(lit.rows[points].swapaxes(0, 1)),
+                lambda cosines, which: lit.evaluate(cosines, points[which][None]),
+                [(axes[points], angle) for axes, angle in lit.caps],
+                lit.centers[points],
+                core.seen(lit.angles[points]),
                 beside[points],
             )
             return adaptive_sums(source, group)
@@ -339,18 +302,16 @@ class Reference:
             errors[points] = error
             yield points, sums
 
-    def _full(
-        self, source: Source, rows: Array, caps: list[Cap], evaluate: Evaluate
-    ) -> Iterator[tuple[Indices, Array]]:
+    def _full(self, source: Source, lit: "_Lit") -> Iterator[tuple[Indices, Array]]:
         """Yield groups of points and their sums over all pixels."""
-        axes = [axis for axis, _ in caps]
+        rows, axes = lit.rows, [axis for axis, _ in lit.caps]
         limits = [
             np.cos(np.minimum(angle + source.angles, np.pi)).astype(self.dtype) - _ROUNDING
-            for _, angle in caps
+            for _, angle in lit.caps
         ]
         # Groups are to be small beside the lobe, if the points fill the sphere.
         size = len(rows) * (min(self._reach(self.brdf), np.pi / 2) / 10) ** 2
-        first_axes = axes[0] if caps else rows[:, 0]
+        first_axes = axes[0] if axes else rows[:, 0]
         groups = _neighbors(first_axes, int(np.clip(size, *_GROUP_SIZES)))
         at_once = max(_POINTS_AT_ONCE // groups.shape[1], 1)
         step = max(_SAMPLES_AT_ONCE // (groups.shape[1] * source.light.shape[1]), 1)
@@ -368,12 +329,42 @@ class Reference:
                 group, tile = (which[first : first + step] for which in pairs)
                 cosines = own_rows[group] @ source.directions[tile]
                 cosines = cosines.reshape(len(group), rows.shape[1], points.shape[1], -1)
-                parts = _light(evaluate(cosines, points[group]), source.light[tile])
+                parts = _light(lit.evaluate(cosines, points[group]), source.light[tile])
                 starts = np.nonzero(np.diff(group, prepend=-1))[0]
                 sums[group[starts]] += np.add.reduceat(parts, starts, axis=0, dtype=float)
             return points, sums
 
         yield from in_order(work, range(0, len(groups), at_once))
+
+
+@record(eq=False)
+class _Lit:
+    """A part of the BRDF at points, which are to be lit."""
+
+    rows: Array
+    """Vectors whose cosines with the directions to the light `evaluate` needs, shape (points, k,
+    3)."""
+    evaluate: Evaluate
+    """From cosines, shape (pairs, k, group, m), and the indices of their points, (pairs, group), to
+    the transfer function, (pairs, group, m, 3); a pair is one of a group of points and a tile of m
+    pixels."""
+    caps: list[Cap]
+    """Each point is lit from within all of them: axes, shape (points, 3), and an angle, radians."""
+    centers: Array
+    angles: Array
+    """`centers` and `angles`: the central directions, shape (points, 3), and the angles from them
+    to the views, radians, shape (points,)."""
+    core: Core | None
+    """That of the part; full sums need none."""
+
+    @classmethod
+    def of(
+        cls, rows: Array, evaluate: Evaluate, caps: list[Cap], centers: Array, angles: Array,
+        core: Core | None, dtype: type,
+    ) -> "_Lit":  # fmt: skip
+        """Return the part with vectors of a data type, in which its sums are computed."""
+        typed: list[Cap] = [(axes.astype(dtype), angle) for axes, angle in caps]
+        return cls(rows.astype(dtype), evaluate, typed, centers.astype(dtype), angles, core)
 
 
 def reference(
