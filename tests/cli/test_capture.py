@@ -262,7 +262,7 @@ def test_engines_are_told_of_the_box(captured):
     godot = readme("godot")
     assert "probe.position = Vector3(2, 1, 1.5)" in godot
     assert "probe.origin_offset = Vector3(-1, 0, -0.5)" in godot
-    assert "Filament looks it up as if all of it were far away" in readme("filament", "--size", 16)
+    assert "Filament looks it up as if all of it were far away" in readme("filament", "--size", 32)
     done("prefilter", "p.exr", "--to", "irradiance", "-o", "s.exr")
     assert run("export", "s.exr", "--for", "filament", "-o", "map").code == 0
     assert "captured at (1, 1, 1)" in next(Path("map").glob("*_README.md")).read_text()

@@ -49,7 +49,7 @@ _PROBE = (
     "prefilter FILE --to irradiance --size 4 -o OUT.exr --linearize",
     "render sound.shrm.exr --background FILE --size 16 -o OUT.png --linearize",
     "sun FILE -o OUT.exr --light-file OUT.toml --usd OUT.usda --linearize",
-    "export FILE --for gltf --size 16 -o OUT --linearize --working rec2020",
+    "export FILE --for gltf --size 32 -o OUT --linearize --working rec2020",
     "view sound.shrm.exr --probe FILE --no-truth -o OUT.html --linearize",
     "lookdev FILE --brdf lambertian --eps 0.3 --size 16 -o OUT.png --linearize",
 )
@@ -184,8 +184,8 @@ _OF_GLTF = (
 )
 _ASSET = (
     *_MESH,
-    "export sound.exr --for gltf --into FILE --size 16 -o OUT",
-    "export sound.exr --for gltf --into FILE --size 16 -o OUT --json",
+    "export sound.exr --for gltf --into FILE --size 32 -o OUT",
+    "export sound.exr --for gltf --into FILE --size 32 -o OUT --json",
 )
 _SCENE = ("render sound.shrm.exr --mesh FILE --size 16 -o OUT.png",)
 _KEYS = ("render sound.shrm.exr --mesh FILE --size 16 -o OUT.apng",)
