@@ -5,7 +5,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from shrm_cli import settings
+from shrm_cli import adaptive, settings
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.probe.open import as_probe
 from shrm_cli.probe.source import Pyramid, Source
@@ -194,6 +194,37 @@ def test_few_cells_are_enough(made, monkeypatch):
     monkeypatch.setattr(type(brdf), "transfer", counted)
     truth.radiance(normals, [0, 0, 1])
     assert sum(seen) / 256 < 0.06 * 2 * ROWS**2
+
+
+@pytest.mark.parametrize("spread", [0.6, 0.0])
+def test_pixels_are_cut_for_those_points_that_need_it(made, spread):
+    """Point by point where each needs others, and together where all need the same ones."""
+    level = Pyramid.of(made["noise"], None, np.float32).levels[0]
+    angles = spread * np.arange(8) + 0.3
+    centers = np.stack([np.cos(angles), np.zeros(8), np.sin(angles)], axis=-1).astype(np.float32)
+    sizes, asked = [], []
+
+    def evaluate(cosines, which):
+        sizes.append(cosines[0, 0].size)
+        asked.append(len(which))
+        values = np.exp((cosines[:, 0] - 1) / 2e-3)
+        return np.broadcast_to(values[..., None], (*values.shape, 3))
+
+    points = adaptive.Points(
+        centers[None], evaluate, [], centers, (0.004, 0.2), np.zeros(8, np.float32)
+    )
+    cells = np.flatnonzero((level.directions @ centers.T).max(axis=1) > np.cos(0.25))
+    values, weights = points.transfer(level.directions[cells]), level.light[cells] @ LUMINANCE
+    sizes.clear()
+    asked.clear()
+    found = points.of_pixels(level, cells, values, weights, values[0] @ weights)
+    # Cores are narrower than pixels, which are cut wherever the cores may be.
+    own = (level.directions[cells] @ centers.T > np.cos(0.2)).sum()
+    assert 36 * own < sum(sizes) < 1.3 * 36 * own
+    assert set(asked) == ({1} if spread else {8})
+    sides = adaptive.pixel_sides(level, cells)
+    means = points._over_pixels(level.directions[cells], sides, 6)
+    np.testing.assert_allclose(found, means[0] @ level.light[cells], rtol=1e-3)
 
 
 def test_wide_terms_are_not_evaluated_as_finely_as_narrow_ones(made, pairs):
