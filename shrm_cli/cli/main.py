@@ -8,6 +8,8 @@ import signal
 import sys
 import threading
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -159,7 +161,7 @@ def main(arguments: list[str] | None = None) -> None:
     warnings.showwarning = _show_warning
     try:
         # A command that fails halfway leaves no settings behind.
-        with settings.using(), protecting():
+        with _unwrapped(), settings.using(), protecting():
             code = cli.main(arguments, prog_name="shrm", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.exceptions.Exit as stop:
@@ -260,6 +262,20 @@ class _Stopped(SystemExit):
     def __init__(self, number: int) -> None:
         super().__init__(128 + number)
         self.number = number
+
+
+@contextmanager
+def _unwrapped() -> Iterator[None]:
+    """Context manager that raises the exception of a signal as it is.
+
+    Python 3.11 makes it the cause of a RuntimeError where it comes while a class names its fields.
+    """
+    try:
+        yield
+    except RuntimeError as error:
+        if isinstance(error.__cause__, _Stopped | KeyboardInterrupt):
+            raise error.__cause__ from None
+        raise
 
 
 def _raise_signal_again(dropped: Any) -> None:

@@ -215,6 +215,28 @@ shrm_cli.maps.shrm.make.prefilter_shrm = prefilter_shrm
     assert snapshot(folder) == before
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_that_come_while_a_class_is_made_are_obeyed(folder, number):
+    """Python 3.11 makes their exceptions causes of others."""
+    before = snapshot(folder)
+    code = f"""
+import os, signal, time, shrm_cli.maps.shrm.make
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Field:
+    def __set_name__(self, owner, name):
+        os.kill(os.getpid(), {int(number)})
+        time.sleep(0.1)
+def prefilter_shrm(*_, **__):
+    type("Made", (), {{"field": Field()}})
+shrm_cli.maps.shrm.make.prefilter_shrm = prefilter_shrm
+{MAIN}"""
+    result = process(*WRITE, code=code)
+    said = "interrupted" if number == signal.SIGINT else "stopped by SIGTERM"
+    assert (result.code, result.out) == (128 + number, "")
+    assert result.err.strip() == f"Error: {said}"
+    assert snapshot(folder) == before
+
+
 def test_two_writers_leave_one_whole_file(folder):
     """Neither removes the other's temporary, and the last one wins."""
     sizes = (16, 32)
