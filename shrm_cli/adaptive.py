@@ -58,8 +58,8 @@ _EDGE_NODES = 4
 _SAMPLES_AT_ONCE = 2**15
 """Pairs of a point and a cell that are evaluated at a time: their arrays fit into the L2 cache."""
 _CALL = 2**12
-"""Pairs that take as long as to begin with those of one point. Where all points need most pixels,
-as of 8 rows, they are evaluated together."""
+"""To evaluate the pairs of one point in a call of their own takes as long as so many pairs more.
+Where all points need most pixels, as of 8 rows, they are evaluated together."""
 _ROUNDING = 1e-5
 """How much the cosine to a cell may be less than that of a cap, for float32."""
 _TELLS = 0.05

@@ -221,6 +221,5 @@ def _flags(arguments: Mapping[str, Any], brdf: str) -> list[str]:
 
     words = ["--brdf", brdf] if description(arguments["to"]).needs_brdf else []
     for name, value in arguments.items():
-        text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
-        words += [f"--{name.replace('_', '-')}", text]
+        words += [f"--{name.replace('_', '-')}", options.value_word(value)]
     return words

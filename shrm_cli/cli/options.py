@@ -146,9 +146,13 @@ def words_of_reading() -> list[str]:
     for name, word in given_options().items():
         if name in READING_NAMES:
             value = values[name]
-            text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
-            words += [word] if value is True else [word, text]
+            words += [word] if value is True else [word, value_word(value)]
     return words
+
+
+def value_word(value: Any) -> str:
+    """Return the word of a value on the command line; numbers of one option have commas between."""
+    return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
 _SPEC = (

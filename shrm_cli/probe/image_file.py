@@ -37,9 +37,9 @@ MAX_TILE_PIXELS = 2**22
 _BAND_PIXELS, _BAND_ROWS = 2**22, 128
 """Rows of tiles with more pixels than this are not handed out at once, but by so many rows."""
 _UPRIGHT = (0, 1)
+"""Values of Exif's Orientation that leave an image as it is; 0 is "not known"."""
 _UNKNOWN_TYPE = "could not find a format reader"
 """What OpenImageIO says of files whose suffix and content it does not know."""
-"""Values of Exif's Orientation that leave an image as it is; 0 is "not known"."""
 _NO_PROBES = {
     "shrm:representation": ("a map that shrm made", "name the probe"),
     "shrm:table": ("a table that shrm made", "name the probe"),
@@ -47,6 +47,8 @@ _NO_PROBES = {
     "shrm:textures": ("textures that shrm made of a map", "name the probe"),
 }
 """What images with these attributes are, and what to do."""
+_ENVMAPS = {"LatLong Environment": "latlong", "CubeFace Environment": "cube"}
+"""The layouts of what OpenImageIO calls environments."""
 _UNSET = "zeros, which are no colors: taken for Rec.709"
 """What `shrm info` says of primaries that nobody has filled in."""
 
@@ -101,61 +103,18 @@ class ImageFile:
         path = check_file(path)
         _check_whole(path)
         radiance = radiance_encoding(path)
-        source = open_input(path)
-        if source is None:
-            from zipfile import is_zipfile  # slow to load, and rarely needed
-
-            why = _reason(_last_error(), path)  # an error that is not fetched is printed
-            if is_zipfile(path):  # of which that reason says nothing
-                raise ProbeError(f"{path}: an archive, not an image; tables belong to `brdf`")
-            if _begins_as_archive(path):
-                raise ProbeError(
-                    f"{path}: a damaged or truncated archive, not an image; copy it again; tables "
-                    "belong to `brdf`"
-                )
-            if _UNKNOWN_TYPE in why and path.suffix:
-                raise ProbeError(
-                    f"{path}: {path.suffix} is no type of image that is read; give .exr, .hdr or "
-                    "another one"
-                )
-            raise ProbeError(
-                f"{path}: not an image that can be read ({why}); copy or export it again"
-            )
-        spec, file_format = source.spec(), source.format_name()
-        if path.suffix.lower() == ".exr" and file_format != "openexr":
-            raise ProbeError(f"{path}: named .exr, but it is a {file_format} file; rename it")
-        for attribute, (what, advice) in _NO_PROBES.items():
-            if spec.getattribute(attribute) is not None:
-                raise ProbeError(f"{path}: {what}, not a light probe; {advice}")
+        source = _opened(path)
+        file_format = source.format_name()
+        _refuse_others(path, source.spec(), file_format)
         chosen = choose_layer(path, source, part, layer)
         spec = source.spec()
-        if spec.deep:
-            raise ProbeError(f"{path}: a deep image has no single radiance; flatten it first")
-        if spec.get_int_attribute("Orientation", 1) not in _UPRIGHT:
-            raise ProbeError(
-                f"{path}: stored turned or mirrored (Orientation "
-                f"{spec.get_int_attribute('Orientation')}); oiiotool --reorient makes it upright"
-            )
-        envmap = {"LatLong Environment": "latlong", "CubeFace Environment": "cube"}.get(
-            spec.get_string_attribute("textureformat"), ""
-        )
+        envmap = _ENVMAPS.get(spec.get_string_attribute("textureformat"), "")
         if spec.get_string_attribute("shrm:layout") == "angular":  # its shape tells nothing
             envmap = "angular"
         width, height, offset = _canvas(spec, bool(envmap))
-        if spec.width < 1 or spec.height < 1 or width < 1 or height < 1:
-            raise ProbeError(f"{path}: the image has no pixels ({width} x {height})")
-        if max(width * height, spec.width * spec.height) > MAX_PIXELS:
-            raise ProbeError(
-                f"{path}: {width} x {height} pixels are more than {MAX_PIXELS:,}; scale it down"
-            )
-        tile = spec.tile_width * spec.tile_height
-        if tile > max(MAX_TILE_PIXELS, spec.width * spec.height):
-            raise ProbeError(
-                f"{path}: its tiles of {spec.tile_width} x {spec.tile_height} are larger than the "
-                "image; export it again"
-            )
-        channels = chosen.channels
-        integers = {str(spec.channelformat(k)) for k in channels}.difference(_FLOAT_FORMATS)
+        _check_picture(path, spec, width, height)
+        formats = {str(spec.channelformat(k)) for k in chosen.channels}
+        integers = formats.difference(_FLOAT_FORMATS)
         if integers and not linearize:
             raise ProbeError(
                 f"{path}: {min(integers)} pixels are not scene-linear radiance; give `linearize` "
@@ -179,9 +138,6 @@ class ImageFile:
             raise ProbeError(f"{self.path}: gone, so that no other process can open it")
         kept = {each.name: getattr(self, each.name) for each in fields(self)}
         return {**kept, "path": self.path.absolute(), "_held": _Held()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
 
     @property
     def name(self) -> str:
@@ -349,6 +305,63 @@ def open_picture(
             f"{_MOST_OF_A_PICTURE:,}; scale it down"
         )
     return replace(opened, encoding=Encoding()) if as_stored else opened
+
+
+def _opened(path: Path) -> Any:
+    """Return OpenImageIO's reader of a file, or tell why there is none."""
+    source = open_input(path)
+    if source is not None:
+        return source
+    from zipfile import is_zipfile  # slow to load, and rarely needed
+
+    why = _reason(_last_error(), path)  # an error that is not fetched is printed
+    if is_zipfile(path):  # of which that reason says nothing
+        raise ProbeError(f"{path}: an archive, not an image; tables belong to `brdf`")
+    if _begins_as_archive(path):
+        raise ProbeError(
+            f"{path}: a damaged or truncated archive, not an image; copy it again; tables "
+            "belong to `brdf`"
+        )
+    if _UNKNOWN_TYPE in why and path.suffix:
+        raise ProbeError(
+            f"{path}: {path.suffix} is no type of image that is read; give .exr, .hdr or another "
+            "one"
+        )
+    raise ProbeError(f"{path}: not an image that can be read ({why}); copy or export it again")
+
+
+def _refuse_others(path: Path, spec: Any, file_format: str) -> None:
+    """Refuse files that are not what their name says, and what shrm makes that is no probe."""
+    if path.suffix.lower() == ".exr" and file_format != "openexr":
+        raise ProbeError(f"{path}: named .exr, but it is a {file_format} file; rename it")
+    for attribute, (what, advice) in _NO_PROBES.items():
+        if spec.getattribute(attribute) is not None:
+            raise ProbeError(f"{path}: {what}, not a light probe; {advice}")
+
+
+def _check_picture(path: Path, spec: Any, width: int, height: int) -> None:
+    """Refuse a picture that is no upright rectangle of radiance, or too large.
+
+    `width` and `height` are those of its canvas.
+    """
+    if spec.deep:
+        raise ProbeError(f"{path}: a deep image has no single radiance; flatten it first")
+    if (turned := spec.get_int_attribute("Orientation", 1)) not in _UPRIGHT:
+        raise ProbeError(
+            f"{path}: stored turned or mirrored (Orientation {turned}); oiiotool --reorient makes "
+            "it upright"
+        )
+    if min(spec.width, spec.height, width, height) < 1:
+        raise ProbeError(f"{path}: the image has no pixels ({width} x {height})")
+    if max(width * height, spec.width * spec.height) > MAX_PIXELS:
+        raise ProbeError(
+            f"{path}: {width} x {height} pixels are more than {MAX_PIXELS:,}; scale it down"
+        )
+    if spec.tile_width * spec.tile_height > max(MAX_TILE_PIXELS, spec.width * spec.height):
+        raise ProbeError(
+            f"{path}: its tiles of {spec.tile_width} x {spec.tile_height} are larger than the "
+            "image; export it again"
+        )
 
 
 def _check_whole(path: Path) -> None:

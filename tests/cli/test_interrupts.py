@@ -193,6 +193,13 @@ shrm_cli.maps.shrm.make.prefilter_shrm = prefilter_shrm
     assert snapshot(folder) == before
 
 
+def check_obeyed(result, number, out):
+    """Check that a command ended as a signal asks, having printed some text before."""
+    said = "interrupted" if number == signal.SIGINT else "stopped by SIGTERM"
+    assert (result.code, result.out) == (128 + number, out)
+    assert result.err.strip() == f"Error: {said}"
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_in_callbacks_of_python_are_obeyed(folder, number):
     """Python drops exceptions that are raised while an object is freed."""
@@ -209,9 +216,7 @@ def prefilter_shrm(*_, **__):
 shrm_cli.maps.shrm.make.prefilter_shrm = prefilter_shrm
 {MAIN}"""
     result = process(*WRITE, code=code)
-    said = "interrupted" if number == signal.SIGINT else "stopped by SIGTERM"
-    assert (result.code, result.out) == (128 + number, "survived\n")
-    assert result.err.strip() == f"Error: {said}"
+    check_obeyed(result, number, "survived\n")
     assert snapshot(folder) == before
 
 
@@ -231,9 +236,7 @@ def prefilter_shrm(*_, **__):
 shrm_cli.maps.shrm.make.prefilter_shrm = prefilter_shrm
 {MAIN}"""
     result = process(*WRITE, code=code)
-    said = "interrupted" if number == signal.SIGINT else "stopped by SIGTERM"
-    assert (result.code, result.out) == (128 + number, "")
-    assert result.err.strip() == f"Error: {said}"
+    check_obeyed(result, number, "")
     assert snapshot(folder) == before
 
 

@@ -82,16 +82,17 @@ def env_atlas(levels: Sequence[Array], diffuse: Array) -> Array:
     border = rows / _UNIT
     atlas = np.zeros((2 * rows, 2 * rows, 3))
 
-    def place(cube: Array, left: int, top: int, height: int, finer: int = 2) -> None:
+    def place(sampler: CubeSampler, left: int, top: int, height: int, finer: int = 2) -> None:
         part = atlas[top : top + height, left : left + 2 * height]
-        _fill_bordered(part, CubeSampler(cube, "center"), border, finer)
+        _fill_bordered(part, sampler, border, finer)
 
+    first, *others = (CubeSampler(cube, "center") for cube in levels)
     for k in range(min(_MIPS, rows.bit_length())):
         far = 2 * rows - (2 * rows >> k)
-        place(levels[0], far, far, rows >> k, 2 << k)
-    for k, cube in enumerate(levels[1:], 1):
-        place(cube, 0, 2 * rows - (2 * rows >> k), rows >> k)
-    place(diffuse, rows // 2, rows + rows // 2, rows // 8)
+        place(first, far, far, rows >> k, 2 << k)
+    for k, sampler in enumerate(others, 1):
+        place(sampler, 0, 2 * rows - (2 * rows >> k), rows >> k)
+    place(CubeSampler(diffuse, "center"), rows // 2, rows + rows // 2, rows // 8)
     return atlas
 
 
