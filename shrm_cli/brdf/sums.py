@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Value, added, cut, masked, scaled, value_text
+from shrm_cli.brdf.base import Brdf, Value, added, cut, excess, masked, scaled, value_text
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles
 from shrm_cli.vocabulary import MAX_TERMS
@@ -127,7 +127,7 @@ class Diffuse(Brdf):
         shape = np.broadcast_shapes(light.shape, view.shape)
         dtype = np.result_type(light, view)
         color = np.array(self.values["albedo"], dtype=dtype) / dtype.type(np.pi)
-        return np.broadcast_to(color, shape)
+        return np.broadcast_to(_narrowed(color), shape)
 
 
 class Rest(Brdf):
@@ -144,7 +144,13 @@ class Rest(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         value = self.whole.evaluate(light, view)
-        return np.asarray(np.maximum(value - (self.albedo / np.pi).astype(value.dtype), 0))
+        less = _narrowed((self.albedo / np.pi).astype(value.dtype))
+        return excess(value, np.broadcast_to(less, value.shape))
+
+
+def _narrowed(color: Array) -> Array:
+    """Return a color (3,), or its first channel (1,) if all are equal, for broadcasting."""
+    return color[:1] if (color == color[0]).all() else color
 
 
 def split(brdf: Brdf) -> list[Brdf]:
@@ -191,7 +197,8 @@ class _Weighted(Brdf):
         self.includes_cosine, self.has_horizon = term.includes_cosine, term.has_horizon
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        return np.asarray(self.weight * self.term.evaluate(light, view))
+        value = self.term.evaluate(light, view)
+        return scaled(value, value.dtype.type(self.weight))
 
     def __repr__(self) -> str:
         return f"{value_text(self.weight)}*{self.term!r}"

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Color, Value, multiplied
+from shrm_cli.brdf.base import Brdf, Color, Value, excess, multiplied
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.layered.parts.dielectric import fresnel
 from shrm_cli.brdf.layered.parts.table import COSINES, Table, albedos, strength, transport
@@ -32,7 +32,7 @@ class MetalLobe(Ggx):
 
     def reflectance(self, cosine: Array) -> Array:
         less = colored(cosine * (1 - cosine) * fifth_power(1 - cosine), self.darkening)
-        return np.maximum(schlick(self.color("f0"), cosine) - less, 0)
+        return excess(schlick(self.color("f0"), cosine), less)
 
     @property
     def darkening(self) -> Color:
