@@ -196,35 +196,37 @@ def test_few_cells_are_enough(made, monkeypatch):
     assert sum(seen) / 256 < 0.06 * 2 * ROWS**2
 
 
-@pytest.mark.parametrize("spread", [0.6, 0.0])
-def test_pixels_are_cut_for_those_points_that_need_it(made, spread):
-    """Point by point where each needs others, and together where all need the same ones."""
-    level = Pyramid.of(made["noise"], None, np.float32).levels[0]
-    angles = spread * np.arange(8) + 0.3
+@pytest.mark.parametrize(("widths", "nodes"), [(0.3, 6), (1.3, 3)])
+def test_pixels_are_cut_for_those_points_that_need_it(made, widths, nodes):
+    """All of them near a core that may hide in one, else those over which the lobe is bent."""
+    pyramid = Pyramid.of(made["noise"], None, np.float32)
+    level, above = pyramid.levels[:2]
+    width = widths * np.pi / (2 * ROWS)
+    angles = 0.6 * np.arange(8) + 0.3
     centers = np.stack([np.cos(angles), np.zeros(8), np.sin(angles)], axis=-1).astype(np.float32)
-    sizes, asked = [], []
+    sizes = []
 
     def evaluate(cosines, which):
         sizes.append(cosines[0, 0].size)
-        asked.append(len(which))
-        values = np.exp((cosines[:, 0] - 1) / 2e-3)
+        values = 0.5 ** ((1 - cosines[:, 0]) * 2 / width**2)  # half of the peak at the width
         return np.broadcast_to(values[..., None], (*values.shape, 3))
 
     points = adaptive.Points(
-        centers[None], evaluate, [], centers, (0.004, 0.2), np.zeros(8, np.float32)
+        centers[None], evaluate, [], centers, (width, 0.2), np.zeros(8, np.float32)
     )
-    cells = np.flatnonzero((level.directions @ centers.T).max(axis=1) > np.cos(0.25))
-    values, weights = points.transfer(level.directions[cells]), level.light[cells] @ LUMINANCE
+    parents = np.flatnonzero((above.directions @ centers.T).max(axis=1) > np.cos(0.25))
+    cells = (4 * parents[:, None] + np.arange(4)).ravel()
+    directions, light = level.directions[cells], level.light[cells]
+    values, weights = points.transfer(directions), light @ LUMINANCE
+    coarse = points.transfer(above.directions[parents])
     sizes.clear()
-    asked.clear()
-    found = points.of_pixels(level, cells, values, weights, values[0] @ weights)
-    # Cores are narrower than pixels, which are cut wherever the cores may be.
-    own = (level.directions[cells] @ centers.T > np.cos(0.2)).sum()
-    assert 36 * own < sum(sizes) < 1.3 * 36 * own
-    assert set(asked) == ({1} if spread else {8})
-    sides = adaptive.pixel_sides(level, cells)
-    means = points._over_pixels(level.directions[cells], sides, 6)
-    np.testing.assert_allclose(found, means[0] @ level.light[cells], rtol=1e-3)
+    found = points.of_pixels(level, cells, values, coarse, weights, values[0] @ weights)
+    near = directions @ centers.T
+    own = near > np.cos(0.2) if widths < 0.5 else near > np.cos(3.5 * width)
+    assert nodes**2 * own.sum() < sum(sizes) < 1.6 * nodes**2 * own.sum()
+    everywhere, sides = np.ones((8, len(cells)), dtype=bool), adaptive.pixel_sides(level, cells)
+    truth = points._over_pixels(everywhere, directions, sides, light, 6)
+    np.testing.assert_allclose(found, truth, rtol=5e-3)
 
 
 def test_wide_terms_are_not_evaluated_as_finely_as_narrow_ones(made, pairs):
