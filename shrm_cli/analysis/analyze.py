@@ -15,11 +15,12 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
+from shrm_cli.errors import OrderError
 from shrm_cli.files.image import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
-from shrm_cli.orders import Orders, choose_orders
+from shrm_cli.orders import Orders, known_coefficients, sufficient_orders
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Rising, Stages, tell, using
@@ -59,7 +60,9 @@ class EnergyGrid:
     captured: Array
     """Fractions of the energy of all colour channels together, shape (F+1, P+1)."""
     orders: tuple[Orders, ...]
-    """The least orders that meet each tolerance."""
+    """The least orders that meet each tolerance, but for those that none do."""
+    unmet: str | None
+    """What is to be said of the largest tolerance that no orders meet; None if all are met."""
     coefficients: BrdfCoefficients
     """Coefficients to the same P and a much higher F, where the reflected light counts as known."""
 
@@ -85,23 +88,29 @@ def energy_grid(
     and `order_p` are the largest orders of the grid; by default 32 and 8, or more if a tolerance
     needs them. A zonal BRDF has P = 0 only.
     """
-    # Attempts at the orders of each tolerance follow one another, and nobody knows how many.
+    # One attempt at the orders follows another, and nobody knows how many.
     rising = Rising(progress)
     with using(rising):
-        met = [choose_orders(brdf, eps) for eps in tolerances]
-    orders = tuple(each for each, _ in met)
+        known = known_coefficients(brdf, min(tolerances))
+    orders, unmet = [], None
+    for eps in sorted(tolerances, reverse=True):
+        try:
+            orders.append(sufficient_orders(brdf, known, eps))
+        except OrderError as error:
+            unmet = str(error)
+            break
+    orders.sort(key=lambda each: tolerances.index(each.eps))
     if order_f is None:
-        order_f = max(DEFAULT_ORDER_F, *(each.order_f for each in orders))
+        order_f = max([DEFAULT_ORDER_F, *(each.order_f for each in orders)])
     if order_p is None:
-        order_p = max(DEFAULT_ORDER_P, *(each.order_p for each in orders))
+        order_p = max([DEFAULT_ORDER_P, *(each.order_p for each in orders)])
     if brdf.zonal:
         order_p = 0
-    sufficient = max(coefficients.order_f for _, coefficients in met)
-    high = min(max(_HIGHER * order_f, sufficient), MAX_ORDER_F)
+    high = min(max(_HIGHER * order_f, known.order_f), MAX_ORDER_F)
     accuracy = max(min(tolerances) / 300, 1e-5)
     with using(rising):
         coefficients = compute_coefficients(brdf, high, order_p, accuracy)
-    return EnergyGrid(coefficients.captured[: order_f + 1], orders, coefficients)
+    return EnergyGrid(coefficients.captured[: order_f + 1], tuple(orders), unmet, coefficients)
 
 
 def material_energies(
@@ -288,6 +297,8 @@ def order_pictures(
 
 TOLERANCES = (0.1, DEFAULT_EPS, 0.01)
 """The tolerances that orders are found for, where none are given."""
+PICTURES_F = 128
+"""The largest F of pictures where none is given: maps of P = 5 and twice as many take gigabytes."""
 _LEAST_ROWS = 128
 """The fewest rows that the probe is averaged down to by default for the exact pictures."""
 
@@ -329,7 +340,8 @@ def analyze(
     tolerances : sequence of float
         Fractions of the energy that orders may miss, for each of which orders are found.
     order_f, order_p : int, optional
-        The largest orders; by default 32 and 8, or what the tolerances need.
+        The largest orders; by default 32 and 8, or what the tolerances need, but for pictures an
+        F of 128 at most.
     views : sequence of 2 float
         Azimuth and elevation of the viewers of pictures, degrees; without any, none are drawn.
     size : int
@@ -346,8 +358,8 @@ def analyze(
 
     Raises
     ------
-    OrderError, BrdfError, ProbeError
-        If a tolerance cannot be met, or a file cannot be used.
+    BrdfError, ProbeError
+        If a file cannot be used.
 
     Examples
     --------
@@ -366,8 +378,9 @@ def analyze(
     with using(stages.within):
         lighting = project(source, grid.coefficients.order_f)
     stages.done(2, 3)
-    least = min(grid.orders, key=lambda each: each.eps)
-    curve_p = min(least.order_p, grid.order_p) if order_p is None else grid.order_p
+    curve_p = grid.order_p
+    if order_p is None and grid.orders:
+        curve_p = min(curve_p, min(grid.orders, key=lambda each: each.eps).order_p)
     curve = accuracy_curve(lighting, grid.coefficients, grid.order_f, curve_p)
     if not views:
         return Analysis(brdf, grid, curve)
@@ -376,7 +389,7 @@ def analyze(
         source_height = enough
     truth = Reference(source, brdf, source_height, progress=stages.within, exact=True)
     pictures = order_pictures(
-        lighting, grid.coefficients, brdf.center, [Viewer(*view) for view in views], grid.order_f,
-        size, truth,
+        lighting, grid.coefficients, brdf.center, [Viewer(*view) for view in views],
+        grid.order_f if order_f is not None else min(grid.order_f, PICTURES_F), size, truth,
     )  # fmt: skip
     return Analysis(brdf, grid, curve, pictures, source_height)

@@ -45,7 +45,8 @@ _OF_MATERIALS = {
 )  # fmt: skip
 @option(
     "--order-f", click.IntRange(0, MAX_ORDER_F),
-    help="Largest F, also that of the pictures.  [default: 32, or what the tolerances need]",
+    help="Largest F, also that of the pictures.  [default: 32, or what the tolerances need; of the "
+    "pictures at most 128]",
 )  # fmt: skip
 @option(
     "--order-p", click.IntRange(0, MAX_ORDER_P),
@@ -160,6 +161,8 @@ def _remarks(found: Analysis, order_p: int | None) -> list[str]:
     remarks = []
     if found.grid.coefficients.remark is not None:
         remarks.append(f"{found.brdf!r} is {found.grid.coefficients.remark}")
+    if found.grid.unmet is not None:
+        remarks.append(found.grid.unmet)
     if order_p is not None and order_p > found.grid.order_p:
         remarks.append(f"{found.brdf!r}: does not depend on the view, so P = 0 only")
     return remarks

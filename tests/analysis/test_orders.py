@@ -5,14 +5,15 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import eval_legendre
 
-from shrm_cli.analysis.analyze import accuracy_curve, energy_grid, order_pictures
+from shrm_cli.analysis.analyze import accuracy_curve, analyze, energy_grid, order_pictures
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
-from shrm_cli.errors import MapError, OrderError
+from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.reflected import energy_beyond
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sheet import PAPER
@@ -103,9 +104,24 @@ def test_grid_is_as_large_as_asked_or_needed():
 
 
 @pytest.mark.slow
-def test_unmet_tolerance_is_an_error():
-    with pytest.raises(OrderError, match="cannot be met"):
-        energy_grid(parse_spec("phong:exponent=1e5"), (0.5, 0.01))
+def test_pictures_of_sharp_lobes_have_fewer_orders():
+    light = Probe.from_array(np.ones((8, 16, 3), np.float32), layout="latlong")
+    found = analyze("phong:exponent=2e4", light, tolerances=[0.1], views=[(0, 0)], size=16)
+    assert found.grid.order_f > found.pictures.order_f == 128
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("tolerances", "met", "told"),
+    [((0.05, 0.01), [], 0.05), ((0.5, 0.01, 0.6, 0.03), [0.5, 0.6], 0.03)],
+)
+def test_tolerances_that_cannot_be_met_are_told(tolerances, met, told):
+    """The largest of them is, and the grid has the orders that it has by default."""
+    grid = energy_grid(parse_spec("phong:exponent=1e5"), tolerances)
+    assert [each.eps for each in grid.orders] == met
+    assert f"tolerance {told:g} cannot be met" in str(grid.unmet)
+    assert grid.order_p == 0
+    assert grid.order_f == max([32, *(each.order_f for each in grid.orders)])
 
 
 def test_curves_of_a_zonal_brdf_are_those_of_the_formulas(rng):

@@ -262,11 +262,18 @@ def test_what_is_refused(folder, arguments, code, parts):
 
 
 @pytest.mark.slow
-def test_unknwhy_no_brdfs_and_tolerances_that_cannot_be_met_are_refused(folder):
+def test_unknown_and_missing_brdfs_are_refused(folder):
     assert_refused(run("analyze", "--brdf", "fong"), 1, "did you mean phong")
     assert_refused(run("analyze"), 2, "--brdf")
-    refused = run("analyze", "--brdf", "phong:exponent=1e5")
-    assert_refused(refused, 1, "tolerance 0.03 cannot be met", "ask for more")
+
+
+@pytest.mark.slow
+def test_lobes_that_meet_no_tolerance_are_analysed_too(folder):
+    asked = "--brdf", "phong:exponent=1e5", "--eps", 0.05
+    found = run("analyze", *asked, "--probe", "probe.exr", *SMALL)
+    assert found.code == 0
+    assert "Warning: phong:exponent=100000: tolerance 0.05 cannot be met" in found.err
+    assert found.out.rstrip().endswith(".pictures.png")
 
 
 def test_outputs_do_not_replace_the_probe(folder):
