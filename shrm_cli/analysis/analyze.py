@@ -15,7 +15,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
-from shrm_cli.errors import OrderError
+from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.files.image import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
@@ -88,6 +88,7 @@ def energy_grid(
     and `order_p` are the largest orders of the grid; by default 32 and 8, or more if a tolerance
     needs them. A zonal BRDF has P = 0 only.
     """
+    _check_isotropic(brdf)
     # One attempt at the orders follows another, and nobody knows how many.
     rising = Rising(progress)
     with using(rising):
@@ -125,12 +126,22 @@ def material_energies(
     on. A BRDF that does not depend on the view has the same fraction for all P.
     """
     rows = []
+    for brdf in brdfs:
+        _check_isotropic(brdf)
     for index, brdf in enumerate(brdfs):
         found = compute_coefficients(brdf, order_f, 0 if brdf.zonal else order_p, _ACCURACY)
         captured = found.captured[order_f]
         rows.append(np.pad(captured, (0, order_p + 1 - len(captured)), mode="edge"))
         tell(progress, index + 1, len(brdfs))
     return np.array(rows)
+
+
+def _check_isotropic(brdf: Brdf) -> None:
+    """Refuse a BRDF that orders F and P do not describe."""
+    if not brdf.isotropic:
+        raise BrdfError(
+            f"{brdf!r}: anisotropic, of which orders F and P tell nothing; a principal map holds it"
+        )
 
 
 @record(eq=False)

@@ -262,9 +262,12 @@ def test_what_is_refused(folder, arguments, code, parts):
 
 
 @pytest.mark.slow
-def test_unknown_and_missing_brdfs_are_refused(folder):
+def test_unknown_missing_and_brushed_brdfs_are_refused(folder):
     assert_refused(run("analyze", "--brdf", "fong"), 1, "did you mean phong")
     assert_refused(run("analyze"), 2, "--brdf")
+    brushed = "ggx:roughness=0.3,anisotropy=0.5"
+    for further in ((), ("lambertian",)):
+        assert_refused(run("analyze", "--brdf", brushed, *further), 1, "anisotropic", "orders F")
 
 
 @pytest.mark.slow

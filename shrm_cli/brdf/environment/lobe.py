@@ -83,7 +83,10 @@ class MaterialLobe(NormalLobe):
                 "map holds this one"
             )
         if not material.has_horizon:
-            raise BrdfError(f"{material!r}: its lobe goes on below the surface; give another")
+            raise BrdfError(
+                f"{material!r}: a split sum is of one lobe above the surface; a principal map "
+                "holds this one"
+            )
         self.material = material
         self.name = f"{material.name}-lobe"
         self.values: dict[str, Value] = dict(material.values)
