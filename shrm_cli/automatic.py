@@ -182,8 +182,11 @@ class _Asked:
 
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
-        asked = self.goal, self.request.allowed
-        made = kept_or_best(self.candidates, *asked, self.made_better, self.truth, self.left)
+        request = self.request
+        made = kept_or_best(
+            self.candidates, self.goal, request.allowed,
+            self.made_better, self.truth, self.left, request.size,
+        )  # fmt: skip
         if _FORM in dict(made.notes):
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")

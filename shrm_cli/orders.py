@@ -184,6 +184,16 @@ def extended(
     return _coefficients(brdf, eps, order_f, coefficients.order_p)
 
 
+def with_views(
+    brdf: Brdf, coefficients: BrdfCoefficients, eps: float, order_p: int
+) -> BrdfCoefficients:
+    """Compute the coefficients of a BRDF to a higher order P, and the same order F.
+
+    `eps` is the fraction of the energy that may be missed, which sets the accuracy of sampling.
+    """
+    return _coefficients(brdf, eps, coefficients.order_f, order_p)
+
+
 def _coefficients(brdf: Brdf, eps: float, order_f: int, order_p: int) -> BrdfCoefficients:
     """Compute coefficients, or take them from the cache, as exactly as a tolerance needs them."""
     accuracy = max(eps / (30 if brdf.is_measured else 300), 1e-5)

@@ -337,6 +337,16 @@ def test_more_bytes_are_advised_where_more_would_be_tried(error, is_said):
     assert ("raise `max_size`" in line) == is_said
 
 
+def test_a_size_that_is_too_small_is_named():
+    """Lamps were blamed for what four texels along an edge cannot hold."""
+    best = Candidate("principal", 100, 128, 0.5, lambda: 0.5, lambda: Prefiltered(None))
+    (line,) = kept_or_best([best], Goal(), 1000, size=4).warnings
+    assert "in cubes of 4 texels; " in line
+    assert line.endswith("Leave `size` out, which chooses them")
+    (line,) = kept_or_best([best], Goal(), 150, size=4).warnings
+    assert "raise `max_size`" in line
+
+
 def test_dark_maps_are_made_without_lamps_too(bare_sun, monkeypatch):
     """Where all that keep the error are negative beside the lamp."""
     asked = {"brdf": "ggx:roughness=0.5", "error": 0.3, "seen": 0.9}

@@ -32,6 +32,7 @@ def kept_or_best(
     better: Callable[[Candidate[Prefiltered], bool], Prefiltered | None] = lambda *_: None,
     truth: Truth | None = None,
     left: float = 1.0,
+    size: int | None = None,
 ) -> Prefiltered:
     """Make the map of the fewest bytes that keeps a goal, and shows nothing negative.
 
@@ -39,7 +40,8 @@ def kept_or_best(
     warning. `better` is called with each candidate that keeps the goal and True, and with the best
     one and False where none keeps it, or all are negative somewhere; may return a map that is
     better. `truth` is that of `negative_share`. `left` is the RMS of the light that the map is of,
-    over that of all light, of which the warning tells; 1 where there is no other.
+    over that of all light, of which the warning tells; 1 where there is no other. `size` is that of
+    all candidates, where it was asked for.
 
     Where none keeps the goal, the one that misses the least is returned, with a warning that says
     by how much, and what would keep it. Where all are negative somewhere, it is the least dark one.
@@ -70,7 +72,7 @@ def kept_or_best(
     if (other := better(best, False)) is not None:
         return other
     made = judged(best.make(), best)
-    return replace(made, warnings=(*made.warnings, _missed(best, goal, max_size, left)))
+    return replace(made, warnings=(*made.warnings, _missed(best, goal, max_size, left, size)))
 
 
 def as_candidate(made: Prefiltered) -> Candidate[Prefiltered]:
@@ -93,19 +95,24 @@ def goal_text(goal: Goal, of: str = "") -> str:
     return error if goal.wrong_share is None else f"{error} and {goal.wrong_share:.0%} wrong pixels"
 
 
-def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int, left: float) -> str:
+def _missed(
+    best: Candidate[Prefiltered], goal: Goal, max_size: int, left: float, size: int | None
+) -> str:
     """Say what the best map misses of the goal, and what would keep it."""
     # No less than the least error is tried, however many bytes there are.
     larger = best.can_grow and best.total_error > policy.LEAST_ERROR
     more = ", or raise `max_size`" if larger and 2 * best.bytes > max_size else ""
-    lamps = f"lamps and other bright places in sharp lobes need the most: {REMEDY}{more}"
-    why, of = best.limit or lamps, ""
+    why = f"lamps and other bright places in sharp lobes need the most: {REMEDY}{more}"
+    within, of = f"in {bytes_text(max_size)}", ""
+    if size is not None and not more:
+        within, why = f"in cubes of {size} texels", "leave `size` out, which chooses them"
+    why = best.limit or why
     if left < 1:  # what is allowed of so little light would read as an error of all
         of, share = " of all light", best.wrong_share
         goal = replace(goal, error=left * goal.error)
         best = replace(best, total_error=left * best.total_error, find_wrong_share=lambda: share)
     return (
-        f"no map keeps {goal_text(goal, of)} in {bytes_text(max_size)}; the one made has "
+        f"no map keeps {goal_text(goal, of)} {within}; the one made has "
         f"{best.errors_text}, as predicted. {why[0].upper()}{why[1:]}"
     )
 

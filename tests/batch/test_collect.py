@@ -15,7 +15,7 @@ from shrm_cli.batch.collect import (
     read_collection,
     write_collection,
 )
-from shrm_cli.errors import MapError, OrderError, OutputError
+from shrm_cli.errors import ArgumentError, MapError, OrderError, OutputError
 from shrm_cli.probe.probe import Probe
 from tests import brute_force, oracles
 from tests.probe import scenes
@@ -78,7 +78,7 @@ def test_both_are_those_of_the_map_of_irradiance(order, window):
 def test_what_cannot_be_collected_is_refused(probe):
     with pytest.raises(OrderError, match=r"outside 0 \.\. 512"):
         lighting_of(probe, 513)
-    with pytest.raises(MapError, match="no such window"):
+    with pytest.raises(ArgumentError, match="no such window"):
         lighting_of(probe, 2, window="box")
 
 

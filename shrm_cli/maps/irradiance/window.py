@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.errors import MapError
+from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.records import record
 from shrm_cli.sphere.extremes import degree_values, low_places, lowest
 from shrm_cli.sphere.harmonics import degrees, order_of
@@ -121,17 +121,19 @@ def parse_window(spec: str) -> tuple[str, float | None]:
     """Split `NAME` or `NAME:WIDTH` into name and width; the width is None where none is given."""
     name, colon, text = spec.partition(":")
     if name not in NAMES:
-        raise MapError(f"window {spec!r}: no such window; take one of {', '.join(NAMES)}")
+        raise ArgumentError("window", f"{spec!r}: no such window; take one of {', '.join(NAMES)}")
     if not colon:
         return name, None
     if name not in FAMILIES:
-        raise MapError(f"window {spec!r}: {name} has no width; leave :{text} out")
+        raise ArgumentError("window", f"{spec!r}: {name} has no width; leave :{text} out")
     try:
         width = float(text)
     except ValueError:
         width = np.nan
     if not (np.isfinite(width) and width > 0):
-        raise MapError(f"window {spec!r}: its width must be a positive number, as in {name}:3")
+        raise ArgumentError(
+            "window", f"{spec!r}: its width must be a positive number, as in {name}:3"
+        )
     return name, width
 
 

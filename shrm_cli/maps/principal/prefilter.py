@@ -36,7 +36,8 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         from shrm_cli.maps.seen import kept_or_best
 
         candidates = rising(proposals, goal, request.allowed)
-        return kept_or_best(candidates, goal, request.allowed, truth=truth_of(probe, request.brdf))
+        truth, size = truth_of(probe, request.brdf), request.size
+        return kept_or_best(candidates, goal, request.allowed, truth=truth, size=size)
     proposal = proposals.propose()
     unmet = _unmet(proposals, proposal, request.error, request.allowed)
     return proposal.make([] if unmet is None else [unmet])

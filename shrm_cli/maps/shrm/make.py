@@ -31,7 +31,7 @@ from shrm_cli.maps.size import (
     stored_bytes,
     supported_order,
 )
-from shrm_cli.orders import Orders, choose_center, choose_orders, least_orders
+from shrm_cli.orders import Orders, choose_center, choose_orders, least_orders, with_views
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import tell_time_left
@@ -109,18 +109,39 @@ def affordable(
     fits = orders.order_p <= min(largest_p(orders.order_f, choice.size, allowed), most)
     if orders.captured >= 1 - request.eps and fits:
         return choice, coefficients
-    lighting = light.to_order(coefficients.order_f)
-    return fitting(coefficients, lighting, request, most), coefficients
+    return fitting(request.brdf, coefficients, light.to_order(coefficients.order_f), request, most)
 
 
 def fitting(
-    coefficients: BrdfCoefficients, lighting: Lighting, request: Request, most: int = MAX_ORDER_P
-) -> Choice:
-    """Choose the orders and the size of the best map that fits.
+    brdf: Brdf,
+    coefficients: BrdfCoefficients,
+    lighting: Lighting,
+    request: Request,
+    most: int = MAX_ORDER_P,
+) -> tuple[Choice, BrdfCoefficients]:
+    """Choose the orders and the size of the best map of a BRDF that fits.
 
-    `lighting` is the light, to at least the order of the coefficients. `most` is the largest P in
-    any case.
+    `coefficients` are those of the BRDF. Where the best map has all of their degrees of the view,
+    more are computed: they are as many as fit beside the texels that F asks for, and the light may
+    need far fewer. `lighting` is the light, to at least the order F of the coefficients. `most` is
+    the largest P in any case.
+
+    Returns what `affordable` returns.
     """
+    while True:
+        choice, known = _best_known(coefficients, lighting, request, most), coefficients.order_p
+        texels = request.size or max(choice.size // 2, TRIED_SIZES[0])
+        fits = largest_p(supported_order(texels), texels, request.allowed)
+        more = min(fits, 2 * known, most)
+        if brdf.zonal or choice.orders.order_p < known or more <= known:
+            return choice, coefficients
+        coefficients = with_views(brdf, coefficients, request.eps, more)
+
+
+def _best_known(
+    coefficients: BrdfCoefficients, lighting: Lighting, request: Request, most: int
+) -> Choice:
+    """Choose the orders and the size of the best map that fits and whose degrees are known."""
     eps, allowed, size = request.eps, request.allowed, request.size
     largest = choose_size(least_orders(coefficients, eps).order_f)
     sizes = [texels for texels in TRIED_SIZES if texels <= largest]

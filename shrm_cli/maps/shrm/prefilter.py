@@ -51,7 +51,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         shrms = ShrmProposals.known(light, brdf, goal.error, allowed, *form)
         truth = truth_of(probe, brdf)
         candidates = rising(shrms.within(allowed), goal, allowed)
-        made = kept_or_best(candidates, goal, allowed, truth=truth)
+        made = kept_or_best(candidates, goal, allowed, truth=truth, size=request.size)
         return replace(made, notes=notes)
     if request.error is not None:
         return replace(_within_error(light, request, request.error), notes=notes)

@@ -176,10 +176,10 @@ def _shared(
             try:
                 # Where the edge texels lie tells no form from another.
                 part = replace(request, max_size=share, sampling="center")
-                choice = fitting(term.coefficients, lighting, part)
+                choice, known = fitting(term.brdf, term.coefficients, lighting, part)
             except ArgumentError:
                 return None
-            made[index] = replace(term, choice=choice)
+            made[index] = replace(term, choice=choice, coefficients=known)
         left -= made[index].choice.bytes
     return tuple(made)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize
 
-from shrm_cli.errors import MapError
+from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.files.image import write_image
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance, lambert_factors
@@ -120,7 +120,8 @@ def test_a_named_width():
     ],
 )  # fmt: skip
 def test_what_is_no_window(spec, word):
-    with pytest.raises(MapError, match=word) as caught:
+    """The command line says so as wrong usage, which no probe mends."""
+    with pytest.raises(ArgumentError, match=word) as caught:
         parse_window(spec)
     assert "\n" not in str(caught.value)
 

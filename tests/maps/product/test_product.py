@@ -357,7 +357,7 @@ def test_a_window_leaves_no_black_spots():
     # A thousandth of all samples may be; these are others, at 3000 places.
     assert np.mean(shown < 0) <= 2e-3
     assert made.map.info.added_error > 0.05
-    with pytest.raises(MapError, match="no such window"):
+    with pytest.raises(ArgumentError, match="no such window"):
         prefilter(probe, brdf, window="boxcar")
 
 

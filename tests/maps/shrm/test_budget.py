@@ -141,6 +141,19 @@ def test_within_few_bytes_look_ups_count(probe, brdf, most):
     assert error_of(made) < 1.01 * min(every_map(probe, brdf, most + 1))
 
 
+def test_a_stricter_tolerance_makes_no_worse_map(probe):
+    """Cubes of 16 texels hold this light, a quarter of what F asks for, and leave room for P = 11.
+
+    Of eps .03 coefficients were known to P = 8, and of .003 to fewer where F is larger.
+    """
+    spec, most = "cook-torrance", 1_500_000
+    made = make(probe, brdf=spec, eps=0.003, max_size=most)
+    assert half_bytes(made.map) <= most
+    others = [error_of(make(probe, brdf=spec, size=16, order_p=p)) for p in (8, 11)]
+    assert others[1] < 0.9 * others[0]
+    assert error_of(made) == pytest.approx(others[1], rel=0.03)
+
+
 @pytest.mark.slow
 def test_a_lobe_that_no_order_holds_is_made_and_named(probe):
     made = make(probe, brdf="phong:exponent=1e5")
