@@ -55,13 +55,14 @@ _MOST_NODES = 6
 under a sunset of 512 rows, 8.8 % of a right picture is wrong beside points, 2.5 % beside parts."""
 _EDGE_NODES = 4
 """The fewest of them where the edge of a cap crosses a pixel."""
-_SAMPLES_AT_ONCE = 2**15
-"""Pairs of a point and a cell that are evaluated at a time: their arrays fit into the L2 cache."""
+SAMPLES_AT_ONCE = 2**15
+"""Pairs of a point and a cell or a pixel that are evaluated at a time: a handful of arrays of so
+many numbers fit into the L2 cache."""
 _CALL = 2**12
 """To evaluate the pairs of one point in a call of their own takes as long as so many pairs more.
 Where all points need most pixels, as of 8 rows, they are evaluated together."""
-_ROUNDING = 1e-5
-"""How much the cosine to a cell may be less than that of a cap, for float32."""
+ROUNDING = 1e-5
+"""How much the cosine to a cell or a tile may be less than that of a cap, for float32."""
 _TELLS = 0.05
 """The part of the spread of a cell that is between its quarters, where they tell of what is within
 them; three quarters where the light is even."""
@@ -96,7 +97,7 @@ class Points:
         which = np.arange(len(self.centers)) if only is None else np.array([only])
         rows = self.rows if only is None else self.rows[:, which]
         parts = []
-        for part in slices(len(directions), _SAMPLES_AT_ONCE // len(which)):
+        for part in slices(len(directions), SAMPLES_AT_ONCE // len(which)):
             cosines = rows.reshape(-1, 3) @ directions[part].T
             cosines = cosines.reshape(1, len(rows), len(which), -1)
             values = self.evaluate(cosines, which)[0]
@@ -108,7 +109,7 @@ class Points:
         """The cells of a level that may light any point."""
         cells = np.flatnonzero(level.light.any(axis=1))
         for axes, angle in self.caps:
-            limits = np.cos(np.minimum(angle + level.radii[cells], np.pi)) - _ROUNDING
+            limits = np.cos(np.minimum(angle + level.radii[cells], np.pi)) - ROUNDING
             cells = cells[(axes @ level.directions[cells].T).max(axis=0) >= limits]
         return cells
 

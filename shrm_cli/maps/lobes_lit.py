@@ -194,7 +194,7 @@ def sample_views(center: Center, count: int = _VIEWS) -> tuple[Array, Array]:
     return (theta_o / 2 if center == "normal" else theta_o), left / left.sum()
 
 
-def sample_tangents(count: int = _VIEWS) -> Array:
+def sample_tangents(count: int) -> Array:
     """Return the azimuths of the views of `sample_views` from the tangent, radians, (count,)."""
     return np.asarray(2 * np.pi * ((np.arange(count) + 0.5) * (np.sqrt(5) - 1) / 2 % 1))
 

@@ -71,7 +71,7 @@ def supported_order(size: int, order_p: int = 1) -> int:
     return int((_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
 
 
-def furthest_order(size: int, order_p: int = 1) -> int:
+def furthest_order(size: int, order_p: int) -> int:
     """Return the largest order of cubes that fade out; see `supported_order`."""
     return int((_FADING_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
 
@@ -88,7 +88,7 @@ def sizes_of(size: int | None) -> tuple[int, ...]:
 
 def nothing_fits(size: int | None, terms: int = 1) -> ArgumentError:
     """Return the error that refuses a number of bytes which not even a cube a term fits into."""
-    least = stored_bytes(TRIED_SIZES[0] if size is None else size, terms)
+    least = stored_bytes(sizes_of(size)[0], terms)
     return ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
 
 

@@ -122,8 +122,8 @@ def shortest_values(values: ArrayLike) -> list[float]:
     return [float(value) for value in found]
 
 
-def read_numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array | None:
-    """Read an attribute of nested lists of finite numbers of some shape, in JSON, or None."""
+def read_numbers(part: StoredPart, name: str, shape: tuple[int, ...] | None = None) -> Array | None:
+    """Read an attribute of nested lists of finite numbers in JSON, of a shape or any, or None."""
     from shrm_cli.files.json_text import parse_json
 
     text = part.attribute(f"shrm:{name}")
@@ -131,7 +131,7 @@ def read_numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array |
         values = np.array(parse_json(text))
     except (ValueError, TypeError, OverflowError):
         return None
-    if values.shape != shape or values.dtype.kind not in "fiu":
+    if values.shape != (shape or values.shape) or values.dtype.kind not in "fiu":
         return None
     return values.astype(float) if np.isfinite(values).all() else None
 

@@ -263,16 +263,11 @@ def tabulate(
     return kind(images.transpose(0, 2, 3, 1), center, info, sampling)
 
 
-def tabulate_sum(
-    kind: type[Kind], summed: SummedShrm | PrincipalMap, view_count: int | None = None
-) -> Kind:
+def tabulate_sum(kind: type[Kind], summed: SummedShrm | PrincipalMap, view_count: int) -> Kind:
     """Tabulate a sum of terms as an explicit map over the mirror direction.
 
-    `view_count` is the number of samples along an axis of the view;
-    `ExplicitMap.default_view_count` of the largest P by default.
+    `view_count` is the number of samples along an axis of the view.
     """
-    if view_count is None:
-        view_count = kind.default_view_count(max(summed.info.order_p, 1))
     made = tabulate(
         kind, _Sum(summed), "reflection", summed.info, summed.size, view_count, summed.sampling
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from math import sqrt
 from typing import Any
 
@@ -111,16 +111,11 @@ class Planner:
     @cached_property
     def _places(self) -> Array | None:
         """Where on the faces of a cube the finest details of the first function are."""
-        return reflected.fine_places(self.lighting, self.spectrum.light_parts(0, 0, 1)[0])
+        return reflected.fine_places(self.lighting, self.spectrum.parts[0][0])
 
     @cached_property
     def _forms(self) -> dict[tuple[Counts, int, bool], Form]:
         """The forms that were asked for."""
-        return {}
-
-    @cached_property
-    def _filters(self) -> dict[tuple[int, int], Array]:
-        """What look-ups do to bundles, for each size of cubes and degree that was asked for."""
         return {}
 
     @cached_property
@@ -174,13 +169,16 @@ class Planner:
             return predicted
         return predicted * self._misjudged(counts, band, size)
 
-    def _filter(self, size: int, p: int) -> Array:
-        """Return the `filter_matrices` of what look-ups lose, for bundles of a degree p."""
-        if (size, p) not in self._filters:
+    @cached_property
+    def _filter(self) -> Callable[[int, int], Array]:
+        """From a size and a degree p to the `filter_matrices` of what look-ups lose in bundles."""
+
+        def find(size: int, p: int) -> Array:
             order = min(furthest_order(size, 0), self.spectrum.transfer.order_f)
             errors = bilinear_errors(order + p, size, self.sampling, self._places)
-            self._filters[size, p] = reflected.filter_matrices(np.sqrt(errors), order, p)
-        return self._filters[size, p]
+            return reflected.filter_matrices(np.sqrt(errors), order, p)
+
+        return cache(find)
 
     def _misjudged(self, counts: Counts, band: Band, size: int) -> float:
         """Return what look-ups miss of the cubes, in units of what is predicted.

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile
 from shrm_cli.maps.shrm.shrm import Shrm
@@ -19,6 +18,7 @@ from shrm_cli.maps.stored import (
     common_header,
     image_channels,
     options_text,
+    read_numbers,
     shortest_values,
 )
 
@@ -149,25 +149,13 @@ def _decode_compressed(image: StoredImage) -> CompressedShrm:
     from shrm_cli.maps.shrm.shrm import CompressedShrm
 
     order_p, size = image.attributes["P"], image.size
-    matrix = _matrix(image.part.text("shrm:pca_matrix"))
-    if matrix is None or matrix.shape[1] != (order_p + 1) ** 2 or len(matrix) > matrix.shape[1]:
-        what = f"is not K x {(order_p + 1) ** 2} numbers"
-        raise MapError.of_attribute(image.path, "pca_matrix", what)
+    matrix, every = read_numbers(image.part, "pca_matrix"), (order_p + 1) ** 2
+    if matrix is None or matrix.shape[1:] != (every,) or not 1 <= len(matrix) <= every:
+        raise MapError.of_attribute(image.path, "pca_matrix", f"is not K x {every} numbers")
     names = component_channels(len(matrix))
     image.check_channels(names, f"an SHRM compressed to {len(matrix)} components")
-    if matrix.shape[1] * 18 * size**2 > MAX_VALUES:
+    if every * 18 * size**2 > MAX_VALUES:
         raise MapError(f"{image.path}: its coefficients are too many to load")
     image.check_resampling(image.attributes["frame"] == "local")
     components = image.stack(names).reshape(6 * size, size, -1, 3)
     return CompressedShrm(components, matrix, image.attributes["frame"], **image.common())
-
-
-def _matrix(text: str) -> Array | None:
-    """Read a matrix of finite numbers from JSON; the result is None for any other text."""
-    from shrm_cli.files.json_text import parse_json
-
-    try:
-        values = np.array(parse_json(text), dtype=float)
-    except (ValueError, TypeError, OverflowError):
-        return None
-    return values if values.ndim == 2 and values.size and np.isfinite(values).all() else None
