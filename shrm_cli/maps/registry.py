@@ -8,6 +8,7 @@ its own.
 """
 
 import importlib
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from shrm_cli import vocabulary
@@ -17,6 +18,7 @@ from shrm_cli.maps.options import (
     BRDF_ARGUMENTS,
     CUBE_ARGUMENTS,
     SHADER,
+    SHARED,
     TEXTURES,
     WINDOW,
     Option,
@@ -248,6 +250,18 @@ def description(representation: str) -> Representation:
     from shrm_cli.maps import installed  # rarely needed
 
     return installed.description(representation)
+
+
+def checked(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arguments as the makers of a representation take them.
+
+    One that is None, or that nobody knows, stays as it is.
+    """
+    known = {**SHARED, **{each.name: each for each in description(to).options}}
+    return {
+        name: value if value is None or name not in known else known[name].checked(value)
+        for name, value in given.items()
+    }
 
 
 def is_known(representation: str) -> bool:

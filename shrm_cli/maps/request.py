@@ -167,8 +167,7 @@ def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
         if name in given:
             domain = "frequency" if is_angular else "angular"
             raise ArgumentError(name, f"applies with `domain` {domain}")
-    options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
-    return {name: options[name].checked(value) for name, value in given.items()}
+    return registry.checked(to, given)
 
 
 def check_arguments(to: str, given: Iterable[str]) -> None:
