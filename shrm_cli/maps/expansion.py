@@ -84,7 +84,7 @@ class Expansion:
 
     def filter_error(self, sampling: Sampling) -> float:
         """Return the relative RMS error of bilinear look-ups; see `shrm_look_up_error`."""
-        form = self._factors, self.orders.order_p, self.size, sampling
+        form = self._factors, self.size, sampling
         return shrm_look_up_error(self.lighting, self.coefficients, *form)
 
     @property

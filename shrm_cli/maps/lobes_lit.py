@@ -398,10 +398,8 @@ def _make_local_light(light: Array, order: int, orders: range) -> Array:
 
 def _ring_functions(order: int, orders: range) -> Iterable[Array]:
     """Return what `_make_ring_functions` yields, kept for the next call unless it is large."""
-    if order > _KEPT_ORDER:
-        return _make_ring_functions(order, orders)
-    make = _make_ring_functions
-    return _known_rings.get((order, orders), lambda: list(make(order, orders)))
+    made = _make_ring_functions(order, orders)
+    return made if order > _KEPT_ORDER else _known_rings.get((order, orders), lambda: list(made))
 
 
 def _make_ring_functions(order: int, orders: range) -> Iterator[Array]:

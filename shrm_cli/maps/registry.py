@@ -207,6 +207,13 @@ DESCRIPTIONS = {
 """The description of each representation."""
 
 
+def _installed() -> Any:
+    """Load the module of forms of installed packages, which few runs need."""
+    from shrm_cli.maps import installed
+
+    return installed
+
+
 def module(representation: str, name: str) -> Any:
     """Load a module of a representation's folder, such as ``file``.
 
@@ -214,9 +221,7 @@ def module(representation: str, name: str) -> Any:
     `name` is one of the names that the docstring of `shrm_cli.maps.base` lists.
     """
     if representation not in vocabulary.REPRESENTATIONS:
-        from shrm_cli.maps import installed
-
-        return installed.module(representation, name)
+        return _installed().module(representation, name)
     folder = vocabulary.REPRESENTATIONS[representation].partition(".")[0]
     return importlib.import_module(f"shrm_cli.maps.{folder}.{name}")
 
@@ -228,9 +233,7 @@ def map_class(representation: str) -> "type[Map]":
             f"shrm_cli.maps.{vocabulary.REPRESENTATIONS[representation]}"
         )
     else:
-        from shrm_cli.maps import installed
-
-        defining = installed.home(representation)
+        defining = _installed().home(representation)
     for candidate in vars(defining).values():
         if isinstance(candidate, type) and candidate.__module__ == defining.__name__:
             named: type[Map] = candidate
@@ -247,9 +250,7 @@ def description(representation: str) -> Representation:
         return AUTOMATIC
     if representation in DESCRIPTIONS:
         return DESCRIPTIONS[representation]
-    from shrm_cli.maps import installed  # rarely needed
-
-    return installed.description(representation)
+    return _installed().description(representation)
 
 
 def checked(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -271,9 +272,7 @@ def is_known(representation: str) -> bool:
 
 def installed_names() -> list[str]:
     """Return the names of forms of installed packages; none is loaded."""
-    from shrm_cli.maps import installed
-
-    return installed.names()
+    return _installed().names()
 
 
 def names() -> list[str]:
@@ -287,9 +286,7 @@ def sources(representation: str) -> str:
 
     if representation in (vocabulary.AUTO, *vocabulary.REPRESENTATIONS):
         return fingerprint()
-    from shrm_cli.maps import installed
-
-    return fingerprint_with(installed.home(representation).__name__)
+    return fingerprint_with(_installed().home(representation).__name__)
 
 
 def descriptions(*more: str) -> dict[str, Representation]:

@@ -422,6 +422,11 @@ class StoredImage:
         return wanted if self.arrangement.is_plain else self.arrangement.undo(wanted)
 
 
+def color_channels(name: str, count: int) -> list[str]:
+    """Return the names of the channels of many images: ``map000.R map000.G map000.B map001.R``."""
+    return [f"{name}{k:03d}.{color}" for k in range(count) for color in COLORS]
+
+
 def image_channels(image: Array, names: Sequence[str] = COLORS) -> dict[str, Array]:
     """Return the channels of a part that holds an image of shape (H, W, len(names))."""
     return {name: image[..., k] for k, name in enumerate(names)}

@@ -212,10 +212,8 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
             min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
         )  # fmt: skip
         views_error = kind.from_shrm(smooth, views).info.added_error
-        last, seen_p = coefficients.order_f, orders.order_p
-        looked_up = shrm_look_up_error(
-            lighting, coefficients, np.ones((last + 1, seen_p + 1)), seen_p, size, sampling
-        )
+        every = np.ones((coefficients.order_f + 1, orders.order_p + 1))
+        looked_up = shrm_look_up_error(lighting, coefficients, every, size, sampling)
         info = replace(info, added_error=views_error, filter_error=looked_up)
     built = tabulate(kind, integral, brdf.center, info, size, views, sampling)
     return Prefiltered(built, {"error_bound": None, "predicted_wrong_share": None})

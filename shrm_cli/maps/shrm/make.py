@@ -155,7 +155,7 @@ def map_errors(
     factors = np.outer(band.factors, views.factors)
     return (
         predicted_error(lighting, coefficients, band.last, order_p, factors=factors),
-        partial(shrm_look_up_error, lighting, coefficients, factors, order_p, size, sampling),
+        partial(shrm_look_up_error, lighting, coefficients, factors, size, sampling),
     )
 
 
