@@ -280,12 +280,11 @@ def _about_own(light: Array, lobes: Lobes) -> Array:
     if lobes.whole.shape[-1] == 1:
         light = light.sum(axis=1, keepdims=True)
     kept = _kept_light.get()
+    known = None if kept is None else _identity(light)
+    local = _local_light(light, lobes, known)
     if kept is None:
-        local = _local_light(light, lobes, None)
         whole = _reflected(local, lobes.whole)
     else:  # the maps that are compared have the same whole lobes, and errors of their own
-        known = _identity(light)
-        local = _local_light(light, lobes, known)
         whole = kept.get((known, _identity(lobes.whole)), lambda: _reflected(local, lobes.whole))
     return np.stack([whole, _reflected(local, lobes.error)])
 

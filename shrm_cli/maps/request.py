@@ -224,7 +224,6 @@ class Prefiltered:
     are made for a BRDF ``error_bound`` is among them: the conservative relative RMS error of eq.
     5.19, or None in the angular domain."""
     notes: Notes = ()
-    """Headings and texts that tell people what was chosen automatically."""
     warnings: tuple[str, ...] = ()
     """Lines that the user should know about the map."""
     further: Mapping[str, Callable[[], Any]] = field(default_factory=dict)

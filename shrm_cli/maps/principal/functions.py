@@ -4,7 +4,7 @@ About the central direction the reflected light is, for each azimuthal order q,
 
     B_q(R, theta_o) = sum over l, m of L_lm rho_hat_lq(theta_o) D^l_mq(R).
 
-An SHRM expands the dependence on theta_o in Legendre functions (eq. 5.23 of Ramamoorthi's thesis).
+An SHRM expands the dependence on theta_o in Legendre functions (eq. 5.22 of Ramamoorthi's thesis).
 Here it is expanded in the right singular vectors of ``rho_hat_lq(theta_o)``, whose rows are
 weighted by the power of the probe's light: no other functions come closer with as few of them.
 Views are weighted, too, because the same error is seen more easily where little light is reflected.

@@ -114,9 +114,9 @@ class Planner:
         return reflected.fine_places(self.lighting, self.spectrum.parts[0][0])
 
     @cached_property
-    def _forms(self) -> dict[tuple[Counts, int, bool], Form]:
-        """The forms that were asked for."""
-        return {}
+    def _forms(self) -> Callable[[Counts, int, bool], Form]:
+        """From the arguments of `form` to it; searches ask for some forms again and again."""
+        return cache(self._form)
 
     @cached_property
     def _is_zonal(self) -> bool:
@@ -127,12 +127,9 @@ class Planner:
         """Return the form with these functions and cubes of this size, and its errors.
 
         The exact error counts that the functions are tabulated, and what look-ups in small cubes
-        really miss; the other takes far less time. Searches ask for some forms again and again.
+        really miss; the other takes far less time.
         """
-        key = counts, size, is_exact
-        if key not in self._forms:
-            self._forms[key] = self._form(*key)
-        return self._forms[key]
+        return self._forms(counts, size, is_exact)
 
     def _form(self, counts: Counts, size: int, is_exact: bool) -> Form:
         energies = np.diff(self.spectrum.kept(counts), prepend=0.0)
