@@ -64,10 +64,11 @@ _MOST_NODES = 6
 under a sunset of 512 rows, 8.8 % of a right picture is wrong beside points, 2.5 % beside parts."""
 _EDGE_NODES = 4
 """The fewest of them where the edge of a cap crosses a pixel."""
-_SAMPLES_AT_ONCE = 2**15
-"""Pairs of a point and a cell that are evaluated at a time: their arrays fit into the L2 cache."""
-_ROUNDING = 1e-5
-"""How much the cosine to a cell may be less than that of a cap, for float32."""
+SAMPLES_AT_ONCE = 2**15
+"""Pairs of a point and a cell or a pixel that are evaluated at a time: a handful of arrays of so
+many numbers fit into the L2 cache."""
+ROUNDING = 1e-5
+"""How much the cosine to a cell or a tile may be less than that of a cap, for float32."""
 _TELLS = 0.05
 """The part of the spread of a cell that is between its quarters, where they tell of what is within
 them; three quarters where the light is even."""
@@ -97,7 +98,7 @@ class Points:
     def transfer(self, directions: Array) -> Array:
         """The transfer function of light from directions, (m, 3): (channels, points, m)."""
         which, parts = np.arange(len(self.centers)), []
-        for part in slices(len(directions), _SAMPLES_AT_ONCE // len(which)):
+        for part in slices(len(directions), SAMPLES_AT_ONCE // len(which)):
             cosines = self.rows.reshape(-1, 3) @ directions[part].T
             cosines = cosines.reshape(1, len(self.rows), len(which), -1)
             parts.append(_channels(self.evaluate(cosines, which)[0]))
@@ -107,7 +108,7 @@ class Points:
         """The cells of a level that may light any point."""
         cells = np.flatnonzero(level.light.any(axis=1))
         for axes, angle in self.caps:
-            limits = np.cos(np.minimum(angle + level.radii[cells], np.pi)) - _ROUNDING
+            limits = np.cos(np.minimum(angle + level.radii[cells], np.pi)) - ROUNDING
             cells = cells[(axes @ level.directions[cells].T).max(axis=0) >= limits]
         return cells
 
@@ -166,7 +167,7 @@ class Points:
         some = np.flatnonzero(cut.any(axis=0))
         places, shares = _places(directions[some], sides[some], count)
         points, pixels = np.nonzero(cut[:, some])
-        for part in slices(len(points), _SAMPLES_AT_ONCE // count**2):
+        for part in slices(len(points), SAMPLES_AT_ONCE // count**2):
             which, own = points[part], pixels[part]
             # Components lie apart in memory, as those that `transfer` has.
             rows, towards = self.rows[:, which, :, None], np.moveaxis(places[own], -1, 1)

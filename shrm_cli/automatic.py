@@ -56,7 +56,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     one, and a warning that says by how much and what would.
     """
     if not request.splits:
-        return _Asked.of(probe, request).made()
+        return _Asked(probe, request).made()
     from shrm_cli.lights.beside import splits_for
 
     goal = Goal.of(request.error, request.seen)
@@ -71,7 +71,7 @@ def automatic_choice(probe: Probe, request: Request) -> str:
 
     It leaves out whether the map would be negative anywhere, for which one of more bytes is made.
     """
-    best = _Asked.of(probe, request).foreseen()
+    best = _Asked(probe, request).foreseen()
     return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
 
@@ -80,8 +80,6 @@ class _Asked:
     """What is asked for, the light, and the maps that could be made."""
 
     probe: Probe
-    light: Projection
-    """That of the probe, whose pixels are cut where they are large."""
     request: Request
     left: float = 1.0
     """The RMS of what the probe's light makes, over that of all light, where lamps lie beside."""
@@ -92,19 +90,15 @@ class _Asked:
     together: Goal | None = None
     """What a map and the lamps beside it have to keep, in parts of all light."""
 
-    @classmethod
-    def of(
-        cls, probe: Probe, request: Request, left: float = 1.0, most_simple: float = math.inf,
-        whole: Probe | None = None, together: Goal | None = None,
-    ) -> "_Asked":  # fmt: skip
-        """Return what is asked for of a probe."""
-        fine = probe
-        if probe.may_be_coarse:
+    @cached_property
+    def light(self) -> Projection:
+        """That of the probe, whose pixels are cut where they are large."""
+        fine = self.probe
+        if fine.may_be_coarse:
             from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
 
-            fine = fine_probe(probe)
-        light = Projection(shared(fine))
-        return cls(probe, light, request, left, most_simple, whole, together)
+            fine = fine_probe(fine)
+        return Projection(shared(fine))
 
     @cached_property
     def goal(self) -> Goal:
@@ -172,12 +166,11 @@ class _Asked:
         found = self.single_cubes
         if found is None:
             return None
-        why = f"SHRM, which keeps {self._goal_text}"
-        return self._noted_if_bright(judged(found.make(), found), why)
+        return self._made_if_bright(found, f"SHRM, which keeps {self._goal_text}")
 
-    def _noted_if_bright(self, made: Prefiltered, why: str) -> Prefiltered | None:
-        """Add the note about the form, unless anything visible is negative."""
-        made = examined(made, self.truth)
+    def _made_if_bright(self, found: Candidate[Prefiltered], why: str) -> Prefiltered | None:
+        """Make a map with a note about its form, unless anything visible is negative."""
+        made = examined(judged(found.make(), found), self.truth)
         return _noted(made, why) if _is_bright(made) else None
 
     def of_functions(self) -> Prefiltered:
@@ -337,12 +330,10 @@ class _Asked:
         Principal maps may be about another one, where their transfer functions do not tell.
         """
         request, part = self.request, self.proposals.parts[0]
-        form = request.size, request.sampling
         if request.center is not None or part.center == request.brdf.center:
             transfer = self.proposals.planners[0].spectrum.transfer
-            return ShrmProposals.of(self.light, part, transfer, *form)
-        error = self.goal.error
-        return ShrmProposals.known(self.light, request.brdf, error, request.allowed, *form)
+            return ShrmProposals.of(self.light, replace(request, brdf=part), transfer)
+        return ShrmProposals.known(self.light, request, self.goal.error)
 
     def simple_shrm(self, kept: Candidate[Prefiltered]) -> Candidate[Prefiltered] | None:
         """Return the SHRM that keeps the goal in few bytes and coefficients, if there is one."""
@@ -378,8 +369,7 @@ class _Asked:
     def made_simple(self, found: Candidate[Prefiltered]) -> Prefiltered | None:
         """Make the SHRM that does as well as a map of principal functions."""
         size = f"{bytes_text(found.bytes)} before packing"
-        why = f"SHRM, which keeps {self._goal_text} in {size}"
-        return self._noted_if_bright(judged(found.make(), found), why)
+        return self._made_if_bright(found, f"SHRM, which keeps {self._goal_text} in {size}")
 
     def _why_no_shrm(self, made: Prefiltered) -> str:
         """Say what an SHRM of the same error takes, or what one of all the bytes is like."""
@@ -417,7 +407,7 @@ class _Apart:
             error = error_beside(beside.error, goal.error) / max(beside.left, goal.error)
             asked = replace(asked, error=error, seen=goal.wrong_share)
         most, probe = most_simple - beside.bytes, beside.split.probe
-        rest = _Asked.of(beside.rest, asked, beside.left, most, probe, goal)
+        rest = _Asked(beside.rest, asked, beside.left, most, probe, goal)
         return cls(rest, beside, beside.lamps)
 
     def made(self) -> Prefiltered:

@@ -10,11 +10,12 @@ time does.
 """
 
 from collections.abc import Callable, Iterator
+from math import prod
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from shrm_cli.adaptive import Cap, Points, adaptive_sums
+from shrm_cli.adaptive import ROUNDING, SAMPLES_AT_ONCE, Cap, Indices, Points, adaptive_sums
 from shrm_cli.arrays import Array
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
@@ -34,16 +35,10 @@ from shrm_cli.sphere.directions import (
 )
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 
-Indices = NDArray[np.integer]
 Evaluate = Callable[[Array, Indices], Array]
 Part = tuple[Brdf, Core | None]
 """A part of a BRDF that is summed at once, and its core, if sums are adaptive."""
 
-_SAMPLES_AT_ONCE = 2**15
-"""Pairs of a point and a pixel that are evaluated at a time.
-
-A handful of arrays of so many numbers fit into the L2 cache.
-"""
 _POINTS_AT_ONCE = 64
 """Points of the groups that a thread takes at a time."""
 _GROUP_SIZES = 4, 32
@@ -59,8 +54,6 @@ _EXTENT = 0.3
 """The side of such a group, radians, if the points fill the sphere."""
 _FULL_SHARE = 0.2
 """Where the core of a lobe may be in so large a part of the pixels, all of them are summed."""
-_ROUNDING = 1e-5
-"""How much the cosine to a tile may be less than that of a cap, for float32."""
 _TINY = 1e-300
 
 
@@ -93,13 +86,11 @@ class Reference:
         self.angle = np.pi if tolerance is None else lobe.lobe_angle(brdf, tolerance)
         self.dtype = dtype
         self.progress = progress
-        own = probe.grid.shape if source_height is None else (source_height, 2 * source_height)
-        if source_height is None:
-            probe = probe if exact else fine_probe(probe)
-            rows, columns = probe.grid.shape
-        else:
-            rows, columns = source_height, 2 * source_height
-        pixels = rows * columns
+        asked = None if source_height is None else (source_height, 2 * source_height)
+        own = prod(asked or probe.grid.shape)
+        if asked is None and not exact:
+            probe = fine_probe(probe)
+        pixels = prod(asked or probe.grid.shape)
         self._core: Core | None = None
         self._parts: list[Part] = [(brdf, None)]
         if not exact:
@@ -112,7 +103,7 @@ class Reference:
             self._parts = [(brdf, core)] if is_one else [*apart(brdf, core)]
         made: type[Source] | type[Pyramid] = Source if exact else Pyramid
         self.source = made.of(probe, source_height, dtype)
-        self.pixels = min(self.source.pixels, own[0] * own[1])
+        self.pixels = min(self.source.pixels, own)
         self._errors: list[Array] = []
 
     @property
@@ -306,7 +297,7 @@ class Reference:
         """Yield groups of points and their sums over all pixels."""
         rows, axes = lit.rows, [axis for axis, _ in lit.caps]
         limits = [
-            np.cos(np.minimum(angle + source.angles, np.pi)).astype(self.dtype) - _ROUNDING
+            np.cos(np.minimum(angle + source.angles, np.pi)).astype(self.dtype) - ROUNDING
             for _, angle in lit.caps
         ]
         # Groups are to be small beside the lobe, if the points fill the sphere.
@@ -314,7 +305,7 @@ class Reference:
         first_axes = axes[0] if axes else rows[:, 0]
         groups = _neighbors(first_axes, int(np.clip(size, *_GROUP_SIZES)))
         at_once = max(_POINTS_AT_ONCE // groups.shape[1], 1)
-        step = max(_SAMPLES_AT_ONCE // (groups.shape[1] * source.light.shape[1]), 1)
+        step = max(SAMPLES_AT_ONCE // (groups.shape[1] * source.light.shape[1]), 1)
 
         def work(start: int) -> tuple[Indices, Array]:
             points = groups[start : start + at_once]

@@ -258,27 +258,23 @@ def filtered_parts(parts: Array, matrices: Array) -> Array:
 
 
 def filtering_error(
-    lighting: Lighting,
-    coefficients: BrdfCoefficients,
-    order_f: int,
-    order_p: int,
-    size: int,
-    sampling: Sampling = "center",
-    factors: Array | None = None,
-) -> float:
+    lighting: Lighting, coefficients: BrdfCoefficients, factors: Array, size: int,
+    sampling: Sampling,
+) -> float:  # fmt: skip
     """Predict the relative RMS error of looking a map up by bilinear filtering.
 
-    `lighting`, `coefficients`, `order_f`, `order_p` and `factors` are the same as for
-    `predicted_error`.
+    `lighting`, `coefficients` and `factors`, whose shape tells the orders of the map, are the same
+    as for `predicted_error`.
 
     Returns the error of the map as it is made, without that of its orders; 0 for black light.
     """
+    order_f, order_p = (count - 1 for count in factors.shape)
     light = weighted_power(lighting, order_f)
     places = fine_places(lighting, coefficients.values[: order_f + 1, 0, 0])
     errors = bilinear_errors(order_f + order_p, size, sampling, places)
     lost = whole = 0.0
     for p in range(order_p + 1):
-        weighted = light if factors is None else light * factors[:, p, None] ** 2
+        weighted = light * factors[:, p, None] ** 2
         energy = cube_energies(weighted, coefficients.values[: order_f + 1, p, : p + 1, None])
         lost, whole = lost + float(errors[: len(energy)] @ energy), whole + float(energy.sum())
     return float(np.sqrt(lost / whole)) if whole > 0 else 0.0

@@ -162,7 +162,7 @@ def test_cuts_change_nothing(probe, pairs, monkeypatch, spec, tolerance):
 
     usual = answers()
     for cuts in [(2, (1, 1), 1, 20), (3, (5, 5), 7, 2**12), (64, (99, 99), 2**20, 2**20)]:
-        names = "_TILE_ROWS", "_GROUP_SIZES", "_POINTS_AT_ONCE", "_SAMPLES_AT_ONCE"
+        names = "_TILE_ROWS", "_GROUP_SIZES", "_POINTS_AT_ONCE", "SAMPLES_AT_ONCE"
         for name, value in zip(names, cuts, strict=True):
             module = "probe.source" if name == "_TILE_ROWS" else "reference"
             monkeypatch.setattr(import_module(f"shrm_cli.{module}"), name, value)

@@ -93,7 +93,7 @@ def test_no_shrm_loses_the_bytes_that_lamps_beside_a_map_win(monkeypatch):
     """It may take the place of a map of functions, but not with more bytes than are worth it."""
     light = probe()
     request = Request.of("auto", {"brdf": "oren-nayar:sigma=0.5"}, light)
-    made = [automatic._Asked.of(light, request, most_simple=most).made() for most in (1e9, 1e4)]
+    made = [automatic._Asked(light, request, most_simple=most).made() for most in (1e9, 1e4)]
     assert [each.map.representation for each in made] == ["shrm", "principal"]
     given, of = [], automatic._Apart.of
 

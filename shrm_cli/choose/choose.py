@@ -113,10 +113,10 @@ class ShrmForms:
     ) -> None:
         self._own_center = brdf.center
         if known is None:
-            known = brdf, planner_of(light, brdf, Wanted.of(ASKED), False, "center")
+            known = brdf, planner_of(light, brdf, Wanted.of(ASKED))
         self._brdf, planner = known
         transfer = planner.spectrum.transfer
-        self._proposals = ShrmProposals.of(light, self._brdf, transfer)
+        self._proposals = ShrmProposals.of(light, replace(ASKED, brdf=self._brdf), transfer)
         rows = self._proposals.rows(DEFAULT_MAX_SIZE)
         self.rows: Rows = [[self._known(tried) for tried in row.every()] for row in rows]
 

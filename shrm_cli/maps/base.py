@@ -31,6 +31,7 @@ from shrm_cli.color import mix_channels
 from shrm_cli.errors import MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.options import SHARED
 from shrm_cli.records import Displayed
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MAX_CUBE_SIZE
@@ -43,6 +44,8 @@ if TYPE_CHECKING:
     from shrm_cli.maps.shrm.shrm import Shrm
     from shrm_cli.vocabulary import Frame, Orientation, Precision, Sampling
 
+_RESAMPLED = replace(SHARED["size"], limits=(1, MAX_CUBE_SIZE))
+"""The sizes that maps are resampled to, some of which are smaller than any that is made."""
 REMEDY = "dim them by `clamp`"
 """What helps against lamps; `prefilter` adds what else does where it knows the lamps."""
 
@@ -358,17 +361,19 @@ class Map(Displayed, ABC):
 
         Raises
         ------
-        MapError
-            If the result would be too large.
+        MapError, ArgumentError
+            If the result would be too large, or there is no such size or sampling.
         """
-        size = self.size if size is None else size
-        if size > MAX_CUBE_SIZE:
-            raise MapError(f"a map of size {size} is larger than {MAX_CUBE_SIZE}; lower `size`")
-        sampling = sampling or self.sampling
+        size, sampling = self._asked(size, sampling)
         if (size, sampling) == (self.size, self.sampling):
             return self
         self.check_memory(size)
         return self._moved(size, sampling)
+
+    def _asked(self, size: int | None, sampling: Sampling | None) -> tuple[int, Sampling]:
+        """Return the size and the sampling that are asked for, by default those of the map."""
+        size = self.size if size is None else _RESAMPLED.checked(size)
+        return size, self.sampling if sampling is None else SHARED["sampling"].checked(sampling)
 
     def check_memory(self, size: int) -> None:
         """Raise a `MapError`, if a map of cubes could not be kept in memory at another size."""
@@ -427,7 +432,7 @@ class Map(Displayed, ABC):
             If the map cannot be converted to that representation, or an option does not apply.
         """
         convert = getattr(registry.module(to, "prefilter"), "converted", registry.unconverted)
-        return convert(self.resampled(size, sampling), to, **options)
+        return convert(self.resampled(size, sampling), to, **registry.checked(to, options))
 
     def with_info(self, info: MapInfo) -> Self:
         """Return the same map with another record of how it was made."""

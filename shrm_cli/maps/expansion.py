@@ -55,9 +55,7 @@ class Expansion:
     @cached_property
     def error(self) -> float:
         """The predicted relative RMS error of the reflected light; see `predicted_error`."""
-        return reflected.predicted_error(
-            self.lighting, self.coefficients, *self._orders, factors=self._factors
-        )
+        return reflected.predicted_error(self.lighting, self.coefficients, *self._form)
 
     @property
     def carried(self) -> int:
@@ -84,21 +82,20 @@ class Expansion:
             reflected.energy_beyond(self.lighting, self.coefficients) / whole if whole > 0 else 0.0
         )
 
-    def filter_error(self, sampling: Sampling = "center") -> float:
+    def filter_error(self, sampling: Sampling) -> float:
         """Return the relative RMS error of bilinear look-ups; see `shrm_look_up_error`."""
-        form = self.orders.order_p, self.size, sampling
-        return shrm_look_up_error(self.lighting, self.coefficients, self._factors, *form)
+        form = self._factors, self.size, sampling
+        return shrm_look_up_error(self.lighting, self.coefficients, *form)
 
     @property
     def bound(self) -> float:
         """The conservative relative RMS error of eq. 5.19; see `error_bound`."""
-        return reflected.error_bound(
-            self.lighting, self.coefficients, *self._orders, factors=self._factors
-        )
+        return reflected.error_bound(self.lighting, self.coefficients, *self._form)
 
     @property
-    def _orders(self) -> tuple[int, int]:
-        return self.band.last, self.orders.order_p
+    def _form(self) -> tuple[int, int, Array]:
+        """The largest l and p that are kept, and what each l and p is multiplied with."""
+        return self.band.last, self.orders.order_p, self._factors
 
     @cached_property
     def _factors(self) -> Array:
@@ -234,7 +231,7 @@ def _lobes_of(expansion: Expansion) -> Lobes:
     else:
         angles, _ = sample_views(brdf.center)
         accuracy = min(_ACCURACY[0], _ACCURACY[1] * expansion.error**2)
-        whole = _sampled(brdf, order, _MAX_Q, angles, accuracy)
+        whole = _sampled(brdf, order, angles, accuracy)
     error = whole.copy()
     functions = 2 * np.pi * legendre_table(order_p, np.cos(angles))
     for q in range(min(order_p, len(whole) - 1) + 1):
@@ -244,20 +241,20 @@ def _lobes_of(expansion: Expansion) -> Lobes:
     return Lobes(whole, error, brdf.center).ended(beyond, light)
 
 
-def _sampled(brdf: Brdf, order: int, max_q: int, angles: Array, accuracy: float) -> Array:
+def _sampled(brdf: Brdf, order: int, angles: Array, accuracy: float) -> Array:
     """Sample lobes until they miss no more of the energy than allowed, or as finely as allowed."""
     count, azimuth_count = _NODES
     count = 12 * int(np.ceil(max(count, min(_NODES_A_DEGREE * order, _ENOUGH)) / 12))
 
     @cache
     def expander() -> LobeExpander:
-        return LobeExpander(brdf, light_rule(brdf), order, max_q)
+        return LobeExpander(brdf, light_rule(brdf), order, _MAX_Q)
 
     def sample(nodes: int, azimuths: int) -> Lobe:
         return expander().expand(angles, nodes, azimuths)
 
     while True:
-        what = "lobes", order, max_q, angles.tobytes(), count, azimuth_count
+        what = "lobes", order, _MAX_Q, angles.tobytes(), count, azimuth_count
         found = remembered(brdf, what, partial(sample, count, azimuth_count))
         by_theta, by_phi = (
             each.sum() / max(found.energy.sum(), 1e-300)

@@ -17,7 +17,7 @@ from shrm_cli.maps.registry import unconverted
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import central_directions
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, Center, Frame, Sampling
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, TAP_COUNTS, Center, Frame, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.maps.product.product import ProductMap
@@ -105,6 +105,8 @@ class LightMap(FixedMap):
         taps: int = DEFAULT_TAPS,
     ) -> "Shaded":
         self.check_brush(anisotropy)
+        if taps not in TAP_COUNTS:
+            raise MapError(f"taps must be one of {', '.join(map(str, TAP_COUNTS))}, not {taps!r}")
         return self.surface(roughness, _reflectance(f0), anisotropy, taps)
 
     @abstractmethod

@@ -194,7 +194,7 @@ def sample_views(center: Center, count: int = _VIEWS) -> tuple[Array, Array]:
     return (theta_o / 2 if center == "normal" else theta_o), left / left.sum()
 
 
-def sample_tangents(count: int = _VIEWS) -> Array:
+def sample_tangents(count: int) -> Array:
     """Return the azimuths of the views of `sample_views` from the tangent, radians, (count,)."""
     return np.asarray(2 * np.pi * ((np.arange(count) + 0.5) * (np.sqrt(5) - 1) / 2 % 1))
 
@@ -280,12 +280,11 @@ def _about_own(light: Array, lobes: Lobes) -> Array:
     if lobes.whole.shape[-1] == 1:
         light = light.sum(axis=1, keepdims=True)
     kept = _kept_light.get()
+    known = None if kept is None else _identity(light)
+    local = _local_light(light, lobes, known)
     if kept is None:
-        local = _local_light(light, lobes, None)
         whole = _reflected(local, lobes.whole)
     else:  # the maps that are compared have the same whole lobes, and errors of their own
-        known = _identity(light)
-        local = _local_light(light, lobes, known)
         whole = kept.get((known, _identity(lobes.whole)), lambda: _reflected(local, lobes.whole))
     return np.stack([whole, _reflected(local, lobes.error)])
 
@@ -398,10 +397,8 @@ def _make_local_light(light: Array, order: int, orders: range) -> Array:
 
 def _ring_functions(order: int, orders: range) -> Iterable[Array]:
     """Return what `_make_ring_functions` yields, kept for the next call unless it is large."""
-    if order > _KEPT_ORDER:
-        return _make_ring_functions(order, orders)
-    make = _make_ring_functions
-    return _known_rings.get((order, orders), lambda: list(make(order, orders)))
+    made = _make_ring_functions(order, orders)
+    return made if order > _KEPT_ORDER else _known_rings.get((order, orders), lambda: list(made))
 
 
 def _make_ring_functions(order: int, orders: range) -> Iterator[Array]:

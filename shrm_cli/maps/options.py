@@ -89,12 +89,16 @@ def _choice(option: Option, value: object) -> str | None:
 
 
 def _interval(option: Option, value: object) -> tuple[float, float] | None:
+    if isinstance(value, str):
+        return None
     first, last = (float(end) for end in value)  # type: ignore[attr-defined]
     low, high = option.limits
     return (first, last) if low <= first <= last <= high else None
 
 
 def _levels(option: Option, value: object) -> int | tuple[float, ...] | None:
+    if isinstance(value, str):
+        return None
     if hasattr(value, "__iter__"):
         return tuple(float(roughness) for roughness in value) or None
     count = _whole(value)
@@ -234,6 +238,12 @@ SHARED = {
     )
 }  # fmt: skip
 """The arguments that several representations share, by name."""
+
+
+def checked_order_p(value: object) -> int | None:
+    """Return an order P that is asked for; None stays."""
+    return None if value is None else SHARED["order_p"].checked(value)
+
 
 SHADER = Option(
     "shader", kind="choice", choices=("glsl", "hlsl", "wgsl", "c"), prints=True,

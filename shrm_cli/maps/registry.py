@@ -8,6 +8,7 @@ its own.
 """
 
 import importlib
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from shrm_cli import vocabulary
@@ -17,6 +18,7 @@ from shrm_cli.maps.options import (
     BRDF_ARGUMENTS,
     CUBE_ARGUMENTS,
     SHADER,
+    SHARED,
     TEXTURES,
     WINDOW,
     Option,
@@ -205,6 +207,13 @@ DESCRIPTIONS = {
 """The description of each representation."""
 
 
+def _installed() -> Any:
+    """Load the module of forms of installed packages, which few runs need."""
+    from shrm_cli.maps import installed
+
+    return installed
+
+
 def module(representation: str, name: str) -> Any:
     """Load a module of a representation's folder, such as ``file``.
 
@@ -212,9 +221,7 @@ def module(representation: str, name: str) -> Any:
     `name` is one of the names that the docstring of `shrm_cli.maps.base` lists.
     """
     if representation not in vocabulary.REPRESENTATIONS:
-        from shrm_cli.maps import installed
-
-        return installed.module(representation, name)
+        return _installed().module(representation, name)
     folder = vocabulary.REPRESENTATIONS[representation].partition(".")[0]
     return importlib.import_module(f"shrm_cli.maps.{folder}.{name}")
 
@@ -226,9 +233,7 @@ def map_class(representation: str) -> "type[Map]":
             f"shrm_cli.maps.{vocabulary.REPRESENTATIONS[representation]}"
         )
     else:
-        from shrm_cli.maps import installed
-
-        defining = installed.home(representation)
+        defining = _installed().home(representation)
     for candidate in vars(defining).values():
         if isinstance(candidate, type) and candidate.__module__ == defining.__name__:
             named: type[Map] = candidate
@@ -245,9 +250,19 @@ def description(representation: str) -> Representation:
         return AUTOMATIC
     if representation in DESCRIPTIONS:
         return DESCRIPTIONS[representation]
-    from shrm_cli.maps import installed  # rarely needed
+    return _installed().description(representation)
 
-    return installed.description(representation)
+
+def checked(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arguments as the makers of a representation take them.
+
+    One that is None, or that nobody knows, stays as it is.
+    """
+    known = {**SHARED, **{each.name: each for each in description(to).options}}
+    return {
+        name: value if value is None or name not in known else known[name].checked(value)
+        for name, value in given.items()
+    }
 
 
 def is_known(representation: str) -> bool:
@@ -257,9 +272,7 @@ def is_known(representation: str) -> bool:
 
 def installed_names() -> list[str]:
     """Return the names of forms of installed packages; none is loaded."""
-    from shrm_cli.maps import installed
-
-    return installed.names()
+    return _installed().names()
 
 
 def names() -> list[str]:
@@ -273,9 +286,7 @@ def sources(representation: str) -> str:
 
     if representation in (vocabulary.AUTO, *vocabulary.REPRESENTATIONS):
         return fingerprint()
-    from shrm_cli.maps import installed
-
-    return fingerprint_with(installed.home(representation).__name__)
+    return fingerprint_with(_installed().home(representation).__name__)
 
 
 def descriptions(*more: str) -> dict[str, Representation]:

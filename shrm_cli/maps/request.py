@@ -167,8 +167,7 @@ def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
         if name in given:
             domain = "frequency" if is_angular else "angular"
             raise ArgumentError(name, f"applies with `domain` {domain}")
-    options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
-    return {name: options[name].checked(value) for name, value in given.items()}
+    return registry.checked(to, given)
 
 
 def check_arguments(to: str, given: Iterable[str]) -> None:
@@ -225,7 +224,6 @@ class Prefiltered:
     are made for a BRDF ``error_bound`` is among them: the conservative relative RMS error of eq.
     5.19, or None in the angular domain."""
     notes: Notes = ()
-    """Headings and texts that tell people what was chosen automatically."""
     warnings: tuple[str, ...] = ()
     """Lines that the user should know about the map."""
     further: Mapping[str, Callable[[], Any]] = field(default_factory=dict)

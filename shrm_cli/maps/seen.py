@@ -77,7 +77,7 @@ def kept_or_best(
 
 def as_candidate(made: Prefiltered) -> Candidate[Prefiltered]:
     """Return what is predicted to be seen of a map that is made already."""
-    map_, find = made.map, made.further["predicted_wrong_share"]
+    map_, find = made.map, made.further.get("predicted_wrong_share", lambda: None)
     count = map_.cube_count
     bytes_ = stored_bytes(map_.size, count) + map_.table_bytes
     return Candidate(map_.representation, bytes_, count, known_error(made), find, lambda: made)
@@ -134,7 +134,10 @@ def first_that_keeps(
     goal = Goal.of(request.error, request.seen)
     tried: list[Candidate[Prefiltered]] = []
     for step in form.steps:
-        tried.append(_candidate(make(probe, _with_step(request, step))))
+        made = make(probe, _with_step(request, step))
+        # Further facts are found once, for choice and reports.
+        further = {name: cache(find) for name, find in made.further.items()}
+        tried.append(as_candidate(replace(made, further=further)))
         if tried[-1].keeps(goal):
             return tried[-1].make()
         # What a form cannot represent stays: finer settings would only take longer.
@@ -152,16 +155,6 @@ def _with_step(request: Request, step: dict[str, object]) -> Request:
     own = {name: value for name, value in step.items() if name not in SHARED}
     asked = replace(request, error=None, seen=None, own={**request.own, **own})
     return replace(asked, **shared)  # type: ignore[arg-type]
-
-
-def _candidate(made: Prefiltered) -> Candidate[Prefiltered]:
-    """Return a map that was made, whose further facts are found once, for choice and reports."""
-    found = replace(made, further={name: cache(find) for name, find in made.further.items()})
-    share = found.further.get("predicted_wrong_share", lambda: None)
-    of_map = found.map
-    return Candidate(
-        of_map.representation, 0, of_map.cube_count, known_error(found), share, lambda: found
-    )
 
 
 def known_error(made: Prefiltered) -> float:

@@ -71,7 +71,7 @@ def supported_order(size: int, order_p: int = 1) -> int:
     return int((_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
 
 
-def furthest_order(size: int, order_p: int = 1) -> int:
+def furthest_order(size: int, order_p: int) -> int:
     """Return the largest order of cubes that fade out; see `supported_order`."""
     return int((_FADING_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
 
@@ -88,7 +88,7 @@ def sizes_of(size: int | None) -> tuple[int, ...]:
 
 def nothing_fits(size: int | None, terms: int = 1) -> ArgumentError:
     """Return the error that refuses a number of bytes which not even a cube a term fits into."""
-    least = stored_bytes(TRIED_SIZES[0] if size is None else size, terms)
+    least = stored_bytes(sizes_of(size)[0], terms)
     return ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
 
 
@@ -229,13 +229,9 @@ _FEW_HARMONICS = 4
 
 
 def shrm_look_up_error(
-    lighting: Lighting,
-    coefficients: BrdfCoefficients,
-    factors: Array,
-    order_p: int,
-    size: int,
-    sampling: Sampling = "center",
-) -> float:
+    lighting: Lighting, coefficients: BrdfCoefficients, factors: Array, size: int,
+    sampling: Sampling,
+) -> float:  # fmt: skip
     """Return the relative RMS error of looking an SHRM up by bilinear filtering.
 
     Small cubes are looked through, because a prediction is up to a fifth off where they show a
@@ -246,12 +242,10 @@ def shrm_look_up_error(
 
     Returns the error of the map as it is made, without that of its orders; 0 for black light.
     """
-    order_f = len(factors) - 1
+    order_f, order_p = (count - 1 for count in factors.shape)
     most = _FEW_TEXELS if order_p else _FEW_TEXELS_ALONE
     if size > most or order_p > _FEW_HARMONICS:
-        return filtering_error(
-            lighting, coefficients, order_f, order_p, size, sampling, factors=factors
-        )
+        return filtering_error(lighting, coefficients, factors, size, sampling)
     from shrm_cli.maps.coupling import coupled, separated
     from shrm_cli.sphere.bilinear import lost_between_texels
 

@@ -122,8 +122,8 @@ def shortest_values(values: ArrayLike) -> list[float]:
     return [float(value) for value in found]
 
 
-def read_numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array | None:
-    """Read an attribute of nested lists of finite numbers of some shape, in JSON, or None."""
+def read_numbers(part: StoredPart, name: str, shape: tuple[int, ...] | None = None) -> Array | None:
+    """Read an attribute of nested lists of finite numbers in JSON, of a shape or any, or None."""
     from shrm_cli.files.json_text import parse_json
 
     text = part.attribute(f"shrm:{name}")
@@ -131,7 +131,7 @@ def read_numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array |
         values = np.array(parse_json(text))
     except (ValueError, TypeError, OverflowError):
         return None
-    if values.shape != shape or values.dtype.kind not in "fiu":
+    if values.shape != (shape or values.shape) or values.dtype.kind not in "fiu":
         return None
     return values.astype(float) if np.isfinite(values).all() else None
 
@@ -420,6 +420,11 @@ class StoredImage:
         """Read channels as an OpenEXR cube, shape (6N, N, len(names))."""
         wanted = self.part.read(names)
         return wanted if self.arrangement.is_plain else self.arrangement.undo(wanted)
+
+
+def color_channels(name: str, count: int) -> list[str]:
+    """Return the names of the channels of many images: ``map000.R map000.G map000.B map001.R``."""
+    return [f"{name}{k:03d}.{color}" for k in range(count) for color in COLORS]
 
 
 def image_channels(image: Array, names: Sequence[str] = COLORS) -> dict[str, Array]:

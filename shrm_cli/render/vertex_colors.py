@@ -123,8 +123,8 @@ class LampsOnMesh:
         )
 
         def of_node(node: tuple[float, ...], own: NDArray[np.int64]) -> Array:
-            where = normals[own], views[own], disc.direction, disc.radius
-            return disc.radiance * integrals(rule, brdf_at(node), *where, tangents[own])
+            points = normals[own], views[own], disc.direction, tangents[own]
+            return disc.radiance * integrals(rule, brdf_at(node), points, disc.radius)
 
         return between_steps(shares, of_node)
 

@@ -52,7 +52,8 @@ def every_form(probe, spec):
             yield 36 * size**2 * cubes, partial(principal, counts, size)
     transfer = planner.spectrum.transfer
     for size in TRIED_SIZES:
-        shrms = ShrmProposals.of(projection, proposals.parts[0], transfer, size).within(LIMIT)
+        asked = Request("shrm", proposals.parts[0], size=size)
+        shrms = ShrmProposals.of(projection, asked, transfer).within(LIMIT)
         error, before = 0.05, 0
         while (found := shrms.candidate(error)).total_error <= error and found.bytes > before:
             yield found.bytes, lambda found=found: (found.total_error, found.wrong_share)

@@ -493,7 +493,7 @@ def test_what_engines_use_is_made_from_probes_alone(engines, target):
         ),
         ("irradiance", ["--to", "irradiance", "--mirror"], 2, "--mirror applies to probes"),
         ("irradiance", ["--to", "irradiance"], 1, "overwrite the input"),
-        ("irradiance", ["--to", "irradiance", "--size", "5000", "-o", "x.exr"], 1, "--size"),
+        ("irradiance", ["--to", "irradiance", "--size", "5000", "-o", "x.exr"], 2, "--size"),
     ],
 )
 def test_what_says_nothing_of_what_engines_use(engines, kind, arguments, code, words):

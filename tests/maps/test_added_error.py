@@ -35,7 +35,7 @@ STEPS = {
     "explicit, resampled": (lambda: Cabral.from_shrm(make_shrm()), lambda made: made.resampled(4)),
     "of fewer orders": (make_shrm, lambda made: made.truncated(1)),
     "sum, resampled": (summed, lambda made: made.resampled(4)),
-    "sum, explicit": (summed, lambda made: tabulate_sum(Cabral, made)),
+    "sum, explicit": (summed, lambda made: tabulate_sum(Cabral, made, 1)),
     "principal, as an SHRM": (lambda: principal("ggx:roughness=0.5"), lambda made: made.to_shrm(2)),
     "lobes, resampled": (
         lambda: principal("0.5*lambertian+0.5*ggx:roughness=0.5"), lambda made: made.resampled(8)

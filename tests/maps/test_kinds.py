@@ -65,3 +65,9 @@ def test_a_reflectance_may_be_one_number(name):
     for wrong in ((0.04, 1.0), "gold"):
         with pytest.raises(MapError, match="f0 must be one number or three"):
             made.shaded(0.5, wrong)
+
+
+@pytest.mark.parametrize("taps", [0, 4, 8.5, "5"])
+def test_numbers_of_taps_that_nobody_fitted_are_refused(taps):
+    with pytest.raises(MapError, match="taps must be one of 3, 5, 8, not "):
+        FORMS["splitsum linear"]().shaded(0.5, anisotropy=0.5, taps=taps)

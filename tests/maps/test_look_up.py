@@ -60,4 +60,4 @@ def test_small_maps_state_what_look_ups_miss(sun, to, spec, options):
 def test_black_light_has_no_error():
     light = Lighting(np.zeros((81, 3)), np.zeros(3))
     coefficients = compute_coefficients(parse_spec("lambertian"), 8, 0)
-    assert shrm_look_up_error(light, coefficients, np.ones((9, 1)), 0, 16) == 0
+    assert shrm_look_up_error(light, coefficients, np.ones((9, 1)), 16, "center") == 0

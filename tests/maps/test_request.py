@@ -100,3 +100,10 @@ def test_what_does_not_apply_is_refused(probe):
     assert repr(Request.of("shrm", {"brdf": parse_spec(SPEC)}, probe).brdf) == repr(
         parse_spec(SPEC)
     )
+
+
+@pytest.mark.parametrize(("to", "name"), [("splitsum", "levels"), ("she", "roughness")])
+def test_text_is_no_row_of_numbers(to, name, probe):
+    """Its digits were taken for numbers, one by one."""
+    with pytest.raises(ArgumentError, match=f"^`{name}` '11' is not"):
+        Request.of(to, {name: "11"}, probe)

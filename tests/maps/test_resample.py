@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from research import bilinear
-from shrm_cli.errors import MapError
+from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.shrm.shrm import CompressedShrm
 from shrm_cli.maps.shrm.summed import SummedShrm
+from shrm_cli.vocabulary import MAX_CUBE_SIZE
 from tests.brute_force import unit
 from tests.maps.scenes import make_shrm, normals_of, relative_rms, rms, uniform_points
+from tests.maps.shader.cases import irradiance
 
 MAKERS = {
     "shrm": lambda shrm: shrm,
@@ -108,7 +110,7 @@ def test_tiny_maps(name, size):
 @pytest.mark.parametrize("name", MAKERS)
 def test_size_is_bounded_before_anything_is_allocated(name):
     made = MAKERS[name](make_shrm(size=2))
-    with pytest.raises(MapError, match="lower `size`"):
+    with pytest.raises(ArgumentError, match=r"1 \.\. 4096"):
         made.resampled(3_000_000, None)
 
 
@@ -149,3 +151,55 @@ def test_the_error_of_look_ups_is_that_of_the_new_size(rng, kind, size, sampling
 
 def test_errors_that_nobody_stated_are_not_made_up():
     assert make_shrm(size=12).resampled(8).info.filter_error == 0
+
+
+@pytest.mark.parametrize("name", [*MAKERS, "irradiance"])
+@pytest.mark.parametrize("size", [0, -4, 3.5, "8", True, MAX_CUBE_SIZE + 1])
+def test_sizes_that_cubes_cannot_have_are_refused(name, size):
+    made = irradiance(2) if name == "irradiance" else MAKERS[name](make_shrm(size=4))
+    with pytest.raises(ArgumentError, match=r"^`size` .* is not a whole number of 1 .. 4096$"):
+        made.resampled(size)
+
+
+@pytest.mark.parametrize("name", [*MAKERS, "irradiance"])
+def test_samplings_that_nobody_knows_are_refused(name):
+    made = irradiance(2) if name == "irradiance" else MAKERS[name](make_shrm(size=4))
+    with pytest.raises(ArgumentError, match="`sampling` 'corner' is not one of center, border"):
+        made.resampled(8, "corner")
+
+
+@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("order", [-1, 1.5, "1"])
+def test_orders_that_no_map_has_are_refused(name, order):
+    made = MAKERS[name](make_shrm(size=4))
+    with pytest.raises(ArgumentError, match=r"^`order_p` .* is not a whole number of 0 .. 32$"):
+        made.to_shrm(order)
+
+
+@pytest.mark.parametrize(
+    ("to", "options"),
+    [
+        ("lightfield", {"views": -1}),
+        ("lightfield", {"views": "2"}),
+        ("kautz-mccool", {"slices": 0}),
+        ("shrm", {"compress": 0}),
+        ("shrm", {"frame": "world"}),
+        ("shrm", {"max_size": "much"}),
+    ],
+)
+def test_options_of_conversions_are_checked(to, options):
+    (name,) = options
+    with pytest.raises(ArgumentError, match=f"^`{name}` .* is not "):
+        make_shrm(size=4).converted(to, **options)
+
+
+def test_forms_of_irradiance_are_checked():
+    """It was taken, and its file was none that anybody reads."""
+    with pytest.raises(ArgumentError, match="`form` 'zh4' is not one of sh, zh3"):
+        irradiance(2).converted("irradiance", form="zh4")
+
+
+def test_numbers_of_numpy_are_numbers():
+    made = make_shrm(size=4)
+    assert made.resampled(np.int64(8)).size == 8
+    assert made.converted("shrm", compress=np.int64(2)).cube_count == 2

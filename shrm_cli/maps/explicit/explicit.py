@@ -20,6 +20,7 @@ from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.kinds import CentralMap
+from shrm_cli.maps.options import checked_order_p
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
@@ -199,6 +200,7 @@ class ExplicitMap(CentralMap):
         `order_p` is the order P of the SHRM. By default it is that of the map's `info`, as far as
         the samples determine it. `frame` is the frame of the SHRM; that of the samples by default.
         """
+        order_p = checked_order_p(order_p)
         basis = self._fit_basis(order_p)
         weights = np.sqrt(self.view_weights(self.count))[:, None]
         held = np.abs(basis).max(axis=0) > 0

@@ -49,11 +49,6 @@ class KautzMcCool(ExplicitMap):
     def view_attributes(cls, count: int) -> list[dict[str, Any]]:
         return [{"shrm:theta_o": float(theta)} for theta in cls.view_angles(count)]
 
-    @property
-    def turns_with_texels(self) -> bool:
-        """False, because the slices do not depend on how the local frames are turned."""
-        return False
-
     @classmethod
     def view_count(cls, slices: int | None = None, views: int | None = None) -> int | None:
         super().view_count(views=views)

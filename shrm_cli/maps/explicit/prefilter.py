@@ -212,10 +212,8 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
             min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
         )  # fmt: skip
         views_error = kind.from_shrm(smooth, views).info.added_error
-        last, seen_p = coefficients.order_f, orders.order_p
-        looked_up = shrm_look_up_error(
-            lighting, coefficients, np.ones((last + 1, seen_p + 1)), seen_p, size, sampling
-        )
+        every = np.ones((coefficients.order_f + 1, orders.order_p + 1))
+        looked_up = shrm_look_up_error(lighting, coefficients, every, size, sampling)
         info = replace(info, added_error=views_error, filter_error=looked_up)
     built = tabulate(kind, integral, brdf.center, info, size, views, sampling)
     return Prefiltered(built, {"error_bound": None, "predicted_wrong_share": None})
@@ -263,16 +261,11 @@ def tabulate(
     return kind(images.transpose(0, 2, 3, 1), center, info, sampling)
 
 
-def tabulate_sum(
-    kind: type[Kind], summed: SummedShrm | PrincipalMap, view_count: int | None = None
-) -> Kind:
+def tabulate_sum(kind: type[Kind], summed: SummedShrm | PrincipalMap, view_count: int) -> Kind:
     """Tabulate a sum of terms as an explicit map over the mirror direction.
 
-    `view_count` is the number of samples along an axis of the view;
-    `ExplicitMap.default_view_count` of the largest P by default.
+    `view_count` is the number of samples along an axis of the view.
     """
-    if view_count is None:
-        view_count = kind.default_view_count(max(summed.info.order_p, 1))
     made = tabulate(
         kind, _Sum(summed), "reflection", summed.info, summed.size, view_count, summed.sampling
     )

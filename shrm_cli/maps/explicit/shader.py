@@ -68,6 +68,7 @@ def _light_field(made: ExplicitMap, words: Words) -> list[str]:
         words.cube(0, "place", f"at * {side} + (column{each}) % {side}") for each in ("", " + 1")
     )
     mixed = f"mix({low}, {high}, along - float(column))"
+    share = "(k == 0 ? 1.0 - (down - float(row)) : down - float(row))"
     return [
         f"    float down = atan(sqrt(v.x * v.x + v.y * v.y), v.z) * {step} + 0.5, along;",
         "    int row = int(down), k, at, column;",
@@ -81,16 +82,10 @@ def _light_field(made: ExplicitMap, words: Words) -> list[str]:
         f"            along = along + {speech.number(0.5 * side)};",
         "        }",
         "        column = int(along);",
-        "        " + speech.grow("sum", speech.scale(_share("down", "row"), mixed)),
+        "        " + speech.grow("sum", speech.scale(share, mixed)),
         "    }",
         "    return sum;",
     ]
-
-
-def _share(position: str, first: str) -> str:
-    """Write the weight of the first neighbour where k is 0, and of the second where it is 1."""
-    part = f"{position} - float({first})"
-    return f"(k == 0 ? 1.0 - ({part}) : {part})"
 
 
 def _cabral_tables(words: Words) -> list[str]:

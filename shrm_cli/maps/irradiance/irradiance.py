@@ -25,7 +25,7 @@ from shrm_cli.sphere.extremes import lowest, series_values
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.sphere.synthesis import synthesize_cube
-from shrm_cli.vocabulary import MAX_CUBE_SIZE, Sampling
+from shrm_cli.vocabulary import Sampling
 
 POLYNOMIAL_ORDER = 2
 """The largest order at which E is a quadratic polynomial of the normal (eq. 4.14 to 4.16)."""
@@ -148,9 +148,8 @@ class Irradiance(FixedMap, ReflectionMap):
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> "Irradiance":
         """Return the map with another size or sampling; the coefficients make its cube anew."""
-        if size is not None and size > MAX_CUBE_SIZE:
-            raise MapError(f"a map of size {size} is larger than {MAX_CUBE_SIZE}; lower `size`")
-        return replace(self, size=size or self.size, sampling=sampling or self.sampling)
+        size, sampling = self._asked(size, sampling)
+        return replace(self, size=size, sampling=sampling)
 
     def windowed(self, window: Window, info: MapInfo) -> "Irradiance":
         """Return the map, which has no window yet, with its degrees times a window's factors."""

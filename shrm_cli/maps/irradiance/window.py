@@ -50,16 +50,11 @@ class Window:
     """Relative RMS change of the irradiance, over the sphere and all channels."""
 
     @classmethod
-    def of(cls, name: str, width: float | None, series: Array) -> "Window":
+    def of(cls, name: str, width: float, series: Array) -> "Window":
         """Make the window of a family and a width, and measure its costs for a series.
 
-        The series has the shape ((F+1)^2, 3). Without a width nothing is changed, as by ``none``.
+        The series has the shape ((F+1)^2, 3).
         """
-        if name == "none":
-            return cls()
-        _check_family(name)
-        if width is None:
-            return cls()
         factors = window_factors(name, width, order_of(len(series)))
         return cls._with_costs(name, float(width), factors, series)
 
@@ -106,15 +101,11 @@ def window_factors(name: str, width: float, order: int) -> Array:
 
     References: Sloan 2008, Stupid Spherical Harmonics (SH) Tricks, "Windowing".
     """
-    _check_family(name)
+    if name not in FAMILIES:
+        raise MapError(f"window {name!r}: no such family; take one of {', '.join(FAMILIES)}")
     share = np.minimum(np.arange(order + 1), width) / width
     shape = np.sinc(share) if name == "lanczos" else (1 + np.cos(np.pi * share)) / 2
     return np.where(share < 1, shape, 0.0)
-
-
-def _check_family(name: str) -> None:
-    if name not in FAMILIES:
-        raise MapError(f"window {name!r}: no such family; take one of {', '.join(FAMILIES)}")
 
 
 def parse_window(spec: str) -> tuple[str, float | None]:
@@ -147,9 +138,9 @@ def make_window(spec: str, series: Array) -> Window:
     name, width = parse_window(spec)
     if name == "auto":
         return least_window(series)
-    if name != "none" and width is None:
-        width = order_of(len(series)) + 1.0
-    return Window.of(name, width, series)
+    if name == "none":
+        return Window()
+    return Window.of(name, width or order_of(len(series)) + 1.0, series)
 
 
 def least_window(series: Array) -> Window:

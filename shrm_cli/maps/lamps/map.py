@@ -183,7 +183,9 @@ class LampMap(ReflectionMap):
         parts, table = self.map.encode(), self.table
         for part in parts:
             part.header["shrm:version"] = FORMAT if table is None else FORMAT_WITH_TABLE
-        parts[0].header["shrm:lamps"] = lamps_text(self.discs, self.left, self.error)
+        parts[0].header[_NAME] = json.dumps(
+            {"left": self.left, "error": self.error, "discs": disc_records(self.discs)}
+        )
         if table is None:
             return parts
         parts[0].header.setdefault("name", "map")
@@ -201,11 +203,6 @@ _OFF_UNIT = 1e-3
 _LARGEST = 1e6
 """The largest error that is sound."""
 _MOST_RADIUS = 90.0
-
-
-def lamps_text(discs: Sequence[Disc], left: float, error: float) -> str:
-    """Return the attributes of a `LampMap` as a file holds them."""
-    return json.dumps({"left": left, "error": error, "discs": disc_records(discs)})
 
 
 def read_lamps(part: StoredPart) -> tuple[tuple[Disc, ...], float, float]:

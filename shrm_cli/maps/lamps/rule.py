@@ -43,6 +43,10 @@ from shrm_cli.sphere.directions import (
     surface_frames,
 )
 
+Points = tuple[Array, Array, Array, Array]
+"""Normals, views, axes of discs and tangents, unit vectors in world axes, shape (..., 3). Tangents
+do not matter to isotropic BRDFs."""
+
 LEAST_COSINE = 0.05
 """The cosine of the view's angle below which lobes are not followed any narrower."""
 _SIZES = 2, 3, 4, 6, 8, 12, 16, 24, 32, 48
@@ -103,7 +107,8 @@ class DiscRule:
 
         def values(steps: int, axes: Array) -> Array:
             rule = cls(width, steps)
-            return integrals(rule, brdf, normals, views, axes, radius, tangents).sum(axis=-1)
+            points = normals, views, axes, tangents
+            return integrals(rule, brdf, points, radius).sum(axis=-1)
 
         truth = values(_TRUTH, axes)
         largest = np.maximum(truth.max(axis=(1, 2), keepdims=True), _TINY)
@@ -123,35 +128,22 @@ class DiscRule:
         return cls(width, steps, reach if missed <= exact else np.pi)
 
 
-def integrals(
-    rule: DiscRule,
-    brdf: Brdf,
-    normals: Array,
-    views: Array,
-    axes: Array,
-    radius: float,
-    tangents: Array,
-) -> Array:
+def integrals(rule: DiscRule, brdf: Brdf, points: Points, radius: float) -> Array:
     """Integrate the transfer function of a BRDF over a disc, shape (..., 3).
 
-    `brdf` has another central direction than the tangent. `normals`, `views` and `axes`, each of
-    shape (..., 3), broadcastable, are unit vectors in world axes; the axes are those of the disc.
-    `radius` is that of the disc, radians. `tangents`, of shape (..., 3), are those of the surface,
-    which do not matter to isotropic BRDFs.
+    `brdf` has another central direction than the tangent. `points`, of shape (..., 3) each, are
+    broadcastable. `radius` is that of the disc, radians.
     """
-    shape = np.broadcast_shapes(normals.shape, views.shape, axes.shape)
-    points = [
-        np.broadcast_to(each, shape).reshape(-1, 3) for each in (normals, views, axes, tangents)
-    ]
-    result = np.zeros((len(points[0]), 3))
-    heights = np.sum(points[0] * points[2], axis=-1)
-    if not cuts_horizon(brdf):
-        heights = np.ones_like(heights)
+    shape = np.broadcast_shapes(*(each.shape for each in points[:3]))
+    flat = [np.broadcast_to(each, shape).reshape(-1, 3) for each in points]
+    normals, views, axes, _ = flat
+    result = np.zeros((len(normals), 3))
+    heights = np.sum(normals * axes, axis=-1) if cuts_horizon(brdf) else np.ones(len(normals))
     edge = np.sin(radius)
     is_far = np.zeros(len(result), dtype=bool)
     if rule.reach < np.pi:
-        centers = central_directions(brdf.center, *points[:2])
-        is_far = np.sum(centers * points[2], axis=-1) < np.cos(rule.reach)
+        centers = central_directions(brdf.center, normals, views)
+        is_far = np.sum(centers * axes, axis=-1) < np.cos(rule.reach)
     for is_cut, there in ((False, heights >= edge), (True, np.abs(heights) < edge)):
         for own, found in (
             (rule, np.flatnonzero(there & ~is_far)),
@@ -160,22 +152,15 @@ def integrals(
             at_once = _SAMPLES_AT_ONCE // (own.longitudes(is_cut) * own.steps)
             for part in slices(len(found), at_once):
                 some = found[part]
-                n, v, a, t = (each[some] for each in points)
-                result[some] = _over(own, brdf, n, v, a, radius, is_cut, t)
+                normals, views, axes, tangents = (each[some] for each in flat)
+                own_points = normals, views, axes, tangents
+                result[some] = _over(own, brdf, own_points, radius, is_cut)
     return result.reshape(shape)
 
 
-def _over(
-    rule: DiscRule,
-    brdf: Brdf,
-    normals: Array,
-    views: Array,
-    axes: Array,
-    radius: float,
-    is_cut: bool,
-    tangents: Array,
-) -> Array:
+def _over(rule: DiscRule, brdf: Brdf, points: Points, radius: float, is_cut: bool) -> Array:
     """Integrate over a disc that the horizon cuts, or one that it does not, for points (n, 3)."""
+    normals, views, axes, tangents = points
     centers = central_directions(brdf.center, normals, views)
     frame = _frames(centers, views, axes)
     a_x, a_y, a_z = np.einsum("nij,nj->in", frame, axes)
@@ -321,9 +306,8 @@ class LitDiscs:
         )
         result = np.zeros(np.broadcast_shapes(normals.shape, views.shape))
         for disc in self.discs:
-            where = normals, views, disc.direction, disc.radius
-            of = integrals(self.rule, self.brdf, *where, tangents)
-            result += disc.radiance * of
+            points = normals, views, disc.direction, tangents
+            result += disc.radiance * integrals(self.rule, self.brdf, points, disc.radius)
         return result
 
 

@@ -5,8 +5,6 @@ now, of both signs of q, because the lobes of brushed surfaces are not their own
 the plane of the view. The bundle's harmonics at ``2p + 1`` fixed directions on a cone about C tell
 them apart, and each sign is multiplied with a function of its own: the real and the imaginary part.
 
-The functions of the view of an anisotropic BRDF, which depend on the azimuth of the view.
-
 A brushed surface tells where its tangent is by one angle more, the azimuth psi of the view from it.
 About C, with the azimuth counted from the plane of the view, the reflected light is still
 
@@ -124,7 +122,7 @@ class BrushedSpectrum(Spectrum):
     def waves(self) -> Waves:
         """The waves of the tables: the fewest that hold nearly all of the reflected light."""
         energy = np.einsum("lw,lc->w", wave_energies(self.transfer), self.light)
-        weakest = np.argsort(energy, kind="stable")
+        weakest = np.argsort(energy, kind="stable")[:-1]  # black light has none, and takes one
         left_out = weakest[np.cumsum(energy[weakest]) <= _LEFT_OUT * energy.sum()]
         return np.delete(self._azimuths.waves, left_out, axis=0)
 

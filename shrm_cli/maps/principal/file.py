@@ -13,7 +13,14 @@ from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.functions import MAX_Q
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
-from shrm_cli.maps.stored import COLORS, StoredImage, common_header, image_channels, shortest_values
+from shrm_cli.maps.stored import (
+    COLORS,
+    StoredImage,
+    color_channels,
+    common_header,
+    image_channels,
+    shortest_values,
+)
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
 
 _TABLES = "functions"
@@ -22,11 +29,6 @@ _MOST_WAVES = 512
 """The most waves of a lobe, and their largest frequency."""
 _MOST_ENTRIES = 4096
 """The most entries of a table that are read."""
-
-
-def channels_of(count: int) -> list[str]:
-    """Return the names of a lobe's channels: ``map000.R map000.G map000.B map001.R ...``."""
-    return [f"map{k:03d}.{c}" for k in range(count) for c in COLORS]
 
 
 def encode(made: PrincipalMap) -> list[Part]:
@@ -46,7 +48,7 @@ def encode(made: PrincipalMap) -> list[Part]:
             header["shrm:albedo"] = _text(lobe.albedo)
         if len(made.lobes) > 1 or made.is_brushed:
             header["name"] = f"lobe{k:02d}"
-        names = channels_of(lobe.cubes.shape[2])
+        names = color_channels("map", lobe.cubes.shape[2])
         planes = lobe.cubes.reshape(*lobe.cubes.shape[:2], -1)
         parts.append(Part(image_channels(planes, names), header))
     return parts + tables
@@ -55,7 +57,7 @@ def encode(made: PrincipalMap) -> list[Part]:
 def _table_part(k: int, lobe: BrushedLobe) -> Part:
     """Return the functions of a lobe as an image: a row for each wave, functions one by one."""
     table = lobe.functions.reshape(-1, *lobe.functions.shape[2:])
-    return Part(image_channels(table), {"name": f"functions{k:02d}"}, is_table=True)
+    return Part(image_channels(table), {"name": f"{_TABLES}{k:02d}"}, is_table=True)
 
 
 def decode(file: StoredFile) -> PrincipalMap:
@@ -82,7 +84,7 @@ def _decode_lobe(image: StoredImage, table: StoredPart | None) -> Lobe:
     if not is_sound or not all(type(p) is int and 0 <= p <= MAX_Q for p in degrees):
         raise MapError.of_attribute(path, "degrees")
     count = sum(2 * p + 1 for p in degrees)
-    names = channels_of(count)
+    names = color_channels("map", count)
     image.check_channels(names, f"{count} maps of principal functions")
     stack = image.stack(names)
     cubes, center = stack.reshape(*stack.shape[:2], count, 3), image.attributes["center"]

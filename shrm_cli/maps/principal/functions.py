@@ -4,7 +4,7 @@ About the central direction the reflected light is, for each azimuthal order q,
 
     B_q(R, theta_o) = sum over l, m of L_lm rho_hat_lq(theta_o) D^l_mq(R).
 
-An SHRM expands the dependence on theta_o in Legendre functions (eq. 5.23 of Ramamoorthi's thesis).
+An SHRM expands the dependence on theta_o in Legendre functions (eq. 5.22 of Ramamoorthi's thesis).
 Here it is expanded in the right singular vectors of ``rho_hat_lq(theta_o)``, whose rows are
 weighted by the power of the probe's light: no other functions come closer with as few of them.
 Views are weighted, too, because the same error is seen more easily where little light is reflected.
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import both_signs
 from shrm_cli.brdf.transfer import TransferFunctions
+from shrm_cli.maps.principal.selection import Counts
 from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import interpolation_matrix, linear_matrix
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Center
@@ -171,7 +172,7 @@ class Spectrum:
 
         Where it is divided by its albedo, that of the quotient.
         """
-        squares = self._gains if self.albedo is None else [part**2 for part in self._parts]
+        squares = self._gains if self.albedo is None else [part**2 for part in self.parts]
         return [self._sums(each, q) for q, each in enumerate(squares)]
 
     @cached_property
@@ -185,7 +186,7 @@ class Spectrum:
         found = []
         for q, each in enumerate(self.functions):
             weighted = each.transpose(2, 0, 1) * self.weights
-            parts = self._parts[q].transpose(2, 0, 1)
+            parts = self.parts[q].transpose(2, 0, 1)
             projected = weighted @ self.transfer.values[q].transpose(2, 1, 0)
             # Each product of two different functions comes with the later of them, and twice.
             products = self._products[q]
@@ -206,16 +207,6 @@ class Spectrum:
         """Add energies [k, l, channel] of an order up: over channels, functions and degrees."""
         sums = (2 if q else 1) * energies.sum(axis=2).cumsum(axis=0).cumsum(axis=1)
         return np.concatenate([np.zeros((1, sums.shape[1])), sums])
-
-    def light_parts(self, q: int, first: int, last: int) -> Array:
-        """Return what the light of each degree is multiplied with, for functions of an order q.
-
-        `first` and `last` say which functions, from `first` to before `last`.
-
-        Returns an array of shape (last - first, F+1, 3): the coefficients rho_hat_lkq, which take
-        the place of rho_hat_lpq.
-        """
-        return self._parts[q][first:last]
 
     def shown_energy(self, q: int, parts: Array, light: Array) -> float:
         """Return the energy of reflected light that the first functions of an order q make up.
@@ -239,12 +230,16 @@ class Spectrum:
         take the place of rho_hat_lpq.
         """
         by_order = enumerate(zip(*bundles, strict=True))
-        parts = [self._parts[q][list(used), : order + 1] for q, used in by_order]
+        parts = [self.parts[q][list(used), : order + 1] for q, used in by_order]
         return np.stack(parts).transpose(2, 0, 1, 3)
 
     @cached_property
-    def _parts(self) -> list[Array]:
-        """The `light_parts` of all functions that are used at most, for each q."""
+    def parts(self) -> list[Array]:
+        """What the light of each degree is multiplied with, for each q and function k.
+
+        A list by q of arrays of shape (k, F+1, 3): the coefficients rho_hat_lkq, which take the
+        place of rho_hat_lpq.
+        """
         found = []
         for q, vectors in enumerate(self.vectors):
             values = self.transfer.values[q]
@@ -308,7 +303,7 @@ class Spectrum:
             total += float(sign * np.sum(self.light * squares)) / (2 * np.pi)
         return total
 
-    def missing(self, counts: "tuple[int, ...]", factors: Array) -> float:
+    def missing(self, counts: Counts, factors: Array) -> float:
         """Return the energy of the reflected light that some of the functions do not represent.
 
         `counts` are the number of functions of each q. `factors`, of shape (order + 1,), are what
@@ -323,7 +318,7 @@ class Spectrum:
     def rest(
         self,
         q: int,
-        counts: "tuple[int, ...]",
+        counts: Counts,
         factors: Array,
         nodes: NDArray[np.intp] | None = None,
     ) -> Array:
@@ -339,7 +334,7 @@ class Spectrum:
         if not used:
             return rest
         albedo = self.albedo_table()
-        parts = self.light_parts(q, 0, used)[:, : len(factors)] * factors[:, None]
+        parts = self.parts[q][:used, : len(factors)] * factors[:, None]
         functions = self._looked_up(self.table(q, 0, used), at)
         if albedo is not None:
             functions = functions * self._looked_up(albedo[None], at)
@@ -386,11 +381,11 @@ class Spectrum:
         """Return the energy of the reflected light over visible views, of the known degrees."""
         return float(np.sum(self.light * self.known))
 
-    def captured(self, counts: "tuple[int, ...]") -> Array:
+    def captured(self, counts: Counts) -> Array:
         """Return the BRDF's own energy in some functions, up to each degree, shape (F+1,)."""
         return np.sum([self._own[q][used] for q, used in enumerate(counts)], axis=0)
 
-    def kept(self, counts: "tuple[int, ...]") -> Array:
+    def kept(self, counts: Counts) -> Array:
         """Return the energy of the reflected light in some functions, up to each degree."""
         return np.sum([self._reflected[q][used] for q, used in enumerate(counts)], axis=0)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from math import sqrt
 from typing import Any
 
@@ -111,17 +111,12 @@ class Planner:
     @cached_property
     def _places(self) -> Array | None:
         """Where on the faces of a cube the finest details of the first function are."""
-        return reflected.fine_places(self.lighting, self.spectrum.light_parts(0, 0, 1)[0])
+        return reflected.fine_places(self.lighting, self.spectrum.parts[0][0])
 
     @cached_property
-    def _forms(self) -> dict[tuple[Counts, int, bool], Form]:
-        """The forms that were asked for."""
-        return {}
-
-    @cached_property
-    def _filters(self) -> dict[tuple[int, int], Array]:
-        """What look-ups do to bundles, for each size of cubes and degree that was asked for."""
-        return {}
+    def _forms(self) -> Callable[[Counts, int, bool], Form]:
+        """From the arguments of `form` to it; searches ask for some forms again and again."""
+        return cache(self._form)
 
     @cached_property
     def _is_zonal(self) -> bool:
@@ -132,12 +127,9 @@ class Planner:
         """Return the form with these functions and cubes of this size, and its errors.
 
         The exact error counts that the functions are tabulated, and what look-ups in small cubes
-        really miss; the other takes far less time. Searches ask for some forms again and again.
+        really miss; the other takes far less time.
         """
-        key = counts, size, is_exact
-        if key not in self._forms:
-            self._forms[key] = self._form(*key)
-        return self._forms[key]
+        return self._forms(counts, size, is_exact)
 
     def _form(self, counts: Counts, size: int, is_exact: bool) -> Form:
         energies = np.diff(self.spectrum.kept(counts), prepend=0.0)
@@ -174,13 +166,16 @@ class Planner:
             return predicted
         return predicted * self._misjudged(counts, band, size)
 
-    def _filter(self, size: int, p: int) -> Array:
-        """Return the `filter_matrices` of what look-ups lose, for bundles of a degree p."""
-        if (size, p) not in self._filters:
+    @cached_property
+    def _filter(self) -> Callable[[int, int], Array]:
+        """From a size and a degree p to the `filter_matrices` of what look-ups lose in bundles."""
+
+        def find(size: int, p: int) -> Array:
             order = min(furthest_order(size, 0), self.spectrum.transfer.order_f)
             errors = bilinear_errors(order + p, size, self.sampling, self._places)
-            self._filters[size, p] = reflected.filter_matrices(np.sqrt(errors), order, p)
-        return self._filters[size, p]
+            return reflected.filter_matrices(np.sqrt(errors), order, p)
+
+        return cache(find)
 
     def _misjudged(self, counts: Counts, band: Band, size: int) -> float:
         """Return what look-ups miss of the cubes, in units of what is predicted.

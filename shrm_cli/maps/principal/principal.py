@@ -23,6 +23,7 @@ from shrm_cli.maps.base import REMEDY, Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.joint import brightness, joint_error
 from shrm_cli.maps.kinds import ReflectionMap
+from shrm_cli.maps.options import SHARED
 from shrm_cli.maps.principal.about_center import orders_in_plane
 from shrm_cli.maps.principal.functions import MAX_Q, span_of
 from shrm_cli.maps.principal.selection import bundle_counts
@@ -352,7 +353,7 @@ class PrincipalMap(ReflectionMap):
                 "a sum of lobes about different centres has no single SHRM; prefilter again for "
                 "an SHRM, or convert it to explicit maps"
             )
-        order_p = _DEFAULT_ORDER_P if order_p is None else order_p
+        order_p = _DEFAULT_ORDER_P if order_p is None else SHARED["order_p"].checked(order_p)
         check_size(self.info.order_f, order_p, self.size)
         return _expanded(self, order_p).to_frame(frame or "global")
 

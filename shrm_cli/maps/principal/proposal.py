@@ -1,9 +1,8 @@
 """A map that could be made: the form of each of its terms, its errors, and how it is made.
 
-A coarse look at a brushed lobe, which takes long to sample: no map may keep what is asked.
-
-Few azimuths of the view tell nearly what error the best map has, in a tenth of the time. Its share
-of wrong pixels is too large then, as its functions have too few waves over the azimuth.
+A first look at a BRDF tells where no map keeps what is asked by far. Brushed lobes take long to
+sample. A few azimuths of the view tell nearly what error the best map has, in a tenth of the time,
+and a share of wrong pixels that is too large, as functions have too few waves over the azimuth.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,6 +29,7 @@ from shrm_cli.maps.principal.terms import (
     COARSE,
     Term,
     Wanted,
+    factorized,
     first_order,
     first_planner,
     planned,
@@ -48,7 +48,7 @@ from shrm_cli.plan.search import Candidate, Rough, Row
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
-from shrm_cli.reflected import last_visible, weighted_power
+from shrm_cli.reflected import last_visible
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
@@ -120,12 +120,11 @@ class Proposals:
 
     def __init__(self, light: Projection, request: Request) -> None:
         self.light, self.brdf, self.asked = light, request.brdf, Wanted.of(request)
-        self.sampling, self.divide = request.sampling, request.own.get("divide", False)
-        if self.divide and not self.brdf.isotropic:
+        if self.asked.divide and not self.brdf.isotropic:
             raise ArgumentError(
                 "divide", "does not apply to an anisotropic BRDF, whose albedo depends on tangents"
             )
-        self.parts, self.notes = terms_of(self.brdf, request.center, self.divide)
+        self.parts, self.notes = terms_of(self.brdf, request.center, self.asked.divide)
         self._planners: list[Planner] = []
 
     @cached_property
@@ -134,9 +133,8 @@ class Proposals:
         if self.asked.error is None:
             return []
         if all(part.isotropic for part in self.parts):
-            given = self.divide, self.sampling
-            return [first_planner(self.light, part, *given) for part in self.parts]
-        return [scouted(self.light, self.parts[0], self.sampling)] if len(self.parts) == 1 else []
+            return [first_planner(self.light, part, self.asked) for part in self.parts]
+        return [scouted(self.light, self.parts[0], self.asked)] if len(self.parts) == 1 else []
 
     @cached_property
     def is_out_of_reach(self) -> bool:
@@ -160,9 +158,8 @@ class Proposals:
         elif self._look:
             (coarse,) = self._look
         is_coarse = coarse is not None and self.is_out_of_reach
-        given, look = (want, self.divide, self.sampling), (coarse, is_coarse)
         self._planners = [
-            planner_of(self.light, part, *given, each, *look)
+            planner_of(self.light, part, want, each, coarse, is_coarse)
             for part, each in zip(self.parts, known, strict=True)
         ]
 
@@ -178,7 +175,7 @@ class Proposals:
 
     @cached_property
     def _coherence(self) -> float:
-        return _coherence(self.parts, self.planners, self.sampling)
+        return _coherence(self.parts, self.planners, self.asked.sampling)
 
     def propose(self, error: float | None = None) -> Proposal:
         """Choose the form of every term."""
@@ -203,7 +200,7 @@ class Proposals:
 
     def _of(self, terms: Sequence[Term]) -> Proposal:
         info = _info(self.light.probe, self.brdf, terms, self.asked.eps, self.sharing)
-        return Proposal(tuple(terms), info, self.sampling, self.notes)
+        return Proposal(tuple(terms), info, self.asked.sampling, self.notes)
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
         return self.propose(error).candidate()
@@ -293,13 +290,10 @@ be so in truth; and the share for brushed lobes. Those that were compared were u
 shares of enough azimuths."""
 
 
-def scouted(light: Projection, brdf: Brdf, sampling: Sampling) -> Planner:
+def scouted(light: Projection, brdf: Brdf, want: Wanted) -> Planner:
     """Take a coarse look at a brushed lobe, the only term of a BRDF."""
-    order = first_order(brdf)
-    transfer = cached_transfer(brdf, order, MAX_Q, COARSE, scout_brushed_transfer)
-    lighting = light.to_order(order)
-    spectrum = BrushedSpectrum.of(transfer, brdf.center, weighted_power(lighting, order))
-    return Planner(spectrum, lighting, sampling)
+    transfer = cached_transfer(brdf, first_order(brdf), MAX_Q, COARSE, scout_brushed_transfer)
+    return factorized(light, brdf, transfer, want)
 
 
 def is_out_of_reach(planners: Sequence[Planner], want: Wanted) -> bool:

@@ -1,6 +1,6 @@
 """What each term of a BRDF's map gets: transfer functions to sufficient orders, and a form.
 
-Forms are chosen here from tolerances and numbers of cubes, and from errors in `sharing`.
+Forms are chosen here from tolerances and numbers of cubes, and from errors in `plan.Sharing`.
 """
 
 from collections.abc import Sequence
@@ -62,12 +62,17 @@ class Wanted:
     max_size: int
     size: int | None
     seen: float | None = None
+    divide: bool = False
+    sampling: Sampling = "center"
 
     @classmethod
     def of(cls, request: Request) -> "Wanted":
         """Return what is asked of the map of a single term."""
-        maps = request.own.get("maps")
-        return cls(request.eps, request.error, maps, request.allowed, request.size, request.seen)
+        own = request.own
+        return cls(
+            request.eps, request.error, own.get("maps"), request.allowed, request.size,
+            request.seen, own.get("divide", False), request.sampling,
+        )  # fmt: skip
 
 
 @record
@@ -115,86 +120,94 @@ def shared_maps(planners: Sequence[Planner], wanted: Sequence[Wanted], maps: int
 
 
 def planner_of(
-    light: Projection,
-    brdf: Brdf,
-    want: Wanted,
-    divide: bool,
-    sampling: Sampling,
-    known: Planner | None = None,
-    scouted: Planner | None = None,
-    is_coarse: bool = False,
-) -> Planner:
+    light: Projection, brdf: Brdf, want: Wanted, known: Planner | None = None,
+    scouted: Planner | None = None, is_coarse: bool = False,
+) -> Planner:  # fmt: skip
     """Factorize a BRDF for a probe, to an order that suffices for what is asked.
 
     `known` is what this function returned for a larger error, or `first_planner` did. `scouted` is
     the coarse look at a brushed lobe, which tells the orders to begin with. `is_coarse` tells
     whether no map of a brushed lobe keeps what is asked for by far; see
-    `proposal.is_out_of_reach`.
+    `proposal.is_out_of_reach`. All three are of maps that an error is asked of.
     """
-    brushed_q = _COARSE_Q if is_coarse else _MOST_BRUSHED_Q
-    most_q = 0 if brdf.zonal else MAX_Q if brdf.isotropic else brushed_q
+    if want.error is None:
+        return _planner_for_tolerance(light, brdf, want)
+    limit = _PART_BEYOND * want.error**2
+    most_q = _COARSE_Q if is_coarse else _most_q(brdf)
     order, max_q = first_order(brdf), most_q if is_coarse else min(_FIRST_Q, most_q)
-    eps, error = want.eps, want.error
-    limit = eps / 5 if error is None else _PART_BEYOND * error**2
-    sampled = None
-    if known is not None:
-        above, aside = unknown_light(known)
-        sampled = known.spectrum.transfer
-        order, max_q = sampled.order_f, sampled.max_q
-        is_enough = above <= limit or order >= MAX_ORDER_F
-        if is_enough and (aside <= limit or max_q == most_q):
-            return known
-    elif scouted is not None and not is_coarse:
+    if known is None and scouted is not None and not is_coarse:
         above, aside = unknown_light(scouted)
         order = min(2 * order, MAX_ORDER_F) if above > limit else order
         max_q = most_q if aside > limit else max_q
-
-    def factorized() -> Planner:
-        lighting = light.to_order(order)
-        kind = Spectrum if brdf.isotropic else BrushedSpectrum
-        spectrum = kind.of(transfer, brdf.center, weighted_power(lighting, order), divide)
-        return Planner(spectrum, lighting, sampling)
-
+    planner = known or factorized(light, brdf, _transfer(brdf, order, max_q, is_coarse), want)
     while True:
-        transfer = sampled or _transfer(brdf, order, max_q, is_coarse)
-        sampled = None
-        # The BRDF's own energy tells without the light, which takes seconds, whether to go on.
-        above, aside = _own_unknown(transfer) if error is None else unknown_light(factorized())
-        if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < most_q:
+        order, max_q = planner.spectrum.transfer.order_f, planner.spectrum.transfer.max_q
+        above, aside = unknown_light(planner)
+        is_low = above > limit and order < MAX_ORDER_F
+        is_narrow = aside > limit and max_q < most_q
+        if not (is_low or is_narrow):
+            return planner
+        order = min(2 * order, MAX_ORDER_F) if is_low else order
+        transfer = _transfer(brdf, order, most_q if is_narrow else max_q, is_coarse)
+        planner = factorized(light, brdf, transfer, want)
+
+
+def _planner_for_tolerance(light: Projection, brdf: Brdf, want: Wanted) -> Planner:
+    """Factorize a BRDF to an order that suffices for the part of its energy that may be missed.
+
+    The BRDF's own energy tells without the light, which takes seconds, whether to go on.
+    """
+    limit, most_q = want.eps / 5, _most_q(brdf)
+    order, max_q = first_order(brdf), min(_FIRST_Q, most_q)
+    while True:
+        transfer = _transfer(brdf, order, max_q)
+        above, aside = _own_unknown(transfer)
+        if aside > limit * _PART_ASIDE and max_q < most_q:
             max_q = most_q
             if above <= limit or order >= MAX_ORDER_F:
                 continue
         elif order >= MAX_ORDER_F:
-            return factorized()
+            return factorized(light, brdf, transfer, want)
         if above <= limit:
-            planner = factorized()
-            if error is not None or not _hides_visible(planner, want):
+            planner = factorized(light, brdf, transfer, want)
+            if not _hides_visible(planner, want):
                 return planner
             order = 2 * order
             continue
-        if error is None and want.maps is None and _fills_budget(factorized(), want):
-            if transfer.max_q == most_q:
-                return factorized()
-            max_q = most_q
-            continue
-        octaves = 1
-        if error is None:
-            # Sharp lobes need far more, and every try costs the time to sample the BRDF.
-            octaves = octaves_to_come(transfer, limit)
-            if brdf.is_measured:
-                octaves = min(octaves, _MOST_OCTAVES)
-            # Lobes that need far more degrees need more azimuthal orders, too, at grazing views.
-            max_q = most_q if octaves > 1 else max_q
+        if want.maps is None:
+            planner = factorized(light, brdf, transfer, want)
+            if _fills_budget(planner, want):
+                if transfer.max_q == most_q:
+                    return planner
+                max_q = most_q
+                continue
+        # Sharp lobes need far more, and every try costs the time to sample the BRDF.
+        octaves = octaves_to_come(transfer, limit)
+        if brdf.is_measured:
+            octaves = min(octaves, _MOST_OCTAVES)
+        # Lobes that need far more degrees need more azimuthal orders, too, at grazing views.
+        max_q = most_q if octaves > 1 else max_q
         order = min(2**octaves * order, MAX_ORDER_F)
 
 
-def first_planner(light: Projection, brdf: Brdf, divide: bool, sampling: Sampling) -> Planner:
+def first_planner(light: Projection, brdf: Brdf, want: Wanted) -> Planner:
     """Factorize an isotropic BRDF to the orders with which `planner_of` begins."""
-    order, max_q = first_order(brdf), 0 if brdf.zonal else _FIRST_Q
-    lighting = light.to_order(order)
-    transfer = _transfer(brdf, order, max_q, is_coarse=False)
-    power = weighted_power(lighting, order)
-    return Planner(Spectrum.of(transfer, brdf.center, power, divide), lighting, sampling)
+    transfer = _transfer(brdf, first_order(brdf), min(_FIRST_Q, _most_q(brdf)))
+    return factorized(light, brdf, transfer, want)
+
+
+def factorized(light: Projection, brdf: Brdf, transfer: TransferFunctions, want: Wanted) -> Planner:
+    """Factorize transfer functions of a BRDF for a probe."""
+    lighting = light.to_order(transfer.order_f)
+    power = weighted_power(lighting, transfer.order_f)
+    kind = Spectrum if brdf.isotropic else BrushedSpectrum
+    spectrum = kind.of(transfer, brdf.center, power, want.divide)
+    return Planner(spectrum, lighting, want.sampling)
+
+
+def _most_q(brdf: Brdf) -> int:
+    """Return the largest azimuthal order q to which transfer functions are computed."""
+    return 0 if brdf.zonal else MAX_Q if brdf.isotropic else _MOST_BRUSHED_Q
 
 
 def first_order(brdf: Brdf) -> int:
@@ -280,7 +293,7 @@ def unknown_light(planner: Planner) -> tuple[float, float]:
     return above / whole, aside / whole
 
 
-def _transfer(brdf: Brdf, order: int, max_q: int, is_coarse: bool) -> TransferFunctions:
+def _transfer(brdf: Brdf, order: int, max_q: int, is_coarse: bool = False) -> TransferFunctions:
     """Compute transfer functions to their orders, or take them from the cache."""
     accuracy = COARSE if is_coarse else _ACCURACY[brdf.is_measured]
     compute = compute_transfer if brdf.isotropic else compute_brushed_transfer

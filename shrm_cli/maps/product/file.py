@@ -19,7 +19,7 @@ from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.product.product import LitProduct, ProductMap, ProductTexture, VaryingProduct
 from shrm_cli.maps.product.steps import Steps
 from shrm_cli.maps.stored import (
-    COLORS,
+    color_channels,
     common_header,
     image_channels,
     map_info,
@@ -36,8 +36,8 @@ _MOST_NAME = 64
 
 def channel_names(order: int, channels: int) -> list[str]:
     """Return the names of a texture's channels, in the order of its coefficients."""
-    names = [f"sh{index:03d}" for index in range((order + 1) ** 2)]
-    return names if channels == 1 else [f"{name}.{c}" for name in names for c in COLORS]
+    count = (order + 1) ** 2
+    return color_channels("sh", count) if channels > 1 else [f"sh{k:03d}" for k in range(count)]
 
 
 def encode(made: ProductMap | LitProduct) -> list[Part]:

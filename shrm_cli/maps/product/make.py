@@ -5,15 +5,25 @@ from typing import cast
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import Option
 from shrm_cli.maps.product.prefilter import product_texture, varying_steps, varying_texture
-from shrm_cli.maps.product.steps import Steps
+from shrm_cli.maps.product.steps import MOST_STEPS, Steps
 from shrm_cli.maps.request import Prefiltered
 from shrm_cli.progress import Progress, Rising, using
-from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, DEFAULT_PRODUCT_SIZE
+from shrm_cli.vocabulary import (
+    DEFAULT_PRODUCT_ORDER,
+    DEFAULT_PRODUCT_SIZE,
+    MAX_PRODUCT_ORDER,
+    MAX_PRODUCT_SIZE,
+)
 
 Varied = tuple[str, float, float]
 """A parameter and its range."""
+_ORDER = Option("order", "", "integer", limits=(0, MAX_PRODUCT_ORDER))
+_SIZE = Option("size", "", "integer", limits=(2, MAX_PRODUCT_SIZE))
+_STEPS = Option("steps", "", "integer", limits=(2, MOST_STEPS))
 
 
 def product(
@@ -49,7 +59,7 @@ def product(
 
     Raises
     ------
-    BrdfError, MapError
+    BrdfError, MapError, ArgumentError
         If the BRDF cannot be used, or the textures would be too large.
 
     Examples
@@ -77,11 +87,15 @@ def product_with_facts(
     Parameters are those of `product`; `begin` is called with the values of parameters that vary,
     before the work begins.
     """
+    order, size = _ORDER.checked(order), _SIZE.checked(size)
+    steps = None if steps is None else _STEPS.checked(steps)
     material = parse_spec(brdf) if isinstance(brdf, str) else brdf
     if vary is None:
         begin(None)
         with using(progress):
             return product_texture(material, order, size)
+    if not len(vary):
+        raise ArgumentError("vary", "names no parameter; leave it out")
     several = cast(Sequence[Varied], [vary] if isinstance(vary[0], str) else vary)
     ranges = {name: (low, high) for name, low, high in several}
     with using(work := Rising(progress)):  # nobody knows how many values there will be

@@ -22,7 +22,7 @@ from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Stages, current, using
 from shrm_cli.sphere.quadrature import spiral_directions
-from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, DEFAULT_PRODUCT_SIZE
+from shrm_cli.vocabulary import DEFAULT_PRODUCT_SIZE
 
 _KNOWN_ORDER = 16
 """The degree to which the product functions of some views are known, for errors."""
@@ -39,11 +39,7 @@ _LEAST_COSINE = 0.02
 which nobody sees much."""
 
 
-def product_texture(
-    brdf: Brdf,
-    order: int = DEFAULT_PRODUCT_ORDER,
-    texels: int = DEFAULT_PRODUCT_SIZE,
-) -> Prefiltered:
+def product_texture(brdf: Brdf, order: int, texels: int = DEFAULT_PRODUCT_SIZE) -> Prefiltered:
     """Make the product texture of a BRDF, without any light.
 
     `order` is the largest degree of the harmonics. `texels` is their number along an edge of the
@@ -57,10 +53,7 @@ def product_texture(
 
 
 def varying_steps(
-    brdf: Brdf,
-    ranges: Mapping[str, tuple[float, float]],
-    order: int = DEFAULT_PRODUCT_ORDER,
-    steps: int | None = None,
+    brdf: Brdf, ranges: Mapping[str, tuple[float, float]], order: int, steps: int | None = None
 ) -> tuple[Steps, list[tuple[float, ...]]]:
     """Choose the values of parameters for which there are textures; see `steps.chosen_steps`.
 
@@ -91,11 +84,7 @@ def varying_steps(
 
 
 def varying_texture(
-    brdf: Brdf,
-    steps: Steps,
-    points: Sequence[tuple[float, ...]],
-    order: int = DEFAULT_PRODUCT_ORDER,
-    texels: int = DEFAULT_PRODUCT_SIZE,
+    brdf: Brdf, steps: Steps, points: Sequence[tuple[float, ...]], order: int, texels: int
 ) -> Prefiltered:
     """Make product textures of a BRDF of which parameters vary, without light."""
     _check_size(order, texels, len(points))

@@ -37,7 +37,7 @@ def pack(made: Map) -> tuple[PackedTexture, ...]:
 
     Cubes of local frames are turned to world axes, in which alone they can be filtered.
 
-    Returns None for irradiance, whose code holds all numbers.
+    Returns none for irradiance, whose code holds all numbers.
     """
     if whole_code(made) is not None:
         return ()

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.maps.stored import (
-    COLORS,
     StoredImage,
+    color_channels,
     common_header,
     image_channels,
     options_text,
+    read_numbers,
     shortest_values,
 )
 
@@ -32,18 +32,10 @@ def coefficient_channels(order_p: int, zonal: bool = False) -> list[str]:
 
     A zonal SHRM has the channels of q = 0 only, under the same names.
     """
-    order = [(p, q) for p in range(order_p + 1) for q in range(-p, p + 1)]
-    return [
-        f"sh{index:03d}.{c}"
-        for index, (_, q) in enumerate(order)
-        if q == 0 or not zonal
-        for c in COLORS
-    ]
-
-
-def component_channels(count: int) -> list[str]:
-    """Return the names of a compressed SHRM's channels: ``pc000.R pc000.G ...``."""
-    return [f"pc{k:03d}.{c}" for k in range(count) for c in COLORS]
+    every = color_channels("sh", (order_p + 1) ** 2)
+    if not zonal:
+        return every
+    return [name for p in range(order_p + 1) for name in every[3 * p * (p + 1) :][:3]]
 
 
 def term_names(count: int) -> list[str]:
@@ -77,7 +69,7 @@ def _encode_compressed(shrm: CompressedShrm) -> Part:
     rows = [shortest_values(row) for row in shrm.matrix]
     header = common_header(shrm, shrm.order_p) | {"shrm:pca_matrix": json.dumps(rows)}
     (planes,) = shrm.planes()
-    return Part(image_channels(planes, component_channels(shrm.cube_count)), header)
+    return Part(image_channels(planes, color_channels("pc", shrm.cube_count)), header)
 
 
 def _encode_sum(summed: SummedShrm) -> list[Part]:
@@ -149,25 +141,13 @@ def _decode_compressed(image: StoredImage) -> CompressedShrm:
     from shrm_cli.maps.shrm.shrm import CompressedShrm
 
     order_p, size = image.attributes["P"], image.size
-    matrix = _matrix(image.part.text("shrm:pca_matrix"))
-    if matrix is None or matrix.shape[1] != (order_p + 1) ** 2 or len(matrix) > matrix.shape[1]:
-        what = f"is not K x {(order_p + 1) ** 2} numbers"
-        raise MapError.of_attribute(image.path, "pca_matrix", what)
-    names = component_channels(len(matrix))
+    matrix, every = read_numbers(image.part, "pca_matrix"), (order_p + 1) ** 2
+    if matrix is None or matrix.shape[1:] != (every,) or not 1 <= len(matrix) <= every:
+        raise MapError.of_attribute(image.path, "pca_matrix", f"is not K x {every} numbers")
+    names = color_channels("pc", len(matrix))
     image.check_channels(names, f"an SHRM compressed to {len(matrix)} components")
-    if matrix.shape[1] * 18 * size**2 > MAX_VALUES:
+    if every * 18 * size**2 > MAX_VALUES:
         raise MapError(f"{image.path}: its coefficients are too many to load")
     image.check_resampling(image.attributes["frame"] == "local")
     components = image.stack(names).reshape(6 * size, size, -1, 3)
     return CompressedShrm(components, matrix, image.attributes["frame"], **image.common())
-
-
-def _matrix(text: str) -> Array | None:
-    """Read a matrix of finite numbers from JSON; the result is None for any other text."""
-    from shrm_cli.files.json_text import parse_json
-
-    try:
-        values = np.array(parse_json(text), dtype=float)
-    except (ValueError, TypeError, OverflowError):
-        return None
-    return values if values.ndim == 2 and values.size and np.isfinite(values).all() else None

@@ -77,9 +77,7 @@ SHRM_FORM = Form(lambda order_p: (order_p + 1) ** 2)
 """The form of an SHRM: a cube for each harmonic of the view."""
 
 
-def most_order_p(
-    max_size: int, size: int | None = None, most: int = MAX_ORDER_P
-) -> Callable[[int], int]:
+def most_order_p(max_size: int, size: int | None, most: int = MAX_ORDER_P) -> Callable[[int], int]:
     """Return a function that tells the largest P whose map fits, for an order F.
 
     Cubes of half the size that F asks for are counted with, because a map may be worth that.
@@ -178,7 +176,7 @@ def map_errors(
     factors = np.outer(band.factors, views.factors)
     return (
         predicted_error(lighting, coefficients, band.last, order_p, factors=factors),
-        partial(shrm_look_up_error, lighting, coefficients, factors, order_p, size, sampling),
+        partial(shrm_look_up_error, lighting, coefficients, factors, size, sampling),
     )
 
 

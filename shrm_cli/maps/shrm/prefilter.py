@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from shrm_cli.brdf.sums import split as split_terms
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import counted
@@ -21,9 +22,6 @@ from shrm_cli.vocabulary import Frame
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Prefilter a probe for a BRDF."""
-    from shrm_cli.brdf.sums import split as split_terms
-    from shrm_cli.probe.lighting import Projection
-
     _refuse_contradictions(request)
     request, notes = make.centered(request)
     # Each term of a sum has a center of its own, and orders that are chosen from the tolerance, so
@@ -47,10 +45,9 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         from shrm_cli.plan.search import Goal, rising
 
         goal, allowed = Goal.of(request.error, request.seen), request.allowed
-        form = request.size, request.sampling
-        shrms = ShrmProposals.known(light, brdf, goal.error, allowed, *form)
-        truth = truth_of(probe, brdf)
+        shrms = ShrmProposals.known(light, request, goal.error)
         candidates = rising(shrms.within(allowed), goal, allowed)
+        truth = truth_of(probe, brdf)
         made = kept_or_best(candidates, goal, allowed, truth=truth, size=request.size)
         return replace(made, notes=notes)
     if request.error is not None:
@@ -95,8 +92,8 @@ def _within_error(light: Projection, request: Request, error: float) -> Prefilte
     # Plain runs search nothing.
     from shrm_cli.maps.shrm.terms import ShrmProposals
 
-    allowed, form = request.allowed, (request.size, request.sampling)
-    shrms = ShrmProposals.known(light, request.brdf, error, allowed, *form)
+    allowed = request.allowed
+    shrms = ShrmProposals.known(light, request, error)
     found = shrms.least(error, allowed, make.sufficient_tolerance(error))
     if found is None:
         raise nothing_fits(request.size)
@@ -122,10 +119,9 @@ def converted(
 ) -> Map:
     """Return the SHRM that another map holds or that fits it best, compressed if that is asked.
 
-    `order_p` is the order P of the SHRM; that of the source by default, or the largest one of at
-    most `max_size` bytes, before it is compressed. `frame` is the frame of the
-    SHRM; local by default if the source is a local SHRM, else global. `compress` is how far the
-    SHRM is compressed, as `shrm_cli.maps.shrm.shrm.compressed` takes it.
+    `order_p` is that of the source by default, or the largest one of at most `max_size` bytes,
+    before it is compressed. `frame` is local by default if the source is a local SHRM, else global.
+    `compress` is as `shrm_cli.maps.shrm.shrm.compressed` takes it.
     """
     from shrm_cli.maps.shrm.shrm import compressed  # most maps are not
 

@@ -19,6 +19,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.kinds import CentralMap
+from shrm_cli.maps.options import checked_order_p
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels, texel_directions
@@ -169,6 +170,7 @@ class Shrm(CentralMap):
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
         """Return the map itself, or of a lower order P or in another frame."""
+        order_p = checked_order_p(order_p)
         if order_p is not None and order_p > self.order_p:
             raise MapError(
                 f"an SHRM of order P = {self.order_p} has nothing of order {order_p}; lower "
@@ -206,15 +208,16 @@ class Shrm(CentralMap):
 
     def _distant_sampler(self, view: Array) -> CubeSampler:
         """Return the sampler of one view's reflection map, which is kept until the view changes."""
-        kept = self._last_view
-        if kept.get("view") != tuple(view):
-            kept["sampler"] = CubeSampler(self.reflection_map(view), self.sampling)
-            kept["view"] = tuple(view)
-        return kept["sampler"]
+        sampler = self._last_view.get(tuple(view))
+        if sampler is None:
+            sampler = CubeSampler(self.reflection_map(view), self.sampling)
+            self._last_view.clear()
+            self._last_view[tuple(view)] = sampler
+        return sampler  # which other threads may have replaced by now
 
     @cached_property
-    def _last_view(self) -> dict[str, Any]:
-        """The last distant ``view`` and its ``sampler``; empty before the first."""
+    def _last_view(self) -> dict[tuple[float, ...], CubeSampler]:
+        """The sampler of the last distant view by that; empty before the first."""
         return {}
 
     @cached_property

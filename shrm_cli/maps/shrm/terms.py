@@ -6,7 +6,7 @@ the errors of SHRMs without sampling the BRDF again.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -50,7 +50,7 @@ from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.reflected import predicted_error, reflected_rms
-from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_P, Sampling
+from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_P
 
 
 @record(eq=False)
@@ -320,42 +320,29 @@ class ShrmProposals:
     """The SHRMs of a probe and a BRDF of a single term."""
 
     light: Projection
-    brdf: Brdf
+    request: Request
+    """What they are asked for: the BRDF, the texels, and the bytes."""
     coefficients: BrdfCoefficients
-    size: int | None = None
-    sampling: Sampling = "center"
 
     @classmethod
     def of(
-        cls,
-        light: Projection,
-        brdf: Brdf,
-        transfer: TransferFunctions,
-        size: int | None = None,
-        sampling: Sampling = "center",
+        cls, light: Projection, request: Request, transfer: TransferFunctions
     ) -> "ShrmProposals":
         """Expand transfer functions into coefficients of the largest P that maps have."""
-        order_p = 0 if brdf.zonal else min(MAX_ORDER_P, 2 * len(transfer.theta_o) // 3)
-        return cls(light, brdf, BrdfCoefficients.of(transfer, order_p, brdf.zonal), size, sampling)
+        is_zonal = request.brdf.zonal
+        order_p = 0 if is_zonal else min(MAX_ORDER_P, 2 * len(transfer.theta_o) // 3)
+        return cls(light, request, BrdfCoefficients.of(transfer, order_p, is_zonal))
 
     @classmethod
-    def known(
-        cls,
-        light: Projection,
-        brdf: Brdf,
-        error: float,
-        max_size: int,
-        size: int | None = None,
-        sampling: Sampling = "center",
-    ) -> "ShrmProposals":
-        """Compute the coefficients that maps of about an error need, within a number of bytes."""
-        eps, least = sufficient_tolerance(error), TRIED_SIZES[0] if size is None else size
+    def known(cls, light: Projection, request: Request, error: float) -> "ShrmProposals":
+        """Compute the coefficients that maps of about an error need."""
+        eps, least = sufficient_tolerance(error), sizes_of(request.size)[0]
 
         def most_p(order_f: int) -> int:
             """Return the largest P of any map: light may need far fewer texels than F does."""
-            return largest_p(order_f, least, max_size)
+            return largest_p(order_f, least, request.allowed)
 
-        return cls(light, brdf, choose_orders(brdf, eps, most_p=most_p)[1], size, sampling)
+        return cls(light, request, choose_orders(request.brdf, eps, most_p=most_p)[1])
 
     def rows(
         self, max_size: int, most_p: int = MAX_ORDER_P, eps: float = DEFAULT_EPS
@@ -364,29 +351,25 @@ class ShrmProposals:
 
         Their F, which is only stated, may miss a part `eps` of the BRDF's energy.
         """
-        for size in sizes_of(self.size):
+        for size in sizes_of(self.request.size):
             carried = min(supported_order(size), self.coefficients.order_f)
             most = min(largest_p(carried, size, max_size), self.coefficients.order_p, most_p)
             yield Row(most + 1, partial(_bytes_at, size), partial(self._tried, eps, size))
 
     @cached_property
-    def _known(self) -> dict[tuple[float, int, int], Tried]:
-        """The SHRMs that were asked for."""
-        return {}
+    def _tried(self) -> Callable[[float, int, int], Tried]:
+        """From `eps`, a size and an order P to an SHRM; searches ask for some again and again."""
 
-    def _tried(self, eps: float, size: int, p: int) -> Tried:
-        """Return the SHRM of an order P and a size; searches ask for some again and again."""
-        key = eps, size, p
-        if key not in self._known:
+        def find(eps: float, size: int, p: int) -> Tried:
             coefficients = self.coefficients
             carried = min(supported_order(size), coefficients.order_f)
             f = min(least_orders(coefficients, eps, order_p=p).order_f, carried)
             captured = float(coefficients.captured[carried, p])
             choice = Choice(Orders(f, p, 1 - captured, captured), size)
-            lighting = self.light.to_order(coefficients.order_f)
-            errors = map_errors(lighting, coefficients, p, size, self.sampling)
-            self._known[key] = Tried(choice, *errors)
-        return self._known[key]
+            lighting, sampling = self.light.to_order(coefficients.order_f), self.request.sampling
+            return Tried(choice, *map_errors(lighting, coefficients, p, size, sampling))
+
+        return cache(find)
 
     def least(
         self, error: float, max_size: int, eps: float = DEFAULT_EPS
@@ -404,14 +387,12 @@ class ShrmProposals:
         """
         known = self.coefficients
         orders = Orders(known.order_f, min(most_p, known.order_p), DEFAULT_EPS, 1.0)
-        size = TRIED_SIZES[0]
-        return predicted_wrong_share(
-            [carry(self.light, self.brdf, orders, known, size, is_exact=True)]
-        )
+        form = self.light, self.request.brdf, orders, known, TRIED_SIZES[0]
+        return predicted_wrong_share([carry(*form, is_exact=True)])
 
     def fits(self, max_size: int) -> bool:
         """Tell whether any map fits into a number of bytes."""
-        return stored_bytes(TRIED_SIZES[0] if self.size is None else self.size, 1) <= max_size
+        return stored_bytes(sizes_of(self.request.size)[0], 1) <= max_size
 
     def within(self, max_size: int, most_p: int = MAX_ORDER_P) -> "ShrmsWithin":
         """Return the maps of at most so many bytes, and to a P, as searches ask for them."""
@@ -419,16 +400,16 @@ class ShrmProposals:
 
     def candidate(self, tried: Tried, max_size: int) -> Candidate[Prefiltered]:
         """Return one of these SHRMs as the search knows it."""
-        choice, coefficients = tried.choice, self.coefficients
+        choice, coefficients, asked = tried.choice, self.coefficients, self.request
 
         def wrong_share() -> float:
-            made = carry(self.light, self.brdf, choice.orders, coefficients, choice.size)
+            made = carry(self.light, asked.brdf, choice.orders, coefficients, choice.size)
             return predicted_wrong_share([made])
 
         def make() -> Prefiltered:
             request = Request(
-                "shrm", self.brdf, choice.orders.eps, size=choice.size,
-                sampling=self.sampling, max_size=max_size,
+                "shrm", asked.brdf, choice.orders.eps, size=choice.size,
+                sampling=asked.sampling, max_size=max_size,
             )  # fmt: skip
             return prefilter_shrm(self.light, request, (choice, coefficients), np.float64)
 
@@ -452,7 +433,7 @@ class ShrmsWithin:
     def candidate(self, error: float) -> Candidate[Prefiltered]:
         found = fewest_bytes(self.proposals.rows(self.max_size, self.most_p), error)
         if found is None:
-            raise nothing_fits(self.proposals.size)
+            raise nothing_fits(self.proposals.request.size)
         return self.proposals.candidate(found[0], self.max_size)
 
     def rows(self, max_size: int) -> Iterator[Row[Rough[Prefiltered]]]:

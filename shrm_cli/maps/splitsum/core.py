@@ -1,19 +1,18 @@
-"""A sharp lobe in two parts: a core that is summed over pixels, and a tail that is expanded.
+"""The levels of a split sum: expansions of broad lobes, and sharp ones in two parts.
 
 A level is the light with each degree l multiplied by a number of the lobe. The least order that
 keeps the error decides how many texels the level has, because texels cost storage. Degrees cost
 none, so more of them are carried than that. They fade out slowly: an expansion that ends abruptly
 rings about lamps, and the rings are large beside the light of dark places.
 
-The core fades out smoothly with the angle from the lobe's axis, so that the tail is smooth and a
-few hundred degrees hold it. Behind a core that ended abruptly the tail would begin with a step,
-whose expansion rings about lamps, far into dark places.
+The core of a sharp lobe is summed over pixels, and its tail is expanded. The core fades out
+smoothly with the angle from the lobe's axis, so that the tail is smooth and a few hundred degrees
+hold it. Behind a core that ended abruptly the tail would begin with a step.
 
-The sum of a lobe's core over the pixels of a lat-long, by the symmetries of both.
-
-A core is narrow, so that a group of neighboring directions needs a small window of pixels: some
-rows, and as many columns as the core is wide at that latitude, which are all of them near a pole.
-Directions of nearly one latitude are a band, and share their rows; groups are parts of bands.
+A core is narrow, so that a group of neighboring directions needs a small window of pixels of a
+lat-long: some rows, and as many columns as the core is wide at that latitude, which are all of them
+near a pole. Directions of nearly one latitude are a band, and share their rows; groups are parts of
+bands.
 
 What takes time are the values of the core at these pixels. But a lat-long of an even number of rows
 stays the same if it is turned about its axis by quarters, or mirrored from left to right or from
@@ -297,7 +296,7 @@ class _Table:
 
 
 def _sum_band(
-    core: "_Table", light: Array, folded: _Folded, groups: list[Indices]
+    core: _Table, light: Array, folded: _Folded, groups: list[Indices]
 ) -> Iterator[Array]:
     """Sum the core about the members of each group: shape (members, 16, 3)."""
     step = np.pi / len(light)

@@ -32,39 +32,30 @@ _ROWS = 64
 
 
 def source(made: SplitSum, textures: str) -> Source:
-    """Return what the shader of a split sum consists of; each level is a stack of one cube."""
-    if made.material is not None:
-        return _of_material(made, made.material)
-    table = Table(
-        (1, TABLE_SIZE, TABLE_SIZE),
-        _environment_brdf,
-        "shrm dfg; R = scale and G = bias of f0, N.V along x, roughness down",
-        in_code=False,
-    )
+    """Return what the shader of a split sum consists of; each level is a stack of one cube.
+
+    The table of another BRDF than GGX is its directional albedo.
+    """
+    material, of = made.material, "GGX"
+    size, make, write = TABLE_SIZE, _environment_brdf, _functions
+    about = "shrm dfg; R = scale and G = bias of f0, N.V along x, roughness down"
+    if material is not None:
+        of, size, write = material.name, _ROWS, _material_functions
+        make = partial(_albedo, material)
+        about = "shrm dfg --brdf; RGB = directional albedo, N.V along x, roughness down"
+    table = Table((1, size, size), make, about, in_code=False)
     return Source(
-        "The light of a probe as GGX of any roughness reflects it: a split sum.",
-        partial(_functions, made, table),
+        f"The light of a probe as {of} of any roughness reflects it: a split sum.",
+        partial(write, made, table),
         [level[:, :, None] for level in made.levels],
         made.sampling,
         table,
     )
 
 
-def _of_material(made: SplitSum, material: Brdf) -> Source:
-    """Return the shader of another BRDF than GGX, whose table is its directional albedo."""
-    table = Table(
-        (1, _ROWS, _ROWS),
-        lambda: albedo_table(material, _ROWS)[None],
-        "shrm dfg --brdf; RGB = directional albedo, N.V along x, roughness down",
-        in_code=False,
-    )
-    return Source(
-        f"The light of a probe as {material.name} of any roughness reflects it: a split sum.",
-        partial(_material_functions, made, table),
-        [level[:, :, None] for level in made.levels],
-        made.sampling,
-        table,
-    )
+def _albedo(material: Brdf) -> Array:
+    """Return the table of the directional albedo, shape (1, N, N, 3)."""
+    return albedo_table(material, _ROWS)[None]
 
 
 def _environment_brdf() -> Array:

@@ -4,9 +4,9 @@ The light is prefiltered for some roughnesses. The table holds the environment-B
 or the directional albedo of the BRDF whose lobes the levels are of.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -228,33 +228,25 @@ class ShadedSplitSum(Shaded):
     light: SplitSum
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return the light about R times ``f0 * scale + bias``; see `Map.radiance`."""
-        normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
-        centers = central_directions("reflection", normals, views)
-        light = self.light.prefiltered(self.roughness, centers)
-        return light * self._albedo(np.sum(normals * views, axis=-1), self.f0)
-
-    @cached_property
-    def _albedo(self) -> DirectionalAlbedo:
-        return DirectionalAlbedo(self.roughness)
-
-
-@record
-class ShadedMaterial(Shaded):
-    """A surface of the BRDF whose lobes a split sum is of, under its light; f0 says nothing."""
-
-    light: SplitSum
-
-    @property
-    def info(self) -> MapInfo:
-        return replace(self.light.info, brdf=record_of(self._brdf))
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Return the light about the center times the albedo; see `Map.radiance`."""
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
         centers = central_directions(self.light.center, normals, views)
         light = self.light.prefiltered(self.roughness, centers)
         return light * self._albedo(np.sum(normals * views, axis=-1))
+
+    @cached_property
+    def _albedo(self) -> Callable[[Array], Array]:
+        """From N.V to the directional albedo: ``f0 * scale + bias``."""
+        return partial(DirectionalAlbedo(self.roughness), f0=self.f0)
+
+
+@record
+class ShadedMaterial(ShadedSplitSum):
+    """A surface of the BRDF whose lobes a split sum is of, under its light; f0 says nothing."""
+
+    @property
+    def info(self) -> MapInfo:
+        return replace(self.light.info, brdf=record_of(self._brdf))
 
     @cached_property
     def _brdf(self) -> Brdf:
@@ -263,7 +255,7 @@ class ShadedMaterial(Shaded):
         return material.at_roughness(self.roughness)
 
     @cached_property
-    def _albedo(self) -> MaterialAlbedo:
+    def _albedo(self) -> Callable[[Array], Array]:
         return MaterialAlbedo(self._brdf)
 
 

@@ -130,10 +130,8 @@ def test_what_is_no_window(spec, word):
 def test_factors_of_no_family_are_refused(name):
     with pytest.raises(MapError, match="no such family; take one of hann, lanczos"):
         window_factors(name, 3, 4)
-    if name != "none":
-        for width in (3.0, None):
-            with pytest.raises(MapError, match="no such family"):
-                Window.of(name, width, np.ones((9, 3)))
+    with pytest.raises(MapError, match="no such family"):
+        Window.of(name, 3.0, np.ones((9, 3)))
 
 
 @pytest.mark.parametrize("spec", ["hann", "lanczos:2.2", "hann:1"])

@@ -186,3 +186,11 @@ def test_the_predicted_share_of_wrong_pixels_counts_all_azimuthal_orders(room):
     limit = 0.05 * np.maximum(truth, 0.02 * truth.mean())
     share = np.mean(np.abs(found - truth) > limit)
     assert 0.8 < share / made.further["predicted_wrong_share"]() < 1.25
+
+
+@pytest.mark.filterwarnings("ignore:the probe is black:shrm_cli.errors.ShrmWarning")
+def test_black_light_is_reflected_as_nothing():
+    dark = Probe.from_array(np.zeros((16, 32, 3), np.float32))
+    made = prefilter(dark, WARD, to="principal", error=0.3)
+    normals, tangents, views = surfaces(20)
+    assert not made.brushed_radiance(normals, tangents, views).any()

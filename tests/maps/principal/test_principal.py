@@ -175,7 +175,7 @@ def test_energies_of_functions_are_what_they_take_from_the_error(room, spec, div
         by_degree = np.diff(spectrum.kept(counts), prepend=0.0)[: band.last + 1]
         kept = by_degree @ kept_energy(band.factors)
         assert spectrum.whole() - kept == pytest.approx(rest, rel=0.03)
-        parts = [spectrum.light_parts(q, 0, count) for q, count in enumerate(counts)]
+        parts = [spectrum.parts[q][:count] for q, count in enumerate(counts)]
         shown = sum(spectrum.shown_energy(q, each, spectrum.light) for q, each in enumerate(parts))
         assert shown == pytest.approx(integrated_energy(spectrum, counts), rel=1e-9)
 
@@ -184,7 +184,7 @@ def integrated_energy(spectrum, counts):
     """The energy of what functions show, by a sum over the views."""
     total = 0.0
     for q, count in enumerate(counts):
-        parts = spectrum.light_parts(q, 0, count)
+        parts = spectrum.parts[q][:count]
         functions = spectrum.vectors[q, :count] * spectrum.unit
         shown = 2 * np.pi * np.einsum("klc,koc->loc", parts, functions)
         squares = np.einsum("loc,o->lc", shown**2, spectrum.weights) / (2 * np.pi)

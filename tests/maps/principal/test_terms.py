@@ -31,7 +31,7 @@ def light():
 
 def planned(light, spec, eps=0.03, error=None):
     want = Wanted(eps, error, None, 2**25, None)
-    return planner_of(light, parse_spec(spec), want, False, "center").spectrum.transfer
+    return planner_of(light, parse_spec(spec), want).spectrum.transfer
 
 
 def test_a_tenth_of_the_squared_error_may_lie_beyond_the_degrees():
@@ -65,10 +65,11 @@ def test_a_coarse_look_tells_what_no_map_keeps(light):
     error = np.hypot(best.map.info.predicted_error, best.map.info.filter_error)
     share = best.further["predicted_wrong_share"]()
 
-    planner = scouted(light, brdf, "center")
+    want = Wanted(0.03, error, None, LITTLE, None)
+    planner = scouted(light, brdf, want)
 
     def is_far(error, seen):
-        return is_out_of_reach([planner], Wanted(0.03, error, None, LITTLE, None, seen))
+        return is_out_of_reach([planner], replace(want, error=error, seen=seen))
 
     assert is_far(error / 1.7, None)
     assert not is_far(error / 1.3, None)
@@ -99,10 +100,11 @@ def test_a_first_look_tells_what_no_map_keeps(light, spec, sure):
     error = np.hypot(best.map.info.predicted_error, best.map.info.filter_error)
     share = best.further["predicted_wrong_share"]()
     parts, _ = terms_of(brdf, None, False)
-    planners = [first_planner(light, part, False, "center") for part in parts]
+    want = Wanted(0.03, error, None, LITTLE, None)
+    planners = [first_planner(light, part, want) for part in parts]
 
     def is_far(error, seen):
-        return is_out_of_reach(planners, Wanted(0.03, error, None, LITTLE, None, seen))
+        return is_out_of_reach(planners, replace(want, error=error, seen=seen))
 
     assert is_far(error / sure, None)
     assert not is_far(error / 1.4, None)

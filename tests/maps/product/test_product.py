@@ -9,6 +9,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import LightRule, ProductFunctions, ProductQuadrature, scout_views
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
+from shrm_cli.maps.product.make import product
 from shrm_cli.maps.product.prefilter import product_texture
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.prefilter import prefilter as prefilter_any
@@ -397,3 +398,18 @@ def test_what_is_not_finite_or_does_not_apply_is_refused():
     with pytest.raises(ArgumentError, match="made from the probe"):
         texture.converted("shrm")
     assert replace(texture).order == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("order", -1), ("order", 2.5), ("size", 0), ("size", 1), ("size", "8"), ("steps", 1)],
+)
+def test_numbers_that_no_texture_has_are_refused(name, value):
+    given = {"order": 1, "size": 8, "vary": ("exponent", 5, 10), name: value}
+    with pytest.raises(ArgumentError, match=f"^`{name}` {value!r} is not a whole number of "):
+        product("phong", **given)
+
+
+def test_no_parameter_to_vary_is_refused():
+    with pytest.raises(ArgumentError, match="`vary` names no parameter; leave it out"):
+        product("phong", 1, 8, [])

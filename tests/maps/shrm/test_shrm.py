@@ -128,6 +128,27 @@ def test_distant_view_is_the_same_as_each_view(case, sampling):
     )
 
 
+def test_another_distant_view_in_between_changes_nothing(case):
+    """As of two threads: the second one asks before the first one has what it looked up."""
+    rng, lighting, coefficients = case
+    shrm = Shrm.from_coefficients(lighting, coefficients, "reflection", INFO, size=8)
+    normals, (view, other) = unit(rng, 50), unit(rng, 2)
+    expected = shrm.radiance(normals, view)
+
+    class Interrupted(dict):
+        asked = 0
+
+        def __setitem__(self, key, value):
+            super().__setitem__(key, value)
+            self.asked += 1
+            if self.asked == 1:
+                shrm.radiance(normals, other)
+
+    shrm.__dict__["_last_view"] = Interrupted()
+    np.testing.assert_array_equal(shrm.radiance(normals, view), expected)
+    assert shrm._last_view.asked == 2
+
+
 def test_float32_synthesis_is_close(case):
     _, lighting, coefficients = case
     double = Shrm.from_coefficients(lighting, coefficients, "reflection", INFO, size=8)
