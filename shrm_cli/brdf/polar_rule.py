@@ -60,7 +60,7 @@ class PolarRule:
     def nodes(self, count: int) -> tuple[Array, Array]:
         """Angles theta, ascending, and weights for integrals over ``sin(theta) dtheta``.
 
-        Returns `theta` and `weights`, each of shape (count,), the weights sum to 2, up to the
+        Returns `theta` and `weights`, each of shape (count,). The weights sum to 2, up to the
         rule's error.
         """
         s, weights = _even_nodes(count), colatitude_weights(count)

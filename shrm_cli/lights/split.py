@@ -375,8 +375,8 @@ def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices])
         owner[numbers] = index
     around = []
     for index, numbers in enumerate(regions):
-        cap, distance = _bands(pixels, numbers)
-        grown = cap[distance <= 1]
+        cap, band = _bands(pixels, numbers)
+        grown = cap[band <= 1]
         owner[grown[owner[grown] < 0]] = index
         around.append(cap)
     return [

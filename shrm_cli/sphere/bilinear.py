@@ -1,4 +1,4 @@
-"""What bilinear filtering of a cube's texels does to functions: predicted by degree, or looked for.
+"""What bilinear filtering of a cube's texels does to functions.
 
 A GPU looks a cube map up by weighting the four texels around a direction. Between the texels the
 result is too smooth, and the finer the detail the more of it is lost. A function of degree l is
@@ -12,11 +12,10 @@ Across an edge of a center-sampled cube the texels of the other face do not lie 
 would go on: at the position s along the edge they are nearly s / 2 texels off, so that the wave
 comes with a wrong phase.
 
-What bilinear look-ups in a cube miss of given functions, found by looking between its texels.
-
-`shrm_cli.sphere.bilinear` predicts it from the energy of each degree, as if waves met the texels in
-every phase and direction. Under a bare sun the few texels of a small cube show one lobe, at one
-place among them, and the prediction is up to a fifth off. A small cube is soon looked through.
+So the error is predicted from the energy of each degree, as if waves met the texels in every phase
+and direction. Under a bare sun the few texels of a small cube show one lobe, at one place among
+them, and the prediction is up to a fifth off. A small cube is soon looked through, and what it
+misses of given functions is found between its texels.
 """
 
 import numpy as np

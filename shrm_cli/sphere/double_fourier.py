@@ -263,7 +263,7 @@ def is_small_cube(order: int, size: int) -> bool:
 
 
 def synthesize_octants(coefficients: Array, size: int, sampling: Sampling, dtype: type) -> Array:
-    """Values of real series, of an order that `is_small`, at the texels of a cube."""
+    """Values of real series, of an order that `is_small_cube` takes, at the texels of a cube."""
     order, maps = harmonics.order_of(len(coefficients)), coefficients.shape[1]
     kept = kept_order(order)
     key = kept, size, sampling, np.dtype(dtype)

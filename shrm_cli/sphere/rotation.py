@@ -374,9 +374,8 @@ def _turn_weights(order: int) -> Array:
 def _right_angle_turns(order: int, first: int = 0) -> Iterator[_WholeTurn]:
     """Yield the matrices of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
 
-    They are those of the degrees from the first to the order.
-
-    Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
+    The degrees are `first` .. `order`. Cosine harmonics meet where l + m + n is even, sine
+    harmonics where it is odd.
     """
     m = np.arange(order + 1)
     factor = _turn_weights(order)
