@@ -22,6 +22,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array, Memo, kept_order
 from shrm_cli.sphere.cube import cube_solid_angles, face_axes, nearest_texels
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import linear_matrix, nodes
 from shrm_cli.sphere.synthesis import synthesize_cube
@@ -134,7 +135,7 @@ def _advances(s: Array, t: Array) -> tuple[Array, Array]:
     d = np.stack([np.ones_like(s), s, t], axis=-1) / r[..., None]
     by_s = (np.array([0.0, 1.0, 0.0]) - d * d[..., 1:2]) / r[..., None]
     by_t = (np.array([0.0, 0.0, 1.0]) - d * d[..., 2:3]) / r[..., None]
-    first = by_s / np.linalg.norm(by_s, axis=-1, keepdims=True)
+    first = normalize(by_s)
     second = np.cross(d, first)
     angle = np.pi * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
     wave = (

@@ -32,6 +32,7 @@ from shrm_cli.arrays import Array, Indices, Memo, kept_order, slices
 from shrm_cli.progress import at_once
 from shrm_cli.sphere import harmonics
 from shrm_cli.sphere.cube import face_axes
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_rows, shared_order
 from shrm_cli.vocabulary import FACES, Sampling
@@ -346,8 +347,8 @@ def _octant(size: int, sampling: Sampling) -> Array:
     axis = nodes(size, sampling)[size // 2 :]
     right, down, forward = np.abs(np.moveaxis(face_axes()[::4], 1, 0))[..., None, None, :]
     points = forward + right * axis[None, :, None] + down * axis[:, None, None]
-    points = np.concatenate([points[0].reshape(-1, 3), points[1][np.tril_indices(len(axis))]])
-    return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
+    some = points[0].reshape(-1, 3), points[1][np.tril_indices(len(axis))]
+    return normalize(np.concatenate(some))
 
 
 def _fill(values: Array, result: Array) -> None:

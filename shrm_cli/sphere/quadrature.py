@@ -129,9 +129,7 @@ def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
     (m,), are angles in 0 .. pi. Beyond the last node the polynomial of the last four goes on. `odd`
     tells whether the function is odd about angle 0; otherwise it is even.
     """
-    count = len(nodes)
-    mirrored = min(3, count)
-    wide = np.concatenate([-nodes[:mirrored][::-1], nodes])
+    wide = np.concatenate([-nodes[2::-1], nodes])
     first = np.clip(np.searchsorted(wide, targets) - 2, 0, len(wide) - 4)
     matrix = np.zeros((len(targets), len(wide)))
     rows = np.arange(len(targets))
@@ -142,8 +140,8 @@ def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
                 near, far = wide[first + i], wide[first + j]
                 weight *= (targets - far) / (near - far)
         matrix[rows, first + i] += weight
-    folded = matrix[:, mirrored:].copy()
-    folded[:, :mirrored] += (-1 if odd else 1) * matrix[:, :mirrored][:, ::-1]
+    folded = matrix[:, 3:].copy()
+    folded[:, :3] += (-1 if odd else 1) * matrix[:, 2::-1]
     return folded
 
 

@@ -269,7 +269,7 @@ def _turn_zyz(
     quarter = 0.0 if exchanged else np.pi / 2
     about_z = gamma + quarter, beta, alpha - quarter
     # Three turns and two products of single precision would lose a digit, so blocks are double.
-    turns = [_phases(order, each, np.dtype(float)) for each in about_z]
+    turns = [_phases(order, each) for each in about_z]
     points = source.shape[-1]
     step = max(_BLOCK * points // max(source[0].size, 1), 1)
     for degree, quarter_turn in enumerate(_quarter_turns(order)):
@@ -286,10 +286,10 @@ def _turn_zyz(
             result[rows][some] = _turned(block, after)
 
 
-def _phases(order: int, angle: Array, dtype: np.typing.DTypeLike = float) -> tuple[Array, Array]:
+def _phases(order: int, angle: Array) -> tuple[Array, Array]:
     """Cosines and sines of m times angles, m = 1 .. order, shape (order, ...) each."""
     phase = np.arange(1, order + 1).reshape(-1, *[1] * angle.ndim) * angle
-    return np.cos(phase).astype(dtype), np.sin(phase).astype(dtype)
+    return np.cos(phase), np.sin(phase)
 
 
 def _turned(block: Array, phases: tuple[Array, Array]) -> Array:
