@@ -13,10 +13,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, Indices, slices
 from shrm_cli.lights.clipping import clipping, largest_radiance
 from shrm_cli.lights.lamp import Lamp, Light, disc_of
-from shrm_cli.lights.pixels import Indices, SpherePixels, near
+from shrm_cli.lights.pixels import SpherePixels, near
 from shrm_cli.lights.search import LARGEST, find_regions
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.disc import Disc, disc_coefficients
@@ -370,7 +370,7 @@ def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices])
     each lamp; no pixel is in two of them.
     """
     flat = image.reshape(-1, 3)
-    owner = np.full(len(flat), -1, dtype=np.int16)
+    owner = np.full(len(flat), -1)
     for index, numbers in enumerate(regions):
         owner[numbers] = index
     around = []
