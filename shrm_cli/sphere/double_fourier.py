@@ -37,9 +37,6 @@ from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_rows, shared_order
 from shrm_cli.vocabulary import FACES, Sampling
 
-_known_places = Memo(2**20)
-"""What `places_by_m` returns for some orders; that of order 96 takes 0.1 MB."""
-
 Tables = tuple[slice, Array, tuple[Array, Array]]
 """Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
 
@@ -143,10 +140,6 @@ def places_by_m(count: int) -> tuple[Indices, Indices, Indices]:
     Returns `place`, the index of [m, l - m] in a table of `count` rows and columns; and `cosine`,
     `sine`, the linear indices of (l, m) and of (l, -m).
     """
-    return _known_places.get(count, lambda: _make_places(count))
-
-
-def _make_places(count: int) -> tuple[Indices, Indices, Indices]:
     m, above = np.nonzero(np.add.outer(np.arange(count), np.arange(count)) < count)
     center = (m + above) * (m + above + 1)
     return m * count + above, center + m, center - m

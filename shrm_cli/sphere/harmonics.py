@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array, Memo
+from shrm_cli.arrays import Array
 
 
 def index(degree: int, m: int) -> int:
@@ -167,20 +167,11 @@ def complex_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloa
     result = np.zeros((order + 1, 2 * order + 1, *tail), dtype=complex)
     degree = np.arange(order + 1)
     result[:, order] = coefficients[degree * (degree + 1)]
-    degree, m, signs = _known_orders.get(order, lambda: _positive_orders(order))
+    degree, m = (1 + each for each in np.tril_indices(order))  # of all harmonics with m > 0
+    signs = (-1.0) ** m
     center = degree * (degree + 1)
     # f = a Y_m + b Y_-m over the real basis is (a - i b)/sqrt2 over exp(i m phi).
     positive = (coefficients[center + m] - 1j * coefficients[center - m]) / np.sqrt(2)
     result[degree, order + m] = signs.reshape(-1, *[1] * len(tail)) * positive
     result[degree, order - m] = np.conj(positive)
     return result
-
-
-_known_orders = Memo(2**20)
-"""What `_positive_orders` returned. That of order 96 takes 0.1 MB."""
-
-
-def _positive_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Return l and m of all harmonics with m > 0, and the sign (-1)^m."""
-    degree, m = (1 + each for each in np.tril_indices(order))
-    return degree, m, (-1.0) ** m

@@ -11,11 +11,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, Memo
+from shrm_cli.arrays import Array
 from shrm_cli.vocabulary import Sampling
-
-_known_weights = Memo(2**20)
-"""The weights of rows, for some heights."""
 
 
 def nodes(size: int, sampling: Sampling = "center") -> Array:
@@ -41,14 +38,10 @@ def colatitude_weights(height: int, sampling: Sampling = "center") -> Array:
     for every trigonometric polynomial of degree below `height`, unlike the usual sin(theta) times
     the row's height.
 
-    Returns an array of shape (height,), read-only, whose sum is 2.
+    Returns an array of shape (height,), whose sum is 2.
 
     References: Waldvogel 2006, Fast construction of the Fejer and Clenshaw-Curtis quadrature rules.
     """
-    return _known_weights.get((height, sampling), lambda: _colatitude_weights(height, sampling))
-
-
-def _colatitude_weights(height: int, sampling: Sampling) -> Array:
     intervals = height if sampling == "center" else height - 1
     k = np.arange(intervals // 2 + 1)
     moments = 4 / (1 - 4.0 * k**2)  # twice the integrals of cos(2 k theta) sin(theta)
