@@ -217,7 +217,7 @@ def _make_tables(order: int, part: range) -> list[Tables]:
     rings = (order + 2) // 2 + 1
     intervals = 2 * (rings - 1)
     z = np.cos(np.linspace(0, np.pi / 2, rings))
-    table = harmonics.legendre_columns(order, z, part.start, part.stop)
+    table = harmonics.legendre_table(order, z, part.stop - 1, part.start)
     found: list[Tables] = []
     for parity, matrix in enumerate(_transforms(order, intervals)):
         first = (part.start + parity) % 2
