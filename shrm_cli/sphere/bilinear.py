@@ -62,8 +62,8 @@ def bilinear_errors(
 def _errors_at(order: int, size: int, sampling: Sampling, count: int) -> Array:
     """Return the errors of `bilinear_errors` at each place, shape (count^2, order+1)."""
     step = 2 / size if sampling == "center" or size == 1 else 2 / (size - 1)
-    nodes = (np.arange(count) + 0.5) / count
-    t, s = np.meshgrid(nodes, nodes, indexing="ij")
+    middles = (np.arange(count) + 0.5) / count
+    t, s = np.meshgrid(middles, middles, indexing="ij")
     along_s, along_t = _advances(s, t)
     # Shape (positions, directions, degrees).
     degree = np.arange(order + 1)

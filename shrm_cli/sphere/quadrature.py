@@ -115,14 +115,14 @@ def scrambled(count: int) -> NDArray[np.intp]:
     return np.argsort(keys)
 
 
-def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
-    """Return what leads from values at nodes to those at other angles, cubically: (m, n).
+def interpolation_matrix(known: Array, targets: Array, odd: bool) -> Array:
+    """Return what leads from values at known angles to those at others, cubically: (m, n).
 
-    `nodes`, of shape (n,), are angles in 0 .. pi, ascending, four at least. `targets`, of shape
-    (m,), are angles in 0 .. pi. Beyond the last node the polynomial of the last four goes on. `odd`
+    `known`, of shape (n,), are angles in 0 .. pi, ascending, four at least. `targets`, of shape
+    (m,), are angles in 0 .. pi. Beyond the last one the polynomial of the last four goes on. `odd`
     tells whether the function is odd about angle 0; otherwise it is even.
     """
-    wide = np.concatenate([-nodes[2::-1], nodes])
+    wide = np.concatenate([-known[2::-1], known])
     first = np.clip(np.searchsorted(wide, targets) - 2, 0, len(wide) - 4)
     matrix = np.zeros((len(targets), len(wide)))
     rows = np.arange(len(targets))
@@ -138,15 +138,15 @@ def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
     return folded
 
 
-def linear_matrix(nodes: Array, targets: Array) -> Array:
-    """Return the matrix of linear interpolation between even nodes, clamped: shape (m, n).
+def linear_matrix(known: Array, targets: Array) -> Array:
+    """Return the matrix of linear interpolation between even places, clamped: shape (m, n).
 
-    `nodes`, of shape (n,), are evenly spaced, ascending, two at least. `targets` are of shape (m,).
+    `known`, of shape (n,), are evenly spaced, ascending, two at least. `targets` are of shape (m,).
     """
-    position = (targets - nodes[0]) / (nodes[1] - nodes[0])
-    position = np.clip(position, 0, len(nodes) - 1)
-    low = np.minimum(position.astype(np.intp), len(nodes) - 2)
-    matrix = np.zeros((len(targets), len(nodes)))
+    position = (targets - known[0]) / (known[1] - known[0])
+    position = np.clip(position, 0, len(known) - 1)
+    low = np.minimum(position.astype(np.intp), len(known) - 2)
+    matrix = np.zeros((len(targets), len(known)))
     rows = np.arange(len(targets))
     matrix[rows, low] = 1 - (position - low)
     matrix[rows, low + 1] += position - low
