@@ -158,9 +158,11 @@ def encoding_of(path: Path, spec: Any, file_format: str, integers: bool) -> Enco
 
 def _of_profile(path: Path, spec: Any, file_format: str) -> tuple[float, ...] | None:
     """The primaries that an ICC profile or the chunks of a PNG tell."""
+    profile = _profile(spec)
+    if profile is None and file_format != "png":
+        return None  # without loading what reads profiles
     from shrm_cli.probe.icc import png_primaries, profile_primaries
 
-    profile = _profile(spec)
     found = profile_primaries(profile) if profile is not None else None
     if file_format != "png":
         return found
