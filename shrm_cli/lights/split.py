@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, Indices, slices
+from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.clipping import clipping, largest_radiance
 from shrm_cli.lights.lamp import Lamp, Light, disc_of
 from shrm_cli.lights.pixels import SpherePixels, near
@@ -199,6 +200,8 @@ def split_lamps(
     ------
     ProbeError
         If the probe cannot be read, or its light is beyond 32-bit floats.
+    ArgumentError
+        If a number is one that cannot be, such as a radius of 0.
 
     Examples
     --------
@@ -206,6 +209,11 @@ def split_lamps(
     >>> len(split.lamps), split.proof.rms < 0.01
     (1, True)
     """
+    for name, value in (("error", error), ("count", count), ("largest", largest)):
+        if not value >= 0:
+            raise ArgumentError(name, f"is {value}; give 0 or more")
+    if sun_radius is not None and not 0 < sun_radius <= 90:
+        raise ArgumentError("sun_radius", f"is {sun_radius}; give more than 0 to 90 degrees")
     probe = as_probe(probe)
     coarse = coarse_probe(probe, LEAST_ROWS)
     image = coarse.image()
