@@ -55,7 +55,7 @@ def command_lines(arguments: Sequence[str], parts: int) -> list[str]:
     return [f"shrm batch --share {part}/{parts} {words}" for part in range(1, parts + 1)]
 
 
-def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batch") -> str:
+def openjd_template(arguments: Sequence[str], parts: int) -> str:
     """Return a job template of Open Job Description, whose tasks are the parts of a batch.
 
     Its extension TASK_CHUNKING lets the farm run several neighbouring parts as one command. How
@@ -67,7 +67,7 @@ def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batc
 
     References: Open Job Description, Template Schemas 2023-09, and RFC 0001, Task Chunking.
     """
-    _check([*arguments, name], "openjd")
+    _check(arguments, "openjd")
     # Behind the arguments it would be one of the probes if these hold "--".
     words = ["batch", "--share", f"{{{{Task.Param.Part}}}}/{parts}", *map(_literal, arguments)]
     part = {
@@ -87,7 +87,7 @@ def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batc
     template: dict[str, Any] = {
         "specificationVersion": "jobtemplate-2023-09",
         "extensions": ["TASK_CHUNKING"],
-        "name": _literal(name),
+        "name": "shrm batch",
         "parameterDefinitions": _parameters(),
         "steps": [step],
     }

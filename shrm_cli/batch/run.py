@@ -34,7 +34,7 @@ _RECENT = 20
 
 
 class Workers(Protocol):
-    """Who does the tasks; `pool.ProcessWorkers` is one."""
+    """Who does the tasks; `batch.ProcessWorkers` is one."""
 
     @property
     def workers(self) -> int:

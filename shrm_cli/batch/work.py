@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +41,6 @@ Record = dict[str, Any]
 _SAID = ("size", "order_f", "order_p", "order_carried", "predicted_error", "filter_error")
 """What a record takes over from the summary of a map."""
 _FORCED = Difference("asked for by `force`")
-_MOST_MATERIALS = 64
-_materials: dict[tuple[Any, ...], Brdf] = {}
-"""The BRDFs that this process has parsed, so that measured files are read once."""
 
 
 @record
@@ -215,14 +213,14 @@ def request_of(recipe: Recipe, probe: Probe) -> Request:
     """Return what a recipe asks of a probe, the BRDF with the probe's primaries."""
     if recipe.brdf is None:
         return Request.of(recipe.to, recipe.arguments, probe)
-    key = (recipe.brdf, recipe.runs_code, probe.chromaticities)
-    if key not in _materials:
-        if len(_materials) >= _MOST_MATERIALS:
-            _materials.clear()
-        _materials[key] = parse_spec(
-            recipe.brdf, run_code=recipe.runs_code, primaries=probe.chromaticities
-        )
-    return Request.of(recipe.to, {**recipe.arguments, "brdf": _materials[key]}, probe)
+    material = _material(recipe.brdf, recipe.runs_code, probe.chromaticities)
+    return Request.of(recipe.to, {**recipe.arguments, "brdf": material}, probe)
+
+
+@lru_cache(64)
+def _material(spec: str, runs_code: bool, primaries: tuple[float, ...] | None) -> Brdf:
+    """Return the BRDF of a specification, so that a process reads measured files once."""
+    return parse_spec(spec, run_code=runs_code, primaries=primaries)
 
 
 def failure(job: Job, line: str, seconds: float = 0.0) -> Record:

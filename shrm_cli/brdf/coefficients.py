@@ -69,7 +69,7 @@ class BrdfCoefficients(Sampled):
 
     @classmethod
     def of(cls, transfer: TransferFunctions, order_p: int, is_zonal: bool) -> BrdfCoefficients:
-        """Expand transfer functions over theta_o, up to an order P (eq. 5.23)."""
+        """Expand transfer functions over theta_o, up to an order P (eq. 5.22)."""
         values = transfer.projected(order_p)
         # Of a zonal BRDF the energy of each l is in one coefficient, to the last bit.
         degree_energy = values[:, 0, 0] ** 2 if is_zonal else transfer.degree_energy

@@ -9,7 +9,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.sums import weighted_terms
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import from_angles, normalize, reflect
+from shrm_cli.sphere.directions import from_angles, normalize, reflect, tilted_frame
 from shrm_cli.sphere.quadrature import gauss_legendre
 
 ANGLES = (0, 15, 30, 45, 60, 75)
@@ -168,7 +168,7 @@ def hemisphere_rule(theta: float, count: int, block: slice = slice(None)) -> tup
     horizon = np.arctan2(cosine, -sine * np.cos(azimuths))
     part = (nodes[block, None] + 1) / 2
     angles = horizon * part**2
-    light = _about_mirror(theta, angles, azimuths)
+    light = tilted_frame(from_angles(angles, azimuths), np.asarray(theta))
     return light, around * weights[block, None] * part * horizon * np.sin(angles)
 
 
@@ -181,15 +181,9 @@ def _sphere_rule(theta: float, count: int, block: slice) -> tuple[Array, Array]:
     from_mirror = np.pi * u**2
     step = 2 * np.pi / count
     weights = weights[block, None] * np.pi * u * np.sin(from_mirror) * step
-    light = _about_mirror(theta, from_mirror, (np.arange(count) + 0.5) * step)
+    around_mirror = from_angles(from_mirror, (np.arange(count) + 0.5) * step)
+    light = tilted_frame(around_mirror, np.asarray(theta))
     return light, np.broadcast_to(weights, light.shape[:-1])
-
-
-def _about_mirror(theta: float, angles: Array, azimuths: Array) -> Array:
-    """Directions (..., 3) at angles and azimuths about the mirror direction of a view."""
-    cosine, sine = np.cos(theta), np.sin(theta)
-    x, y, z = np.moveaxis(from_angles(angles, azimuths), -1, 0)
-    return np.stack([cosine * x - sine * z, y, cosine * z + sine * x], axis=-1)
 
 
 def _random_pairs(brdf: Brdf, rng: np.random.Generator) -> tuple[Array, Array]:

@@ -149,7 +149,7 @@ def lobe_tail(brdf: Brdf, angle: float) -> Brdf:
         source = brdf.source
         center = brdf.center
         includes_cosine = True
-        has_horizon = brdf.has_horizon or not brdf.includes_cosine
+        has_horizon = cuts_horizon(brdf)
         zonal = brdf.zonal
 
         def evaluate(self, light: Array, view: Array) -> Array:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf import polar_rule
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import both_signs
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.records import record
@@ -140,7 +141,7 @@ class LobeExpander:
         self._orders = np.arange(max_q + 1)
         if not brdf.isotropic:  # cosines, then sines
             self._orders = np.tile(self._orders, 2)
-        self._sign = np.where(np.arange(len(self._orders)) == 0, 1.0, 2.0)
+        self._sign = both_signs(len(self._orders) - 1)
 
     def expand(
         self, theta_o: Array, count: int, azimuth_count: int, azimuth: float = 0.0
@@ -312,12 +313,12 @@ class Views:
 
     def _change(self, which: NDArray[np.intp], found: Expansion) -> Array:
         """The energy that views still miss, from their change by doubling; shape (views,)."""
-        both_signs = np.where(np.arange(len(found.values)) == 0, 1.0, 2.0)
+        signs = both_signs(len(found.values) - 1)
         squares = np.empty((len(which), len(found.values)))
         for k, view in enumerate(which):
             change = found.values[:, :, k] - self.values[:, :, view]
             squares[k] = np.einsum("qlc,qlc->q", change, change)
-        by_values = squares @ both_signs / (2 * np.pi)
+        by_values = squares @ signs / (2 * np.pi)
         by_energy = np.abs(found.energy - self.energy[which]).sum(axis=1)
         error = np.maximum(by_values / _DOUBLED**2, by_energy / _DOUBLED)
         return np.where(self._sampled[which, 0] > 0, error, np.inf)

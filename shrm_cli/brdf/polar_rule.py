@@ -60,10 +60,10 @@ class PolarRule:
     def nodes(self, count: int) -> tuple[Array, Array]:
         """Angles theta, ascending, and weights for integrals over ``sin(theta) dtheta``.
 
-        Returns `theta` and `weights`, each of shape (count,), the weights sum to 2, up to the
+        Returns `theta` and `weights`, each of shape (count,). The weights sum to 2, up to the
         rule's error.
         """
-        s, weights = _even_nodes(count), colatitude_weights(count)
+        s, weights = azimuths(count), colatitude_weights(count)
         if self.focus == 1:
             return s, weights
         theta = _crowded_angles(self, count)
@@ -98,7 +98,7 @@ class SplitRule:
         `count` is even, if nodes are below the horizon.
         """
         each = count // 2 if self.below else count
-        cosine, weights = (1 + np.cos(_even_nodes(each))) / 2, colatitude_weights(each) / 2
+        cosine, weights = (1 + np.cos(azimuths(each))) / 2, colatitude_weights(each) / 2
         above = np.arccos(cosine)
         if not self.below:
             return above, weights
@@ -128,7 +128,7 @@ def view_nodes(center: Center, count: int) -> tuple[Array, Array]:
 
 def azimuths(count: int) -> Array:
     """The middles of equal cells over half a turn, radians."""
-    return _even_nodes(count)
+    return (nodes(count) + 1) * (np.pi / 2)
 
 
 def squeezed_azimuths(count: int, squeeze: Array) -> tuple[Array, Array]:
@@ -151,17 +151,13 @@ def squeezed_azimuths(count: int, squeeze: Array) -> tuple[Array, Array]:
 @lru_cache(16)
 def _crowded_angles(rule: PolarRule, count: int) -> Array:
     """The angles of a focused rule's nodes, by halving intervals; `parameter` ascends."""
-    s = _even_nodes(count)
+    s = azimuths(count)
     low, high = np.zeros_like(s), np.full_like(s, np.pi)
     for _ in range(_ITERATIONS):
         middle = (low + high) / 2
         below = rule.parameter(middle) < s
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return (low + high) / 2
-
-
-def _even_nodes(count: int) -> Array:
-    return (nodes(count) + 1) * (np.pi / 2)
 
 
 def transfer_samples(

@@ -349,9 +349,9 @@ def _zonal_transfer(brdf: Brdf, order_f: int, max_q: int, accuracy: float) -> Tr
     With rho_hat = u(C.L) and the normalized Legendre functions f_l0 they are
     ``2 pi 2 pi int u(z) f_l0(z) dz``.
     """
-    count, most = _ZONAL_NODES
-    lobe, energy = _zonal_integrals(brdf, order_f, max(count, 2 * order_f))
-    count = max(count, 2 * order_f)
+    least, most = _ZONAL_NODES
+    count = max(least, 2 * order_f)
+    lobe, energy = _zonal_integrals(brdf, order_f, count)
     while count < most:
         finer, energy_finer = _zonal_integrals(brdf, order_f, 2 * count)
         count *= 2

@@ -288,7 +288,7 @@ def _run(
     told: set[tuple[str, str]] = set()
     with ExitStack() as stack:
         written = stack.enter_context(opened_log(log, count) if log else nullcontext())
-        show = stack.enter_context(ticking("baking", count or len(chunks)))
+        show = stack.enter_context(ticking(count or len(chunks)))
 
         def take(result: Result) -> None:
             totals.add_result(result)

@@ -29,8 +29,8 @@ from shrm_cli.maps.registry import description, descriptions, is_known
 from shrm_cli.settings import limit_libraries
 
 if TYPE_CHECKING:
+    from shrm_cli.brdf.base import Color
     from shrm_cli.probe.options import ReadOptions
-    from shrm_cli.rooms.room import Color
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

@@ -13,7 +13,7 @@ from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
 from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, VECTOR, flag, option
 from shrm_cli.files.whole import check_target
 from shrm_cli.progress import using
-from shrm_cli.vocabulary import PRECISIONS, Precision
+from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
     # The command that runs loads numpy; `shrm --help` must not.
@@ -32,10 +32,7 @@ image_options = options.several(
         "--size", click.IntRange(2, 8192), default=256,
         help="Height in pixels; the image is twice as wide.",
     ),
-    option(
-        "--precision", click.Choice(PRECISIONS), default="auto",
-        help="Pixel type; auto is float where half overflows or costs dim light digits.",
-    ),
+    options.precision_option,
 )  # fmt: skip
 """The options that every kind of probe has."""
 output_options = options.several(

@@ -12,7 +12,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import moving, options, shading, stage, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import PATH, VECTOR, option, picture_size, within
+from shrm_cli.cli.types import PATH, PICTURE_SIZE, VECTOR, option, within
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
@@ -38,7 +38,7 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
 )  # fmt: skip
 @options.view_option
 @option(
-    "--size", picture_size(16, 8192), default="512",
+    "--size", PICTURE_SIZE, default="512",
     help="Width and height of a picture, pixels; those of spheres are square.",
 )  # fmt: skip
 @stage.mesh_options

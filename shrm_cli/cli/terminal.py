@@ -327,14 +327,14 @@ class _Bar:
 
 
 @contextmanager
-def ticking(label: str, total: int) -> Iterator[Callable[[Totals], None]]:
+def ticking(total: int) -> Iterator[Callable[[Totals], None]]:
     """Yield a callable that shows how far a run of many jobs has come, and how fast."""
     if usage.is_quiet():
         yield lambda totals: None
     elif has_terminal():
         from tqdm import tqdm
 
-        with tqdm(desc=label, total=total, delay=1.0, file=sys.stderr, unit="job") as bar:
+        with tqdm(desc="baking", total=total, delay=1.0, file=sys.stderr, unit="job") as bar:
 
             def show(totals: Totals) -> None:
                 bar.update(totals.done - bar.n)
@@ -343,7 +343,7 @@ def ticking(label: str, total: int) -> Iterator[Callable[[Totals], None]]:
 
             yield show
     else:
-        yield _Jobs(label)
+        yield _Jobs("baking")
 
 
 class _Jobs(_Lines):

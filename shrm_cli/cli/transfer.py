@@ -126,8 +126,8 @@ def transfer(
             WRITERS[suffix](target, found, baked)
         return baked.summary()
 
-    is_kept = not force and "output" not in usage.given_options()
-    with progress_bar("tracing") as progress, keeping(*([target] if is_kept else [])):
+    kept = [] if force or output else [target]
+    with progress_bar("tracing") as progress, keeping(*kept):
         said = bake(plan, keep=target, use=write, progress=progress)
     kinds = "vectors and matrices" if matrices else "vectors"
     size = Path(target).stat().st_size

@@ -206,20 +206,18 @@ def _whole(digits: str) -> int | None:
     return int(shortest) if len(shortest) < 10 else None
 
 
-def picture_size(low: int, high: int) -> Parsed:
-    """Return the type of a picture's width and height in pixels, ``N`` or ``WxH``, in a range."""
-
-    def parse(text: str) -> tuple[int, int]:
-        parts = text.split("x")
-        if len(parts) > 2 or not all(part.isascii() and part.isdigit() for part in parts):
-            raise ValueError(f"{text!r} is not a size in pixels such as 512 or 800x600")
-        sizes = [_whole(part) for part in parts]
-        for part, size in zip(parts, sizes, strict=True):
-            if size is None or not low <= size <= high:
-                raise ValueError(f"{part} is not in the range {low}<=x<={high}.")
-        return sizes[0], sizes[-1]  # type: ignore[return-value]
-
-    return Parsed("N|WxH", parse)
+@partial(Parsed, "N|WxH")
+def PICTURE_SIZE(text: str) -> tuple[int, int]:
+    """A picture's width and height in pixels."""
+    low, high = 16, 8192
+    parts = text.split("x")
+    if len(parts) > 2 or not all(part.isascii() and part.isdigit() for part in parts):
+        raise ValueError(f"{text!r} is not a size in pixels such as 512 or 800x600")
+    sizes = [_whole(part) for part in parts]
+    for part, size in zip(parts, sizes, strict=True):
+        if size is None or not low <= size <= high:
+            raise ValueError(f"{part} is not in the range {low}<=x<={high}.")
+    return sizes[0], sizes[-1]  # type: ignore[return-value]
 
 
 @partial(Parsed, "X|R,G,B")

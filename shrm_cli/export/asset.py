@@ -1,7 +1,7 @@
 """A glTF file that an image-based light is put into; what comes out is one GLB.
 
 Everything of the file stays as it is, extensions included. Buffers and pictures in files of their
-own, which have to lie beside it, move into the GLB, so that it can lie anywhere.
+own, which have to lie in its folder or below it, move into the GLB, so that it can lie anywhere.
 """
 
 from copy import deepcopy
@@ -109,7 +109,7 @@ def _embed(path: str, tree: gltf.Json, data: bytearray, image: gltf.Json) -> Non
     kind = _TYPES.get(Path(uri).suffix.lower())
     if kind is None:
         raise MapError(f"{path}: {uri[:80]!r} is no PNG, JPEG, WebP or KTX 2 picture; convert it")
-    view = _added(tree, data, gltf.bytes_at(path, uri, gltf.MOST_BYTES, "a picture"))
+    view = _added(tree, data, gltf.bytes_at(path, uri, gltf.MOST_BYTES, "picture"))
     del image["uri"]
     image.update(mimeType=image.get("mimeType", kind), bufferView=view)
 

@@ -1,7 +1,7 @@
 """What readers of glTF share: the JSON and the binary chunk of a file, buffers, and checked values.
 
 Files may come from anywhere. Every count, offset and index is checked against what is really there.
-Only files in the folder of a glTF file are opened for it.
+Only files in the folder of a glTF file, or below it, are opened for it.
 """
 
 import base64
@@ -106,7 +106,7 @@ def buffers_of(name: str, tree: Json, chunk: bytes | None) -> list[bytes]:
     return found
 
 
-def bytes_at(name: str, uri: str, most: int, what: str = "a buffer") -> bytes:
+def bytes_at(name: str, uri: str, most: int, what: str = "buffer") -> bytes:
     """Return the bytes at an address of a glTF file: those in the text, or a file's beside it.
 
     `most` is how many bytes are read of a file, at most. `what` is what the bytes are, for
@@ -114,15 +114,11 @@ def bytes_at(name: str, uri: str, most: int, what: str = "a buffer") -> bytes:
     """
     if uri.startswith("data:"):
         return embedded(uri)
-    part = unquote(uri)
-    if ":" in part or "/" in part or "\\" in part or part in ("", ".", "..") or "\0" in part:
-        raise MeshError(
-            f"{name}: {what} is to be read from {part[:80]!r}; only files in its own folder are"
-        )
-    path = Path(name).parent / part
     try:
-        if not path.is_file():
-            raise MeshError(f"{name}: the file of {what}, {part[:80]!r}, is missing; copy it")
+        path = beside(name, unquote(uri), what)
+    except ValueError as error:
+        raise MeshError(f"{name}: {error}") from None
+    try:
         note(path)
         with open(path, "rb") as stream:
             return stream.read(most)

@@ -56,8 +56,8 @@ def probe_attributes(
     """Return the attributes of a probe's file.
 
     `chromaticities` are CIE x and y of red, green, blue and white. `envmap`, one of ``openexr``,
-    ``latlong``, is layout of a border-sampled image. A file without this attribute is sampled at
-    pixel centres.
+    ``latlong``, is the layout of a border-sampled image. A file without this attribute is sampled
+    at pixel centres.
     """
     attributes: dict[str, Any] = {}
     if chromaticities is not None:

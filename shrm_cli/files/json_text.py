@@ -1,12 +1,9 @@
-"""JSON and TOML in files, which may come from anywhere.
+"""JSON and TOML in files, which may come from anywhere: all of it is read here.
 
-Python's reader takes more than JSON, such as NaN, and what it takes may not be printable or may be
-nested so deeply that nothing can be done with it. All JSON of files is read here.
-
-TOML of users, which may come from anywhere: manifests, light files and scenes are read here.
-
-Python's reader takes texts of any length, raises errors of several lines, and gives up on what is
-nested too deeply with a `RecursionError`. Here all of that becomes an error of one line.
+Python's reader of JSON takes more than JSON, such as NaN, and what it takes may not be printable or
+may be nested so deeply that nothing can be done with it. Its reader of TOML takes texts of any
+length, raises errors of several lines, and gives up on what is nested too deeply with a
+`RecursionError`. Here all of that becomes an error of one line.
 """
 
 import json

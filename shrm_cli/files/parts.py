@@ -157,7 +157,8 @@ def prepared(
 ) -> tuple[Storage, list[Part]]:
     """Choose how to store parts, as `choose_storage` does, and round them where half is chosen.
 
-    To round values takes about as long as all else here, so that it is done once.
+    To round values takes about as long as all else here, so that it is done once. `allowed` is the
+    relative RMS error that half may make; ordinary rounding, it always may.
 
     Returns `storage`; and `parts`, the parts to give to `write_chosen`.
     """
@@ -184,18 +185,14 @@ def write_chosen(
 
 
 def choose_storage(
-    path: str | os.PathLike[str],
-    planes: Iterable[Array],
-    precision: Precision,
-    allowed: float = 0.0,
+    path: str | os.PathLike[str], planes: Iterable[Array], precision: Precision
 ) -> Storage:
     """Choose how to store values, and tell what half costs them.
 
     The `precision` ``auto`` is half, but float where half would overflow, or make a larger error
-    than is allowed: below 6e-5 it has fewer digits, and below 3e-8 none. `allowed` is the relative
-    RMS error that half may make. Ordinary rounding, `HALF_ROUNDING`, always may.
+    than ordinary rounding, `HALF_ROUNDING`: below 6e-5 it has fewer digits, and below 3e-8 none.
     """
-    return _examined(path, list(planes), precision, allowed)[0]
+    return _examined(path, list(planes), precision, 0.0)[0]
 
 
 def _examined(

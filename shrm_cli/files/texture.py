@@ -95,18 +95,20 @@ def read_texture(texture: Path | bytes, is_srgb: bool) -> Array:
 
 def _linear(channel: Array, is_srgb: bool) -> Array:
     """Return a channel as linear floats; of bytes, 0 .. 1."""
-    is_byte = channel.dtype == np.uint8
-    values = np.arange(256) / 255 if is_byte else channel.astype(float)
-    values = srgb_to_linear(values) if is_srgb else values
-    return values[channel] if is_byte else values
+    values = _values(channel, is_srgb)
+    return values[channel] if channel.dtype == np.uint8 else values
+
+
+def _values(channel: Array, is_srgb: bool) -> Array:
+    """Return linear floats: those that the 256 bytes stand for, or those of the channel itself."""
+    values = np.arange(256) / 255 if channel.dtype == np.uint8 else channel.astype(float)
+    return srgb_to_linear(values) if is_srgb else values
 
 
 def _mean(channel: Array, is_srgb: bool) -> float:
     """Return the mean of a channel, of bytes by how often each of them is there."""
-    is_byte = channel.dtype == np.uint8
-    values = np.arange(256) / 255 if is_byte else channel.astype(float)
-    weights = np.bincount(channel, minlength=256) if is_byte else None
-    mean = float(np.average(srgb_to_linear(values) if is_srgb else values, weights=weights))
+    weights = np.bincount(channel, minlength=256) if channel.dtype == np.uint8 else None
+    mean = float(np.average(_values(channel, is_srgb), weights=weights))
     if not np.isfinite(mean):
         raise ValueError(_NO_NUMBERS)
     return mean

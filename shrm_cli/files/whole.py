@@ -1,10 +1,10 @@
-"""Output files that appear whole or not at all, inputs that none may replace, and a run's folders.
+"""Output files that appear whole or not at all, and inputs that none may replace.
 
 Every function that opens a file for its user notes it here, whether the name came from the command
 line, from the specification of a BRDF or out of a map, and every function that writes one asks. A
 command does its work within `protecting`. Programs that use the library decide for themselves.
 
-Folders for files that a run writes, reads again, and removes.
+Here are made, too, the folders for files that a run writes, reads again, and removes.
 """
 
 import atexit

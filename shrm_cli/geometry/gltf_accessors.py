@@ -66,8 +66,7 @@ class Accessors:
         if not 1 <= count <= _MOST:
             raise self._too_many(count)
         if "bufferView" in given:
-            place = given["bufferView"], given.get("byteOffset", 0)
-            found = self._stored(place, given["componentType"], count, columns)
+            found = self._stored(_place(given), given["componentType"], count, columns)
         else:  # all of it is zero, but for what is replaced
             found = np.zeros((count, columns), _type(given["componentType"]))
             self._count(found.nbytes)

@@ -53,9 +53,8 @@ def check_ply(name: str, data: bytes) -> None:
     if end < 0:
         raise MeshError(f"{name}: its PLY header does not end; export it again")
     lines = data[:end].decode("utf-8", "replace").split("\n")
-    binary = any(line.split()[:2] == ["format", "binary_little_endian"] for line in lines) or any(
-        line.split()[:2] == ["format", "binary_big_endian"] for line in lines
-    )
+    formats = ["format", "binary_little_endian"], ["format", "binary_big_endian"]
+    binary = any(line.split()[:2] in formats for line in lines)
     rows: list[tuple[str, int, int]] = []  # elements: name, count, least bytes of a row
     for line in lines[1:]:
         words = line.split()
@@ -268,15 +267,10 @@ def _surfaced(name: str, found: dict[str, Any]) -> dict[str, Any]:
     libraries, names = found.pop("libraries"), found.pop("material_names")
     owners = found.pop("face_materials")
     known = read_materials(name, libraries, names)
-    materials = [replace(each, colored="srgb") for each in known] if _colored(found) else known
-    if _colored(found):
-        materials = [*materials, PAINTED]
+    if found["colors"] is not None:
         owners = np.where(owners < 0, len(known), owners)
-    return {**found, "materials": materials, "face_materials": owners}
-
-
-def _colored(found: dict[str, Any]) -> bool:
-    return found["colors"] is not None
+        known = [*(replace(each, colored="srgb") for each in known), PAINTED]
+    return {**found, "materials": known, "face_materials": owners}
 
 
 def _triangles(faces: Any) -> NDArray[Any]:

@@ -2,9 +2,9 @@
 
 Read are `Kd`, the metallic `Pm`, the roughness `Pr`, `Ke` and the opacity `d`, or 1 - `Tr`, and
 textures of the first four, of which those of Kd and of a Ke above 0 multiply it, and others replace
-the number. `norm` and `map_Bump` are normal maps. Without `Pr`
-the exponent `Ns` of Phong's highlight gives the roughness: GGX's alpha^2 = 2 / (Ns + 2), by which
-the lobes are equally wide (Walter et al. 2007, section 5.2).
+the number. `norm` and `map_Bump` are normal maps. Without `Pr` the exponent `Ns` of Phong's
+highlight gives the roughness: GGX's alpha^2 = 2 / (Ns + 2), by which the lobes are equally wide
+(Walter et al. 2007, section 5.2).
 """
 
 import math

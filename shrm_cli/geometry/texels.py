@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.extras import install
-from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.mesh import Integers, Mesh
 from shrm_cli.records import record
-
-Integers = NDArray[np.int64]
 
 _PAIRS_AT_ONCE = 2**18
 """Pairs of a triangle and a texel that are looked at together."""
@@ -250,10 +248,12 @@ def charted(mesh: Mesh, size: int) -> Sampled:
     texcoords, shape = _unwrapped(mesh, size)
     found = sampled(texcoords, chart_numbers(mesh, texcoords), shape)
     if not found.is_apart:
-        raise MeshError(
-            f"{mesh.name}: its charts do not fit into {size} texels; give `texture` more"
-        )
+        raise _too_few(mesh, size)
     return found
+
+
+def _too_few(mesh: Mesh, size: int) -> MeshError:
+    return MeshError(f"{mesh.name}: its charts do not fit into {size} texels; give `texture` more")
 
 
 def _unwrapped(mesh: Mesh, size: int) -> tuple[Array, tuple[int, int]]:
@@ -287,9 +287,7 @@ def _unwrapped(mesh: Mesh, size: int) -> tuple[Array, tuple[int, int]]:
             break
         texels *= 0.98 * size / edge
     if best is None:
-        raise MeshError(
-            f"{mesh.name}: its charts do not fit into {size} texels; give `texture` more"
-        )
+        raise _too_few(mesh, size)
     _, faces, texcoords = best[1][0]
     found = np.take_along_axis(texcoords[faces].astype(float), turn[first][..., None], axis=1)
     found = found[same.reshape(-1)]

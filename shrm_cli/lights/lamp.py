@@ -104,14 +104,19 @@ class Lamp:
         return self.light.axis
 
     @property
+    def solid_angle(self) -> float:
+        """That of all its discs, sr."""
+        return float(sum(disc.solid_angle for disc in self.discs))
+
+    @property
     def radius(self) -> float:
         """The angle in radians from centre to edge, of the disc with the area of all its discs."""
-        return radius_of(sum(disc.solid_angle for disc in self.discs))
+        return radius_of(self.solid_angle)
 
     @property
     def radiance(self) -> Array:
         """The mean radiance of its discs, shape (3,)."""
-        return self.light.flux / sum(disc.solid_angle for disc in self.discs)
+        return self.light.flux / self.solid_angle
 
     @property
     def irradiance(self) -> Array:
@@ -151,7 +156,7 @@ class Lamp:
             "elevation": elevation,
             "radius": float(np.degrees(self.radius)),
             "pixel": float(np.degrees(self.pitch)),
-            "solid_angle": float(sum(disc.solid_angle for disc in self.discs)),
+            "solid_angle": self.solid_angle,
             "irradiance": self.irradiance.tolist(),
             "radiance": self.radiance.tolist(),
             "peak": self.peak.tolist(),

@@ -7,12 +7,10 @@ space is near on the sphere.
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.base import Grid
-
-Indices = NDArray[np.intp]
 
 _KEYS = 2**21
 """Little cubes of space along an axis, at most: three numbers below it make one of 63 bits."""

@@ -9,8 +9,8 @@ that is allowed are not followed.
 import numpy as np
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array
-from shrm_cli.lights.pixels import Indices, SpherePixels, clusters
+from shrm_cli.arrays import Array, Indices
+from shrm_cli.lights.pixels import SpherePixels, clusters
 from shrm_cli.records import record
 
 _FLOOR = 2.0

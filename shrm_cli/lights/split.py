@@ -13,10 +13,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, Indices, slices
+from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.clipping import clipping, largest_radiance
 from shrm_cli.lights.lamp import Lamp, Light, disc_of
-from shrm_cli.lights.pixels import Indices, SpherePixels, near
+from shrm_cli.lights.pixels import SpherePixels, near
 from shrm_cli.lights.search import LARGEST, find_regions
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.disc import Disc, disc_coefficients
@@ -199,6 +200,8 @@ def split_lamps(
     ------
     ProbeError
         If the probe cannot be read, or its light is beyond 32-bit floats.
+    ArgumentError
+        If a number is one that cannot be, such as a radius of 0.
 
     Examples
     --------
@@ -206,6 +209,11 @@ def split_lamps(
     >>> len(split.lamps), split.proof.rms < 0.01
     (1, True)
     """
+    for name, value in (("error", error), ("count", count), ("largest", largest)):
+        if not value >= 0:
+            raise ArgumentError(name, f"is {value}; give 0 or more")
+    if sun_radius is not None and not 0 < sun_radius <= 90:
+        raise ArgumentError("sun_radius", f"is {sun_radius}; give more than 0 to 90 degrees")
     probe = as_probe(probe)
     coarse = coarse_probe(probe, LEAST_ROWS)
     image = coarse.image()
@@ -370,13 +378,13 @@ def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices])
     each lamp; no pixel is in two of them.
     """
     flat = image.reshape(-1, 3)
-    owner = np.full(len(flat), -1, dtype=np.int16)
+    owner = np.full(len(flat), -1)
     for index, numbers in enumerate(regions):
         owner[numbers] = index
     around = []
     for index, numbers in enumerate(regions):
-        cap, distance = _bands(pixels, numbers)
-        grown = cap[distance <= 1]
+        cap, band = _bands(pixels, numbers)
+        grown = cap[band <= 1]
         owner[grown[owner[grown] < 0]] = index
         around.append(cap)
     return [

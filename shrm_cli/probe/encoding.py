@@ -158,18 +158,21 @@ def encoding_of(path: Path, spec: Any, file_format: str, integers: bool) -> Enco
 
 def _of_profile(path: Path, spec: Any, file_format: str) -> tuple[float, ...] | None:
     """The primaries that an ICC profile or the chunks of a PNG tell."""
-    profile = spec.getattribute("ICCProfile")
-    is_there = isinstance(profile, np.ndarray) and profile.dtype == np.uint8
-    found = None
-    if is_there:
-        from shrm_cli.probe.icc import profile_primaries
+    profile = _profile(spec)
+    if profile is None and file_format != "png":
+        return None  # without loading what reads profiles
+    from shrm_cli.probe.icc import png_primaries, profile_primaries
 
-        found = profile_primaries(profile.tobytes())
+    found = profile_primaries(profile) if profile is not None else None
     if file_format != "png":
         return found
-    from shrm_cli.probe.icc import png_primaries
-
     return png_primaries(path, found is not None) or found
+
+
+def _profile(spec: Any) -> bytes | None:
+    profile = spec.getattribute("ICCProfile")
+    is_there = isinstance(profile, np.ndarray) and profile.dtype == np.uint8
+    return profile.tobytes() if is_there else None
 
 
 def _integer_curve(path: Path, spec: Any, file_format: str) -> tuple[str, Curve | None]:
@@ -183,15 +186,15 @@ def _integer_curve(path: Path, spec: Any, file_format: str) -> tuple[str, Curve 
             f"{path}: {file_format} of transfer {transfer or 'logarithmic'!r}: not sRGB; convert "
             "it to linear light and EXR first"
         )
-    profile = spec.getattribute("ICCProfile")
-    if isinstance(profile, np.ndarray) and profile.dtype == np.uint8:
-        curve = linear_curve(profile.tobytes())
-        if curve is not None:
-            return "ICC profile", curve
-    gamma = spec.get_float_attribute("oiio:Gamma", 0.0)
+    profile = _profile(spec)
+    curve = linear_curve(profile) if profile is not None else None
+    if curve is not None:
+        return "ICC profile", curve
+    exponent = spec.get_float_attribute("oiio:Gamma", 0.0)
     power = re.match(r"g(\d\d)_", space)
-    if gamma > 0 or power:
-        exponent = gamma if gamma > 0 else int(power[1]) / 10 if power else 1.0
+    if exponent <= 0 and power:
+        exponent = int(power[1]) / 10
+    if exponent > 0:
         return f"gamma {exponent:.3g}", lambda values: np.maximum(values, 0) ** exponent
     if space.lower().startswith("lin"):
         return "linear", None

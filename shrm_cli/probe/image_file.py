@@ -366,7 +366,7 @@ def _check_picture(path: Path, spec: Any, width: int, height: int) -> None:
 
 def _check_whole(path: Path) -> None:
     """Refuse a file that its end tells to be cut or damaged."""
-    with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, prot=mmap.PROT_READ) as data:
+    with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         if not _is_whole(data):
             raise ProbeError(f"{path}: damaged or truncated; copy or export it again")
 

@@ -204,9 +204,9 @@ def project(probe: Probe, order: int) -> Lighting:
     Lighting
         A lat-long is integrated by Fejer's or Clenshaw and Curtis's rule, which is exact for
         images band-limited below half its height, but small lamps near its poles by the solid
-        angles of their pixels (see `probe.lamps`), as other grids are. Degrees that are finer
-        than the pixels are 0. Of a sum each light is projected by itself: discs have closed forms,
-        and what is given by coefficients has them.
+        angles of their pixels, as other grids are. Degrees that are finer than the pixels are
+        0. Of a sum each light is projected by itself: discs have closed forms, and what is given
+        by coefficients has them.
 
     Raises
     ------

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -107,9 +106,7 @@ def _may_hold_series(name: str) -> bool:
     suffix = Path(name).suffix.lower()
     if suffix != ".exr":
         return suffix in (".txt", ".npy", ".json")
-    with suppress(OSError):  # its reader says what is wrong with it
-        return os.path.isfile(name) and says_map(name)
-    return False
+    return os.path.isfile(name) and says_map(name)
 
 
 def _open_file(name: str, options: ReadOptions) -> ImageFile | DdsFile:

@@ -21,7 +21,6 @@ import math
 import os
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -246,9 +245,8 @@ def _irradiance_part(name: str) -> Any:
     from shrm_cli.files.exr import open_file
     from shrm_cli.files.exr_header import says_map
 
-    with suppress(OSError):
-        if not os.path.isfile(name) or not says_map(name):
-            return None
+    if not os.path.isfile(name) or not says_map(name):
+        return None
     file = open_file(name)
     if file is None or file.first.attribute("shrm:representation") != "irradiance":
         return None

@@ -85,69 +85,79 @@ def _unpacked(path: Path) -> Iterator[Path]:
         yield folder / files[0].filename
 
 
+class _Layers:
+    """The layers of a stage, none of which leads out of the folder of the first, `root`."""
+
+    def __init__(self, root: Path) -> None:
+        self.digest = hashlib.sha256()
+        """Of the bytes of all layers that were opened."""
+        self.found: dict[str, Any] = {}
+        self._root = root
+        self._counts: dict[tuple[str, str], int] = {}
+
+    def opened(self, path: Path) -> Any:
+        """Open a layer, and those that lie below it."""
+        from pxr import Sdf
+
+        real = os.path.realpath(path)
+        if real not in self.found:
+            if path.stat().st_size > _MOST_BYTES or len(self.found) == _MOST_LAYERS:
+                raise ValueError("its layers are too large, or too many; flatten its lights")
+            note(path)
+            self.digest.update(path.read_bytes())
+            self.found[real] = layer = Sdf.Layer.FindOrOpen(os.fspath(path))
+            layer.Reload(True)  # it may be in memory as it was
+            for each in layer.subLayerPaths:
+                self._named(layer, each)
+        return self.found[real]
+
+    def _named(self, layer: Any, asset: str) -> Any:
+        """The layer that another one names; without a name it is that one."""
+        if not asset:
+            return layer
+        path = os.path.relpath(Path(layer.realPath).parent / asset, self._root.parent)
+        return self.opened(beside(os.fspath(self._root), path, "layer"))
+
+    def prims(self, layer: Any, path: Any) -> int:
+        """At most how many prims a prim adds to a stage, with what it refers to."""
+        key = layer.realPath, str(path)
+        spec = layer.GetPrimAtPath(path)
+        if spec is None or key in self._counts:
+            return self._counts.get(key, 0)
+        self._counts[key] = 0  # what refers to itself is no prim
+        if spec.HasInfo("clips"):
+            raise ValueError("value clips are not read; flatten its lights")
+        found = 1
+        for each in (spec.referenceList, spec.payloadList):
+            for arc in each.GetAddedOrExplicitItems():
+                target = self._named(layer, arc.assetPath)
+                home = arc.primPath or f"/{target.defaultPrim.lstrip('/')}"
+                found += self.prims(target, home) if home != "/" else 0
+        for each in (spec.inheritPathList, spec.specializesList):
+            found += sum(self.prims(layer, arc) for arc in each.GetAddedOrExplicitItems())
+        variants = [v.primSpec for s in spec.variantSets.values() for v in s.variants.values()]
+        below = *spec.nameChildren, *variants
+        found += sum(self.prims(layer, each.path) for each in below if each)
+        self._counts[key] = found
+        return found
+
+
 def _check_layers(root: Path) -> bytes:
     """Return the digest of all layers of a stage, none of which leads out of its folder.
 
     How many prims the stage may have is counted without composing it: each reference adds all
     that it refers to, and few of them within each other would fill the memory.
     """
-    from pxr import Sdf
-
-    digest = hashlib.sha256()
-    layers: dict[str, Any] = {}
-    counts: dict[tuple[str, str], int] = {}
-
-    def opened(path: Path) -> Any:
-        real = os.path.realpath(path)
-        if real not in layers:
-            if path.stat().st_size > _MOST_BYTES or len(layers) == _MOST_LAYERS:
-                raise ValueError("its layers are too large, or too many; flatten its lights")
-            note(path)
-            digest.update(path.read_bytes())
-            layers[real] = Sdf.Layer.FindOrOpen(os.fspath(path))
-            layers[real].Reload(True)  # it may be in memory as it was
-            for each in layers[real].subLayerPaths:
-                named(layers[real], each)
-        return layers[real]
-
-    def named(layer: Any, asset: str) -> Any:
-        """The layer that another one names; without a name it is that one."""
-        if not asset:
-            return layer
-        target = Path(layer.realPath).parent / asset
-        return opened(beside(os.fspath(root), os.path.relpath(target, root.parent), "layer"))
-
-    def prims(layer: Any, path: Any) -> int:
-        """At most how many prims a prim adds to a stage, with what it refers to."""
-        key = layer.realPath, str(path)
-        spec = layer.GetPrimAtPath(path)
-        if spec is None or key in counts:
-            return counts.get(key, 0)
-        counts[key] = 0  # what refers to itself is no prim
-        if spec.HasInfo("clips"):
-            raise ValueError("value clips are not read; flatten its lights")
-        found = 1
-        for each in (spec.referenceList, spec.payloadList):
-            for arc in each.GetAddedOrExplicitItems():
-                target = named(layer, arc.assetPath)
-                home = arc.primPath or f"/{target.defaultPrim.lstrip('/')}"
-                found += prims(target, home) if home != "/" else 0
-        for each in (spec.inheritPathList, spec.specializesList):
-            found += sum(prims(layer, arc) for arc in each.GetAddedOrExplicitItems())
-        variants = [v.primSpec for s in spec.variantSets.values() for v in s.variants.values()]
-        found += sum(prims(layer, each.path) for each in (*spec.nameChildren, *variants) if each)
-        counts[key] = found
-        return found
-
-    opened(root)
+    layers = _Layers(root)
+    layers.opened(root)
     total = done = 0
-    while done < len(layers):  # which may become more by what is found
-        layer = [*layers.values()][done]
-        total += sum(prims(layer, each.path) for each in layer.rootPrims if each)
+    while done < len(layers.found):  # which may become more by what is found
+        layer = [*layers.found.values()][done]
+        total += sum(layers.prims(layer, each.path) for each in layer.rootPrims if each)
         done += 1
     if total > _MOST_PRIMS:
         raise ValueError(f"{total:,} prims; write its lights into a layer of their own")
-    return digest.digest()
+    return layers.digest.digest()
 
 
 class _Lights:

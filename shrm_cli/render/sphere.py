@@ -50,9 +50,9 @@ def render_sphere(
 ) -> Picture:
     """Draw a sphere as a distant viewer sees it.
 
-    `background`, of shape (size, size, 3), is linear picture behind the sphere, such as
-    `render_background` makes. By default it is black, so that silhouette pixels are premultiplied
-    by their coverage.
+    `background`, of shape (size, size, 3), is the linear picture behind the sphere, such
+    as `render_background` makes. By default it is black, so that silhouette pixels are
+    premultiplied by their coverage.
 
     Returns an array of float32 of shape (size, size, 3): scene-linear. The small negative values of
     a truncated expansion are kept.

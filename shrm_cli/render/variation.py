@@ -3,11 +3,10 @@
 Kautz, Sloan and Snyder 2002, section 4 and figure 4, vary one parameter of their model so.
 Brightness tells one parameter, and the red and the green of colours two.
 
-GGX surfaces whose roughness and reflectance differ from point to point, under maps of light.
-
-A map is shown as surfaces of a few roughnesses, between which points are interpolated. Light that a
-surface reflects is a linear function of its reflectance f0, by Schlick's term, so that a black one
-and a white one tell all others.
+Under maps of light, GGX surfaces differ in roughness and reflectance. A map is shown as surfaces of
+a few roughnesses, between which points are interpolated. Light that a surface reflects is a linear
+function of its reflectance f0, by Schlick's term, so that a black one and a white one tell all
+others.
 """
 
 from collections.abc import Callable

@@ -19,7 +19,7 @@ from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.irradiance.window import least_window
 from shrm_cli.rooms.grid import ProbeGrid
-from shrm_cli.sphere.harmonics import degrees, real_harmonics
+from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 
 _SIDES = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
@@ -100,7 +100,7 @@ def as_volume(grid: ProbeGrid, direct: bool) -> bytes:
     cubes are below the positive ones along y, and X, Y and Z are one after the other along z.
     """
     light = prepared(grid, direct)
-    order = round(np.sqrt(light.shape[-2])) - 1
+    order = order_of(light.shape[-2])
     factors = lambert_factors(order)[degrees(order)]
     values = real_harmonics(order, _SIDES) * factors / np.pi
     sides = np.maximum(np.einsum("sj,xyzjc->szyxc", values, light), 0)
@@ -121,7 +121,7 @@ def as_part(grid: ProbeGrid, direct: bool) -> Part:
         "min": grid.lattice.low.tolist(),
         "max": grid.lattice.high.tolist(),
         "resolution": list(grid.lattice.shape),
-        "order": round(np.sqrt(light.shape[-2])) - 1,
+        "order": order_of(light.shape[-2]),
     }
     channels = {name: rows[..., k] for k, name in enumerate("RGB")}
     return Part(channels, {"shrm:grid": json.dumps(facts)})

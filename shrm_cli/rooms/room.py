@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, slices
+from shrm_cli.brdf.base import Color
 from shrm_cli.color import from_rec709
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Integers, Mesh, SurfaceMaterial, face_normals
@@ -35,8 +36,6 @@ from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import LUMINANCE
-
-Color = tuple[float, float, float]
 
 _EMISSION_CUTS = 8
 """Parts along the sides of a triangle whose mean is what it sends, where a texture has it."""

@@ -1,4 +1,4 @@
-"""What bilinear filtering of a cube's texels does to functions: predicted by degree, or looked for.
+"""What bilinear filtering of a cube's texels does to functions.
 
 A GPU looks a cube map up by weighting the four texels around a direction. Between the texels the
 result is too smooth, and the finer the detail the more of it is lost. A function of degree l is
@@ -12,17 +12,17 @@ Across an edge of a center-sampled cube the texels of the other face do not lie 
 would go on: at the position s along the edge they are nearly s / 2 texels off, so that the wave
 comes with a wrong phase.
 
-What bilinear look-ups in a cube miss of given functions, found by looking between its texels.
-
-`shrm_cli.sphere.bilinear` predicts it from the energy of each degree, as if waves met the texels in
-every phase and direction. Under a bare sun the few texels of a small cube show one lobe, at one
-place among them, and the prediction is up to a fifth off. A small cube is soon looked through.
+So the error is predicted from the energy of each degree, as if waves met the texels in every phase
+and direction. Under a bare sun the few texels of a small cube show one lobe, at one place among
+them, and the prediction is up to a fifth off. A small cube is soon looked through, and what it
+misses of given functions is found between its texels.
 """
 
 import numpy as np
 
 from shrm_cli.arrays import Array, Memo, kept_order
 from shrm_cli.sphere.cube import cube_solid_angles, face_axes, nearest_texels
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import linear_matrix, nodes
 from shrm_cli.sphere.synthesis import synthesize_cube
@@ -62,8 +62,8 @@ def bilinear_errors(
 def _errors_at(order: int, size: int, sampling: Sampling, count: int) -> Array:
     """Return the errors of `bilinear_errors` at each place, shape (count^2, order+1)."""
     step = 2 / size if sampling == "center" or size == 1 else 2 / (size - 1)
-    nodes = (np.arange(count) + 0.5) / count
-    t, s = np.meshgrid(nodes, nodes, indexing="ij")
+    middles = (np.arange(count) + 0.5) / count
+    t, s = np.meshgrid(middles, middles, indexing="ij")
     along_s, along_t = _advances(s, t)
     # Shape (positions, directions, degrees).
     degree = np.arange(order + 1)
@@ -135,7 +135,7 @@ def _advances(s: Array, t: Array) -> tuple[Array, Array]:
     d = np.stack([np.ones_like(s), s, t], axis=-1) / r[..., None]
     by_s = (np.array([0.0, 1.0, 0.0]) - d * d[..., 1:2]) / r[..., None]
     by_t = (np.array([0.0, 0.0, 1.0]) - d * d[..., 2:3]) / r[..., None]
-    first = by_s / np.linalg.norm(by_s, axis=-1, keepdims=True)
+    first = normalize(by_s)
     second = np.cross(d, first)
     angle = np.pi * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
     wave = (

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, slices
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.quadrature import cell_edges, nodes
 from shrm_cli.vocabulary import FACES, Orientation, Sampling
 
@@ -55,8 +56,7 @@ def texel_directions(
     """Unit directions of some of these texels, given by their rows and columns, shape (..., 3)."""
     s = nodes(size, sampling)
     right, down, forward = np.moveaxis(face_axes(), 1, 0)[:, rows // size]
-    points = forward + right * s[columns][..., None] + down * s[rows % size][..., None]
-    return np.asarray(points / np.linalg.norm(points, axis=-1, keepdims=True))
+    return normalize(forward + right * s[columns][..., None] + down * s[rows % size][..., None])
 
 
 def cube_coordinates(directions: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:

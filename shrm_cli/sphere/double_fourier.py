@@ -32,12 +32,10 @@ from shrm_cli.arrays import Array, Indices, Memo, kept_order, slices
 from shrm_cli.progress import at_once
 from shrm_cli.sphere import harmonics
 from shrm_cli.sphere.cube import face_axes
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_rows, shared_order
 from shrm_cli.vocabulary import FACES, Sampling
-
-_known_places = Memo(2**20)
-"""What `places_by_m` returns for some orders; that of order 96 takes 0.1 MB."""
 
 Tables = tuple[slice, Array, tuple[Array, Array]]
 """Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
@@ -142,10 +140,6 @@ def places_by_m(count: int) -> tuple[Indices, Indices, Indices]:
     Returns `place`, the index of [m, l - m] in a table of `count` rows and columns; and `cosine`,
     `sine`, the linear indices of (l, m) and of (l, -m).
     """
-    return _known_places.get(count, lambda: _make_places(count))
-
-
-def _make_places(count: int) -> tuple[Indices, Indices, Indices]:
     m, above = np.nonzero(np.add.outer(np.arange(count), np.arange(count)) < count)
     center = (m + above) * (m + above + 1)
     return m * count + above, center + m, center - m
@@ -223,7 +217,7 @@ def _make_tables(order: int, part: range) -> list[Tables]:
     rings = (order + 2) // 2 + 1
     intervals = 2 * (rings - 1)
     z = np.cos(np.linspace(0, np.pi / 2, rings))
-    table = harmonics.legendre_columns(order, z, part.start, part.stop)
+    table = harmonics.legendre_table(order, z, part.stop - 1, part.start)
     found: list[Tables] = []
     for parity, matrix in enumerate(_transforms(order, intervals)):
         first = (part.start + parity) % 2
@@ -263,7 +257,7 @@ def is_small_cube(order: int, size: int) -> bool:
 
 
 def synthesize_octants(coefficients: Array, size: int, sampling: Sampling, dtype: type) -> Array:
-    """Values of real series, of an order that `is_small`, at the texels of a cube."""
+    """Values of real series, of an order that `is_small_cube` takes, at the texels of a cube."""
     order, maps = harmonics.order_of(len(coefficients)), coefficients.shape[1]
     kept = kept_order(order)
     key = kept, size, sampling, np.dtype(dtype)
@@ -346,8 +340,8 @@ def _octant(size: int, sampling: Sampling) -> Array:
     axis = nodes(size, sampling)[size // 2 :]
     right, down, forward = np.abs(np.moveaxis(face_axes()[::4], 1, 0))[..., None, None, :]
     points = forward + right * axis[None, :, None] + down * axis[:, None, None]
-    points = np.concatenate([points[0].reshape(-1, 3), points[1][np.tril_indices(len(axis))]])
-    return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
+    some = points[0].reshape(-1, 3), points[1][np.tril_indices(len(axis))]
+    return normalize(np.concatenate(some))
 
 
 def _fill(values: Array, result: Array) -> None:

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, slices
 from shrm_cli.sphere.cube import cube_directions
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.synthesis import synthesize_cube
 
@@ -177,12 +178,10 @@ def _downhill(gu: Array, gv: Array, uu: Array, uv: Array, vv: Array) -> Array:
 def _tangents(directions: Array) -> tuple[Array, Array]:
     """Return two unit vectors at right angles to each of (n, 3) directions and to each other."""
     helper = np.eye(3)[np.argmin(np.abs(directions), axis=-1)]
-    right = np.cross(helper, directions)
-    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    right = normalize(np.cross(helper, directions))
     return right, np.cross(directions, right)
 
 
 def _move(at: Array, right: Array, up: Array, u: Array, v: Array) -> Array:
     """Return unit directions beside `at`, `u` to the right and `v` up on the tangent plane."""
-    moved = at + u[..., None] * right + v[..., None] * up
-    return moved / np.linalg.norm(moved, axis=-1, keepdims=True)
+    return normalize(at + u[..., None] * right + v[..., None] * up)

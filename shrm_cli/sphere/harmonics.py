@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array, Memo
+from shrm_cli.arrays import Array
 
 
 def index(degree: int, m: int) -> int:
@@ -77,32 +77,19 @@ def legendre_degrees(
         before, previous = previous, current
 
 
-def legendre_table(order: int, z: ArrayLike, max_m: int | None = None) -> Array:
-    """The values of `legendre_degrees` as one array.
+def legendre_table(order: int, z: ArrayLike, max_m: int | None = None, first: int = 0) -> Array:
+    """The values of `legendre_degrees` as one array, of ``m = first .. max_m`` alone.
 
-    Returns an array of shape (max_m+1, order+1, *z.shape): ``[m, l - m, ...]``, zero where l >
-    order. The parity of ``l - m`` is the parity of the function in z.
+    Returns an array of shape (max_m+1-first, order+1-first, *z.shape): ``[m - first, l - m, ...]``,
+    zero where l > order. The parity of ``l - m`` is the parity of the function in z.
     """
-    z = np.asarray(z, dtype=float)
-    table = np.zeros(((order if max_m is None else max_m) + 1, order + 1, *z.shape))
-    for degree, values in legendre_degrees(order, z, max_m):
-        m = np.arange(len(values))
-        table[m, degree - m] = values
-    return table
-
-
-def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
-    """Some rows of `legendre_table`: those of ``m = first .. last - 1``, without the others.
-
-    `z`, of shape (n,), holds cosines of the polar angle, in [-1, 1].
-
-    Returns an array of shape (last - first, order + 1 - first, n): ``[m - first, l - m, ...]``,
-    zero where l > order; the same to the last bit as in the table.
-    """
+    last = (order if max_m is None else max_m) + 1
+    shape = last - first, order + 1 - first, *np.shape(z)
+    z = np.ravel(np.asarray(z, dtype=float))
     table = np.zeros((last - first, order + 1 - first, len(z)))
     sine = np.sqrt((1 - z) * (1 + z))
     highest = np.full(len(z), np.sqrt(1 / (4 * np.pi)))  # f_mm
-    for degree in range(last):
+    for degree in range(min(last, order + 1)):
         if degree:
             highest = np.sqrt((2 * degree + 1) / (2 * degree)) * sine * highest
         if degree >= first:
@@ -118,7 +105,7 @@ def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
         np.multiply(scale[above - 1, kept, None] * z, table[kept, above - 1], out=current)
         if above > 1:
             current -= back[above - 1, kept, None] * table[kept, above - 2]
-    return table
+    return table.reshape(shape)
 
 
 def real_harmonics(order: int, directions: ArrayLike, first: int = 0) -> Array:
@@ -167,20 +154,11 @@ def complex_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloa
     result = np.zeros((order + 1, 2 * order + 1, *tail), dtype=complex)
     degree = np.arange(order + 1)
     result[:, order] = coefficients[degree * (degree + 1)]
-    degree, m, signs = _known_orders.get(order, lambda: _positive_orders(order))
+    degree, m = (1 + each for each in np.tril_indices(order))  # of all harmonics with m > 0
+    signs = (-1.0) ** m
     center = degree * (degree + 1)
     # f = a Y_m + b Y_-m over the real basis is (a - i b)/sqrt2 over exp(i m phi).
     positive = (coefficients[center + m] - 1j * coefficients[center - m]) / np.sqrt(2)
     result[degree, order + m] = signs.reshape(-1, *[1] * len(tail)) * positive
     result[degree, order - m] = np.conj(positive)
     return result
-
-
-_known_orders = Memo(2**20)
-"""What `_positive_orders` returned. That of order 96 takes 0.1 MB."""
-
-
-def _positive_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Return l and m of all harmonics with m > 0, and the sign (-1)^m."""
-    degree, m = (1 + each for each in np.tril_indices(order))
-    return degree, m, (-1.0) ** m

@@ -11,11 +11,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, Memo
+from shrm_cli.arrays import Array
 from shrm_cli.vocabulary import Sampling
-
-_known_weights = Memo(2**20)
-"""The weights of rows, for some heights."""
 
 
 def nodes(size: int, sampling: Sampling = "center") -> Array:
@@ -41,14 +38,10 @@ def colatitude_weights(height: int, sampling: Sampling = "center") -> Array:
     for every trigonometric polynomial of degree below `height`, unlike the usual sin(theta) times
     the row's height.
 
-    Returns an array of shape (height,), read-only, whose sum is 2.
+    Returns an array of shape (height,), whose sum is 2.
 
     References: Waldvogel 2006, Fast construction of the Fejer and Clenshaw-Curtis quadrature rules.
     """
-    return _known_weights.get((height, sampling), lambda: _colatitude_weights(height, sampling))
-
-
-def _colatitude_weights(height: int, sampling: Sampling) -> Array:
     intervals = height if sampling == "center" else height - 1
     k = np.arange(intervals // 2 + 1)
     moments = 4 / (1 - 4.0 * k**2)  # twice the integrals of cos(2 k theta) sin(theta)
@@ -122,16 +115,14 @@ def scrambled(count: int) -> NDArray[np.intp]:
     return np.argsort(keys)
 
 
-def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
-    """Return what leads from values at nodes to those at other angles, cubically: (m, n).
+def interpolation_matrix(known: Array, targets: Array, odd: bool) -> Array:
+    """Return what leads from values at known angles to those at others, cubically: (m, n).
 
-    `nodes`, of shape (n,), are angles in 0 .. pi, ascending, four at least. `targets`, of shape
-    (m,), are angles in 0 .. pi. Beyond the last node the polynomial of the last four goes on. `odd`
+    `known`, of shape (n,), are angles in 0 .. pi, ascending, four at least. `targets`, of shape
+    (m,), are angles in 0 .. pi. Beyond the last one the polynomial of the last four goes on. `odd`
     tells whether the function is odd about angle 0; otherwise it is even.
     """
-    count = len(nodes)
-    mirrored = min(3, count)
-    wide = np.concatenate([-nodes[:mirrored][::-1], nodes])
+    wide = np.concatenate([-known[2::-1], known])
     first = np.clip(np.searchsorted(wide, targets) - 2, 0, len(wide) - 4)
     matrix = np.zeros((len(targets), len(wide)))
     rows = np.arange(len(targets))
@@ -142,20 +133,20 @@ def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:
                 near, far = wide[first + i], wide[first + j]
                 weight *= (targets - far) / (near - far)
         matrix[rows, first + i] += weight
-    folded = matrix[:, mirrored:].copy()
-    folded[:, :mirrored] += (-1 if odd else 1) * matrix[:, :mirrored][:, ::-1]
+    folded = matrix[:, 3:].copy()
+    folded[:, :3] += (-1 if odd else 1) * matrix[:, 2::-1]
     return folded
 
 
-def linear_matrix(nodes: Array, targets: Array) -> Array:
-    """Return the matrix of linear interpolation between even nodes, clamped: shape (m, n).
+def linear_matrix(known: Array, targets: Array) -> Array:
+    """Return the matrix of linear interpolation between even places, clamped: shape (m, n).
 
-    `nodes`, of shape (n,), are evenly spaced, ascending, two at least. `targets` are of shape (m,).
+    `known`, of shape (n,), are evenly spaced, ascending, two at least. `targets` are of shape (m,).
     """
-    position = (targets - nodes[0]) / (nodes[1] - nodes[0])
-    position = np.clip(position, 0, len(nodes) - 1)
-    low = np.minimum(position.astype(np.intp), len(nodes) - 2)
-    matrix = np.zeros((len(targets), len(nodes)))
+    position = (targets - known[0]) / (known[1] - known[0])
+    position = np.clip(position, 0, len(known) - 1)
+    low = np.minimum(position.astype(np.intp), len(known) - 2)
+    matrix = np.zeros((len(targets), len(known)))
     rows = np.arange(len(targets))
     matrix[rows, low] = 1 - (position - low)
     matrix[rows, low + 1] += position - low

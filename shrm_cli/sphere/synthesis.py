@@ -35,9 +35,11 @@ from shrm_cli.vocabulary import FACES, Sampling
 X_POLAR = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Rows: the world axes y, z, x, which are x', y' and the polar z' of the turned series."""
 
-# Quadrant q holds the points (1, s, t), s and t in [-1, 1], turned by q * 90 degrees about the
-# polar axis. Each row is a quadrant, the face that it is, whether the face's rows go down as s
-# falls, and whether its columns go right as t falls.
+Quadrants = tuple[tuple[int, str, bool, bool], ...]
+"""Quadrant q holds the points (1, s, t), s and t in [-1, 1], turned by q * 90 degrees about the
+polar axis. Each row is a quadrant, the face that it is, whether the face's rows go down as s falls,
+and whether its columns go right as t falls."""
+
 ALONG_Z = ((0, "+X", True, False), (2, "-X", False, True))
 ALONG_X = (
     (0, "+Y", True, False),
@@ -164,10 +166,7 @@ def _rows_at_once(series_bytes: int, count: int, half: int) -> int:
     return max(1, min(_CACHED_BYTES // values, _BLOCK_BYTES // waves))
 
 
-def _store_rows(
-    even: Array, odd: Array, faces: tuple[tuple[int, str, bool, bool], ...], start: int,
-    result: Array,
-) -> None:  # fmt: skip
+def _store_rows(even: Array, odd: Array, faces: Quadrants, start: int, result: Array) -> None:
     """Add symmetric and antisymmetric parts, and their mirror images, into the rows of faces."""
     maps, size = len(result), result.shape[-1]
     half = even.shape[-1]
@@ -301,10 +300,7 @@ class CubeIntegral:
         return along_z + transform_coefficients(along_x, X_POLAR.T)
 
 
-def _gather_faces(
-    values: Mapping[str, Array], faces: tuple[tuple[int, str, bool, bool], ...], s: Array,
-    order: int,
-) -> Array:  # fmt: skip
+def _gather_faces(values: Mapping[str, Array], faces: Quadrants, s: Array, order: int) -> Array:
     """Moments, shape (2, order+1, order+1, maps), of values: the transpose of `_fill_faces`."""
     maps, size, count = len(values[faces[0][1]]), len(s), order + 1
     half = s[size // 2 :]

@@ -55,9 +55,8 @@ class Plan:
     the mesh reflects in bounces in place of `albedo`. Its order is at least `order`, and matrices
     are needed. `glossy` tells whether matrices are baked besides the vectors. `tangents`, of shape
     (v, 3), are the x axes of the vertices' frames, unit vectors at right angles to the normals;
-    horizontal by default. `texture` is the number of texels along the edge of a texture for which
-    is baked, in place of the
-    vertices.
+    horizontal by default. `texture` is the number of texels along the edge of a texture whose
+    texels are baked in place of the vertices.
     """
 
     mesh: "Mesh"

@@ -241,7 +241,7 @@ def test_a_measured_file_that_changed_is_another_brdf(probe, tmp_path):
     save_table(0.5)
     entry = entry_of(probe, brdfs=("./t.npz",), to=("shrm",))
     assert list(statuses(records_of(entry)).values()) == ["made"]
-    work._materials.clear()
+    work._material.cache_clear()
     table.unlink()
     save_table(0.6)
     assert list(statuses(records_of(entry)).values()) == ["made"]

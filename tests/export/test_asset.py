@@ -84,18 +84,19 @@ def test_a_glb_gets_the_light_of_a_gltf(probe, tmp_path):
 
 
 def separate(folder):
-    """A .gltf with two buffers in files, a picture, and an extension that nobody knows."""
+    """A .gltf with buffers and a picture in files, and an extension that nobody knows."""
     tree, chunk = parts(ball_file(0.5, 0.3, rows=8))
     cut = tree["bufferViews"][1]["byteOffset"]
     (folder / "points.bin").write_bytes(chunk[:cut])
     (folder / "its corners.bin").write_bytes(chunk[cut:])
-    (folder / "a b.png").write_bytes(PNG)
+    (folder / "textures").mkdir()
+    (folder / "textures" / "a b.png").write_bytes(PNG)
     tree["buffers"] = [
         {"uri": "points.bin", "byteLength": cut},
         {"uri": "its%20corners.bin", "byteLength": len(chunk) - cut},
     ]
     tree["bufferViews"][1].update(buffer=1, byteOffset=0, target=34963)
-    tree["images"] = [{"uri": "a%20b.png", "name": "paint"}]
+    tree["images"] = [{"uri": "textures/a%20b.png", "name": "paint"}]
     tree["extensionsUsed"] = ["VENDOR_unknown"]
     tree["scenes"].append({"extensions": {"VENDOR_unknown": {"x": 1}}})
     (folder / "ball.gltf").write_text(json.dumps(tree))
@@ -141,10 +142,16 @@ def changed(change):
     return apply
 
 
+def linked(path):
+    path.unlink()
+    path.symlink_to("/etc/hostname")
+
+
 REFUSED = {
     "no scene": (lambda tree, _: tree.pop("scenes"), "no scene"),
-    "elsewhere": (lambda tree, _: tree["images"][0].update(uri="../a.png"), "own folder"),
-    "a picture is missing": (lambda _, folder: (folder / "a b.png").unlink(), "is missing"),
+    "elsewhere": (lambda tree, _: tree["images"][0].update(uri="../a.png"), "in its folder"),
+    "a link": (lambda _, folder: linked(folder / "points.bin"), "in its folder"),
+    "a picture is missing": (lambda _, at: (at / "textures/a b.png").unlink(), "is missing"),
     "another picture": (lambda tree, _: tree["images"][0].update(uri="a.tga"), "no PNG"),
     "compressed": (lambda tree, _: tree.update(extensionsUsed=["EXT_meshopt_compression"]), "comp"),
     "a view beyond": (lambda tree, _: tree["bufferViews"][0].update(byteLength=10**6), "beyond"),

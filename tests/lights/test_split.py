@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.pixels import SpherePixels
 from shrm_cli.lights.split import prove, split_lamps
 from shrm_cli.probe import resample
@@ -265,3 +266,15 @@ def test_large_probes_are_searched_in_means(monkeypatch):
     np.testing.assert_allclose(split.lamps[0].irradiance, fine.lamps[0].irradiance, rtol=0.01)
     assert split.proof.rms < 2e-3
     np.testing.assert_allclose(split.residual, rooms.bare("latlong"), atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("sun_radius", each) for each in (0.0, -1.0, 91.0, np.nan)),
+        ("error", np.nan), ("error", -0.1), ("count", -1), ("largest", np.nan),
+    ],
+)  # fmt: skip
+def test_numbers_that_cannot_be_are_refused(name, value):
+    with pytest.raises(ArgumentError, match=f"`{name}` is .*; give"):
+        split_lamps(np.ones((8, 16, 3)), **{name: value})

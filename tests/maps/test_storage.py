@@ -8,7 +8,7 @@ import pytest
 
 from shrm_cli.errors import OutputError
 from shrm_cli.files.image import write_images
-from shrm_cli.files.parts import choose_storage
+from shrm_cli.files.parts import Part, choose_storage, prepared
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.size import total_error
 from shrm_cli.maps.stored import store
@@ -57,8 +57,9 @@ def test_what_is_allowed():
     plane = np.linspace(0, 1, 5000).reshape(50, 100) * 1e-6
     error = np.linalg.norm(plane.astype(np.float16) - plane) / np.linalg.norm(plane)
     assert 0.02 < error < 0.05
-    kinds = [choose_storage("a.exr", [plane], "auto", 2 * f * error).pixel_type for f in (0.4, 0.6)]
-    assert kinds == ["float", "half"]
+    for share, kind in ((0.8, "float"), (1.2, "half")):
+        stored, _ = prepared("a.exr", [Part({"R": plane})], "auto", share * error)
+        assert stored.pixel_type == kind
     stored = choose_storage("a.exr", [plane], "half")
     assert stored.error == pytest.approx(error)
     assert choose_storage("a.exr", [plane], "float").error == 0

@@ -1,6 +1,6 @@
 """What any BRDF reflects of a white, uniform environment: its directional albedo."""
 
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,7 +43,6 @@ def half_vectors(alpha: float, view: Array, count: int) -> tuple[Array, Array, A
     return x, measure, np.arccos(np.clip(limit, -1.0, 1.0))
 
 
-@lru_cache
 def unit_rule(count: int) -> tuple[Array, Array]:
     """Nodes and weights of Gauss and Legendre's rule on 0 .. 1."""
     nodes, weights = gauss_legendre(count)

@@ -129,7 +129,7 @@ class Table(MeasuredBrdf):
     def evaluate(self, light: Array, view: Array) -> Array:
         value = self._interpolate(self._angles(light, view))
         value = value.astype(np.result_type(light, view), copy=False)
-        if self.has_horizon or not self.includes_cosine:
+        if cuts_horizon(self):
             value = value * ((light[..., 2] > 0) & (view[..., 2] > 0))[..., None]
         return np.broadcast_to(value, (*value.shape[:-1], 3))
 
@@ -265,7 +265,7 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
     if suffix == ".npz":
         _write_npz(path, table)
     elif suffix == ".exr":
-        _write_exr(path, table)
+        write_parts(path, [table_part(table)], "float")
     else:
         raise OutputError(f"{path}: a table is written as {' or '.join(TABLE_SUFFIXES)}")
 
@@ -274,18 +274,10 @@ def is_table(path: str | os.PathLike[str]) -> bool:
     """Tell whether a file is an OpenEXR image or a .npz that holds a table of a BRDF."""
     if not os.path.isfile(path):
         return False
-    try:
-        if zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as archive:
-                return {f"{name}.npy" for name in ("values", *AXES)} <= set(archive.namelist())
-    except (OSError, zipfile.BadZipFile, NotImplementedError):
-        return False
+    if npz.holds(path, {"values", *AXES}):
+        return True
     found = peek(path)
     return found is not None and bool(found.first.text(ATTRIBUTE))
-
-
-def _write_exr(path: str | os.PathLike[str], table: Table) -> None:
-    write_parts(path, [table_part(table)], "float")
 
 
 def table_part(table: Table, scale: float = 1.0) -> Part:

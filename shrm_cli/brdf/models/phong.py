@@ -4,6 +4,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Parameter, grey
+from shrm_cli.brdf.vectors import power
 
 
 class Phong(Brdf):
@@ -25,7 +26,4 @@ class Phong(Brdf):
         cosine = light[..., 2] * view[..., 2]
         cosine = cosine - light[..., 0] * view[..., 0] - light[..., 1] * view[..., 1]
         exponent = self.number("exponent")
-        # Where the lobe underflows, exp and log are several times faster than a power.
-        logarithm = np.log(np.clip(cosine, np.finfo(cosine.dtype).tiny, 1.0))
-        lobe = np.where(cosine > 0, np.exp(exponent * logarithm), 0)
-        return grey((exponent + 1) / (2 * np.pi) * lobe)
+        return grey((exponent + 1) / (2 * np.pi) * power(np.minimum(cosine, 1.0), exponent))

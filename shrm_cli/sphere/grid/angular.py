@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.sphere.cube import face_axes, right_angles, texel_index, texel_scale, turned_face
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, WholeImageAnalysis
 from shrm_cli.sphere.harmonics import index, legendre_degrees
 from shrm_cli.sphere.quadrature import nodes
@@ -101,8 +102,7 @@ def angular_points(across: ArrayLike, down: ArrayLike) -> Array:
     radius = np.minimum(np.hypot(across, down), 1.0)
     # sin(pi r) / r, continued to pi at the center.
     ratio = np.pi * np.sinc(radius)
-    directions = np.stack([-ratio * across, -ratio * down, np.cos(radius * np.pi)], axis=-1)
-    return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    return normalize(np.stack([-ratio * across, -ratio * down, np.cos(radius * np.pi)], axis=-1))
 
 
 def angular_coordinates(directions: ArrayLike) -> tuple[Array, Array]:

@@ -46,7 +46,7 @@ class Walk:
     of it that is the walk's noise, relative to the RMS of what the walk finds, shape (6,)."""
 
 
-def compared(brdf: Brdf, paths: int, seed: int = 1) -> Walk:
+def compared(brdf: Brdf, paths: int) -> Walk:
     """Compare a coated BRDF with the walk.
 
     `paths` is their number for each of 512 lights, which are spread by the cosine, at each of
@@ -54,7 +54,7 @@ def compared(brdf: Brdf, paths: int, seed: int = 1) -> Walk:
     """
     if not isinstance(brdf, Coated) or brdf.number("weight") != 1 or "film" in brdf.values:
         raise BrdfError(f"{brdf!r}: the walk is for coated:base=(...) without weight and film")
-    light = _spread(np.random.default_rng(seed), _LIGHTS)
+    light = _spread(np.random.default_rng(1), _LIGHTS)
     lit = light[:, 2:]
     widths = [max(each.alphas) for _, each in flat_terms([(1, brdf.base)]) if isinstance(each, Ggx)]
     below = [(share, each) for share, each in brdf.terms if not isinstance(each, CoatLobe)]
@@ -64,7 +64,7 @@ def compared(brdf: Brdf, paths: int, seed: int = 1) -> Walk:
         found = added([share * each.evaluate(light, view) for share, each in below])
         true, error = coated(
             brdf.base, light, view, brdf.number("roughness") ** 2, brdf.number("ior"),
-            brdf.color("color"), paths, min(widths, default=_BASE_ALPHA), seed + degrees,
+            brdf.color("color"), paths, min(widths, default=_BASE_ALPHA), 1 + degrees,
         )  # fmt: skip
         # Lights by the cosine have the weight pi / (cosine n) each, times the cosine.
         means = [np.pi * each.mean(axis=0) for each in (found, true)]
