@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, Memo, kept_order
 from shrm_cli.records import record
-from shrm_cli.sphere.harmonics import degrees, order_of
+from shrm_cli.sphere.harmonics import degrees, degrees_and_orders, order_of
 from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_degrees, shared_order
 
 _REPEATED_ORDER = 64
@@ -59,10 +59,12 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
     `matrix`, of shape (3, 3), is the orthogonal matrix M: a rotation, or a rotation with a
     mirroring.
     """
-    source = np.asarray(coefficients, dtype=float)
-    result = np.empty((*source.shape, 1))
-    _turn_into_frames(source[..., None], np.asarray(matrix, dtype=float)[None], result)
-    return result[..., 0]
+    source, matrix = np.asarray(coefficients, dtype=float), np.asarray(matrix, dtype=float)
+    flat = source.reshape(len(source), -1)
+    if np.linalg.det(matrix) < 0:
+        matrix = matrix * [1.0, -1.0, 1.0]
+        flat = flat * np.where(_is_sine(len(flat)), -1.0, 1.0)[:, None]
+    return _turned_once(flat, euler_zyz(matrix)).reshape(source.shape)
 
 
 def rotated_again(coefficients: Array, rotation: Array) -> Array:
@@ -210,6 +212,39 @@ def _is_sine(count: int) -> NDArray[np.bool_]:
     """Tell which of so many harmonics have m < 0, and so a sine of the longitude."""
     degree = degrees(order_of(count))
     return np.asarray(np.arange(count) < degree * (degree + 1))
+
+
+def _turned_once(flat: Array, angles: tuple[Array, Array, Array]) -> Array:
+    """Return functions, shape ((order+1)^2, maps), carried along by one rotation.
+
+    It is what `_turn_zyz` does, to the last bit, for a single point. Turns about z take all degrees
+    at once here, because those of single degrees are too small to be worth a call each.
+    """
+    order = order_of(len(flat))
+    alpha, beta, gamma = angles
+    degree, m = _known_indices.get(order, lambda: degrees_and_orders(order))
+    mirrored = degree * (degree + 1) - m
+
+    def turned(values: Array, angle: Array) -> Array:
+        phase = np.arange(order + 1) * angle
+        cosine, sine = np.cos(phase)[np.abs(m)], (np.sign(m) * np.sin(phase)[np.abs(m)])
+        return cosine[:, None] * values - sine[:, None] * values[mirrored]
+
+    def product(values: Array, is_back: bool) -> Array:
+        result = np.empty_like(values)
+        for each, quarter_turn in enumerate(_quarter_turns(order)):
+            rows = slice(each**2, (each + 1) ** 2)
+            result[rows] = quarter_turn.applied(values[rows], is_back)
+        return result
+
+    if beta == np.pi / 2:
+        return turned(product(turned(flat, gamma), False), alpha)
+    flat = product(turned(flat, gamma + np.pi / 2), False)
+    return turned(product(turned(flat, beta), True), alpha - np.pi / 2)
+
+
+_known_indices = Memo(2**20)
+"""Degrees and orders; those up to degree 128 take a quarter of a megabyte."""
 
 
 def _turn_zyz(
