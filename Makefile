@@ -51,7 +51,7 @@ help:
 	@echo 'make prove     the proofs that take long, which make test leaves out'
 	@echo 'make web       test pages and exports in Chromium and in engines, all of which it sets up'
 	@echo 'make browser   a page that prefilters a panorama without a server, in build/browser'
-	@echo 'make torch     test gradients, with PyTorch, which it installs'
+	@echo 'make torch     test gradients, with PyTorch, which it installs: up to 5 GB (see TORCH)'
 	@echo 'make blender   test the extension and exports in Blender, which it installs as a module'
 	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
