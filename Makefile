@@ -145,7 +145,8 @@ torch: $(VENV)/.torch
 
 # Blender as a module, in an environment of its own: it takes one version of Python.
 $(VENV)-blender/.made:
-	$(BLENDER_PYTHON) -m venv $(VENV)-blender
+	@$(BLENDER_PYTHON) -m venv $(VENV)-blender || \
+	  { echo 'The wheels of bpy need this version of Python; name it: make blender BLENDER_PYTHON=PATH'; exit 1; }
 	$(VENV)-blender/bin/python -m pip install --quiet --disable-pip-version-check bpy
 	@touch $@
 
