@@ -80,7 +80,7 @@ def test_what_is_no_panorama_is_refused(watched, built, tmp_path):
     good = tmp_path / "good.hdr"
     scenes.write(good, proofs.made_probe(32).image())
     for name, data, said in (
-        ("light.hdr", b"#?RADIANCE\n", "no format specifier found"),
+        ("light.hdr", b"#?RADIANCE\n", "Bad File Format: missing format specifier"),
         ("light.exr", b"hello", "Provided file doesn't appear to be in OpenEXR format."),
         ("light.png", b"hello", "it is no .hdr or .exr file"),
     ):
