@@ -69,9 +69,9 @@ def _paragraph(text: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Return text for Markdown, in whose tables, too, it means itself."""
-    spans = re.split(r"(`[^`]*`)", " ".join(text.split()))
+    """Return text for Markdown, in whose tables, too, it means itself; options become code."""
+    spans = re.split(r"(`[^`]*`|(?<![\w-])--[a-z][\w-]*)", " ".join(text.split()))
     for i in range(0, len(spans), 2):
         spans[i] = re.sub(r"([*_|\[\]$~])", r"\\\1", spans[i])
         spans[i] = spans[i].replace("<", "&lt;").replace(">", "&gt;")
-    return "".join(spans)
+    return "".join(f"`{each}`" if each.startswith("--") else each for each in spans)

@@ -41,8 +41,9 @@ def test_every_option_of_a_command_is_on_its_page(name):
 
 
 def test_text_of_help_means_itself_in_markdown():
-    """A product of terms is no emphasis, and no cell of a table ends within a line."""
+    """A product of terms is no emphasis, options are code, and no cell ends within a line."""
     assert r"0.5\*lambertian+0.5\*ggx" in PAGES["prefilter"]
+    assert "\nWith `--eps` it is an SHRM" in PAGES["prefilter"]
     for text in PAGES.values():
         for line in re.findall(r"^\| `-.*$", text, re.M):
             outside = re.sub(r"`[^`]*`|\\\|", "", line)
