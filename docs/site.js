@@ -10,7 +10,7 @@ document.addEventListener("DOMContentLoaded", () => {
     });
   }
   // Short code, such as an option, is not broken behind its hyphens.
-  for (const each of document.querySelectorAll(".md-typeset :not(pre) > code")) {
+  for (const each of document.querySelectorAll(".md-typeset :not(pre, td) > code")) {
     if (each.textContent.length <= 24) each.style.whiteSpace = "nowrap";
   }
 });
