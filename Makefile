@@ -43,7 +43,7 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test prove web torch blender site figures gallery .web-setup engines browser fuzz mutants bench tables survey scale taps probes batch clean distclean
+.PHONY: help install demo test prove web torch blender site man figures gallery .web-setup engines browser fuzz mutants bench tables survey scale taps probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
@@ -51,7 +51,7 @@ help:
 	@echo 'make prove     the proofs that take long, which make test leaves out'
 	@echo 'make web       test pages and exports in Chromium and in engines, all of which it sets up'
 	@echo 'make browser   a page that prefilters a panorama without a server, in build/browser'
-	@echo 'make torch     test gradients, with PyTorch, which it installs'
+	@echo 'make torch     test gradients, with PyTorch, which it installs: up to 5 GB (see TORCH)'
 	@echo 'make blender   test the extension and exports in Blender, which it installs as a module'
 	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
@@ -61,7 +61,8 @@ help:
 	@echo 'make survey    MEASURED="...": what all BRDFs cost, into build/paper/'
 	@echo 'make scale     what batches take and what limits them, into build/paper/'
 	@echo 'make taps      fit the look-ups of brushed GGX anew'
-	@echo 'make site      the pages of docs/, the reference, man pages and completion, into build/site/'
+	@echo 'make site      the pages of docs/ and the reference, into build/site/; needs npm'
+	@echo 'make man       man pages, and what shells complete by, into build/man/'
 	@echo 'make figures   the figures of the theory, into docs/figures/'
 	@echo 'make gallery   forms beside the truth, with bytes and errors, which the site then shows'
 	@echo 'make probes    fetch real probes into probes/real (Debian and Ubuntu)'
@@ -79,7 +80,7 @@ COMPILE = $(BIN)/python -m compileall -q shrm_cli || true
 $(VENV)/.made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo 'shrm needs Python 3.11 or newer; name one: make PYTHON=python3.12'; exit 1; }
-	$(PYTHON) -m venv $(VENV) || \
+	@$(PYTHON) -m venv $(VENV) || \
 	  { echo 'No venv module; on Debian and Ubuntu: apt install python3-venv'; exit 1; }
 	@touch $@
 
@@ -144,7 +145,8 @@ torch: $(VENV)/.torch
 
 # Blender as a module, in an environment of its own: it takes one version of Python.
 $(VENV)-blender/.made:
-	$(BLENDER_PYTHON) -m venv $(VENV)-blender
+	@$(BLENDER_PYTHON) -m venv $(VENV)-blender || \
+	  { echo 'The wheels of bpy need this version of Python; name it: make blender BLENDER_PYTHON=PATH'; exit 1; }
 	$(VENV)-blender/bin/python -m pip install --quiet --disable-pip-version-check bpy
 	@touch $@
 
@@ -154,9 +156,10 @@ blender: $(VENV)/.dev $(VENV)-blender/.made
 engines: .web-setup $(VENV)/.web
 	$(BIN)/python -m tests.web.table $(if $(PROBE),'$(PROBE)') -o build/engines
 
-# examples/browser with all that it needs, for any web server.
-browser: .web-setup
-	$(BIN)/python examples/browser/build.py tests/web/node_modules build/browser
+# examples/browser with all that it needs, for any web server. No browser takes part.
+browser: $(VENV)/.made
+	@$(BIN)/python -B -m tests.web.install --packages
+	@$(BIN)/python -B examples/browser/build.py tests/web/node_modules build/browser
 
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) $(FUZZ_FLAGS)
@@ -199,9 +202,12 @@ $(VENV)/.site: $(VENV)/.installed tests/site/package-lock.json
 	@touch $@
 
 site: $(VENV)/.site
-	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
-	$(BIN)/python -m tests.site.reference build/man
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 	@echo "The site is in build/site/: $(BIN)/python -m http.server -d build/site"
+
+man: $(VENV)/.installed
+	@$(BIN)/python -m tests.site.manual build/man
+	@echo "The manual is in build/man/: man -l build/man/shrm.1"
 
 figures: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plots]'

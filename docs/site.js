@@ -9,4 +9,8 @@ document.addEventListener("DOMContentLoaded", () => {
       throwOnError: true,
     });
   }
+  // Short code, such as an option, is not broken behind its hyphens.
+  for (const each of document.querySelectorAll(".md-typeset :not(pre, td) > code")) {
+    if (each.textContent.length <= 24) each.style.whiteSpace = "nowrap";
+  }
 });

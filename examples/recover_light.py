@@ -25,6 +25,8 @@ from shrm_cli.render.image import expose, suitable_exposure
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.latlong import latlong_directions
 
+# The arrays are small: on a machine that is busy a second thread makes it take ten times as long.
+torch.set_num_threads(1)
 ROOT = Path(__file__).resolve().parents[1]
 SIZE, ROUGHNESS, F0 = 56, 0.4, (0.06, 0.06, 0.06)
 ORDER, WHOLE, HEIGHT, STEPS = 28, 24, 32, 600

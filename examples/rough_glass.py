@@ -46,8 +46,10 @@ class RoughGlass(Brdf):
     def evaluate(self, light: Array, view: Array) -> Array:
         """Return the lobe, for light that is as far from the mirror direction as from T."""
         cosine = view[..., 2]
-        sine = np.sqrt(np.maximum(1 - cosine**2, 1e-12))
-        east, north = view[..., 0] / sine, view[..., 1] / sine
+        sine = np.maximum(np.hypot(view[..., 0], view[..., 1]), 1e-6)
+        # A view along the normal has any azimuth; 0 is taken.
+        east = np.where(sine > 1e-6, view[..., 0] / sine, 1.0)
+        north = np.where(sine > 1e-6, view[..., 1] / sine, 0.0)
         x, y, z = np.broadcast_arrays(*np.moveaxis(light, -1, 0), cosine)[:3]
         # Light in the frame of the mirror direction, whose x axis points to the view.
         along = east * x + north * y

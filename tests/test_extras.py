@@ -1,6 +1,8 @@
 """What messages and pages tell to install: the packages themselves, as one table words them."""
 
+import importlib.util
 import re
+import sys
 import tomllib
 
 import pytest
@@ -110,3 +112,10 @@ def test_commands_are_found(text, commands):
     assert list(told(text)) == commands
     known = {"pip install trimesh embreex", "pip install -e .[mesh]"}
     assert [is_known(each) for each in commands] == [each in known for each in commands]
+
+
+def test_gradients_without_torch_say_what_to_install(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    monkeypatch.delitem(sys.modules, "shrm_cli.torch", raising=False)
+    with pytest.raises(ImportError, match=f"the package torch; {extras.install('torch')}$"):
+        importlib.import_module("shrm_cli.torch")

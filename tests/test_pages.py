@@ -75,6 +75,17 @@ def test_five_minutes(tmp_path, monkeypatch):
     assert (tmp_path / "gold.html").exists()
 
 
+def test_the_first_lines_of_the_readme_print_what_it_says(tmp_path, monkeypatch):
+    """What compression saves is the only number that another processor may change."""
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "README.md").read_text()
+    first = re.search(r"^    shrm probe sky.*?\n\n", text, re.M | re.S)[0]
+    said = [process(*shlex.split(line)[1:]).out for line in joined(first)[:2]]
+    told = re.search(r"^    (lacquer\.shrm\.exr: .*?)\n\n", text, re.M | re.S)[1]
+    told, made = (re.sub(r"[\d,]+ bytes", "", each).split() for each in (told, said[1]))
+    assert told == made
+
+
 @pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")
 def test_python_of_researchers(monkeypatch, capsys):
     monkeypatch.chdir(ROOT)

@@ -118,6 +118,12 @@ def test_chromium_and_the_engines_are_installed_once(machine, request, who):
     assert machine.calls() == []
 
 
+def test_the_packages_alone_take_no_browser(machine, root):
+    machine.has(npm=NPM, node=NODE, apt_get=APT)
+    install.main("--packages")
+    assert machine.calls() == ["npm ci --ignore-scripts --no-audit --no-fund"]
+
+
 def test_another_lock_installs_the_engines_again(machine):
     machine.has(npm="rm -rf node_modules; " + NPM, node=NODE, google_chrome="")
     install.main()
@@ -179,3 +185,12 @@ def test_make_sets_up_first(tmp_path, target):
         assert installed == [".[dev]", ".[web-test]"][2 * times :]
         run = {"web": "1 -m pytest tests/web", "engines": " -m tests.web.table"}
         assert last.startswith(run[target])
+
+
+def test_make_browser_installs_no_browser(tmp_path):
+    project = Project(tmp_path)
+    project.write(".venv/bin/python", '#!/bin/sh\necho "$*" >>calls\n')
+    project.folder.joinpath(".venv", "bin", "python").chmod(0o755)
+    said = project.make("browser")
+    assert (said.returncode, said.stdout, said.stderr) == (0, "", "")
+    assert "-B -m tests.web.install --packages" in project.calls()

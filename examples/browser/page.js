@@ -20,6 +20,7 @@ function read(name, buffer) {
       image.set(data.subarray(y * row, (y + 1) * row), (height - 1 - y) * row);
     return { image, width, height };
   }
+  if (!/\.(hdr|pic)$/i.test(name)) throw new Error('it is no .hdr or .exr file');
   const { data, width, height } = new HDRLoader().setDataType(FloatType).parse(buffer);
   // Radiance's format divides mantissas by 256, and this loader divides them by 255.
   for (let i = 0; i < data.length; i++) data[i] *= 255 / 256;
@@ -66,6 +67,7 @@ function clear() {
 async function open(file) {
   clear();
   probe = null;
+  id('preview').hidden = true;
   try {
     const found = read(file.name, await file.arrayBuffer());
     if (found.width * found.height > MOST_PIXELS) throw new Error('it has more than 8192 x 4096 pixels');
@@ -73,7 +75,7 @@ async function open(file) {
     probe = { name: file.name, ...found };
     update(isReady ? `${file.name}: ${found.width} x ${found.height}` : undefined);
   } catch (error) {
-    fail(`${file.name}: ${error.message ?? error}`);
+    fail(`${file.name}: ${String(error.message ?? error).replace(/^THREE\.\w+: /, '')}`);
   }
 }
 

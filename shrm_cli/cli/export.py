@@ -111,7 +111,7 @@ def export(
 
     \b
       shrm export probe.exr --for bevy
-      shrm export probe.exr --for filament --format rgba16f -o assets/light
+      shrm export probe.exr --for filament --format rgba16f -o light
       shrm export probe.exr --for three --for filament -o assets
       shrm export probe.exr --for gltf --into chair.glb
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament

@@ -31,6 +31,8 @@ _OWN_BRDFS = listing(
 _PRINTED_WITH = {"textures": "shader", "anisotropy": "shader", "taps": "anisotropy"}
 """Which option each option of more output needs."""
 _PRINTS = [name for name, each in all_options(registry.descriptions()).items() if each.prints]
+_SEEING = {vocabulary.AUTO, *vocabulary.AUTO_FORMS} - {vocabulary.EXPANDED}
+"""The forms that are made by what is seen, and say themselves what they do not keep."""
 _OWN_OPTIONS = {
     f"Options of --to {listing(names, 'and')}": [option.name for option in own]
     for names, own in own_options(registry.descriptions())
@@ -148,7 +150,7 @@ def prefilter(
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     remarks: Sequence[str] = made.warnings
-    share = summary.get("predicted_wrong_share") if to == vocabulary.EXPANDED else None
+    share = summary.get("predicted_wrong_share") if to not in _SEEING else None
     if share is not None and share > policy.WRONG_SHARE:
         instead = _made_by_default(given, source) if has_terminal() else None
         remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error, instead)

@@ -133,7 +133,7 @@ class Comparison:
                 error = np.abs(other - self.baseline[k]) * np.float32(amplification)
                 tiles += [expose(other, exposure), expose(error, exposure)]
                 share = 100 * self.difference(index, k).relative_rmse
-                labels += [name, f"{share:.3g}% difference{amplified}"]
+                labels += [name, f"{share:.3g}% apart{amplified}"]
         return draw_sheet(comparison_layout(many, views, size), tiles, labels)
 
 

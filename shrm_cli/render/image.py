@@ -13,9 +13,9 @@ _BRIGHT, _SHOWN_AS = 0.75, 0.4
 _MOST_STOPS = 30.0
 _LARGEST = 32.0
 """The largest exposure that commands take."""
-_WHITE, _BLACK = 0.05, 0.95
+_WHITE, _BLACK = 0.1, 0.95
 """A picture of which no more than this share of what is lit is below 1 is all but white; one of
-which this share is below `_SEEN` is all but black."""
+which this share is below `_SEEN` is all but black. The dim rim of a small ball has 7 % of it."""
 _SEEN = 0.003
 """Ten of the 255 steps of sRGB."""
 

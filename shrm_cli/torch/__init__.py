@@ -10,6 +10,13 @@ they are given: pixels, coefficients, roughness. docs/torch.md shows how they ar
     cubes = levels(project(image), roughness)
 """
 
+import importlib.util
+
+from shrm_cli.extras import install
+
+if importlib.util.find_spec("torch") is None:
+    raise ImportError(f"gradients need the package torch; {install('torch')}", name="torch")
+
 from shrm_cli.torch.exponential import Exponential
 from shrm_cli.torch.light import GgxMultipliers, Irradiance, SplitSumLevels, SplitSumRadiance
 from shrm_cli.torch.principal import PrincipalLobe, principal_lobes

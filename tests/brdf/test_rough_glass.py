@@ -41,3 +41,12 @@ def test_the_lobe_is_that_of_walter_about_the_refracted_direction(mitsuba, rng):
     brdf = parse_spec(f"{PATH}:RoughGlass:roughness=0.6,ior=1.4")
     np.testing.assert_allclose(brdf.transfer(light, view), expected, rtol=2e-3, atol=1e-4)
     assert expected.max() > 0.5
+
+
+def test_a_view_along_the_normal_sees_what_views_beside_it_see(rng):
+    brdf = parse_spec(f"{PATH}:RoughGlass:roughness=0.4")
+    lights = unit(rng, 500)
+    beside = np.array([1e-5, 0.0, np.sqrt(1 - 1e-10)])
+    found, expected = (brdf.transfer(lights, view) for view in (np.array([0.0, 0, 1]), beside))
+    assert expected.max() > 1
+    np.testing.assert_allclose(found, expected, rtol=1e-2, atol=1e-3)

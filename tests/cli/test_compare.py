@@ -292,7 +292,7 @@ def test_the_table_fits_into_a_hundred_columns(folder):
 
 
 def test_picture_has_a_row_for_each_view(folder):
-    options = ["--size", 32, "--view", "0,0", "--view", "90,5", "--exposure", 1, "--amplify", 3]
+    options = ["--size", 32, "--view", "0,0", "--view", "90,5", "--exposure", -1, "--amplify", 3]
     out = done("compare", "fine.map.exr", "coarse.map.exr", *options)
     assert out.splitlines()[-1] == "compare.png: 104 x 110, 8-bit sRGB"
     out = done("compare", "fine.map.exr", "coarse.map.exr", *options, "-o", "c.exr")
@@ -304,9 +304,9 @@ def test_picture_has_a_row_for_each_view(folder):
     for row, view in [(2, (0, 0)), (56, (90, 5))]:
         tiles = [linear[row : row + 32, left : left + 32] for left in (2, 36, 70)]
         first, second = (render_sphere(each, Viewer(*view), 32) for each in (fine, coarse))
-        np.testing.assert_allclose(tiles[0], 2 * first, rtol=2e-3, atol=1e-3)
-        np.testing.assert_allclose(tiles[1], 2 * second, rtol=2e-3, atol=1e-3)
-        np.testing.assert_allclose(tiles[2], 6 * np.abs(second - first), rtol=2e-3, atol=1e-3)
+        np.testing.assert_allclose(tiles[0], first / 2, rtol=2e-3, atol=1e-3)
+        np.testing.assert_allclose(tiles[1], second / 2, rtol=2e-3, atol=1e-3)
+        np.testing.assert_allclose(tiles[2], 1.5 * np.abs(second - first), rtol=2e-3, atol=1e-3)
         assert linear[row + 32 : row + 52].max() > 0.5  # labels
 
 

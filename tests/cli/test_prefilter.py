@@ -342,9 +342,13 @@ def test_json_is_alone_on_stdout_with_stable_keys(folder):
 
 
 @pytest.mark.parametrize(
-    "asked", [("--eps", "0.3"), ("--to", "shrm", "--max-size", "30kB"), ("--order-f", "2")]
-)
-def test_one_line_says_how_wrong_the_picture_of_a_forced_shrm_is(folder, asked):
+    "asked",
+    [
+        ("--eps", "0.3"), ("--to", "shrm", "--max-size", "30kB"), ("--order-f", "2"),
+        ("--to", "cabral", "-o", NAME),
+    ],
+)  # fmt: skip
+def test_one_line_says_how_wrong_the_picture_of_a_form_is_that_was_named(folder, asked):
     result = run(*COMMAND[:4], *asked, "--json")
     values = json.loads(result.out)
     share = values["predicted_wrong_share"]

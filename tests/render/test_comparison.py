@@ -226,14 +226,14 @@ def test_labels(monkeypatch):
     others = np.stack([baseline, baseline * np.float32(1.25), -2 * baseline])
     viewers = [Viewer(0, 0), Viewer(-100 / 3, 20)]
     comparison = Comparison(viewers, baseline, others)
-    same = ["a", "0% difference", "b", "25% difference", "c", "300% difference"]
+    same = ["a", "0% apart", "b", "25% apart", "c", "300% apart"]
     assert labels_of(monkeypatch, comparison, "truth", ["a", "b", "c"]) == [
         ["truth 0,0", *same],
         ["truth -33.33,20", *same],
     ]
     dark = Comparison(viewers[:1], 0 * baseline[:1], others[:1, :1])
     assert labels_of(monkeypatch, dark, "room", ["a"], 3, 2.5) == [
-        ["room 0,0", "a", "inf% difference, x2.5"]
+        ["room 0,0", "a", "inf% apart, x2.5"]
     ]
 
 

@@ -11,6 +11,7 @@ import pytest
 from shrm_cli.errors import OutputError
 from shrm_cli.files.image import file_type, write_picture
 from shrm_cli.files.png import encode_srgb, png_bytes
+from shrm_cli.render.camera import whole_coverage
 from shrm_cli.render.image import expose, exposure_advice, suitable_exposure
 
 
@@ -163,6 +164,15 @@ def test_full_disk_leaves_the_old_file(tmp_path, suffix, limit, width):
     assert result.stderr == ""
     assert path.read_text() == "old"
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+def test_the_rim_of_a_small_ball_does_not_count_as_seen():
+    """Pixels that it covers in part are dim; a tenth of the ball that can be seen is a picture."""
+    ball = 1.01 * np.repeat(whole_coverage(64)[..., None], 3, axis=-1)
+    (line,) = exposure_advice("a.png", ball, 0)
+    assert "all but white" in line
+    ball[:20] *= 0.5
+    assert exposure_advice("a.png", ball, 0) == []
 
 
 def test_a_picture_that_shows_nothing_says_which_exposure_would():

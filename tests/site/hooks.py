@@ -20,11 +20,13 @@ OUTSIDE = ("CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md")
 """Pages of the root of the repository that are pages of the site."""
 KATEX = ROOT / "tests" / "site" / "node_modules" / "katex" / "dist"
 GALLERY = ROOT / "build" / "gallery"
-NO_GALLERY = "# Gallery\n\n`make gallery` makes it, and the next `make site` shows it here.\n"
+"""What `make gallery` leaves; a site that is built without it has no such page."""
 
 
 def on_config(config: Any) -> Any:
-    """Add the pages of commands to the navigation."""
+    """Add the pages of commands to the navigation, and the gallery if there is one."""
+    if (GALLERY / "gallery.md").exists():
+        next(part["Start"] for part in config.nav if "Start" in part).append("gallery.md")
     (reference,) = (part["Reference"] for part in config.nav if "Reference" in part)
     pages = [f"reference/commands/{name}.md" for name, _ in command_pages()]
     reference.append({"Commands": pages})
@@ -54,11 +56,8 @@ def on_files(files: Files, config: Any) -> Files:
     scripts.append(KATEX / "contrib" / "auto-render.min.js")
     for path in (*scripts, *sorted((KATEX / "fonts").glob("*.woff2"))):
         copy(f"katex/{path.relative_to(KATEX).as_posix()}", path)
-    page = GALLERY / "gallery.md"
-    add("gallery.md", page.read_text(encoding="utf-8") if page.exists() else NO_GALLERY)
     for path in sorted(GALLERY.glob("*")):
-        if path != page:
-            copy(path.name if path.suffix == ".md" else f"gallery/{path.name}", path)
+        copy(path.name if path.suffix == ".md" else f"gallery/{path.name}", path)
     return files
 
 

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import inspect
 import re
-import sys
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
 import click
-from click.shell_completion import get_completion_class
 
-from shrm_cli import __release__
 from shrm_cli.cli.main import cli
 
 _NAME = """::: shrm_cli.{home}.{name}
@@ -73,33 +69,9 @@ def _paragraph(text: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Return text for Markdown, in whose tables, too, it means itself."""
-    spans = re.split(r"(`[^`]*`)", " ".join(text.split()))
+    """Return text for Markdown, in whose tables, too, it means itself; options become code."""
+    spans = re.split(r"(`[^`]*`|(?<![\w-])--[a-z][\w-]*)", " ".join(text.split()))
     for i in range(0, len(spans), 2):
         spans[i] = re.sub(r"([*_|\[\]$~])", r"\\\1", spans[i])
         spans[i] = spans[i].replace("<", "&lt;").replace(">", "&gt;")
-    return "".join(spans)
-
-
-def man_pages(folder: Path) -> None:
-    """Write `shrm.1` and a page for each command, and what shells complete by, into a folder."""
-    import click_man.core
-
-    folder.mkdir(parents=True, exist_ok=True)
-
-    def write(command: click.Command, context: click.Context) -> None:
-        page = click_man.core.generate_man_page(context, version=__release__)
-        (folder / f"{context.command_path.replace(' ', '-')}.1").write_text(page)
-        if isinstance(command, click.Group):
-            for name in command.list_commands(context):
-                inner = command.get_command(context, name)
-                write(inner, click.Context(inner, context, name))
-
-    write(cli, click.Context(cli, info_name="shrm", **cli.context_settings))
-    for shell in ("bash", "zsh", "fish"):
-        completion = get_completion_class(shell)(cli, {}, "shrm", "_SHRM_COMPLETE")
-        (folder / f"shrm.{shell}").write_text(completion.source())
-
-
-if __name__ == "__main__":
-    man_pages(Path(sys.argv[1]))
+    return "".join(f"`{each}`" if each.startswith("--") else each for each in spans)

@@ -1,6 +1,8 @@
 """The pages of the reference, man pages, figures' and the gallery's programs, without MkDocs."""
 
 import re
+import shutil
+import subprocess
 
 import click
 import pytest
@@ -9,7 +11,8 @@ import shrm_cli
 from shrm_cli.cli.main import cli
 from tests.cli.helpers import ROOT
 from tests.site import gallery
-from tests.site.reference import command_pages, man_pages, python_page
+from tests.site.manual import man_pages
+from tests.site.reference import command_pages, python_page
 
 PAGES = dict(command_pages())
 
@@ -38,8 +41,9 @@ def test_every_option_of_a_command_is_on_its_page(name):
 
 
 def test_text_of_help_means_itself_in_markdown():
-    """A product of terms is no emphasis, and no cell of a table ends within a line."""
+    """A product of terms is no emphasis, options are code, and no cell ends within a line."""
     assert r"0.5\*lambertian+0.5\*ggx" in PAGES["prefilter"]
+    assert "\nWith `--eps` it is an SHRM" in PAGES["prefilter"]
     for text in PAGES.values():
         for line in re.findall(r"^\| `-.*$", text, re.M):
             outside = re.sub(r"`[^`]*`|\\\|", "", line)
@@ -52,13 +56,43 @@ def test_every_public_name_has_a_place():
         assert name.startswith("__") or f'heading: "{name}"' in text
 
 
-@pytest.mark.filterwarnings("ignore:.*short_help:DeprecationWarning")  # click-man asks for it
-def test_man_pages_and_completion(tmp_path):
-    pytest.importorskip("click_man")
-    man_pages(tmp_path)
-    names = {path.name for path in tmp_path.iterdir()}
-    assert {"shrm.1", "shrm-prefilter.1", "shrm-probe-sky.1", "shrm.zsh"} <= names
-    assert r"\-\-brdf" in (tmp_path / "shrm-prefilter.1").read_text()
+@pytest.fixture(scope="module")
+def manual(tmp_path_factory):
+    """What is written for the manual, by name."""
+    folder = tmp_path_factory.mktemp("man")
+    man_pages(folder)
+    return {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+
+
+def test_the_manual_has_a_page_of_every_command_that_others_name(manual):
+    assert {"shrm-probe-sky.1", "shrm.bash", "shrm.zsh", "shrm.fish"} <= set(manual)
+    named = set(re.findall(r"^\.BR (\S+) \(1\)$", "\n".join(manual.values()), re.M))
+    assert {f"{each}.1".replace(r"\-", "-") for each in named} == {
+        name for name in manual if name.endswith(".1")
+    }
+    for name in cli.list_commands(click.Context(cli)):
+        assert rf".BR shrm\-{name} (1)" in manual["shrm.1"]
+
+
+def test_a_page_of_the_manual_shows_all_that_help_says(manual):
+    """As `man` sets it, which would leave out lines that it takes for requests."""
+    groff = shutil.which("groff")
+    if groff is None:
+        pytest.skip("groff is not installed")
+    for name, text in manual.items():
+        if name.endswith(".1"):
+            options = ["-K", "utf8", "-man", "-Tutf8", "-P-cbou", "-rHY=0", "-rLL=500n"]
+            done = subprocess.run(
+                [groff, *options], input=text, capture_output=True, text=True, check=True
+            )
+            command, context = cli, click.Context(cli)
+            for part in name.removesuffix(".1").split("-")[1:]:
+                command = command.get_command(context, part)
+            told = command.help, *(each.help for each in command.params if hasattr(each, "help"))
+            shown = " ".join(done.stdout.split())
+            for paragraph in "\n\n".join(filter(None, told)).replace("\b", "").split("\n\n"):
+                assert " ".join(paragraph.split()) in shown, name
+            assert done.stderr == "", name
 
 
 def test_pages_of_docs_are_in_the_navigation():

@@ -2,6 +2,7 @@
 
 ``python -m tests.web.install`` needs the standard library alone, and takes no time where all is
 there. Debian's package manager installs Chromium where it may; npm installs package-lock.json.
+``--packages`` leaves Chromium out, for `make browser`.
 """
 
 import os
@@ -83,16 +84,17 @@ def _last(done):
     return f" ({wrong[-1]})" if wrong else ""
 
 
-def main():
+def main(*given):
     """Install all of it, or say in a line what is missing."""
     try:
         if not browser.complete():
             check_npm()  # before Chromium, which takes longer
-        install_chromium()
+        if "--packages" not in given:
+            install_chromium()
         install_packages()
     except Missing as missing:
         sys.exit(f"Error: {missing}")
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

@@ -75,10 +75,21 @@ def test_every_engine_of_the_page_gets_its_files(watched, built, tmp_path):
 
 
 def test_what_is_no_panorama_is_refused(watched, built, tmp_path):
-    path = tmp_path / "light.hdr"
-    path.write_bytes(b"#?RADIANCE\n")
-    watched.page.goto(built + "index.html")
-    watched.page.set_input_files("#file", path)
-    watched.page.wait_for_function("document.querySelector('#error').textContent")
-    assert "light.hdr" in watched.page.text_content("#error")
-    assert watched.page.is_disabled("#go")
+    page = watched.page
+    page.goto(built + "index.html")
+    good = tmp_path / "good.hdr"
+    scenes.write(good, proofs.made_probe(32).image())
+    for name, data, said in (
+        ("light.hdr", b"#?RADIANCE\n", "Bad File Format: missing format specifier"),
+        ("light.exr", b"hello", "Provided file doesn't appear to be in OpenEXR format."),
+        ("light.png", b"hello", "it is no .hdr or .exr file"),
+    ):
+        page.set_input_files("#file", good)
+        page.wait_for_selector("#preview:not([hidden])")
+        (tmp_path / name).write_bytes(data)
+        page.set_input_files("#file", tmp_path / name)
+        page.wait_for_function("document.querySelector('#error').textContent")
+        assert page.text_content("#error").startswith(f"{name}: ")
+        assert page.text_content("#error").endswith(said)
+        assert page.is_hidden("#preview")
+        assert page.is_disabled("#go")

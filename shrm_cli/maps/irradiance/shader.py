@@ -132,7 +132,7 @@ def _shader(terms: Sequence[tuple[str, Array]], speech: Language) -> list[str]:
 
 
 def _vector(values: Array, speech: Language) -> str:
-    return f"vec3({', '.join(map(speech.number, values.tolist()))})"
+    return f"vec3({', '.join(map(speech.literal, values.tolist()))})"
 
 
 def _c(terms: Sequence[tuple[str, Array]], speech: Language) -> list[str]:

@@ -335,7 +335,7 @@ def _corner(run: Run, index: str) -> tuple[str, str, str]:
         return str(run.layer), str(run.left), str(run.top)
     cells, columns = run.columns * run.rows, run.columns
     if cells == 1:
-        return f"{run.layer} + {index}", str(run.left), str(run.top)
+        return f"{run.layer} + ({index})", str(run.left), str(run.top)
     return (
         f"{run.layer} + ({index}) / {cells}",
         f"({index}) % {cells} % {columns} * {3 * run.edge}",

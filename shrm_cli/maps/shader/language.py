@@ -128,7 +128,7 @@ class Language:
     def colors(self, name: str, rows: Array) -> list[str]:
         """Write a constant array of colours. `rows` are of shape (n, 3)."""
         self.check(rows)
-        texts = [", ".join(map(self.number, row)) for row in rows.tolist()]
+        texts = [", ".join(map(self.literal, row)) for row in rows.tolist()]
         head, last, values = {
             "glsl": (f"const vec3 {name}[{len(rows)}] = vec3[{len(rows)}](", ");", "vec3({})"),
             "hlsl": (f"static const vec3 {name}[{len(rows)}] = {{", "};", "vec3({})"),
@@ -154,11 +154,14 @@ class Language:
         if not np.all(np.isfinite(values)) or np.abs(values).max(initial=0.0) > most:
             raise MapError(f"a number is beyond the 32-bit floats of {self.name}; dim the light")
 
+    def literal(self, value: float) -> str:
+        """Write a number with a decimal point, for a list of arguments."""
+        text = f"{value:.{17 if self.is_c else 9}g}"
+        return text if set(text) & set(".e") else f"{text}.0"
+
     def number(self, value: float) -> str:
         """Write a number with a decimal point, in brackets where it is negative."""
-        text = f"{value:.{17 if self.is_c else 9}g}"
-        if not set(text) & set(".e"):
-            text += ".0"
+        text = self.literal(value)
         return f"({text})" if text.startswith("-") else text
 
     def translated(self, lines: Sequence[str]) -> list[str]:

@@ -1,5 +1,6 @@
 """The code of every form: compiled by Khronos's compiler, and run in C beside the map."""
 
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -11,8 +12,10 @@ from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.product.product import VaryingProduct
-from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.code import _corner, look_up_code
 from shrm_cli.maps.shader.file import pack
+from shrm_cli.maps.shader.language import LANGUAGES
+from shrm_cli.maps.shader.pages import Run
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.render.boxed import parts_of, seen_from
 from shrm_cli.sphere.directions import horizontal_tangents
@@ -341,3 +344,19 @@ def test_what_has_no_code_is_refused():
     bright = Shrm(1e39 * made.coefficients, "global", "reflection", make_info(4, 3))
     with pytest.raises(MapError, match="beyond 32-bit floats"):
         pack(bright)
+
+
+@pytest.mark.parametrize("run", [Run(6, 16, 3), Run(6, 16, 3, columns=2, rows=3)])
+def test_the_number_of_a_cube_may_be_a_choice(run):
+    """Wherever the stack lies, the whole expression counts; C has the same operators as Python."""
+    for cube in (1, 4):
+        texts = _corner(run, "2 * c == 2 and 1 or c")
+        found = tuple(eval(each.replace("/", "//"), {"c": cube}) for each in texts)
+        assert found == run.corner(cube)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_negative_numbers_of_tables_stand_without_brackets(language):
+    code = look_up_code(cases.FORMS["cabral"](), language)
+    assert re.search(r"[{(]-0\.", code)
+    assert not re.search(r"[{(,] ?\(-\d", code)
