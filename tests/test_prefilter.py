@@ -356,7 +356,7 @@ def test_what_is_wrong_with_a_probe_is_a_warning(folder):
     pixels[2, 3] = -1
     write_exr("negative.exr", pixels)
     (line,) = warned("negative.exr", to="irradiance")
-    assert line == "1 pixels with negative radiance were clamped to 0 (minimum -1)"
+    assert line == "1 pixel with negative radiance was clamped to 0 (minimum -1)"
 
 
 def test_what_is_wrong_with_a_map_is_a_warning(folder):

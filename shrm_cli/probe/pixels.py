@@ -44,17 +44,14 @@ class PixelReport:
         """One line for each thing that a user should know."""
         lines = list(self.notes)
         if self.nonfinite:
-            lines.append(f"{self.nonfinite} NaN or infinite pixels were filled from neighbours")
+            lines.append(_told(self.nonfinite, "NaN or infinite pixel was filled from neighbours"))
         if self.negative:
-            lines.append(
-                f"{self.negative} pixels with negative radiance were clamped to 0 (minimum "
-                f"{self.minimum:.6g})"
-            )
+            told = _told(self.negative, "pixel with negative radiance was clamped to 0")
+            lines.append(f"{told} (minimum {self.minimum:.6g})")
         if self.clamped:
             share = self.energy_removed / self.energy if self.energy else 0.0
-            lines.append(
-                f"{self.clamped} pixels were clamped, which removed {share:.3%} of the energy"
-            )
+            told = _told(self.clamped, "pixel was clamped")
+            lines.append(f"{told}, which removed {share:.3%} of the energy")
         if self.energy == 0:
             lines.append("the probe is black")
         return lines
@@ -119,10 +116,19 @@ def refuse_nonfinite(name: str, report: PixelReport) -> None:
     """Raise if any pixel was found to be NaN or infinite."""
     if report.first_nonfinite is not None:
         column, row = report.first_nonfinite
+        told = _told(report.nonfinite, "pixel is NaN or infinite")
         raise ProbeError(
-            f"{name}: {report.nonfinite} pixels are NaN or infinite, the first at column "
-            f"{column}, row {row}; give `fix_nonfinite` to fill them"
+            f"{name}: {told}, the first at column {column}, row {row}; give `fix_nonfinite` to "
+            "fill them"
         )
+
+
+def _told(count: int, said: str) -> str:
+    """Return what is said of so many pixels, of what is said of one: "1 pixel was clamped"."""
+    if count != 1:
+        for one, many in (("pixel", "pixels"), (" was ", " were "), (" is ", " are ")):
+            said = said.replace(one, many, 1)
+    return f"{count:,} {said}"
 
 
 def refuse_overflow(name: str, numbers: Array) -> None:

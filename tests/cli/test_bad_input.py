@@ -102,11 +102,11 @@ FILES = {
     "huge": (with_windows(*HUGE), "bad.exr"),
     "nan": (
         lambda path: write_exr(path, with_pixel(np.nan)),
-        "1 pixels are NaN or infinite, the first at column 9, row 5; give --fix-nonfinite",
+        "1 pixel is NaN or infinite, the first at column 9, row 5; give --fix-nonfinite",
     ),
     "inf": (
         lambda path: write_exr(path, with_pixel(-np.inf)),
-        "1 pixels are NaN or infinite, the first at column 9, row 5; give --fix-nonfinite",
+        "1 pixel is NaN or infinite, the first at column 9, row 5; give --fix-nonfinite",
     ),
     "beyond float": (
         lambda path: write_exr(path, np.full((16, 32, 3), 3e38, np.float32)),
@@ -218,9 +218,7 @@ def test_nonfinite_pixels_can_be_filled(folder):
     write_exr("bad.exr", with_pixel(np.nan))
     result = run("prefilter", "bad.exr", "--brdf", "lambertian", "--fix-nonfinite")
     assert result.code == 0
-    assert result.err == (
-        "Warning: bad.exr: 1 NaN or infinite pixels were filled from neighbours\n"
-    )
+    assert result.err == ("Warning: bad.exr: 1 NaN or infinite pixel was filled from neighbours\n")
 
 
 def test_black_is_allowed_with_a_warning(folder):
@@ -236,7 +234,7 @@ def test_negative_radiance_is_clamped_with_a_warning(folder):
     result = process("prefilter", "negative.exr", "--brdf", "phong", "-o", "out.exr")
     assert result.code == 0
     assert result.err == (
-        "Warning: negative.exr: 1 pixels with negative radiance were clamped to 0 (minimum -2.5)\n"
+        "Warning: negative.exr: 1 pixel with negative radiance was clamped to 0 (minimum -2.5)\n"
     )
     write_exr("zero.exr", with_pixel(0))
     assert run("prefilter", "zero.exr", "--brdf", "phong", "-o", "expected.exr").code == 0

@@ -433,7 +433,7 @@ def test_warnings_of_the_probe_are_told(folder):
     pixels[2, 3] = -1
     write_exr("negative.exr", pixels)
     result = run("compare", "noisy.map.exr", "--probe", "negative.exr", *SUMMED)
-    assert result.err.startswith("Warning: negative.exr: 1 pixels with negative radiance")
+    assert result.err.startswith("Warning: negative.exr: 1 pixel with negative radiance")
 
 
 def test_progress_of_the_truth(folder, monkeypatch):

@@ -197,7 +197,7 @@ def test_warnings_go_to_stderr_and_into_json(folder):
     human = process("info", "negative.exr")
     assert human.code == 0
     assert human.err == (
-        "Warning: negative.exr: 1 pixels with negative radiance were clamped to 0 (minimum -2)\n"
+        "Warning: negative.exr: 1 pixel with negative radiance was clamped to 0 (minimum -2)\n"
     )
     assert "Warning" not in human.out
     values = json.loads(run("info", "negative.exr", "--json").out)

@@ -330,9 +330,7 @@ def test_json_is_alone_on_stdout_with_stable_keys(folder):
     assert values["brdf"] == {"name": "microfacet", "parameters": {"sigma": 0.2}}
     warning, picture = values["warnings"]
     assert WRONG_PICTURE in picture
-    assert warning == (
-        "negative.exr: 1 pixels with negative radiance were clamped to 0 (minimum -1)"
-    )
+    assert warning == ("negative.exr: 1 pixel with negative radiance was clamped to 0 (minimum -1)")
     assert result.err == f"Warning: {warning}\nWarning: {picture}\n"
     header, _ = read_exr(values["file"])
     for key in ("frame", "center", "probe", "probe_sha256"):

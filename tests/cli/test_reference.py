@@ -144,7 +144,7 @@ def test_warnings_of_the_probe_are_told(folder):
     write_exr("negative.exr", pixels)
     result = run("reference", "negative.exr", *SUMMED)
     assert result.code == 0
-    assert result.err.startswith("Warning: negative.exr: 1 pixels with negative radiance")
+    assert result.err.startswith("Warning: negative.exr: 1 pixel with negative radiance")
     value = json.loads(run("reference", "negative.exr", *SUMMED, "--json").out)
     assert len(value["warnings"]) == 1
     assert run("reference", "negative.exr", *SUMMED, "--quiet").err == ""

@@ -317,7 +317,7 @@ def test_warnings_of_the_background_are_told(folder):
     arguments = ["spot.exr", "-o", "x.png", "--size", "16", "--background", "negative.exr"]
     result = CliRunner().invoke(render, arguments)
     assert result.exit_code == 0
-    assert result.stderr.startswith("Warning: negative.exr: 1 pixels with negative radiance")
+    assert result.stderr.startswith("Warning: negative.exr: 1 pixel with negative radiance")
     quiet = CliRunner().invoke(render, [*arguments, "--quiet"])
     assert (quiet.stdout, quiet.stderr) == ("", "")
 

@@ -252,7 +252,7 @@ def test_probes_options_are_obeyed_and_warnings_told(folder, only_shrm):
     pixels[2, 3] = -1
     write_exr("negative.exr", pixels)
     result = run("compare", "negative.exr", *SUMMED, "--roughness", 0.8)
-    assert result.err.startswith("Warning: negative.exr: 1 pixels with negative radiance")
+    assert result.err.startswith("Warning: negative.exr: 1 pixel with negative radiance")
     yawed = told("room.exr", *SUMMED, "--roughness", 0.8, "--yaw", 90)
     plain = told("room.exr", *SUMMED, "--roughness", 0.8)
     assert (

@@ -137,7 +137,7 @@ def test_negative_radiance_is_told():
     probe = Probe.from_array(image)
     assert probe.image().min() == 0
     (line,) = probe.report.warnings()
-    assert line.startswith("1 pixels with negative radiance")
+    assert line.startswith("1 pixel with negative radiance")
 
 
 @pytest.mark.parametrize("layout", ["latlong", "vcross", "angular"])
@@ -145,7 +145,7 @@ def test_nonfinite_pixels(layout):
     image = image_of(layout)
     row, column = image.shape[0] // 2, image.shape[1] // 2
     image[row, column] = np.nan
-    with pytest.raises(ProbeError, match=rf"^a: 1 pixels .* column {column}, row {row}; give `fix"):
+    with pytest.raises(ProbeError, match=rf"^a: 1 pixel .* column {column}, row {row}; give `fix"):
         project(Probe.from_array(image, layout, name="a"), 2)
     probe = Probe.from_array(image, layout, fix_nonfinite=True)
     assert np.isfinite(probe.image()).all()

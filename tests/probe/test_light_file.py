@@ -181,7 +181,7 @@ def test_what_the_probes_needed_is_told(folder):
         probe = open_probe(path)
         read(probe)
         first, second = probe.report.warnings()
-        assert "a.exr: 1 pixels with negative radiance" in first
+        assert "a.exr: 1 pixel with negative radiance" in first
         assert "b.exr: " in second
         assert "clamped" in second
     dark = open_probe(lights(folder, DISC.replace("= 3\n", "= 0\n"), "dark.toml"))

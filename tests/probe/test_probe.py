@@ -215,7 +215,7 @@ def test_nonfinite_pixels_of_one_of_six_faces(tmp_path):
     image = scenes.cube_faces(8).reshape(48, 8, 3)
     image[8 * 3 + 2, 6] = INF
     path = stacked_faces(tmp_path, image)
-    with pytest.raises(ProbeError, match=r"sky_-Y\.exr: 1 pixels .* column 6, row 2;"):
+    with pytest.raises(ProbeError, match=r"sky_-Y\.exr: 1 pixel .* column 6, row 2;"):
         project(open_probe(path), 2)
 
 
@@ -494,5 +494,5 @@ def test_pixels_that_are_not_finite_are_refused_in_whole_images():
     """Also where the image is one block, after which nobody asks for more."""
     image = np.ones((8, 16, 3))
     image[2, 3, 1] = np.nan
-    with pytest.raises(ProbeError, match=r"1 pixels are NaN or infinite, .* column 3, row 2"):
+    with pytest.raises(ProbeError, match=r"1 pixel is NaN or infinite, .* column 3, row 2"):
         Probe.from_array(image, "latlong").image()
