@@ -261,7 +261,7 @@ def test_maps_are_converted(folder):
         (["none.exr", "--for", "godot"], 1, "none.exr"),
         (["bad.exr", "--for", "godot"], 1, "bad.exr"),
         (["nan.exr", "--for", "godot"], 1, "--fix-nonfinite"),
-        (["sky.exr", "--for", "filament", "--window", "wide"], 1, "wide"),
+        (["sky.exr", "--for", "filament", "--window", "wide"], 2, "wide"),
     ],
 )
 def test_bad_input_is_one_line(folder, arguments, code, part):
