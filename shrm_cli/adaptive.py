@@ -22,6 +22,7 @@ from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.core import PART
 from shrm_cli.probe.source import Level, Pyramid, pixel_sides
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.vocabulary import LUMINANCE
 
@@ -200,8 +201,7 @@ class Points:
             crosses, cells = crosses[:, cells], some[cells]
             if not len(cells):
                 continue
-            lit = directions[cells] + radii[cells, None] * axes.mean(axis=0)
-            lit /= np.linalg.norm(lit, axis=-1, keepdims=True)
+            lit = normalize(directions[cells] + radii[cells, None] * axes.mean(axis=0))
             shares = np.abs(self.transfer(lit)).mean(axis=0) / scale[:, None]
             is_heavy = weights[cells] * np.maximum(shares, relative[:, cells]) > _PIXEL_SHARE
             found[:, cells] |= crosses & (is_heavy | (radii[cells] > _EDGE))
@@ -292,8 +292,7 @@ def _places(directions: Array, sides: Array, count: int) -> tuple[Array, Array]:
     """
     nodes, each = gauss_legendre(count)
     across, down = ((nodes / 2)[:, None] * sides[:, None, side] for side in (0, 1))
-    places = directions[:, None, None] + across[:, :, None] + down[:, None]
-    places /= np.linalg.norm(places, axis=-1, keepdims=True)
+    places = normalize(directions[:, None, None] + across[:, :, None] + down[:, None])
     places = places.reshape(len(places), count**2, 3).astype(directions.dtype, copy=False)
     return places, np.outer(each, each).ravel() / 4
 

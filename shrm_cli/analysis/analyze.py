@@ -93,14 +93,12 @@ def energy_grid(
     rising = Rising(progress)
     with using(rising):
         known = known_coefficients(brdf, min(tolerances))
-    orders, unmet = [], None
-    for eps in sorted(tolerances, reverse=True):
+    orders, unmet = [], {}
+    for eps in tolerances:
         try:
             orders.append(sufficient_orders(brdf, known, eps))
         except OrderError as error:
-            unmet = str(error)
-            break
-    orders.sort(key=lambda each: tolerances.index(each.eps))
+            unmet[eps] = str(error)
     if order_f is None:
         order_f = max([DEFAULT_ORDER_F, *(each.order_f for each in orders)])
     if order_p is None:
@@ -111,7 +109,8 @@ def energy_grid(
     accuracy = max(min(tolerances) / 300, 1e-5)
     with using(rising):
         coefficients = compute_coefficients(brdf, high, order_p, accuracy)
-    return EnergyGrid(coefficients.captured[: order_f + 1], tuple(orders), unmet, coefficients)
+    told = unmet[max(unmet)] if unmet else None
+    return EnergyGrid(coefficients.captured[: order_f + 1], tuple(orders), told, coefficients)
 
 
 def material_energies(

@@ -355,20 +355,20 @@ def scaled(values: Array, factor: Array | NDArray[np.bool_] | np.floating) -> Ar
 
 def multiplied(*factors: Array) -> Array:
     """Multiply RGB values (..., 3); if all are grey, the product stays a broadcast view."""
-    return _by_channel(lambda *each: reduce(mul, each), *factors)
+    return _once_if_grey(lambda *each: reduce(mul, each), *factors)
 
 
 def added(values: Sequence[Array]) -> Array:
     """Add RGB values (..., 3); if all are grey, the sum stays a broadcast view."""
-    return _by_channel(lambda *each: sum(each), *values)
+    return _once_if_grey(lambda *each: sum(each), *values)
 
 
 def excess(values: Array, less: Array) -> Array:
     """Subtract RGB values (..., 3) down to 0; if both are grey, the rest stays a broadcast view."""
-    return _by_channel(lambda value, part: np.maximum(value - part, 0), values, less)
+    return _once_if_grey(lambda value, part: np.maximum(value - part, 0), values, less)
 
 
-def _by_channel(function: Callable[..., Any], *values: Array) -> Array:
+def _once_if_grey(function: Callable[..., Any], *values: Array) -> Array:
     """Call a function with RGB values (..., 3), or once for all channels if all values are grey.
 
     What is sampled of grey values takes a third of the time.
