@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from itertools import tee
+from itertools import chain, tee
 from typing import TYPE_CHECKING
 
 from shrm_cli.brdf.sums import split
@@ -30,6 +30,7 @@ from shrm_cli.plan.search import (
     error_beside,
     first_kept,
     is_worth_lamps,
+    kept_in_fewest,
     least_wrong,
     rising,
 )
@@ -199,7 +200,7 @@ class _Asked:
         # An SHRM of more would lose what a smaller map of functions wins.
         share = policy.FAR_SMALLER if is_kept else policy.WORTH_LAMPS
         simple = share * whole.bytes
-        if self.proposals.is_out_of_reach:  # the maps beside lamps that were looked for first
+        if self._are_lamps_first and not is_kept:  # the maps that were looked for first
             simple = self._largest_simple
         worth: list[Candidate[Prefiltered]] = []
         for beside in self.splits:
@@ -241,19 +242,61 @@ class _Asked:
 
     @cached_property
     def kept_beside_lamps(self) -> Candidate[Prefiltered] | None:
-        """A map that keeps what is asked with lamps beside it, where none of all light does.
+        """A map that keeps what is asked with lamps beside it, where any of all light is large.
 
-        A first look tells that of single lobes. To find the best map of all light would take as
-        much time as all else.
+        To find the best map of all light would take as much time as all else.
         """
-        if not (self.may_have_lamps_apart and self.proposals.is_out_of_reach):
+        if not (self.may_have_lamps_apart and self._are_lamps_first):
             return None
         for beside in self.splits:
             if beside.split.discs and beside.error <= self.goal.error:
                 found = self._foreseen_beside(beside, self._largest_simple)
                 if self._keeps_within_bytes(found):
-                    return found
+                    few = self._few_beside(found)
+                    # Where more bytes than few are allowed, a map of either kind is right.
+                    is_large = few <= policy.LARGE or self.proposals.is_out_of_reach(few, False)
+                    return found if is_large else None
         return None
+
+    @property
+    def _are_lamps_first(self) -> bool:
+        """Whether all maps of all light that keep what is asked are large, as far as is known."""
+        return self._are_surely_large or (self._seem_large and self._kept_in_few is None)
+
+    @cached_property
+    def _are_surely_large(self) -> bool:
+        """Whether a first look at single lobes tells that, because none keeps it by far.
+
+        The least error tells it of few bytes, and the share of wrong pixels of all bytes only:
+        among maps of few it may be a fourth of what the one of the least error has.
+        """
+        is_missed = self.proposals.is_out_of_reach
+        if is_missed(policy.LARGE, True):
+            return True
+        return is_missed(policy.LARGE, False) and is_missed(self.request.allowed, False)
+
+    @cached_property
+    def _seem_large(self) -> bool:
+        """Whether maps of all light of ever less error are large before one keeps what is asked."""
+        if self.proposals.is_out_of_reach(policy.LARGE, False):
+            return True
+        for found in copy(self._rising):
+            if found.bytes > policy.LARGE or found.keeps(self.goal):
+                return found.bytes > policy.LARGE
+        return False
+
+    @cached_property
+    def _kept_in_few(self) -> Candidate[Prefiltered] | None:
+        """The map of all light that keeps what is asked and is not large, where most seem to be."""
+        if self._are_surely_large or not (self.may_have_lamps_apart and self._seem_large):
+            return None
+        found = kept_in_fewest(self.proposals.rows(policy.LARGE), self.goal)
+        return None if found is None else found.candidate
+
+    def _few_beside(self, beside: Candidate[Prefiltered]) -> int:
+        """Return the most bytes of a map of all light that is better than one with lamps beside."""
+        most = max(policy.LARGE, beside.bytes / policy.FAR_SMALLER)
+        return int(min(most, self.request.allowed))
 
     @property
     def _largest_simple(self) -> float:
@@ -272,7 +315,8 @@ class _Asked:
         found = as_candidate(made)
         if not self._keeps_within_bytes(found):  # more bytes than foreseen
             return None
-        why = f"no map with them in it (`sun` keep) keeps {self._goal_text}"
+        most = bytes_text(self._few_beside(foreseen))
+        why = f"no map of {most} with them in it (`sun` keep) keeps {self._goal_text}"
         return self._with_lamps_noted(made, found, why)
 
     def _is_worth_lamps(
@@ -309,7 +353,8 @@ class _Asked:
     @property
     def candidates(self) -> Iterator[Candidate[Prefiltered]]:
         """Maps of principal functions, of ever less error; the same ones whenever asked."""
-        return copy(self._rising)
+        first = self._kept_in_few
+        return copy(self._rising) if first is None else chain([first], copy(self._rising))
 
     @cached_property
     def _rising(self) -> Iterator[Candidate[Prefiltered]]:

@@ -202,7 +202,7 @@ def test_lamps_go_beside_the_map_where_it_cannot_keep_them(bare_sun, spec):
     assert texels(apart.map) < texels(kept.map) / 10
     why = dict(apart.notes)["form"]
     assert "lamps beside it" in why
-    assert "no map with them in it (`sun` keep) keeps an RMS error of 5%" in why
+    assert "no map of 500 kB with them in it (`sun` keep) keeps an RMS error of 5%" in why
     assert [heading for heading, _ in apart.notes].count("form") == 1
     assert not any("no map keeps" in line for line in apart.warnings)
     assert apart.map.info.options["to"] == "auto"
@@ -264,7 +264,7 @@ def test_no_brushed_map_of_all_light_is_looked_for_in_vain(bare_sun, monkeypatch
     asked = {"brdf": "ggx:roughness=0.4,anisotropy=0.6", "max_size": "100kB"}
     found = made(bare_sun, **asked)
     assert isinstance(found.map, LampMap)
-    assert "no map with them in it (`sun` keep) keeps an RMS" in dict(found.notes)["form"]
+    assert "with them in it (`sun` keep) keeps an RMS" in dict(found.notes)["form"]
     assert bare_sun.digest() not in {light.probe.digest() for light, *_ in looked_for}
     monkeypatch.setattr(principal_proposal, "is_out_of_reach", lambda *_: False)
     slower = made(bare_sun, **asked)
@@ -311,7 +311,7 @@ def test_lamps_leave_large_maps_that_keep_them_for_far_smaller_ones(bare_sun, mo
     asked = {"brdf": "ggx:roughness=0.5", "error": 0.05}
     kept = made(bare_sun, **asked, sun="keep")
     assert not any("no map keeps" in line for line in kept.warnings)
-    monkeypatch.setattr(policy, "LARGE", 0)
+    monkeypatch.setattr(policy, "LARGE", 10_000)
     monkeypatch.setattr(policy, "FAR_SMALLER", 1.0)
     apart = made(bare_sun, **asked)
     assert isinstance(apart.map, LampMap)
@@ -322,11 +322,44 @@ def test_lamps_leave_large_maps_that_keep_them_for_far_smaller_ones(bare_sun, mo
         (1.01 * size, 1.01 * share, False),
         (0.99 * size, 0.99 * share, False),
     ):
-        monkeypatch.setattr(policy, "LARGE", large)
+        monkeypatch.setattr(policy, "LARGE", int(large))
         monkeypatch.setattr(policy, "FAR_SMALLER", far)
         found = made(bare_sun, **asked)
         assert isinstance(found.map, LampMap) == is_apart
-        assert ("(`sun` keep) it would have" in dict(found.notes)["form"]) == is_apart
+
+
+@pytest.mark.parametrize(
+    ("brighter", "spec", "large", "is_apart", "is_sure"),
+    [
+        (4, "ggx:roughness=0.3", 100_000, True, True),  # the least error is far too large
+        (4, "ggx:roughness=0.3", 400_000, True, False),
+        (20, "ggx:roughness=0.5", 1_600_000, False, False),
+    ],
+)
+def test_no_large_map_is_looked_for_where_lamps_go_beside_a_far_smaller_one(
+    pixels, monkeypatch, brighter, spec, large, is_apart, is_sure
+):
+    """What is made is the same as where all maps are looked for first."""
+    lit = pixels.copy()
+    lit[8:10, 20:22] *= brighter
+    probe, looked_for = Probe.from_array(lit), []
+    find = principal_proposal.Proposals.rows
+
+    def rows(maps, max_size):
+        if maps.light.probe.digest() == probe.digest():
+            looked_for.append(max_size)
+        return find(maps, max_size)
+
+    monkeypatch.setattr(principal_proposal.Proposals, "rows", rows)
+    monkeypatch.setattr(policy, "LARGE", large)
+    found = made(probe, brdf=spec)
+    assert isinstance(found.map, LampMap) == is_apart
+    assert looked_for == ([] if is_sure else [large])
+    monkeypatch.setattr(automatic._Asked, "_are_lamps_first", False)
+    monkeypatch.setattr(automatic._Asked, "_kept_in_few", None)
+    slower = made(probe, brdf=spec)
+    for planes, others in zip(found.map.planes(), slower.map.planes(), strict=True):
+        np.testing.assert_array_equal(planes, others)
 
 
 @pytest.mark.parametrize(("error", "is_said"), [(0.05, True), (0.9 * policy.LEAST_ERROR, False)])

@@ -5,9 +5,9 @@ sample. A few azimuths of the view tell nearly what error the best map has, in a
 and a share of wrong pixels that is too large, as functions have too few waves over the azimuth.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -137,9 +137,17 @@ class Proposals:
         return [scouted(self.light, self.parts[0], self.asked)] if len(self.parts) == 1 else []
 
     @cached_property
-    def is_out_of_reach(self) -> bool:
-        """Whether a first look tells that no map keeps what is asked, by far."""
-        return bool(self._look) and is_out_of_reach(self._look, self.asked)
+    def is_out_of_reach(self) -> Callable[[int, bool], bool]:
+        """From the most bytes to whether a first look tells that no map keeps what is asked, by
+        far; the second argument tells whether to look at the error alone.
+        """
+
+        def find(most: int, by_error: bool) -> bool:
+            seen = None if by_error else self.asked.seen
+            want = replace(self.asked, max_size=min(most, self.asked.max_size), seen=seen)
+            return bool(self._look) and is_out_of_reach(self._look, want)
+
+        return cache(find)
 
     @property
     def planners(self) -> list[Planner]:
@@ -157,7 +165,7 @@ class Proposals:
             known = self._planners or self._look
         elif self._look:
             (coarse,) = self._look
-        is_coarse = coarse is not None and self.is_out_of_reach
+        is_coarse = coarse is not None and self.is_out_of_reach(self.asked.max_size, False)
         self._planners = [
             planner_of(self.light, part, want, each, coarse, is_coarse)
             for part, each in zip(self.parts, known, strict=True)
