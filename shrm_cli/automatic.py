@@ -246,7 +246,8 @@ class _Asked:
 
         To find the best map of all light would take as much time as all else.
         """
-        if not (self.may_have_lamps_apart and self._are_lamps_first):
+        # What tells of code for lamps takes longer to load than most maps to be found.
+        if self.request.sun or not (self._are_lamps_first and self.may_have_lamps_apart):
             return None
         for beside in self.splits:
             if beside.split.discs and beside.error <= self.goal.error:
@@ -288,7 +289,9 @@ class _Asked:
     @cached_property
     def _kept_in_few(self) -> Candidate[Prefiltered] | None:
         """The map of all light that keeps what is asked and is not large, where most seem to be."""
-        if self._are_surely_large or not (self.may_have_lamps_apart and self._seem_large):
+        if self.request.sun or self._are_surely_large:
+            return None
+        if not (self._seem_large and self.may_have_lamps_apart):
             return None
         found = kept_in_fewest(self.proposals.rows(policy.LARGE), self.goal)
         return None if found is None else found.candidate
