@@ -41,7 +41,7 @@ def encode(made: PrincipalMap) -> list[Part]:
         }
         if isinstance(lobe, BrushedLobe):
             header["shrm:waves"] = json.dumps(lobe.waves.tolist())
-            tables.append(_table_part(k, lobe))
+            tables.append(_table_part(k, lobe, header))
         else:
             header["shrm:functions"] = _text(lobe.functions)
         if lobe.albedo is not None:
@@ -54,10 +54,10 @@ def encode(made: PrincipalMap) -> list[Part]:
     return parts + tables
 
 
-def _table_part(k: int, lobe: BrushedLobe) -> Part:
+def _table_part(k: int, lobe: BrushedLobe, header: dict[str, Any]) -> Part:
     """Return the functions of a lobe as an image: a row for each wave, functions one by one."""
     table = lobe.functions.reshape(-1, *lobe.functions.shape[2:])
-    return Part(image_channels(table), {"name": f"{_TABLES}{k:02d}"}, is_table=True)
+    return Part(image_channels(table), header | {"name": f"{_TABLES}{k:02d}"}, is_table=True)
 
 
 def decode(file: StoredFile) -> PrincipalMap:

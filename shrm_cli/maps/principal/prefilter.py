@@ -25,9 +25,10 @@ _ANY_SIZE = 2**32
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Prefilter a probe for a BRDF."""
-    for asking in ("error", "seen"):
-        if asking in request.given and "maps" in request.own:
-            raise ArgumentError("maps", f"does not apply with `{asking}`, which chooses them")
+    asking = next((name for name in ("error", "seen") if name in request.given), None)
+    refused = next((name for name in ("maps", "eps") if name in request.given), None)
+    if asking and refused:
+        raise ArgumentError(refused, f"does not apply with `{asking}`, which chooses the functions")
     goal = None if request.seen is None else Goal.of(request.error, request.seen)
     asked = request if goal is None else replace(request, error=goal.error)
     proposals = Proposals(Projection(probe), asked)

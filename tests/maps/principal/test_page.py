@@ -93,6 +93,9 @@ def test_the_page_alone_decodes_a_brushed_map(tmp_path, monkeypatch):
         found.append(brushed("map.exr", *place, view, tangent))
         expected.append(made.brushed_radiance(normal, tangent, view))
     np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
+    lobe, table = OpenEXR.File("map.exr", header_only=True).parts
+    told = {name: value for name, value in lobe.header.items() if name.startswith("shrm:")}
+    assert told.items() <= table.header.items()
 
 
 def decoded(path, face, row, column, view):

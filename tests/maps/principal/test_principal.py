@@ -366,6 +366,8 @@ def test_zonal_lobes_need_one_map(room):
     ("options", "words"),
     [
         ({"maps": 3, "error": 0.1}, "does not apply with"),
+        ({"eps": 0.1, "error": 0.1}, "does not apply with `error`"),
+        ({"eps": 0.1, "seen": 0.1}, "does not apply with `seen`"),
         ({"maps": 1, "brdf": "0.5*ggx+0.5*microfacet"}, "less than the 2 terms"),
         ({"order_p": 3}, "applies with"),
         ({"domain": "angular"}, "applies with"),
