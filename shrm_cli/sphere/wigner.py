@@ -185,6 +185,9 @@ def _set_edges(current: Array, edge: Array, degree: int, lowest: int) -> None:
 _known_couplings = Memo(2**25)
 """What `zonal_coupling` returned. That of F = 512 and p = 32 takes 4.5 MB."""
 
+_FACTORIALS = np.array([math.factorial(number) for number in range(27)], dtype=float)
+"""Factorials, to that of 26, which degrees p to 13 need."""
+
 
 def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: int) -> Array:
     """Return ``<l m p s | l+shift m+s>`` for arrays of l and m.
@@ -207,19 +210,18 @@ def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: i
     if not 0 <= lowest <= 2 * small or abs(s) > small:
         return np.zeros(up.shape)
     # 1 / (l-m-k)! and 1 / (J-p+m+k)! are falling factorials over (l-m)! and (l+m)!.
-    first, last = max(0, s - shift), min(lowest, small + s)
+    k = np.arange(max(0, s - shift), min(lowest, small + s) + 1)
     numbers = np.arange(2.0 * low.max(initial=0) + 1)
-    falling = _falling(numbers, max(lowest - first, last))
     of_up, of_down = np.clip(up, 0, len(numbers) - 1), np.clip(down, 0, len(numbers) - 1)
-    result = np.zeros(up.shape)
-    for k in range(first, last + 1):
-        known = math.factorial(k) * math.factorial(lowest - k)
-        known *= math.factorial(small + s - k) * math.factorial(shift - s + k)
-        result += ((-1) ** k / known) * falling[k][of_down] * falling[lowest - k][of_up]
-    front = (2 * (numbers + shift) + 1) * math.factorial(lowest) * math.factorial(small + shift)
-    front *= float(math.factorial(small + s) * math.factorial(small - s))
-    for number in range(2 * small + 1):  # (l+J-p)! / (l+J+p+1)!
-        front = front / np.maximum(2 * numbers + shift - small + 1 + number, 1)
+    factorials = _FACTORIALS[[k, lowest - k, small + s - k, shift - s + k]].prod(axis=0)
+    falling = _falling(numbers, lowest)
+    first = falling[k] * ((-1.0) ** k / factorials)[:, None]
+    result = np.einsum(
+        "k...,k...->...", first.take(of_down, axis=1), falling[lowest - k].take(of_up, axis=1)
+    )
+    factor = _FACTORIALS[[lowest, small + shift, small + s, small - s]].prod()
+    front = factor * (2 * (numbers + shift) + 1)
+    front /= _rising(2 * numbers + shift - small, 2 * small + 1)  # (l+J-p)! / (l+J+p+1)!
     result *= np.sqrt(np.maximum(front, 0.0))[low]
     # (J+M)! / (l+m)! and (J-M)! / (l-m)!
     result *= np.sqrt(_ratio(numbers, shift + s))[of_up]
@@ -229,21 +231,23 @@ def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: i
     return np.where(is_valid, result, 0.0)
 
 
-def _falling(number: Array, most: int) -> list[Array]:
-    """Return ``n! / (n-k)!`` for k = 0 .. most, which is 0 where k > n."""
-    result = [np.ones_like(number)]
-    for k in range(most):
-        result.append(result[-1] * (number - k))
-    return result
+def _falling(number: Array, most: int) -> Array:
+    """Return ``n! / (n-k)!`` for k = 0 .. most, which is 0 where k > n, shape (most+1, n)."""
+    factors = np.ones((most + 1, len(number)))
+    factors[1:] = number - np.arange(most)[:, None]
+    return np.cumprod(factors, axis=0)
+
+
+def _rising(number: Array, count: int) -> Array:
+    """Return ``(n+1) .. (n+count)``, without factors that are not positive."""
+    return np.asarray(np.maximum(number + np.arange(1, count + 1)[:, None], 1.0).prod(axis=0))
 
 
 def _ratio(number: Array, difference: int) -> Array:
     """Return ``(n + difference)! / n!``, or something positive where either does not exist."""
-    result = np.ones_like(number)
-    for step in range(1, abs(difference) + 1):
-        factor = number + step if difference > 0 else number + 1 - step
-        result *= np.maximum(factor, 1.0)
-    return result if difference >= 0 else 1 / result
+    if difference < 0:
+        return 1 / _rising(number + difference, -difference)
+    return _rising(number, difference)
 
 
 def zonal_coupling(order: int, p: int) -> Array:
