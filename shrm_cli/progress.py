@@ -156,20 +156,21 @@ Result = TypeVar("Result")
 
 
 def in_order(
-    work: Callable[[Job], Result], jobs: Sequence[Job], is_large: bool = True
+    work: Callable[[Job], Result], jobs: Sequence[Job], do_threads_pay: bool = True
 ) -> Iterator[Result]:
     """Call a function with each job, several at a time, and yield the results in their order.
 
     No more results than twice the number of threads wait to be taken, so that they never fill the
     memory. Within a job there is one thread, lest pools within pools multiply.
 
-    Calls at the same time must not disturb each other. `is_large` tells whether all jobs together
-    take longer than some milliseconds; else no threads are started, which takes that long.
+    Calls at the same time must not disturb each other. `do_threads_pay` tells whether threads are
+    worth their start, of some milliseconds, and do not wait for one another, as those of many short
+    calls of numpy do; else none are started.
 
     Raises whatever `work` raises; jobs that have not begun are then left out.
     """
     threads = min(settings.current().threads or os.cpu_count() or 1, len(jobs))
-    if threads <= 1 or not is_large:
+    if threads <= 1 or not do_threads_pay:
         yield from map(work, jobs)
         return
     # Small runs start no threads, and are spared the loading of this module.
@@ -193,10 +194,12 @@ def in_order(
         pool.shutdown(cancel_futures=True)
 
 
-def at_once(work: Callable[[Job], object], jobs: Sequence[Job], is_large: bool = True) -> None:
+def at_once(
+    work: Callable[[Job], object], jobs: Sequence[Job], do_threads_pay: bool = True
+) -> None:
     """Call a function with each job, several at a time, for what it writes.
 
     No two jobs may write to the same place.
     """
-    for _ in in_order(work, jobs, is_large):
+    for _ in in_order(work, jobs, do_threads_pay):
         pass
