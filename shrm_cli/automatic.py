@@ -200,7 +200,7 @@ class _Asked:
         # An SHRM of more would lose what a smaller map of functions wins.
         share = policy.FAR_SMALLER if is_kept else policy.WORTH_LAMPS
         simple = share * whole.bytes
-        if self._are_lamps_first and not is_kept:  # the maps that were looked for first
+        if self._are_lamps_first:  # the maps that were looked for first
             simple = self._largest_simple
         worth: list[Candidate[Prefiltered]] = []
         for beside in self.splits:
@@ -304,7 +304,7 @@ class _Asked:
     @property
     def _largest_simple(self) -> float:
         """The most bytes of an SHRM beside lamps where no map of all light is known."""
-        return min(policy.LARGE, policy.WORTH_LAMPS * self.request.allowed)
+        return min(policy.FAR_SMALLER * policy.LARGE, policy.WORTH_LAMPS * self.request.allowed)
 
     def _keeps_within_bytes(self, found: Candidate[Prefiltered]) -> bool:
         return found.bytes <= self.request.allowed and found.keeps(self.goal)
