@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from hashlib import blake2b
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +37,9 @@ _known_rings = Memo(2**25)
 """The functions on the rings, up to some orders of the light; those of order 96 take 5 to 9 MB."""
 _AT_ONCE = 16
 """The degrees that are computed together, because small products take long to start."""
-_ORDERS_AT_ONCE = 7
+_ORDERS_AT_ONCE, _FEW_MORE = 7, 2
 """The azimuthal orders q for which light is computed together. Lobes have as many at first, and
-more where these do not suffice."""
+more where these do not suffice. A few more take hardly longer with the others than alone."""
 _kept_light: ContextVar[Memo | None] = ContextVar("_kept_light", default=None)
 _LIGHT_BYTES = 2**27
 """The most bytes of `keeping_light`. The light to order 512 takes 14 to 77 MB."""
@@ -78,6 +78,14 @@ class Lobes:
     `sample_tangents`."""
     center: Center = "reflection"
     """What the lobes are about."""
+
+    @classmethod
+    def of(cls, whole: Array, error: Array, center: Center) -> "Lobes":
+        """Return lobes with one channel where all three are the same."""
+        both = whole, error
+        if all(np.array_equal(each[..., 1:], each[..., :-1]) for each in both):
+            whole, error = (each[..., :1] for each in both)
+        return cls(whole, error, center)
 
     @property
     def order(self) -> int:
@@ -302,8 +310,8 @@ def _reflected(local: Sequence[Array], lobes: Array) -> Array:
     flat = lobes.transpose(0, 2, 1, 3).reshape(max_q + 1, views, -1)
     flat = flat.astype(np.complex64 if np.iscomplexobj(flat) else np.float32)
     parts = []
-    for light, first in zip(local, range(0, max_q + 1, _ORDERS_AT_ONCE), strict=True):
-        some = flat[first : first + _ORDERS_AT_ONCE]
+    for light, orders in zip(local, _together(max_q), strict=True):
+        some = flat[orders.start : orders.stop]
         if np.iscomplexobj(some):
             product = some @ (light[0] + 1j * light[1])
             parts.append(np.stack([product.real, product.imag]))
@@ -330,15 +338,20 @@ def _local_light(light: Array, lobes: Lobes, known: object) -> list[Array]:
     some of the orders q = 0 .. max_q each: the real and the imaginary part of ``A_lq(C)``, zero
     where q > l.
     """
-    kept, order, count = _kept_light.get(), lobes.order, lobes.max_q + 1
+    kept, order = _kept_light.get(), lobes.order
 
-    def make(first: int) -> Array:
-        orders = range(first, min(first + _ORDERS_AT_ONCE, count))
+    def make(orders: range) -> Array:
         if kept is None:
             return _make_local_light(light, order, orders)
         return kept.get((known, order, orders), lambda: _make_local_light(light, order, orders))
 
-    return [make(first) for first in range(0, count, _ORDERS_AT_ONCE)]
+    return [make(orders) for orders in _together(lobes.max_q)]
+
+
+def _together(max_q: int) -> list[range]:
+    """Return the azimuthal orders from 0 on in groups that are computed together."""
+    starts = range(0, max(max_q + 1 - _FEW_MORE, 1), _ORDERS_AT_ONCE)
+    return [range(*each) for each in pairwise([*starts, max_q + 1])]
 
 
 @contextmanager

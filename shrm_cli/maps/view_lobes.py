@@ -79,4 +79,4 @@ def whole_lobes(transfer: TransferFunctions, center: Center) -> Lobes:
     """Return the lobes of transfer functions about a central direction; no map misses any."""
     between = BetweenNodes.of(transfer, center)
     whole = between(transfer.values[:, :, between.nodes])
-    return Lobes(whole, np.zeros_like(whole), center)
+    return Lobes.of(whole, np.zeros_like(whole), center)

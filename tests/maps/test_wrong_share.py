@@ -273,3 +273,25 @@ def test_it_is_right_under_real_light(real_probes, name, spec):
         assert measured < predicted + max(0.25 * predicted, 0.005)
         if (spec, to) != NARROW:
             assert measured > predicted - max(0.25 * predicted, 0.005)
+
+
+@pytest.mark.parametrize("max_q", [0, 6, 8, 9, 15])
+def test_lobes_reflect_the_same_with_more_orders_of_which_they_have_nothing(rng, max_q):
+    """Azimuthal orders are computed in groups."""
+    whole = rng.normal(size=(max_q + 1, 20, len(sample_views("normal")[0]), 3))
+    coefficients = rng.normal(size=(400, 3))
+    more = np.concatenate([whole, np.zeros((22 - len(whole), *whole.shape[1:]))])
+    few, many = (lit(coefficients, [Lobes(each, each / 2, "normal")]) for each in (whole, more))
+    np.testing.assert_allclose(few, many, atol=1e-5 * np.abs(many).max())
+
+
+def test_grey_lobes_have_one_channel_and_reflect_the_same(rng):
+    grey = np.broadcast_to(
+        rng.normal(size=(4, 9, len(sample_views("normal")[0]), 1)), (4, 9, 24, 3)
+    )
+    coefficients = rng.normal(size=(81, 3))
+    one = Lobes.of(grey, grey / 2, "normal")
+    assert one.whole.shape[-1] == one.error.shape[-1] == 1
+    found, expected = lit(coefficients, [one]), lit(coefficients, [Lobes(grey, grey / 2, "normal")])
+    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+    assert Lobes.of(grey, grey * [1, 1, 0.999], "normal").whole.shape[-1] == 3

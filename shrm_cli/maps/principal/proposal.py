@@ -354,7 +354,7 @@ def _lobes(planner: Planner, form: Form) -> Lobes:
     factors = form.band.factors
     orders = range(transfer.max_q + 1)
     rest = [spectrum.rest(q, form.counts, factors, between.nodes) for q in orders]
-    return Lobes(
+    return Lobes.of(
         between(transfer.values[:, : order + 1, between.nodes]),
         between(np.stack([each[: order + 1] for each in rest])),
         spectrum.center,
