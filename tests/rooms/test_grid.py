@@ -214,15 +214,30 @@ def test_volumes_are_bevys_ambient_cubes():
     words = np.frombuffer(zstandard.decompress(data[at : at + size]), "<u4")
     assert words.nbytes == whole
     texels = unpacked(words.astype(np.int64)).reshape(depth, height, width, 3)
-    sides = {"-X": (0, 0), "+X": (ny, 0), "-Y": (0, nz), "+Y": (ny, nz),
-             "-Z": (0, 2 * nz), "+Z": (ny, 2 * nz)}  # fmt: skip
-    for name, (up, deep) in sides.items():
-        normal = np.zeros((1, 3))
-        normal[0, "XYZ".index(name[1])] = 1 if name[0] == "+" else -1
-        for x, y, z in ((0, 0, 0), (2, 1, 3), (1, 1, 2)):
-            place = grid.lattice.low + (np.array([x, y, z]) + 0.5) * grid.lattice.spacing
-            expected = grid.irradiance(place[None], normal, direct=False)[0] / np.pi
-            np.testing.assert_allclose(texels[z + deep, y + up, x], expected, rtol=0.01)
+    rng = np.random.default_rng(2)
+    for x, y, z in ((0, 0, 0), (2, 1, 3), (1, 1, 2)):
+        place = grid.lattice.low + (np.array([x, y, z]) + 0.5) * grid.lattice.spacing
+        found = [bevys(texels, (x, y, z), normal) for normal in np.vstack([np.eye(3), -np.eye(3)])]
+        for light, normal in zip(found, np.vstack([np.eye(3), -np.eye(3)]), strict=True):
+            expected = grid.irradiance(place[None], normal[None], direct=False)[0] / np.pi
+            np.testing.assert_allclose(light, expected, rtol=0.01)
+        between = directions(rng, 1)[0]
+        squares = between**2
+        sides = [found[axis if between[axis] > 0 else axis + 3] for axis in range(3)]
+        np.testing.assert_allclose(bevys(texels, (x, y, z), between), squares @ sides, rtol=1e-6)
+
+
+def bevys(texels, voxel, normal):
+    """What irradiance_volume.wgsl of Bevy looks up in the middle of a voxel."""
+    depth, height, width = texels.shape[:3]
+    size = np.array([width, height, depth])
+    place = (np.array(voxel) + 0.5) / size
+    found = np.zeros(3)
+    for axis in range(3):
+        offset = [0, 0.5 if normal[axis] < 0 else 0, axis / 3]
+        x, y, z = np.floor((place + offset) * size).astype(int)
+        found += texels[z, y, x] * normal[axis] ** 2
+    return found
 
 
 def test_pictures_have_a_row_of_probes_a_line(tmp_path):
