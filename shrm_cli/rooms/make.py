@@ -22,7 +22,7 @@ from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
-from shrm_cli.rooms.capture import captured
+from shrm_cli.rooms.capture import box_around, captured
 from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, is_grid, read_grid
 from shrm_cli.rooms.room import Room
 from shrm_cli.vocabulary import ALBEDO
@@ -189,8 +189,8 @@ def capture(
     samples : int
         Paths of light through each pixel.
     box : sequence of 6 float, optional
-        Two corners of the box that stands for the room where light is looked up; by default that
-        of the mesh.
+        Two corners of the box that stands for the room where light is looked up; by default
+        that of what is seen from the place.
     probe, albedo, emission, progress
         As `grid` takes them.
 
@@ -214,9 +214,10 @@ def capture(
     """
     opened = open_room(source, probe, albedo, emission)
     light = opened.surroundings
-    low, high = opened.room.mesh.bounds if box is None else np.reshape(box, (2, 3))
+    place = np.array(at, dtype=float)
+    low, high = box_around(opened.room, place) if box is None else np.reshape(box, (2, 3))
     proxy = ProxyBox.of(low, high, at)
-    found = captured(opened.room, np.array(at, dtype=float), size, samples, light, progress)
+    found = captured(opened.room, place, size, samples, light, progress)
     made = Probe.from_array(
         found.pixels, "latlong", name=opened.room.mesh.name,
         chromaticities=None if light is None else light.chromaticities,
