@@ -19,6 +19,7 @@ moments are those of Donnelly and Lauritzen 2006, Variance Shadow Maps.
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -141,7 +142,7 @@ class ProbeGrid:
             "order": self.order,
             "walls": self.walls is not None,
             "in_walls": int((~self.alive).sum()),
-            **self.facts,
+            **{name: fact for name, fact in self.facts.items() if name != "made"},
         }
 
     def irradiance(self, points: ArrayLike, normals: ArrayLike, direct: bool = True) -> Array:
@@ -259,6 +260,16 @@ def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
 def is_grid(path: str | os.PathLike[str]) -> bool:
     """Tell whether a file holds a grid; whether it is sound, reading it tells."""
     return npz.holds(path, {"reflected", "direct", "box", "settings"})
+
+
+def made_by(path: str | os.PathLike[str]) -> str | None:
+    """Return the digest of what a grid was made of, of files and options; None if it is not known.
+
+    The file is only looked at, and is no input.
+    """
+    with suppress(ValueError, KeyError, TypeError, OSError), npz.opened(Path(path)) as archive:
+        return str(parse_json(archive.text("settings"))["facts"]["made"])
+    return None
 
 
 def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:

@@ -1,6 +1,8 @@
 """`grid` and `capture`: the light at the points of a grid, and the probe of a place, of a room."""
 
 import csv
+import hashlib
+import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -42,6 +44,8 @@ class RoomPlan:
     """Where its probes are."""
     warnings: list[str]
     """What of its materials does not count, in sentences."""
+    made: str
+    """A digest of the files and options, which is the fact ``made`` of the grid."""
 
 
 @record(eq=False)
@@ -159,9 +163,18 @@ def grid(
     opened = open_room(name, probe, albedo, emission)
     mesh = opened.room.mesh
     lattice = _lattice(mesh.bounds, size, box)
+    light = opened.surroundings
+    options = [
+        lattice.low.tolist(), lattice.high.tolist(), lattice.shape, order, samples,
+        dict(albedo or {}), dict(emission or {}), "" if light is None else light.digest(),
+    ]  # fmt: skip
+    made = hashlib.sha256(
+        Path(name).read_bytes() + json.dumps(options, default=list).encode()
+    ).hexdigest()
     if begin is not None:
-        begin(RoomPlan(mesh, lattice, opened.warnings))
-    return bake(opened.room, lattice, order, samples, progress)
+        begin(RoomPlan(mesh, lattice, opened.warnings, made))
+    baked = bake(opened.room, lattice, order, samples, progress)
+    return replace(baked, facts={**baked.facts, "made": made})
 
 
 def capture(
