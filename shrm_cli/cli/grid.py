@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import click
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import BOX, COUNTS, PATH, option
-from shrm_cli.files.whole import keeping
+from shrm_cli.files.whole import keeping, kept
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def grid(
       shrm grid house.grid.npz --light reflected -o house.json
     """
     from shrm_cli.rooms.export import WRITERS
-    from shrm_cli.rooms.grid import is_grid, write_grid
+    from shrm_cli.rooms.grid import is_grid, made_by, write_grid
     from shrm_cli.rooms.make import grid as grid_of
 
     target, suffix = _target(source, output)
@@ -84,6 +85,8 @@ def grid(
     planned: list[RoomPlan] = []
 
     def begin(plan: RoomPlan) -> None:
+        if not (force or output) and os.path.lexists(target) and made_by(target) != plan.made:
+            raise kept(target, "other inputs or options made it")
         planned.append(plan)
         count = " x ".join(map(str, plan.lattice.shape))
         announce([f"{source}: {len(plan.mesh.faces):,} triangles, {count} probes"])

@@ -159,7 +159,7 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
 @option(
     "--box", BOX,
     help="Two corners of the box that stands for the room where light is looked up.  "
-    "[default: all of the room]",
+    "[default: that of what is seen from there]",
 )  # fmt: skip
 @option("--samples", click.IntRange(2, 65536), "Paths of light through each pixel.", default=64)
 @options.report_options
@@ -191,17 +191,17 @@ def capture(
     from shrm_cli.files.recipe import picture_attributes
     from shrm_cli.probe.proxy import ProxyBox, box_attributes
     from shrm_cli.rooms.bake import IN_WALLS
-    from shrm_cli.rooms.capture import captured
+    from shrm_cli.rooms.capture import box_around, captured
     from shrm_cli.rooms.make import open_room
 
     usage.check_outputs([output], files=[mesh, *([probe] if probe else [])])
     opened = open_room(mesh, probe, dict(albedo), dict(emit))
     room = opened.room
-    low, high = room.mesh.bounds if box is None else np.reshape(box, (2, 3))
+    place = np.array(at)
+    low, high = box_around(room, place) if box is None else np.reshape(box, (2, 3))
     proxy = ProxyBox.of(low, high, at)
     announce([f"{mesh}: {len(room.mesh.faces):,} triangles, {size} x {2 * size} pixels"])
     with progress_bar("tracing") as progress:
-        place = np.array(at)
         found = captured(room, place, size, samples, opened.surroundings, progress)
     light = opened.surroundings
     colors = None if light is None else light.chromaticities

@@ -170,7 +170,8 @@ class Asked:
     size : int, optional
         Texels along an edge of level 0, or rows of a lat-long.
     texels : str, optional
-        The name of a texel format; ``auto`` is the smallest that keeps `max_error`.
+        The name of a texel format; ``auto`` is the smallest that keeps `max_error`, where
+        the engine reads several.
     max_error : float, optional
         The most that packing may change a level: its RMS, 95 % of its texels and its lamps, as
         parts of 1.
@@ -266,10 +267,11 @@ def check(engine: Engine, asked: Asked) -> None:
     """Refuse what an engine has not, before work begins."""
     if asked.max_error is not None and not engine.formats:
         raise ArgumentError("max_error", f"does not apply; {engine.title} has one format")
-    formats = [*engine.formats, *(["auto"] if engine.formats else [])]
-    if asked.texels is not None and asked.texels not in formats:
-        known = ", ".join(formats)
-        why = f"{engine.title} reads {known}" if known else f"{engine.title} has one format"
+    if asked.texels not in (None, "auto", *engine.formats):
+        known = ", ".join([*engine.formats, "auto"])
+        why = (
+            f"{engine.title} reads {known}" if engine.formats else f"{engine.title} has one format"
+        )
         raise ArgumentError("format", f"{asked.texels} does not apply; {why}")
     refuse_missing(asked.texels)
     if asked.skybox and not engine.takes_skybox:

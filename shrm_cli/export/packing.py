@@ -30,8 +30,10 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
     """Return the files of an engine, with texels that keep an error.
 
     `name` is that of the texels, or ``auto``; by default the engine's own, and its spare ones for
-    light of which these alone lose lamps.
+    light of which these alone lose lamps. Where the engine has one format, that is what ``auto``
+    is.
     """
+    name = name if engine.formats else None
     limit = MAX_ERROR if name == "auto" and max_error is None else max_error
     names = _candidates(engine, name)
     if limit is None:

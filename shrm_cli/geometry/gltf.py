@@ -127,7 +127,7 @@ class _File:
         self._accessors = Accessors(name, tree, buffers)
         reader = SurfaceReader(name, tree, lambda: buffers)
         given = gltf.list_of(tree, "materials")
-        self._materials = [reader.material(gltf.table(each)) for each in given]
+        self._materials = [reader.material(gltf.table(each), k) for k, each in enumerate(given)]
         # Those that vertex colours multiply; the last is glTF's own, of what has none.
         every: list[SurfaceMaterial | None] = [*self._materials, None]
         self._colored = [replace(each or SurfaceMaterial(), colored="linear") for each in every]

@@ -31,8 +31,8 @@ class SurfaceReader:
         self._textures = gltf.list_of(tree, "textures")
         self._pictures: dict[int, Path | bytes | str] = {}
 
-    def material(self, given: gltf.Json) -> SurfaceMaterial:
-        """Return a material.
+    def material(self, given: gltf.Json, number: int) -> SurfaceMaterial:
+        """Return a material; `number` is its place in the file, and the name of one without a name.
 
         Raises ValueError, KeyError or TypeError if it is damaged, or a texture is not beside the
         file.
@@ -45,7 +45,7 @@ class SurfaceReader:
         mode = given.get("alphaMode", "OPAQUE")
         rough = self._texture(pbr, "metallicRoughnessTexture")
         return SurfaceMaterial(
-            name=str(given.get("name", ""))[:80],
+            name=str(given.get("name") or f"material {number}")[:80],
             base_color=(color[0], color[1], color[2]),
             metallic=_unit(pbr.get("metallicFactor", 1)),
             roughness=_unit(pbr.get("roughnessFactor", 1)),

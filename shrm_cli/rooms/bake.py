@@ -10,7 +10,7 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, octahedral_directions
-from shrm_cli.rooms.room import Brightness, Emitters, Room, cosines
+from shrm_cli.rooms.room import Brightness, Emitters, Room, Seen, cosines
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 
@@ -22,6 +22,10 @@ IN_WALLS = 0.25
 """The share of directions in which a probe within a wall sees triangles from behind."""
 _SHARPNESS = 50
 """The power of the cosine by which directions count for a texel of distances (Majercik et al.)."""
+_SLANT = 2.0
+"""The most by which the plane that a ray meets may be nearer or farther along a texel's middle."""
+_PLANE = 1.02
+"""How much nearer than what a ray meets a plane is, at least, where its surface has ended."""
 _PATCHES = 2.0
 """Patches along the least spacing of the probes."""
 _RAYS_AT_ONCE = 2**18
@@ -53,11 +57,11 @@ def bake(
         found.append(gathering.probe(points[part], part.start, longest))
         stages.within(part.stop, len(points))
     stages.done(2, 3)
-    reflected, direct, moments, behind = (
+    reflected, direct, walls, behind = (
         np.concatenate(each)
-        for each in zip(*((e.reflected, e.direct, e.moments, e.behind) for e in found), strict=True)
+        for each in zip(*((e.reflected, e.direct, e.walls, e.behind) for e in found), strict=True)
     )
-    grid = ProbeGrid(lattice, reflected, direct, moments, behind <= IN_WALLS)
+    grid = ProbeGrid(lattice, reflected, direct, walls, behind <= IN_WALLS)
     return replace(grid, facts=_proven(grid, gathering, stages))
 
 
@@ -90,7 +94,7 @@ class Looked:
 
     reflected: Array
     direct: Array
-    moments: Array
+    walls: Array
     behind: Array
 
 
@@ -103,22 +107,24 @@ class Gathering:
         self._directions = spiral_directions(samples)
         self._area = 4 * np.pi / samples
         self._harmonics = real_harmonics(order, self._directions) * self._area
-        weights = np.maximum(octahedral_directions() @ self._directions.T, 0) ** _SHARPNESS
-        self._texels = weights / weights.sum(axis=1, keepdims=True)
+        self._texels = _Texels(self._directions)
 
     def probe(self, points: Array, number: int, longest: float) -> Looked:
-        """Return what probes see, with distances up to `longest`; `number` is the first one's."""
-        reflected, lamps, distance, behind = self._look(points)
+        """Return what probes see, of walls up to `longest`; `number` is the first one's."""
+        seen = self._look(points)
+        reflected, lamps, behind = self._of(seen, len(points))
         directions, light = self._arriving(points, number)
         harmonics = real_harmonics(self._order, directions)
         direct = np.einsum("dj,ndc->njc", self._harmonics, lamps)
         direct += np.einsum("nsj,nsc->njc", harmonics, light, optimize=True)
-        distance = np.minimum(distance, longest)
-        moments = np.stack([distance @ self._texels.T, distance**2 @ self._texels.T], axis=-1)
+        faces, distance = self._met(points, seen)
+        walls = self._texels.walls(
+            np.minimum(distance, 2 * longest), self._brightness.room.normals[faces], longest
+        )
         return Looked(
             np.einsum("dj,ndc->njc", self._harmonics, reflected).astype(np.float32),
             direct.astype(np.float32),
-            moments.astype(np.float32),
+            walls.astype(np.float32),
             behind.mean(axis=1),
         )
 
@@ -126,7 +132,7 @@ class Gathering:
         self, points: Array, normals: Array, number: int = 0
     ) -> tuple[Array, Array, Array]:
         """Return the irradiance of surfaces at points: reflected, direct, and back faces' share."""
-        reflected, lamps, _, behind = self._look(points)
+        reflected, lamps, behind = self._of(self._look(points), len(points))
         facing = np.maximum(normals @ self._directions.T, 0) * self._area
         directions, light = self._arriving(points, number)
         others = cosines(directions, normals)
@@ -139,17 +145,65 @@ class Gathering:
             points, number, lambda directions: np.full(directions.shape[:-1], 1 / self._area)
         )
 
-    def _look(self, points: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """Return radiance of surfaces and sky and of lamps, distances, and which faces are back."""
-        count = len(self._directions)
-        starts = np.repeat(points, count, axis=0)
-        ways = np.tile(self._directions, (len(points), 1))
-        of = self._brightness
-        seen = of.look(starts, ways, self._emitters, 1 / self._area)
-        shape = len(points), count
+    def _met(self, points: Array, seen: Seen) -> tuple[NDArray[np.int64], Array]:
+        """Return triangles and distances along the texels' middles and then all directions."""
+        middles, count = self._texels.middles, len(points)
+        starts, ways = np.repeat(points, len(middles), axis=0), np.tile(middles, (count, 1))
+        faces, _, distance = self._brightness.rays.first_hits(starts, ways)
         return (
-            (of.radiance[seen.patches] + seen.sky).reshape(*shape, 3),
-            seen.lamps.reshape(*shape, 3),
-            seen.distance.reshape(shape),
-            seen.is_behind.reshape(shape),
+            np.hstack([faces.reshape(count, -1), seen.faces.reshape(count, -1)]),
+            np.hstack([distance.reshape(count, -1), seen.distance.reshape(count, -1)]),
         )
+
+    def _look(self, points: Array) -> Seen:
+        """Return what is seen from points along all directions, one point after the other."""
+        starts = np.repeat(points, len(self._directions), axis=0)
+        ways = np.tile(self._directions, (len(points), 1))
+        return self._brightness.look(starts, ways, self._emitters, 1 / self._area)
+
+    def _of(self, seen: Seen, points: int) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return radiance of surfaces and sky and of lamps, and which faces are back, by points."""
+        light = self._brightness.radiance[seen.patches] + seen.sky
+        return (
+            light.reshape(points, -1, 3),
+            seen.lamps.reshape(points, -1, 3),
+            seen.is_behind.reshape(points, -1),
+        )
+
+
+class _Texels:
+    """What is known of walls about the directions of an octahedral map."""
+
+    def __init__(self, directions: Array) -> None:
+        """Take the rays' `directions`, unit vectors of shape (d, 3)."""
+        self.middles, self._rays = octahedral_directions(), directions
+        cosines = self.middles @ directions.T
+        # The lobe's ends, a thousandth of it together, are left out.
+        self._of_texel = np.argsort(-cosines, axis=1)[:, : max(4, len(directions) // 12)]
+        weights = np.maximum(np.take_along_axis(cosines, self._of_texel, 1), 0) ** _SHARPNESS
+        self._weights = weights / weights.sum(axis=1, keepdims=True)
+
+    def walls(self, distance: Array, normals: Array, longest: float) -> Array:
+        """Return planes and how far rays miss them, shape (n, t, 4); see `ProbeGrid.walls`.
+
+        `distance`, of shape (n, t + d), is to what n points meet along the texels' middles and the
+        rays, whose `normals` have the shape (n, t + d, 3). What is farther than `longest` counts as
+        that far.
+        """
+        count = len(self.middles)
+        facing = np.einsum("ndv,dv->nd", normals, np.concatenate([self.middles, self._rays]))
+        facing = np.where(facing == 0, np.finfo(float).tiny, facing)
+        all_planes = normals / (facing * distance)[..., None]
+        far = (distance[:, :count] >= longest)[..., None]
+        found = np.zeros((len(distance), count, 4))
+        found[..., :3] = np.where(far, self.middles / longest, all_planes[:, :count])
+        for texel, (rays, weights) in enumerate(zip(self._of_texel, self._weights, strict=True)):
+            middle, near = self.middles[texel], 1 / distance[:, count + rays]
+            own = found[:, texel, :3]
+            # Along a texel's middle rays have planes of their own. Those in front of the texel's
+            # do not count: where walls meet in a corner the plane that is nearest is right.
+            planes = np.clip(all_planes[:, count + rays] @ middle, near / _SLANT, near * _SLANT)
+            less = own @ middle - np.maximum(planes, 1 / longest).T
+            ends = own @ self._rays[rays].T > _PLANE * near
+            found[:, texel, 3] = (np.maximum(less.T, 0) ** 2 * ends) @ weights
+        return found

@@ -15,10 +15,15 @@ from shrm_cli.records import record
 from shrm_cli.rooms.room import LIFT, Brightness, Emitters, Room, cosines
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.grid.latlong import LatLong, latlong_points
+from shrm_cli.sphere.quadrature import spiral_directions
 
 _PATCHES = 48
 """Patches along the diagonal of a room."""
 _PATHS_AT_ONCE = 2**18
+_LOOKS = 4096
+"""Directions in which the box around a place is looked for."""
+_SNAP = 0.02
+"""By how much of a room's size what is seen may fall short of its box."""
 _PLASTIC = 1.1673039782614187
 """The root of x^5 = x + 1, whose powers' reciprocals fill cubes of four dimensions evenly (Roberts
 2018, "The Unreasonable Effectiveness of Quasirandom Sequences")."""
@@ -66,6 +71,28 @@ def captured(
     # Of independent halves the difference has four times the variance of their mean.
     noise = float(np.sqrt((weights * (halves[0] - halves[1]) ** 2).sum() / 4 / whole))
     return Captured(image.astype(np.float32), noise, behind)
+
+
+def box_around(room: Room, at: Array) -> tuple[Array, Array]:
+    """Return two corners of a box around what is seen from a place, each of shape (3,).
+
+    That is the room, where a mesh has several. Along an axis on a side of which nothing is seen it
+    is the box of the mesh.
+    """
+    low, high = room.mesh.bounds
+    directions = spiral_directions(_LOOKS)
+    faces, _, distance = Rays(room.mesh).first_hits(np.asarray(at, dtype=float), directions)
+    seen = at + distance[faces >= 0, None] * directions[faces >= 0]
+    if not len(seen):
+        return low, high
+    least, most = seen.min(axis=0), seen.max(axis=0)
+    near = _SNAP * room.size
+    digits = 6 - int(np.floor(np.log10(room.size)))  # Embree has 32-bit floats
+    least, most = least.round(digits), most.round(digits)
+    least = np.where(least < low + near, low, least)
+    most = np.where(most > high - near, high, most)
+    within = (least < at) & (most > at)
+    return np.where(within, least, low), np.where(within, most, high)
 
 
 class _Paths:

@@ -22,8 +22,8 @@ from shrm_cli.rooms.grid import ProbeGrid
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 
-_SIDES = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
-"""Bevy's ambient cubes: -X and +X, -Y and +Y, -Z and +Z."""
+_SIDES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+"""Bevy's ambient cubes: +X and -X, +Y and -Y, +Z and -Z."""
 _THREE_ORDER = 2
 _TRIED = 128
 """Normals for which irradiance is looked at before a window is sought."""
@@ -96,16 +96,17 @@ def as_json(grid: ProbeGrid, direct: bool) -> str:
 def as_volume(grid: ProbeGrid, direct: bool) -> bytes:
     """Return Bevy's irradiance volume: a KTX 2 file of nx x 2 ny x 3 nz texels of rgb9e5.
 
-    Texels are irradiance over pi, which Bevy multiplies with the albedo. The negative sides of the
-    cubes are below the positive ones along y, and X, Y and Z are one after the other along z.
+    Texels are irradiance over pi, which Bevy multiplies with the albedo. The positive sides of the
+    cubes come before the negative ones along y, and X, Y and Z are one after the other along z: so
+    Bevy's shader looks them up (irradiance_volume.wgsl), whereas the page of its
+    module `irradiance_volume` names the signs the other way round.
     """
     light = prepared(grid, direct)
     order = order_of(light.shape[-2])
     factors = lambert_factors(order)[degrees(order)]
     values = real_harmonics(order, _SIDES) * factors / np.pi
     sides = np.maximum(np.einsum("sj,xyzjc->szyxc", values, light), 0)
-    negative, positive = sides[0::2], sides[1::2]
-    stacked = np.concatenate([negative, positive], axis=2)  # along y
+    stacked = np.concatenate([sides[0::2], sides[1::2]], axis=2)  # along y
     volume = stacked.reshape(-1, *stacked.shape[2:])  # the axes one after the other along z
     depth, height, width = volume.shape[:3]
     texels = FORMATS["rgb9e5"]

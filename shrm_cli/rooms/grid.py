@@ -1,13 +1,14 @@
 """A grid of probes: where they are, the irradiance between them, and their files.
 
 Each of the eight probes about a point counts by its distance, by how far it is on the side that the
-surface faces, and by how likely it sees the point: it knows the mean and the mean square of the
-distance to what is met in each direction, and Chebyshev's inequality bounds from them the chance
-that the point is nearer. So light does not leak through walls between probes.
+surface faces, and by how likely it sees the point. It knows the plane of what is met in each of a
+few directions, and how much farther than that plane things are around there; Chebyshev's inequality
+bounds from them the chance that the point is nearer. Planes, where Majercik et al. have distances,
+tell a thin wall that is seen at a slant from what lies just behind it.
 
 A file is an archive of numpy (.npz) of the arrays ``reflected``, ``direct``, ``alive`` (1 or 0)
-and, where walls are known, ``moments`` of a `ProbeGrid`, the corners of the box as ``box`` (2 x 3),
-and ``settings``: one text, a JSON object with ``version`` (1), ``shape`` and ``facts``. It may come
+and, where walls are known, ``walls`` of a `ProbeGrid`, the corners of the box as ``box`` (2 x 3),
+and ``settings``: one text, a JSON object with ``version`` (2), ``shape`` and ``facts``. It may come
 from anywhere. docs/grid.md has it all.
 
 References: Majercik, Guertin, Nowrouzezahrai and McGuire 2019, Dynamic Diffuse Global Illumination
@@ -18,6 +19,7 @@ moments are those of Donnelly and Lauritzen 2006, Variance Shadow Maps.
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -90,8 +92,11 @@ _BACK = 0.2
 """The share of a probe that lies behind the surface (Majercik et al. 2019, listing 1)."""
 _SHARPER = 3
 """The power of the chance that a probe sees a point, which makes leaks darker."""
-_BIAS = 0.1
-"""How far along its normal a point is moved before probes look for it, in least spacings."""
+_UNEVEN = 0.03
+"""The standard deviation that is added to what is known of walls, as a part of their nearness."""
+_FAINT = 0.2
+"""Weights below this, shares by distance aside, are lowered by the square of their ratio to it:
+unlikely probes beyond a wall are bright, and leak (as RTXGI's DDGIGetVolumeIrradiance does)."""
 _LEAST = 1e-6
 """The sum of weights below which all probes are taken for hidden."""
 
@@ -107,9 +112,11 @@ class ProbeGrid:
     (order+1)^2, 3)."""
     direct: Array
     """What comes straight from lamps, float32 of shape (n, (order+1)^2, 3)."""
-    moments: Array | None
-    """The mean distance and its mean square about the directions of `octahedral_directions`, up to
-    a cell's diagonal; None where nothing is known of walls, float32 of shape (n, EDGE^2, 2)."""
+    walls: Array | None
+    """What is met about the directions of `octahedral_directions`: a vector whose product with a
+    direction is the reciprocal of the distance of a plane, at least that of a cell's diagonal, and
+    the mean square by which reciprocals around there are less; None where nothing is known, float32
+    of shape (n, EDGE^2, 4)."""
     alive: NDArray[np.bool_]
     """Whether a probe counts; those within walls do not, shape (n,)."""
     facts: Mapping[str, Any] = field(default_factory=dict)
@@ -133,9 +140,9 @@ class ProbeGrid:
             "low": lattice.low.tolist(),
             "high": lattice.high.tolist(),
             "order": self.order,
-            "walls": self.moments is not None,
+            "walls": self.walls is not None,
             "in_walls": int((~self.alive).sum()),
-            **self.facts,
+            **{name: fact for name, fact in self.facts.items() if name != "made"},
         }
 
     def irradiance(self, points: ArrayLike, normals: ArrayLike, direct: bool = True) -> Array:
@@ -160,10 +167,11 @@ class ProbeGrid:
         to_probe /= np.maximum(np.linalg.norm(to_probe, axis=-1, keepdims=True), 1e-12)
         facing = (np.einsum("nkv,nv->nk", to_probe, normals) + 1) / 2
         near = near * self.alive[probes]
-        weights = near * (facing**2 + _BACK)
-        if self.moments is not None:
-            moved = points + _BIAS * self.lattice.spacing.min() * normals
-            weights = weights * self._seen(probes, moved[:, None] - places)
+        weights = facing**2 + _BACK
+        if self.walls is not None:
+            weights = weights * self._seen(probes, points[:, None] - places)
+            weights *= np.minimum(weights / _FAINT, 1) ** 2
+        weights = near * weights
         # Where every probe is hidden, distance alone tells.
         total = weights.sum(axis=1, keepdims=True)
         weights = np.where(total > _LEAST, weights, near)
@@ -171,15 +179,18 @@ class ProbeGrid:
 
     def _seen(self, probes: Array, ways: Array) -> Array:
         """Return how likely probes see points at some ways from them, shape (n, 8)."""
-        assert self.moments is not None
+        assert self.walls is not None
         distance = np.linalg.norm(ways, axis=-1)
-        directions = ways / np.maximum(distance, 1e-12)[..., None]
+        ways, distance = np.where(distance[..., None] > 0, ways, 1e-9), np.maximum(distance, 1e-9)
+        directions = ways / distance[..., None]
         texels, shares = _texels(directions)
-        found = np.einsum("nkt,nktm->nkm", shares, self.moments[probes[..., None], texels])
-        mean, square = found[..., 0], found[..., 1]
-        variance = np.abs(square - mean**2)
-        chance = variance / (variance + (distance - mean) ** 2)
-        return np.where(distance <= mean, 1.0, chance) ** _SHARPER
+        known = self.walls[probes[..., None], texels]
+        near = np.maximum(np.einsum("nktv,nkv->nkt", known[..., :3], directions), 0)
+        variance = known[..., 3] + (_UNEVEN * near) ** 2 + 1e-30
+        beyond = np.maximum(near - 1 / distance[..., None], 0)
+        chance = variance / (variance + beyond**2)
+        # Their product, not their mean: in a corner the nearest of its walls is what is met.
+        return np.exp(_SHARPER * (shares * np.log(chance)).sum(axis=-1))
 
 
 def octahedral_directions(edge: int = EDGE) -> Array:
@@ -227,8 +238,8 @@ def _texels(directions: Array) -> tuple[Array, Array]:
     return np.stack(texels, axis=-1), np.stack(shares, axis=-1)
 
 
-_VERSION = 1
-_DIMENSIONS = {"reflected": 3, "direct": 3, "alive": 1, "moments": 3, "box": 2}
+_VERSION = 2
+_DIMENSIONS = {"reflected": 3, "direct": 3, "alive": 1, "walls": 3, "moments": 3, "box": 2}
 
 
 def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
@@ -240,8 +251,8 @@ def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
         "alive": grid.alive.astype("<f4"),
         "box": np.stack([lattice.low, lattice.high]).astype("<f8"),
     }
-    if grid.moments is not None:
-        arrays["moments"] = grid.moments.astype("<f4")
+    if grid.walls is not None:
+        arrays["walls"] = grid.walls.astype("<f4")
     settings = {"version": _VERSION, "shape": list(lattice.shape), "facts": dict(grid.facts)}
     npz.write_npz(path, {**arrays, "settings": json.dumps(settings)})
 
@@ -249,6 +260,16 @@ def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
 def is_grid(path: str | os.PathLike[str]) -> bool:
     """Tell whether a file holds a grid; whether it is sound, reading it tells."""
     return npz.holds(path, {"reflected", "direct", "box", "settings"})
+
+
+def made_by(path: str | os.PathLike[str]) -> str | None:
+    """Return the digest of what a grid was made of, of files and options; None if it is not known.
+
+    The file is only looked at, and is no input.
+    """
+    with suppress(ValueError, KeyError, TypeError, OSError), npz.opened(Path(path)) as archive:
+        return str(parse_json(archive.text("settings"))["facts"]["made"])
+    return None
 
 
 def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
@@ -283,12 +304,26 @@ def _grid(arrays: dict[str, Array], settings: object) -> ProbeGrid:
         "reflected": (count, (order + 1) ** 2, 3),
         "direct": (count, (order + 1) ** 2, 3),
         "alive": (count,),
-        "moments": (count, EDGE**2, 2),
+        "walls": (count, EDGE**2, 4),
     }
+    if (
+        "moments" in arrays
+    ):  # the first version has distances, and their squares, in place of planes
+        arrays["walls"] = _spheres(arrays.pop("moments"))
     for name, wanted in expected.items():
         if name in arrays and arrays[name].shape != wanted:
             raise ValueError(f"{name} of shape {arrays[name].shape} in a grid of {shape}")
     return ProbeGrid(
-        lattice, arrays["reflected"], arrays["direct"], arrays.get("moments"),
+        lattice, arrays["reflected"], arrays["direct"], arrays.get("walls"),
         arrays["alive"] > 0.5, settings["facts"],
     )  # fmt: skip
+
+
+def _spheres(moments: Array) -> Array:
+    """Return what is known of walls by means of distances and of their squares, (n, t, 2)."""
+    if moments.shape[1:] != (EDGE**2, 2):
+        raise ValueError(f"moments of shape {moments.shape}")
+    mean, square = np.moveaxis(moments, -1, 0)
+    mean = np.maximum(mean, np.finfo(np.float32).tiny)
+    spread = np.abs(square / mean**2 - 1) / mean**2
+    return np.concatenate([octahedral_directions() / mean[..., None], spread[..., None]], axis=-1)

@@ -1,6 +1,8 @@
 """`grid` and `capture`: the light at the points of a grid, and the probe of a place, of a room."""
 
 import csv
+import hashlib
+import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -22,7 +24,7 @@ from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
-from shrm_cli.rooms.capture import captured
+from shrm_cli.rooms.capture import box_around, captured
 from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, is_grid, read_grid
 from shrm_cli.rooms.room import Room
 from shrm_cli.vocabulary import ALBEDO
@@ -42,6 +44,8 @@ class RoomPlan:
     """Where its probes are."""
     warnings: list[str]
     """What of its materials does not count, in sentences."""
+    made: str
+    """A digest of the files and options, which is the fact ``made`` of the grid."""
 
 
 @record(eq=False)
@@ -159,9 +163,18 @@ def grid(
     opened = open_room(name, probe, albedo, emission)
     mesh = opened.room.mesh
     lattice = _lattice(mesh.bounds, size, box)
+    light = opened.surroundings
+    options = [
+        lattice.low.tolist(), lattice.high.tolist(), lattice.shape, order, samples,
+        dict(albedo or {}), dict(emission or {}), "" if light is None else light.digest(),
+    ]  # fmt: skip
+    made = hashlib.sha256(
+        Path(name).read_bytes() + json.dumps(options, default=list).encode()
+    ).hexdigest()
     if begin is not None:
-        begin(RoomPlan(mesh, lattice, opened.warnings))
-    return bake(opened.room, lattice, order, samples, progress)
+        begin(RoomPlan(mesh, lattice, opened.warnings, made))
+    baked = bake(opened.room, lattice, order, samples, progress)
+    return replace(baked, facts={**baked.facts, "made": made})
 
 
 def capture(
@@ -189,8 +202,8 @@ def capture(
     samples : int
         Paths of light through each pixel.
     box : sequence of 6 float, optional
-        Two corners of the box that stands for the room where light is looked up; by default that
-        of the mesh.
+        Two corners of the box that stands for the room where light is looked up; by default
+        that of what is seen from the place.
     probe, albedo, emission, progress
         As `grid` takes them.
 
@@ -214,9 +227,10 @@ def capture(
     """
     opened = open_room(source, probe, albedo, emission)
     light = opened.surroundings
-    low, high = opened.room.mesh.bounds if box is None else np.reshape(box, (2, 3))
+    place = np.array(at, dtype=float)
+    low, high = box_around(opened.room, place) if box is None else np.reshape(box, (2, 3))
     proxy = ProxyBox.of(low, high, at)
-    found = captured(opened.room, np.array(at, dtype=float), size, samples, light, progress)
+    found = captured(opened.room, place, size, samples, light, progress)
     made = Probe.from_array(
         found.pixels, "latlong", name=opened.room.mesh.name,
         chromaticities=None if light is None else light.chromaticities,

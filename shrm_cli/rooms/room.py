@@ -367,6 +367,8 @@ def _centers(number: Integers, cuts: Integers | int) -> Array:
 class Seen:
     """What rays see, in arrays of an entry each."""
 
+    faces: NDArray[np.int64]
+    """Triangles that they meet; -1 for none, shape (n,)."""
     patches: NDArray[np.int64]
     """What they meet from its front; -1 for nothing, shape (n,)."""
     sky: Array
@@ -448,7 +450,7 @@ class Brightness:
         free = np.flatnonzero(faces < 0)
         if len(free):
             sky[free] = self.room.sky_radiance(directions[free])
-        return Seen(patches, sky, lamps, distance, (faces >= 0) & (patches < 0))
+        return Seen(faces, patches, sky, lamps, distance, (faces >= 0) & (patches < 0))
 
 
 def _above(normals: Array, number: int) -> Array:

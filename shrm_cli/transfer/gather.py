@@ -69,6 +69,11 @@ OFFSET = 1e-5
 It is some hundred times the rounding of the 32-bit coordinates that rays are traced with.
 """
 
+_LOOKS = 32
+"""Directions in which backs of triangles are looked for. Sites that see more than a quarter of them
+lie below a closed part of the mesh, or on its border, as probes of a grid within walls do."""
+_FIRST = 4
+"""A quarter of them is looked along first."""
 INSET = 0.01
 """How far a ray begins from a vertex on a border, as a part of the way into its triangles.
 
@@ -122,12 +127,49 @@ def sites_of(mesh: Mesh, texture: int | None = None) -> Sites:
         np.where(np.einsum("vi,vi->v", smooth, smooth)[:, None] > 1e-12, smooth, first)
     )
     positions = mesh.interpolated(mesh.vertices, *points)
-    texels = Texels(found.rows, found.texcoords, positions)
+    origins = smooth_points(mesh, *points, normals) + lift * normals
+    rows = _beside(found.rows, positions, _enclosed(mesh, origins, normals))
+    texels = Texels(rows, found.texcoords, positions)
     return Sites(
-        mesh, positions, normals, smooth_points(mesh, *points, normals) + lift * normals,
+        mesh, positions, normals, origins,
         texels.places, lambda values: mesh.interpolated(values, *points),
         *points, texels.steps(mesh, found.faces), texels,
     )  # fmt: skip
+
+
+def _enclosed(mesh: Mesh, origins: Array, normals: Array) -> NDArray[np.bool_]:
+    """Tell which sites see many backs of triangles, as those of a floor below a crate, (v,)."""
+    rays, fronts = Rays(mesh), mesh.normals[mesh.faces].mean(axis=1)
+    every, seen = spiral_directions(_LOOKS), np.zeros(len(origins), np.int64)
+    some = np.arange(len(origins))
+    for start in range(_FIRST):
+        for way in every[start::_FIRST]:
+            below = np.einsum("vi,i->v", normals[some], way) < 0
+            ways = np.where(below[:, None], -way, way)
+            faces = rays.first_hits(origins[some], ways)[0]
+            seen[some] += (faces >= 0) & (np.einsum("vi,vi->v", fronts[faces], ways) > 0)
+        some = some[seen[some] > 0]  # most see none in the first directions
+    return seen > _LOOKS // 4
+
+
+def _beside(
+    rows: NDArray[np.int32], positions: Array, hidden: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """Return rows of texels of which hidden ones have the row of the nearest one beside them.
+
+    Where two bodies touch, points that are seen look up texels that are not, which are black.
+    """
+    height, width = rows.shape
+    found, nearest = rows.copy(), np.full(rows.shape, np.inf)
+    wide = np.pad(rows, 1, constant_values=-1)
+    dark = (rows >= 0) & hidden[rows]
+    for down, right in np.ndindex(3, 3):
+        other = wide[down : down + height, right : right + width]
+        usable = dark & (other >= 0) & ~hidden[other]
+        away = np.linalg.norm(positions[rows] - positions[other], axis=-1)
+        closer = usable & (away < nearest)
+        found[closer], nearest[closer] = other[closer], away[closer]
+    return found
 
 
 def _ways_inwards(vertices: Array, normals: Array, faces: NDArray[np.integer]) -> Array:

@@ -54,14 +54,20 @@ class Blocks:
         return len(self.parts) - 1
 
     def texture(
-        self, values: ArrayLike, what: str, is_half: bool = True, series: int = 0
+        self,
+        values: ArrayLike,
+        what: str,
+        is_half: bool = True,
+        series: bool = False,
+        is_lit: bool = True,
     ) -> dict[str, Any]:
         """Keep an RGB texture, and return how the page finds it.
 
         `values` are of shape (H, W, 3) or (layers, H, W, 3); row 0 is uploaded first. `is_half`
-        tells whether 16 bits a number will do. `series` is 0 where each layer is seen by itself.
-        Otherwise what is seen at a texel is a sum over the layers of a run, and `series` is the
-        number of runs, one behind the other.
+        tells whether 16 bits a number will do, and `series` whether what is seen at a texel is a
+        sum over all layers, not each by itself. `is_lit` tells whether texels hold light; those of
+        product textures, whose large terms cancel where their sum with the light is dark, are not
+        rounded: scratches covered what is darker than a sun, and deflate gained little.
 
         Returns ``format``, ``width``, ``height``, ``depth`` (0 for a single picture), ``block``,
         and of a rounded one the block of ``exponents`` and its RMS ``error``.
@@ -85,7 +91,7 @@ class Blocks:
             "height": found.shape[-3],
             "depth": depth,
         }
-        if not (is_half and self.is_rounded):
+        if not (is_half and self.is_rounded and is_lit):
             return {**described, "block": self.add(found.astype(np.float16) if is_half else found)}
         made = rounded(found.reshape(-1, *found.shape[-3:]), series)
         self.rounding_error = max(self.rounding_error, made.error)
@@ -110,23 +116,23 @@ class Rounded:
     """Whole numbers of steps; 0, -1, 1, -2, .. are counted as 0, 1, 2, 3, ., shape (3, layers, H,
     W)."""
     exponents: NDArray[np.int8]
-    """The step of a texel is ``2^exponent``, shape (series or layers, H, W)."""
+    """The step of a texel is ``2^exponent``, shape (1 or layers, H, W)."""
     error: float
     """RMS of what rounding changed, each texel relative to its length."""
 
 
-def rounded(values: NDArray[np.float32], series: int) -> Rounded:
+def rounded(values: NDArray[np.float32], series: bool) -> Rounded:
     """Round a texture, shape (layers, H, W, 3).
 
-    `values` are finite, and no larger than 16-bit floats are. `series` is the number of runs of
-    layers that have one length at a texel; 0 where each has its own.
+    `values` are finite, and no larger than 16-bit floats are. `series` tells whether all layers
+    have one length at a texel; else each has its own.
     """
-    runs = values.reshape(series or len(values), -1, *values.shape[1:])
+    runs = values.reshape(1 if series else len(values), -1, *values.shape[1:])
     length = np.sqrt(np.einsum("slhwc,slhwc->shw", runs, runs, dtype=float))
     exponents = np.full(length.shape, _LOWEST)
     lit = length > 2.0**_LOWEST
     exponents[lit] = np.ceil(np.log2(length[lit]))
-    exponents -= _BITS[series > 0]
+    exponents -= _BITS[series]
     step = np.exp2(exponents)[:, None, ..., None]
     whole = np.rint(runs / step)
     apart = np.einsum("slhwc->shw", (whole * step - runs) ** 2)

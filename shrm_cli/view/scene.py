@@ -368,14 +368,11 @@ def described_map(
             f"{file}: pages cannot show it ({error}); `shrm convert` makes another form of it"
         ) from error
     facts, light, ways = _facts(made), made.harmonic_light, made.ways.items()
-    count = len(light.product.textures) if light and light.product else 1
+    is_lit = light is None or light.product is None
     packed = []
     for each in textures:
-        series = 0
-        if made.texels_are_series:
-            series = count if len(each.values) % count == 0 else 1
-        what = f"{file}: {each.name}"
-        found = blocks.texture(each.values, what, each.name in _LIGHT, series)
+        what, is_half = f"{file}: {each.name}", each.name in _LIGHT
+        found = blocks.texture(each.values, what, is_half, made.texels_are_series, is_lit)
         packed.append({"name": each.name, **found})
     facts += [("rounded by", f"{each['error']:.2%}") for each in packed if "error" in each]
     return {

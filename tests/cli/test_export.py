@@ -102,6 +102,15 @@ def test_all_engines(folder):
     }  # fmt: skip
 
 
+def test_engines_of_one_format_have_it_as_the_automatic_one(folder):
+    given = ("export", "sky.exr", "--for", "bevy", "--for", "json", "--for", "unity")
+    result = json.loads(done(*given, "--size", "16", "--format", "auto", "-o", "a", "--json"))
+    assert result["failures"] == []
+    done(*given, "--size", "16", "-o", "b")
+    for name in ("json/sky_sh.json", "unity/sky_latlong.exr"):
+        assert (folder / "a" / name).read_bytes() == (folder / "b" / name).read_bytes()
+
+
 def test_an_engine_that_has_not_what_is_asked_loses_no_other(folder):
     given = ("export", "sky.exr", "--for", "json", "--for", "bevy", "--size", "16", "-o", "assets")
     result = run(*given, "--format", "rgb9e5")

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from shrm_cli.rooms import make
 from shrm_cli.rooms.grid import read_grid
 from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 from tests.rooms import shapes
@@ -98,6 +99,19 @@ def test_a_room_is_baked(folder):
     assert_refused(run("grid", "room.glb", *SMALL, "--order", "1"), 1, "exists", "--force")
     done("grid", "room.glb", *SMALL, "--order", "1", "--force")
     assert read_grid("room.grid.npz").order == 1
+
+
+@pytest.mark.parametrize(
+    "other", [("--order", "1"), ("--emit", "lamp=3"), ("--probe", "white.exr")]
+)
+def test_a_grid_of_other_options_is_refused_before_the_work(folder, monkeypatch, other):
+    done("grid", "room.glb", *SMALL)
+
+    def fail(*given):
+        raise AssertionError("it was baked")
+
+    monkeypatch.setattr(make, "bake", fail)
+    assert_refused(run("grid", "room.glb", *SMALL, *other), 1, "exists", "--force")
 
 
 def test_materials_are_changed_by_their_names(folder):

@@ -129,6 +129,13 @@ def test_materials_of_gltf(tmp_path):
     assert set(mesh.face_materials) == {0}
 
 
+def test_materials_of_gltf_without_a_name_have_that_of_their_number(tmp_path):
+    """So warnings tell them apart, and options of rooms can name them."""
+    for unnamed in ({}, {"name": ""}):
+        mesh = load(tmp_path, "a.glb", glb(*gltf_tree(*TETRAHEDRON, material=unnamed)))
+        assert [each.name for each in mesh.materials] == ["material 0"]
+
+
 def test_coordinates_of_gltf_point_upwards(tmp_path):
     mesh = load(tmp_path, "a.glb", glb(*gltf_tree(*TETRAHEDRON, uvs=np.full((4, 2), 0.25))))
     np.testing.assert_allclose(mesh.uvs, [[0.25, 0.75]] * 12)

@@ -33,6 +33,23 @@ def test_a_furnace_is_equally_bright_everywhere(few_patches):
     assert found.noise < 0.01
 
 
+def test_the_box_is_that_of_the_room_that_is_seen():
+    """Of two rooms the one of the place; where a side is open, that of the mesh."""
+    parts = [shapes.box([0, 0, 0], [4, 3, 4]), shapes.box([4.2, -1, 0], [8.2, 3, 4])]
+    both = shapes.room(parts, [[0.5] * 3] * 2, [[1] * 3] * 2)
+    for at, low, high in (
+        ([1, 1, 1], [0, 0, 0], [4, 3, 4]),
+        ([6, 1, 2], [4.2, -1, 0], [8.2, 3, 4]),
+    ):
+        for found, expected in zip(
+            capture.box_around(both, np.array(at)), (low, high), strict=True
+        ):
+            np.testing.assert_allclose(found, expected, atol=1e-5)
+    crate = shapes.room([shapes.box([0, 0, 0], [2, 2, 2], inward=False)], [[0.5] * 3], [[1] * 3])
+    low, high = capture.box_around(crate, np.array([1.0, 1, -1]))
+    np.testing.assert_allclose([low, high], [[0, 0, 0], [2, 2, 2]])
+
+
 def test_lamps_and_the_sky_are_seen_as_they_are(few_patches):
     """Outside, beside a black box that faces away: all of the sky, and black where the box is."""
     room = shapes.room([shapes.box([0, 0, 0], [2, 2, 2], inward=False)], [[0] * 3], [[5, 0, 1]])

@@ -34,9 +34,14 @@ def lit(shape=(3, 2, 4), order=2, seed=3, walls=True):
     light[:, 0] = rng.uniform(1, 2, (lattice.count, 3))
     direct = np.zeros_like(light)
     direct[:, 0] = rng.uniform(0, 1, (lattice.count, 3))
-    moments = np.ones((lattice.count, EDGE**2, 2)) * [9.0, 81.5] if walls else None
     alive = np.ones(lattice.count, bool)
-    return ProbeGrid(lattice, light, direct, moments, alive, {"error": 0.125})
+    known = np.tile(ball_of_walls(9.0), (lattice.count, 1, 1)) if walls else None
+    return ProbeGrid(lattice, light, direct, known, alive, {"error": 0.125})
+
+
+def ball_of_walls(distance):
+    """What a probe knows of walls all around it, shape (EDGE^2, 4)."""
+    return np.pad(octahedral_directions() / distance, [(0, 0), (0, 1)])
 
 
 def directions(rng, count):
@@ -91,14 +96,14 @@ def test_hidden_and_dead_probes_do_not_count():
     middle, up = np.array([[0.5, 0.5, 4.5]]), np.array([[0.0, 1, 0]])
     one = np.sqrt(np.pi) / 2
     assert grid.irradiance(middle, up)[0, 0] == pytest.approx(101 / 2 * one)
-    hidden = np.array(grid.moments)
-    hidden[1] = 0.2, 0.0401  # a wall a fifth of a unit before the probe
+    hidden = np.array(grid.walls)
+    hidden[1] = ball_of_walls(0.2)  # a wall a fifth of a unit before the probe
     assert grid.irradiance(middle, up)[0, 0] > 50 * one
-    found = replace(grid, moments=hidden).irradiance(middle, up)[0, 0]
+    found = replace(grid, walls=hidden).irradiance(middle, up)[0, 0]
     assert found == pytest.approx(one, rel=0.01)
     dead = replace(grid, alive=np.array([True, False]))
     assert dead.irradiance(middle, up)[0, 0] == pytest.approx(one)
-    both = replace(grid, moments=np.broadcast_to([0.2, 0.04], hidden.shape))
+    both = replace(grid, walls=np.broadcast_to(ball_of_walls(0.2), hidden.shape))
     assert both.irradiance(middle, up)[0, 0] == pytest.approx(101 / 2 * one, rel=1e-3)
 
 
@@ -110,13 +115,13 @@ def test_files_hold_the_same(tmp_path):
     found = read_grid(tmp_path / "a.npz")
     assert is_grid(tmp_path / "a.npz")
     assert found.summary() == grid.summary()
-    for name in ("reflected", "direct", "moments", "alive"):
+    for name in ("reflected", "direct", "walls", "alive"):
         np.testing.assert_allclose(getattr(found, name), getattr(grid, name), rtol=1e-6)
-    write_grid(tmp_path / "c.npz", replace(grid, moments=None))
-    assert read_grid(tmp_path / "c.npz").moments is None
+    write_grid(tmp_path / "c.npz", replace(grid, walls=None))
+    assert read_grid(tmp_path / "c.npz").walls is None
 
 
-@pytest.mark.parametrize("fault", ["box", "shape", "order", "nan", "moments", "version"])
+@pytest.mark.parametrize("fault", ["box", "shape", "order", "nan", "walls", "version"])
 def test_files_that_do_not_fit_are_refused(tmp_path, fault):
     grid = lit()
     lattice = grid.lattice
@@ -128,16 +133,36 @@ def test_files_that_do_not_fit_are_refused(tmp_path, fault):
         grid = replace(grid, reflected=grid.reflected[:, :5])
     elif fault == "nan":
         grid = replace(grid, direct=grid.direct * np.nan)
-    elif fault == "moments":
-        grid = replace(grid, moments=grid.moments[:, :5])
+    elif fault == "walls":
+        grid = replace(grid, walls=grid.walls[:, :5])
     write_grid(tmp_path / "a.npz", grid)
     if fault == "version":
         raw = (tmp_path / "a.npz").read_bytes()
-        wide = '"version": 1'.encode("utf-32-le")
+        wide = '"version": 2'.encode("utf-32-le")
         assert wide in raw
         (tmp_path / "a.npz").write_bytes(raw.replace(wide, '"version": 9'.encode("utf-32-le")))
     with pytest.raises(MeshError, match=r"a\.npz"):
         read_grid(tmp_path / "a.npz")
+
+
+def test_files_of_the_first_version_are_read(tmp_path, rng):
+    """They hold mean distances, and mean squares of them, about the same directions."""
+    grid = lit(shape=(2, 1, 1))
+    near = replace(grid, walls=np.stack([ball_of_walls(9.0), ball_of_walls(0.2)]))
+    write_grid(tmp_path / "new.npz", near)
+    lattice = near.lattice
+    arrays = {name: getattr(near, name) for name in ("reflected", "direct", "alive")}
+    arrays["box"] = np.stack([lattice.low, lattice.high])
+    arrays["moments"] = np.tile(np.array([[9.0, 81], [0.2, 0.04]])[:, None], (1, EDGE**2, 1))
+    arrays["alive"] = arrays["alive"].astype("f4")
+    settings = json.dumps({"version": 1, "shape": lattice.shape, "facts": {}})
+    np.savez(tmp_path / "old.npz", settings=settings, **arrays)
+    points, normals = rng.uniform([-1, 0, 2], [2, 1, 7], (50, 3)), directions(rng, 50)
+    old, new = (read_grid(tmp_path / f"{name}.npz") for name in ("old", "new"))
+    np.testing.assert_allclose(
+        old.irradiance(points, normals), new.irradiance(points, normals), rtol=1e-4
+    )
+    assert not np.allclose(new.irradiance(points, normals), grid.irradiance(points, normals), 0.01)
 
 
 def three(coefficients, normal):
@@ -189,15 +214,30 @@ def test_volumes_are_bevys_ambient_cubes():
     words = np.frombuffer(zstandard.decompress(data[at : at + size]), "<u4")
     assert words.nbytes == whole
     texels = unpacked(words.astype(np.int64)).reshape(depth, height, width, 3)
-    sides = {"-X": (0, 0), "+X": (ny, 0), "-Y": (0, nz), "+Y": (ny, nz),
-             "-Z": (0, 2 * nz), "+Z": (ny, 2 * nz)}  # fmt: skip
-    for name, (up, deep) in sides.items():
-        normal = np.zeros((1, 3))
-        normal[0, "XYZ".index(name[1])] = 1 if name[0] == "+" else -1
-        for x, y, z in ((0, 0, 0), (2, 1, 3), (1, 1, 2)):
-            place = grid.lattice.low + (np.array([x, y, z]) + 0.5) * grid.lattice.spacing
-            expected = grid.irradiance(place[None], normal, direct=False)[0] / np.pi
-            np.testing.assert_allclose(texels[z + deep, y + up, x], expected, rtol=0.01)
+    rng = np.random.default_rng(2)
+    for x, y, z in ((0, 0, 0), (2, 1, 3), (1, 1, 2)):
+        place = grid.lattice.low + (np.array([x, y, z]) + 0.5) * grid.lattice.spacing
+        found = [bevys(texels, (x, y, z), normal) for normal in np.vstack([np.eye(3), -np.eye(3)])]
+        for light, normal in zip(found, np.vstack([np.eye(3), -np.eye(3)]), strict=True):
+            expected = grid.irradiance(place[None], normal[None], direct=False)[0] / np.pi
+            np.testing.assert_allclose(light, expected, rtol=0.01)
+        between = directions(rng, 1)[0]
+        squares = between**2
+        sides = [found[axis if between[axis] > 0 else axis + 3] for axis in range(3)]
+        np.testing.assert_allclose(bevys(texels, (x, y, z), between), squares @ sides, rtol=1e-6)
+
+
+def bevys(texels, voxel, normal):
+    """What irradiance_volume.wgsl of Bevy looks up in the middle of a voxel."""
+    depth, height, width = texels.shape[:3]
+    size = np.array([width, height, depth])
+    place = (np.array(voxel) + 0.5) / size
+    found = np.zeros(3)
+    for axis in range(3):
+        offset = [0, 0.5 if normal[axis] < 0 else 0, axis / 3]
+        x, y, z = np.floor((place + offset) * size).astype(int)
+        found += texels[z, y, x] * normal[axis] ** 2
+    return found
 
 
 def test_pictures_have_a_row_of_probes_a_line(tmp_path):
@@ -250,7 +290,7 @@ def test_tables_name_probes_that_exist(tmp_path):
     np.testing.assert_allclose(grid.lattice.points()[-1], [3, 5, 0])
     means = grid.reflected[:, 0, 0] / np.sqrt(4 * np.pi)
     np.testing.assert_allclose(means, np.arange(1, 7), rtol=1e-5)
-    assert grid.moments is None
+    assert grid.walls is None
 
 
 @pytest.mark.parametrize(

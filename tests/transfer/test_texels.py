@@ -159,6 +159,29 @@ def test_too_few_texels_for_the_charts_are_refused():
         charted(meshes.box(inwards=False, divided=3), 16)
 
 
+def test_a_floor_is_not_dark_where_a_crate_stands_on_it():
+    """Its texels below the crate are black, and points beside it looked them up."""
+    crate = meshes.box(inwards=False, divided=1)
+    floor, across = meshes.quad((-4, -4, -1), (4, -4, -1), (4, 4, -1), (-4, 4, -1))
+    points, faces = meshes.joined((crate.vertices, crate.faces), (floor, across))
+    normals = np.concatenate([crate.normals, np.tile([0, 0, 1.0], (4, 1))])
+    mesh = make_mesh("crate", points, faces, normals)
+    baked = bake(Plan(mesh, texture=128, samples=256))
+    light = baked.vectors[..., 0] @ WHITE[:, None]
+    around = np.linspace(-0.9, 0.9, 40)
+    for away in (1.002, 1.02):
+        for place in ([away, 0], [-away, 0], [0, away], [0, -away]):
+            beside = np.where(np.array(place) == 0, around[:, None], place)
+            y, x = beside.T[::-1]
+            side = (x < y).astype(int)  # the two triangles of the floor
+            u, v = (x + 4) / 8, (y + 4) / 8
+            weights = np.where(
+                side[:, None] == 0, np.stack([1 - u, u - v, v], 1), np.stack([1 - v, u, v - u], 1)
+            )
+            found = baked.at(mesh, light, len(crate.faces) + side, weights)[:, 0]
+            assert 0.4 * np.pi < found.min() < 0.7 * np.pi, (away, place)
+
+
 def furnace():
     """A closed box whose sides have charts of their own."""
     mesh = meshes.box()

@@ -12,6 +12,7 @@ import pytest
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.geometry.mesh import face_normals, make_mesh
 from shrm_cli.maps.explicit import shader
+from shrm_cli.maps.shader.file import pack
 from shrm_cli.probe.probe import Probe
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.page import SCRIPTS, embedded, page, section
@@ -92,15 +93,17 @@ def test_parameters_that_vary_start_in_the_middle_of_the_first_map():
     assert calls == ["shrm_varied_radiance", "shrm_irradiance", *["shrm_varied_radiance"] * 2]
 
 
-def test_textures_of_what_varies_are_rounded_one_by_one():
-    """A texel keeps its share of the length of one texture's harmonics, not of all of them."""
-    rng = np.random.default_rng(8)
-    values = rng.normal(size=(3, 4, 5, 6, 3)) * np.array([1, 1e-3, 10]).reshape(3, 1, 1, 1, 1)
-    values = values.astype(np.float32).reshape(12, 5, 6, 3)
-    blocks = Blocks(is_rounded=True)
-    apart = unrounded(blocks, blocks.texture(values, "light", series=3)) - values
-    for part, own in zip(apart.reshape(3, -1), values.reshape(3, -1), strict=True):
-        assert 0 < np.linalg.norm(part) < 0.011 * np.linalg.norm(own)
+def test_product_textures_are_not_rounded():
+    """Where what they reflect is dark, large terms cancel: rounding showed as scratches."""
+    made = cases.product(1, 4)
+    scene = make_scene([made], ["a.exr"], is_rounded=True)
+    held_as = scene.description["maps"][0]["textures"]
+    texture = next(each for each in held_as if each["name"] == "shrm_product")
+    assert "exponents" not in texture
+    held = numbers(scene.blocks, texture["block"], "<f2")
+    expected = next(each.values for each in pack(made) if each.name == texture["name"])
+    np.testing.assert_allclose(held, expected.ravel(), rtol=2**-11, atol=2**-25)
+    assert scene.blocks.rounding_error == 0
 
 
 def test_every_asset_is_in_the_page():
@@ -162,7 +165,7 @@ def test_rounded_textures(shared):
     values = (rng.normal(size=(6, 7, 5, 3)) * brightness).clip(-6e4, 6e4).astype(np.float32)
     values[:, 2, 3] = 0
     blocks = Blocks(is_rounded=True)
-    described = blocks.texture(values, "light", series=int(shared))
+    described = blocks.texture(values, "light", series=shared)
     apart = unrounded(blocks, described) - values
     axes = (0, 3) if shared else 3
     length = np.sqrt((values.astype(float) ** 2).sum(axis=axes))
