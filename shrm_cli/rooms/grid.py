@@ -306,9 +306,7 @@ def _grid(arrays: dict[str, Array], settings: object) -> ProbeGrid:
         "alive": (count,),
         "walls": (count, EDGE**2, 4),
     }
-    if (
-        "moments" in arrays
-    ):  # the first version has distances, and their squares, in place of planes
+    if "moments" in arrays:  # the first version has distances and their squares in place of planes
         arrays["walls"] = _spheres(arrays.pop("moments"))
     for name, wanted in expected.items():
         if name in arrays and arrays[name].shape != wanted:
