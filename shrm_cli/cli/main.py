@@ -176,8 +176,12 @@ def main(arguments: list[str] | None = None) -> None:
         _fail(error.format_message(), error.exit_code)
     except ArgumentError as error:
         _fail(f"{usage.flags(str(error), arguments)}; see {_path(arguments)} --help", 2)
-    except (KeyboardInterrupt, click.Abort):
-        _fail("interrupted", 130)
+    except (KeyboardInterrupt, click.Abort) as stop:
+        if not isinstance(cause := stop.__cause__, EOFError):  # which click takes for Ctrl-D
+            _fail("interrupted", 130)
+        if "--debug" in arguments:
+            raise
+        _fail(_one_line(cause, arguments), 1)
     except _Stopped as stop:
         # A terminal that was closed, which sends SIGHUP, has nobody to tell.
         if stop.number == signal.SIGTERM:
