@@ -177,7 +177,8 @@ def main(arguments: list[str] | None = None) -> None:
     except ArgumentError as error:
         _fail(f"{usage.flags(str(error), arguments)}; see {_path(arguments)} --help", 2)
     except (KeyboardInterrupt, click.Abort) as stop:
-        if not isinstance(cause := stop.__cause__, EOFError):  # which click takes for Ctrl-D
+        cause = stop.__cause__
+        if not isinstance(cause, EOFError):  # which click takes for Ctrl-D
             _fail("interrupted", 130)
         if "--debug" in arguments:
             raise
