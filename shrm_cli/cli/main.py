@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
@@ -241,7 +241,7 @@ def _with_hint(error: click.UsageError, arguments: list[str]) -> str:
     return f"{message}; see {command} --help"
 
 
-def _fail(message: str, code: int) -> None:
+def _fail(message: str, code: int) -> NoReturn:
     echo_message(f"Error: {message}")
     sys.exit(code)
 
