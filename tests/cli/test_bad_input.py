@@ -376,6 +376,16 @@ def test_pipes_and_devices_are_not_read(folder, words, name):
     assert snapshot(folder) == before
 
 
+@pytest.mark.parametrize(
+    "words", [("info",), ("convert", "--to", "strip", "-o", "out.exr"), ("render", "-o", "out.png")]
+)
+def test_input_without_permission(folder, words):
+    """It is no wrong usage, which --help would explain."""
+    (folder / "probe.exr").chmod(0)
+    result = process(words[0], "probe.exr", *words[1:], code=UNPRIVILEGED + MAIN)
+    assert_refused(result, 1, "Error: probe.exr: no permission to read it; change its mode")
+
+
 def test_folder_without_permission(folder):
     (folder / "sub").mkdir(mode=0o555)
     refused_output(
