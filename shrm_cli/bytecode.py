@@ -6,6 +6,7 @@ installed, what they are compiled to is kept beside the tables of BRDFs, in a fo
 this user's alone, because it is code. Python itself checks it against the modules.
 """
 
+import contextlib
 import os
 import stat
 import sys
@@ -39,6 +40,13 @@ def keep(package: str, compiled: str | None, cache: str) -> None:
         def get_code(self, fullname: str) -> CodeType | None:
             sys.pycache_prefix, sys.dont_write_bytecode = folder, False
             try:
+                return super().get_code(fullname)
+            except (EOFError, ValueError, TypeError):
+                # Python keeps what a full disk cut off, and would fail to load it ever after.
+                from importlib.util import cache_from_source
+
+                with contextlib.suppress(OSError):
+                    os.unlink(cache_from_source(self.path))
                 return super().get_code(fullname)
             finally:
                 sys.pycache_prefix, sys.dont_write_bytecode = None, True

@@ -81,11 +81,23 @@ def test_a_changed_module_is_compiled_again(copied, tmp_path):
     assert "changed" in start(copied, tmp_path)
 
 
-def test_a_damaged_file_is_not_run(copied, tmp_path):
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: b"no code",
+        lambda data: data[: len(data) // 2],  # as where a disk is full
+        lambda data: data[:20],
+        lambda data: data[:16] + bytes(len(data) - 16),  # as where power fails
+    ],
+    ids=["text", "half", "head", "zeros"],
+)
+def test_a_damaged_file_is_not_run(copied, tmp_path, damage):
     start(copied, tmp_path)
-    for path in kept(tmp_path):
-        path.write_bytes(b"no code")
+    whole = {path: path.read_bytes() for path in kept(tmp_path)}
+    for path, data in whole.items():
+        path.write_bytes(damage(data))
     start(copied, tmp_path)
+    assert {path: path.read_bytes() for path in kept(tmp_path)} == whole  # made again
 
 
 @pytest.mark.parametrize("how", ["others write", "a link", "a file"])

@@ -46,7 +46,7 @@ class ProcessWorkers:
 
         Raises BrokenExecutor if a process has died, and the pool is to be renewed.
         """
-        with without_script():
+        with without_script(), _without_interrupts():
             return self.executor.submit(ending, function, *arguments)
 
     def is_lost(self, error: BaseException) -> bool:
@@ -86,6 +86,22 @@ def without_script() -> Iterator[None]:
         yield
     finally:
         main.update(hidden)
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Context manager in which new processes begin deaf to Ctrl-C, until `_begin` ignores it.
+
+    A terminal sends it to all of them, and those that were still loading printed tracebacks.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # as on Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin() -> None:

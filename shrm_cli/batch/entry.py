@@ -16,7 +16,7 @@ from shrm_cli.files.exr_header import holds_nothing, is_output
 from shrm_cli.files.remote import matching
 from shrm_cli.files.whole import is_input
 from shrm_cli.maps import registry
-from shrm_cli.maps.options import Representation, listing, owners
+from shrm_cli.maps.options import Representation, counted, listing, owners
 from shrm_cli.maps.request import check_arguments, checked_options, resolved_form
 from shrm_cli.messages import is_remote, shown
 from shrm_cli.naming import brdf_label, probe_stem, unsound
@@ -323,8 +323,8 @@ def found_probes(
         probes, made = without_outputs(names)
         if not probes:
             raise ProbeError(
-                f"{shown(pattern)}: matches no probe, only {len(names):,} files that shrm made of "
-                "probes; correct the pattern, or name one of them whole"
+                f"{shown(pattern)}: matches no probe, only {counted(len(names), 'file')} that shrm "
+                "made of probes; correct the pattern, or name one of them whole"
             )
         for name in probes:
             found.setdefault(name, _below(name, pattern))

@@ -309,7 +309,8 @@ def _run(
     if collect is not None and terms.gathering is not None and not terms.only_looks:
         _write_gathered(collect, terms.gathering, chunks, results)
         if not (usage.is_quiet() or usage.wants_json()):
-            echo(f"{messages.shown(collect)}: {terms.gathering.what} of {len(results):,} probes")
+            probes = counted(len(results), "probe")
+            echo(f"{messages.shown(collect)}: {terms.gathering.what} of {probes}")
     predictions = _predictions(chunks) if terms.only_looks else []
     if contact_page is not None:
         _show(chunks, totals, contact_page)

@@ -31,7 +31,7 @@ _HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
 
 
 @click.command()
-@click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=click.Path())
+@click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=PATH)
 @options.materials_option
 @option(
     "--budget", BYTES, "The most bytes of a map, such as 200kB.  [default: 32 MB]", metavar="BYTES"

@@ -12,7 +12,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, shading, usage
 from shrm_cli.cli.terminal import columns, conclude, progress_bar
-from shrm_cli.cli.types import BYTES, FRACTION, PATH, Spec, flag, interval, option, within
+from shrm_cli.cli.types import BYTES, FILE, FRACTION, PATH, Spec, flag, interval, option, within
 from shrm_cli.extras import install
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS
@@ -36,7 +36,7 @@ _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
 
 
 @click.command()
-@click.argument("maps", metavar="MAP...", nargs=-1, required=True, type=click.Path(dir_okay=False))
+@click.argument("maps", metavar="MAP...", nargs=-1, required=True, type=FILE)
 @option(
     "--probe", PATH, "Compare with the truth: the integral under this light probe.", metavar="PROBE"
 )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("maps", metavar="MAP|FOLDER...", nargs=-1, required=True, type=click.Path())
+@click.argument("maps", metavar="MAP|FOLDER...", nargs=-1, required=True, type=PATH)
 @option("-o --output", PATH, "HTML to write, one file.", required=True)
 @option("--title", str, "Title of the page.", default="Maps")
 @options.report_options

@@ -42,7 +42,7 @@ _plain_options = options.several(
 
 
 @click.command(cls=options.command_with_headings({}, "Options", _converts))
-@click.argument("source", metavar="IN", type=click.Path())
+@click.argument("source", metavar="IN", type=PATH)
 @option(
     "--to target", Named(_TARGETS, installed_names), required=True,
     help="Representation (of a map), layout of the images (of a map or a probe), or layers, the "

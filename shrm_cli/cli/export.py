@@ -53,7 +53,7 @@ texel_options = (
 
 
 @click.command()
-@click.argument("sources", metavar="PROBE|MAP...", type=click.Path(), nargs=-1, required=True)
+@click.argument("sources", metavar="PROBE|MAP...", type=PATH, nargs=-1, required=True)
 @option(
     "--for engines", Named([*ENGINES, "all"], _installed), multiple=True, required=True,
     help="Who loads it; several may be named; all are those of shrm itself.",

@@ -38,7 +38,10 @@ farm_options = several(
         "--commands", FILE, metavar="FILE",
         help="Write command lines for a farm, one for each chunk, and make nothing; - prints them.",
     ),
-    option("--openjd", FILE, "Write an Open Job Description template instead.", metavar="FILE"),
+    option(
+        "--openjd", FILE, "Write an Open Job Description template instead; - prints it.",
+        metavar="FILE",
+    ),
     option(
         "--chunk", click.IntRange(1, 10**9), "Probes of a chunk, about.", default=100, metavar="N"
     ),
@@ -76,18 +79,19 @@ def write_farm_files(
             "the farm will have; put credentials into the environment (docs/batch.md)"
         )
     texts = {}
-    if commands == "-":
-        echo("\n".join(command_lines(rest, parts)))
-    elif commands is not None:
+    if commands is not None:
         texts[commands] = "\n".join(command_lines(rest, parts)) + "\n"
     if openjd is not None:
         texts[openjd] = openjd_template(rest, parts)
+    printed = texts.pop("-", None)
+    if printed is not None:
+        echo(printed.removesuffix("\n"))
     for path in texts:
         check_target(path)
     for path, text in texts.items():
         write_bytes(path, text.encode())
         told = f"{path}: {counted(parts, 'part')} of {counted(probes, 'probe')}"
-        echo(told, err=commands == "-")
+        echo(told, err=printed is not None)
 
 
 def named_parts(chunks: list[Chunk], share: tuple[int, int, int] | None) -> list[Chunk]:

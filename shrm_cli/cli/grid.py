@@ -21,7 +21,7 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
 
 
 @click.command()
-@click.argument("source", metavar="ROOM|TABLE.csv|GRID.npz", type=click.Path())
+@click.argument("source", metavar="ROOM|TABLE.csv|GRID.npz", type=PATH)
 @option(
     "-o --output", PATH,
     help="File to write: .npz, .json for three.js, .ktx2 for Bevy, or .exr.  "

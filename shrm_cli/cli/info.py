@@ -6,12 +6,12 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import option
+from shrm_cli.cli.types import PATH, option
 from shrm_cli.progress import Rising, using
 
 
 @click.command()
-@click.argument("file", type=click.Path())
+@click.argument("file", type=PATH)
 @option(
     "--stats/--no-stats", bool, default=True,
     help="Read the pixels of a probe: range, irradiance, white balance, lamps.",

@@ -11,7 +11,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude
-from shrm_cli.cli.types import COEFFICIENT, DIMMING, PATH, RADIANCE, STOPS, TURN, option
+from shrm_cli.cli.types import COEFFICIENT, DIMMING, FILE, PATH, RADIANCE, STOPS, TURN, option
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import Precision
@@ -28,7 +28,7 @@ def light() -> None:
 
 
 @light.command()
-@click.argument("file", metavar="LIGHT", type=click.Path())
+@click.argument("file", metavar="LIGHT", type=PATH)
 @option(
     "-o --output", PATH, required=True,
     help="Coefficients as .txt, .npy or .json, or a light file, .toml.",
@@ -140,7 +140,7 @@ def _tables(path: str, working: Any) -> tuple[Tables, Any]:
 
 
 @light.command()
-@click.argument("mesh", metavar="[MESH]", required=False, type=click.Path(dir_okay=False))
+@click.argument("mesh", metavar="[MESH]", required=False, type=FILE)
 @option("-o --output", PATH, "PNG or EXR to write.", default="basis.png")
 @option("--order", click.IntRange(0, 8), "Largest degree.", default=2)
 @options.view_option

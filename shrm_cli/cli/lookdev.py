@@ -31,7 +31,7 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
 
 
 @click.command()
-@click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=click.Path())
+@click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=PATH)
 @options.materials_option
 @option(
     "-o --output", PATH, default="lookdev.png",

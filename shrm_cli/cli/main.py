@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
@@ -176,8 +176,13 @@ def main(arguments: list[str] | None = None) -> None:
         _fail(error.format_message(), error.exit_code)
     except ArgumentError as error:
         _fail(f"{usage.flags(str(error), arguments)}; see {_path(arguments)} --help", 2)
-    except (KeyboardInterrupt, click.Abort):
-        _fail("interrupted", 130)
+    except (KeyboardInterrupt, click.Abort) as stop:
+        cause = stop.__cause__
+        if not isinstance(cause, EOFError):  # which click takes for Ctrl-D
+            _fail("interrupted", 130)
+        if "--debug" in arguments:
+            raise
+        _fail(_one_line(cause, arguments), 1)
     except _Stopped as stop:
         # A terminal that was closed, which sends SIGHUP, has nobody to tell.
         if stop.number == signal.SIGTERM:
@@ -236,7 +241,7 @@ def _with_hint(error: click.UsageError, arguments: list[str]) -> str:
     return f"{message}; see {command} --help"
 
 
-def _fail(message: str, code: int) -> None:
+def _fail(message: str, code: int) -> NoReturn:
     echo_message(f"Error: {message}")
     sys.exit(code)
 

@@ -41,7 +41,7 @@ _photo_options = options.several(
 
 
 @click.command()
-@click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=click.Path())
+@click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=PATH)
 @option(
     "--times", Parsed("T,T,...", _times),
     help="What each let in, such as its shutter's seconds.  [default: what its Exif says of time, "
@@ -123,7 +123,7 @@ def _white_pixels(output: str, made: Merged) -> list[str]:
 
 
 @click.command()
-@click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=click.Path())
+@click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=PATH)
 @option(
     "--camera cameras", DIRECTION, multiple=True,
     help="Where the camera stood for each, seen from the ball: 90,0 is to the right of 0,0. May be "
@@ -192,7 +192,7 @@ def ball(
 
 
 @click.command()
-@click.argument("source", metavar="PROBE", type=click.Path())
+@click.argument("source", metavar="PROBE", type=PATH)
 @option("--irradiance", RADIANCE, "What a surface receives from all light, in the probe's units.")
 @option("--card", RADIANCE, "Instead, the radiance of a grey card, photographed as the probe was.")
 @option("--albedo", within(0.01, 1), "What the card reflects.", default=0.18)

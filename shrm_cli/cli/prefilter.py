@@ -55,7 +55,7 @@ _HEADINGS = {
 
 
 @click.command(cls=options.command_with_headings(_HEADINGS))
-@click.argument("probe", metavar="PROBE", type=click.Path())
+@click.argument("probe", metavar="PROBE", type=PATH)
 @options.optional_brdf_option
 @option(
     "--to", Named([vocabulary.AUTO, *vocabulary.REPRESENTATIONS], registry.installed_names),

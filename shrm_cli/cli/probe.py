@@ -153,7 +153,7 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
 
 
 @click.command()
-@click.argument("mesh", metavar="ROOM", type=click.Path())
+@click.argument("mesh", metavar="ROOM", type=PATH)
 @option("--at", VECTOR, "Where the probe is, in the mesh's axes.", required=True)
 @options.room_options
 @option(

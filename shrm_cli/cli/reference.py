@@ -15,7 +15,7 @@ from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, Precision
 
 
 @click.command()
-@click.argument("probe", metavar="PROBE", type=click.Path())
+@click.argument("probe", metavar="PROBE", type=PATH)
 @options.brdf_option
 @option(
     "-o --output", PATH,

@@ -12,7 +12,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import moving, options, shading, stage, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import PATH, PICTURE_SIZE, VECTOR, option, within
+from shrm_cli.cli.types import FILE, PATH, PICTURE_SIZE, VECTOR, option, within
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
@@ -30,7 +30,7 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
 
 
 @click.command()
-@click.argument("maps", metavar="MAP...", nargs=-1, type=click.Path(dir_okay=False))
+@click.argument("maps", metavar="MAP...", nargs=-1, type=FILE)
 @option(
     "-o --output", PATH,
     help="PNG, EXR or moving .apng, .gif or .mp4.  [default: MAP.png, of several sheet.png, in the "

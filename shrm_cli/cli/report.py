@@ -36,7 +36,7 @@ _UNSAID = ("probe", "output")
 
 
 @click.command(cls=options.command_with_headings(_HEADINGS))
-@click.argument("probe", metavar="PROBE", type=click.Path())
+@click.argument("probe", metavar="PROBE", type=PATH)
 @options.brdfs_option
 @option(
     "--to", Named([AUTO, *REPRESENTATIONS], installed_names), multiple=True, default=[AUTO],

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("probe", type=click.Path())
+@click.argument("probe", type=PATH)
 @option(
     "-o --output", PATH, metavar="EXR",
     help="Write the residual: the probe with its lamps replaced by what is around them.",

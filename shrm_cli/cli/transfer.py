@@ -21,7 +21,7 @@ _MOST_SAMPLES = 2**16
 
 
 @click.command()
-@click.argument("mesh", type=click.Path())
+@click.argument("mesh", type=PATH)
 @option(
     "-o --output", PATH,
     help="File to write: .npz, .glb, .ply, or .txt as PIFu has it.  "

@@ -326,7 +326,7 @@ def BYTES(text: str) -> int:
     return count
 
 
-PATH, FILE = click.Path(), click.Path(dir_okay=False)
+PATH, FILE = click.Path(readable=False), click.Path(dir_okay=False, readable=False)
 """The types of paths: of any, and of what must be no folder."""
 
 

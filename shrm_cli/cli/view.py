@@ -10,7 +10,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import brush_option, brushed_options, surface_options, surface_rules
 from shrm_cli.cli.terminal import conclude, echo, progress_bar, warn
-from shrm_cli.cli.types import BYTES, DIRECTION, PATH, STOPS, flag, option
+from shrm_cli.cli.types import BYTES, DIRECTION, FILE, PATH, STOPS, flag, option
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 
 
 @click.command()
-@click.argument("maps", metavar="MAP...", nargs=-1, required=True, type=click.Path(dir_okay=False))
+@click.argument("maps", metavar="MAP...", nargs=-1, required=True, type=FILE)
 @option(
     "-o --output", PATH,
     help="HTML to write: one file that needs no network.  [default: serve the page on this "

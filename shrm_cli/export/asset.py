@@ -4,6 +4,7 @@ Everything of the file stays as it is, extensions included. Buffers and pictures
 own, which have to lie in its folder or below it, move into the GLB, so that it can lie anywhere.
 """
 
+import stat
 from copy import deepcopy
 from pathlib import Path
 
@@ -67,7 +68,10 @@ class Asset:
 def open_asset(path: str) -> Asset:
     """Read a glTF or GLB file, and what lies beside it."""
     try:
-        if Path(path).stat().st_size > gltf.MOST_BYTES:
+        status = Path(path).stat()
+        if not stat.S_ISREG(status.st_mode):  # a pipe would be waited for, and a device never end
+            raise MapError(f"{path}: not a regular file; name a glTF file")
+        if status.st_size > gltf.MOST_BYTES:
             raise MapError(f"{path}: larger than {gltf.MOST_BYTES:,} bytes; simplify it")
         content = Path(path).read_bytes()
     except OSError as error:

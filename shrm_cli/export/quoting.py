@@ -6,6 +6,7 @@ a string, a comment or a span of code.
 
 import json
 import re
+import shlex
 from collections.abc import Iterable
 from urllib.parse import quote
 
@@ -25,6 +26,11 @@ def string(text: str) -> str:
 def comment(text: str) -> str:
     """Return a text for a comment of one line, or within ``/*`` and ``*/``."""
     return _printable(text).replace("*/", "*_/").replace("/*", "/_*")
+
+
+def word(name: str) -> str:
+    """Return a file's name as one word of a shell's command line, in a comment of one line."""
+    return shlex.quote(_printable(name))
 
 
 def markdown(text: str) -> str:

@@ -8,6 +8,7 @@ that name the file.
 import io
 import math
 import os
+import stat
 import struct
 import zipfile
 import zlib
@@ -136,8 +137,11 @@ class Archive:
 def opened(path: Path) -> Iterator[Archive]:
     """Yield an archive; what its reader says of damage within the block becomes a ValueError.
 
-    Raises ValueError if the archive is damaged or truncated. Raises OSError if it cannot be read.
+    Raises ValueError if the archive is damaged or truncated, or no regular file: a pipe would be
+    waited for, and a device may never end. Raises OSError if it cannot be read.
     """
+    if not stat.S_ISREG(os.stat(path).st_mode):
+        raise ValueError("not a regular file")
     try:
         with zipfile.ZipFile(path) as archive:
             yield Archive(archive, os.path.getsize(path))
@@ -154,7 +158,7 @@ def told(path: Path, error: type[ShrmError], missing: str, again: str) -> Iterat
     """
     note(path)
     try:
-        if not path.is_file():
+        if not path.exists():
             raise error(f"{path}: no such file; {missing}")
         with opened(path) as archive:
             yield archive

@@ -256,9 +256,14 @@ def open_file(path: str | os.PathLike[str]) -> StoredFile:
 
 
 def peek(path: str | os.PathLike[str]) -> StoredFile | None:
-    """Open a file of parts; return None if it is missing or of no known format."""
+    """Open a file of parts; return None if it is missing or of no known format.
+
+    Raises MapError if it may not be read.
+    """
     if not Path(path).is_file():
         return None
+    if not os.access(path, os.R_OK):
+        raise MapError(f"{path}: no permission to read it; change its mode")
     for name in CONTAINERS.values():
         module = importlib.import_module(f"shrm_cli.files.{name}")
         found: StoredFile | None = module.open_file(path)

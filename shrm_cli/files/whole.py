@@ -9,6 +9,7 @@ Here are made, too, the folders for files that a run writes, reads again, and re
 
 import atexit
 import contextlib
+import errno
 import filecmp
 import os
 import platform
@@ -30,6 +31,8 @@ _HOST = 40
 """The most characters of the machine's name in a temporary file's name."""
 _ANY_WRITE = 0o222
 """The bits of a file's mode of which one at least says that it may be written."""
+_FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
+"""What the system says of a write for which there is no room; it names no file then."""
 _STEM = 40
 """The most characters of the target's name in a temporary file's name, which may have 255 bytes."""
 _mine: dict[Path, int] = {}
@@ -336,5 +339,12 @@ def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Pat
     claim(own)
     try:
         yield own
+    except OSError as error:
+        if error.errno not in _FULL or error.filename is not None:
+            raise
+        raise OutputError(
+            f"{where}: no room for temporary files ({error.strerror}); make some, or set TMPDIR "
+            "to a folder that has it"
+        ) from error
     finally:
         discard(own)

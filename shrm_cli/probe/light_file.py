@@ -160,7 +160,7 @@ def _term(what: str, path: Path, table: dict[str, Any], opening: Callable[..., P
     file = table.get("file")
     if not isinstance(file, str) or not file:
         raise ProbeError(f"{what}: 'file' must be the name of an image")
-    if not _stays_below(file):
+    if not stays_below(file):
         raise ProbeError(
             f"{what}: {file!r:.100} leaves the light file's folder; put the image into it"
         )
@@ -189,7 +189,7 @@ def _series(
     try:
         if _only(what, table, "file", "coefficients") == "file":
             name = table["file"]
-            if not isinstance(name, str) or not name or not _stays_below(name):
+            if not isinstance(name, str) or not name or not stays_below(name):
                 raise ProbeError(f"{what}: 'file' must be a name in the light file's folder")
             name = os.path.join(os.path.dirname(path), name)
             if not holds_series(name):
@@ -218,7 +218,7 @@ def _series(
     return transform_coefficients(values * scale, matrix), content
 
 
-def _stays_below(file: str) -> bool:
+def stays_below(file: str) -> bool:
     """Whether a name is that of a file of this folder, or of one within it, on every system."""
     windows = PureWindowsPath(file)
     return not (

@@ -65,6 +65,8 @@ def open_stage(name: str, options: ReadOptions, opening: Callable[..., Probe]) -
         raise ProbeError(f"{name}: its lights cannot be read (damaged, or no USD)") from error
     except (ValueError, OSError, RecursionError, zipfile.BadZipFile) as error:
         why = " ".join(str(error).split())[:200]
+        if isinstance(error, RecursionError):
+            why = "nested too deeply; flatten its lights"
         raise ProbeError(f"{name}: its lights cannot be read ({why})") from error
 
 
@@ -78,11 +80,12 @@ def _unpacked(path: Path) -> Iterator[Path]:
         files = [each for each in package.infolist() if not each.is_dir()]
         if not 1 <= len(files) <= _MOST_LAYERS * 16:
             raise ValueError(f"a package of {len(files):,} files")
+        unpacked = []  # the names are the package's own, and may have led out of the folder
         for each in files:
             if each.compress_type != zipfile.ZIP_STORED or stat.S_ISLNK(each.external_attr >> 16):
                 raise ValueError("packages of USD hold files as they are; make it by usdzip")
-            package.extract(each, folder)
-        yield folder / files[0].filename
+            unpacked.append(package.extract(each, folder))
+        yield Path(unpacked[0])
 
 
 class _Layers:

@@ -3,7 +3,7 @@
 An example, with everything that an object may have:
 
     [[objects]]
-    mesh = "bunny.obj"              # beside the scene file, as are all files that it names
+    mesh = "bunny.obj"              # in the scene's folder or below, as all that it names
     map = "city.splitsum.exr"       # by default the MAP of the command line
     roughness = 0.3                 # these five for maps of light alone
     f0 = "gold"                     # or a number, or [R, G, B]
@@ -37,6 +37,7 @@ from shrm_cli.geometry.paint import Paint
 from shrm_cli.geometry.textures import Shelf
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
+from shrm_cli.probe.light_file import stays_below
 from shrm_cli.records import record
 from shrm_cli.render.lit import reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
@@ -204,6 +205,8 @@ def _text(given: Mapping[str, Any], key: str, required: bool = False) -> str:
     value = given.get(key, "")
     if not isinstance(value, str) or (required and not value) or "\0" in value:
         raise ValueError(f"{key} must be the name of a file; correct it")
+    if not stays_below(value):
+        raise ValueError(f"{key}: {value!r:.100} leaves the scene's folder; put the file into it")
     return value
 
 

@@ -17,6 +17,7 @@ from shrm_cli.files.whole import note
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.lights.split import split_lamps
+from shrm_cli.probe.light_file import stays_below
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import AnyProbe, as_probe, open_probe
 from shrm_cli.probe.probe import Probe
@@ -117,8 +118,9 @@ def grid(
     Parameters
     ----------
     source : path-like
-        A mesh that is a room, a table ``.csv`` of positions and probes, or a grid that was
-        written; all arguments are about rooms, but `order` is about tables, too.
+        A mesh that is a room, a table ``.csv`` of positions and probes, which lie in its folder or
+        below, or a grid that was written; all arguments are about rooms, but `order` is about
+        tables, too.
     size : tuple of 3 int, optional
         Probes along x, y and z; by default 16 along the longest edge.
     box : sequence of 6 float, optional
@@ -303,6 +305,11 @@ def _rows(path: Path) -> tuple[Array, list[str]]:
             raise MeshError(f"{path}: line {number} has no three numbers x, y, z") from None
         if not np.isfinite(point).all() or not row["file"]:
             raise MeshError(f"{path}: line {number} has no position or no file")
+        if not stays_below(row["file"]):
+            raise MeshError(
+                f"{path}: line {number}: {row['file']!r:.100} leaves the table's folder; put the "
+                "probe into it"
+            )
         points.append(point)
         names.append(row["file"])
     return np.array(points), names

@@ -69,6 +69,8 @@ def test_patterns_that_match_outputs_alone_are_refused(folder):
     assert run("batch", "*.exr", *IRRADIANCE).code == 0
     with pytest.raises(ProbeError, match="matches no probe, only 2 files that shrm made"):
         found_probes(["*.irradiance.exr"])
+    with pytest.raises(ProbeError, match="matches no probe, only 1 file that shrm made"):
+        found_probes(["p0.irradiance.exr*"])
 
 
 def test_a_file_of_the_users_own_is_kept(folder):

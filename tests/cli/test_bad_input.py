@@ -354,6 +354,38 @@ def test_a_pipe_is_not_replaced(folder):
     assert (folder / "pipe.exr").is_fifo()
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("info", "NAME"),
+        ("grid", "NAME", "-o", "out.npz"),
+        ("prefilter", "probe.exr", "--brdf", "./NAME", "-o", "out.exr"),
+        ("export", "probe.exr", "--for", "gltf", "--into", "NAME", "-o", "out"),
+    ],
+    ids=lambda words: words[0],
+)
+@pytest.mark.parametrize("name", ["pipe.npz", "pipe.bsdf", "endless.npz"])
+def test_pipes_and_devices_are_not_read(folder, words, name):
+    """A pipe that nobody writes to would be waited for, and zeros without end fill the memory."""
+    os.mkfifo(folder / name) if "pipe" in name else (folder / name).symlink_to("/dev/zero")
+    before = snapshot(folder)
+    limits = "import resource, signal; resource.setrlimit(resource.RLIMIT_AS, (2**32, 2**32)); "
+    limits += "signal.alarm(20); "
+    result = process(*(each.replace("NAME", name) for each in words), code=limits + MAIN)
+    assert_refused(result, 1, f"{name}: not a regular file; name ")
+    assert snapshot(folder) == before
+
+
+@pytest.mark.parametrize(
+    "words", [("info",), ("convert", "--to", "strip", "-o", "out.exr"), ("render", "-o", "out.png")]
+)
+def test_input_without_permission(folder, words):
+    """It is no wrong usage, which --help would explain."""
+    (folder / "probe.exr").chmod(0)
+    result = process(words[0], "probe.exr", *words[1:], code=UNPRIVILEGED + MAIN)
+    assert_refused(result, 1, "Error: probe.exr: no permission to read it; change its mode")
+
+
 def test_folder_without_permission(folder):
     (folder / "sub").mkdir(mode=0o555)
     refused_output(

@@ -194,6 +194,9 @@ def test_command_lines_for_farms(folder):
     printed = run(*IRRADIANCE, "--chunk", "2", "--commands", "-")
     assert (printed.code, printed.err) == (0, "")
     assert printed.out.splitlines() == lines
+    template = run(*IRRADIANCE, "--chunk", "2", "--openjd", "-")
+    assert (template.code, template.err) == (0, "")
+    assert json.loads(template.out) == job
     assert not (folder / "-").exists()
 
 
@@ -221,7 +224,7 @@ def test_a_second_run_beside_its_own_outputs(folder, here, monkeypatch):
     )
     assert run(*command, "--quiet").err == ""
     assert run("batch", "*", "--to", "she").out.startswith("5 outputs: 5 made")
-    assert run("batch", "p0*", "--collect", "l.npz").out.startswith("l.npz: radiance of 1 probes")
+    assert run("batch", "p0*", "--collect", "l.npz").out.startswith("l.npz: radiance of 1 probe\n")
     both = run("batch", "p0.exr", "p0.irradiance.exr", "--to", "irradiance")
     assert_refused(both, 1, "p0.irradiance.exr: shrm made it", "leave it out")
     named = run("batch", "p0.she.exr", "--to", "irradiance", "-o", "x.exr")

@@ -240,6 +240,25 @@ shrm_cli.maps.shrm.make.prefilter_shrm = prefilter_shrm
     assert snapshot(folder) == before
 
 
+INTERRUPTED_AT_ITS_START = """
+import os, signal, sys
+if any("spawn_main" in word for word in sys.orig_argv):
+    os.kill(os.getpid(), signal.SIGINT)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals are masked on POSIX")
+def test_workers_that_still_load_do_not_hear_ctrl_c(folder):
+    """A terminal sends it to each of them; only the command says that it was interrupted."""
+    (folder / "sitecustomize.py").write_text(INTERRUPTED_AT_ITS_START)
+    code = f"import os; os.environ['PYTHONPATH'] += os.pathsep + {str(folder)!r}; {MAIN}"
+    command = ("batch", "probe.exr", "--to", "irradiance", "-o", "{probe}.made.exr")
+    with start(*command, code=code, preexec_fn=listen) as child:
+        out, err = child.communicate(timeout=60)
+    assert (child.returncode, err) == (0, "")
+    assert "1 output: 1 made" in out
+
+
 def test_two_writers_leave_one_whole_file(folder):
     """Neither removes the other's temporary, and the last one wins."""
     sizes = (16, 32)

@@ -208,6 +208,18 @@ def test_interrupted_is_130(monkeypatch):
     assert (result.code, result.out, result.err) == (130, "", "\nError: interrupted\n")
 
 
+def test_the_end_of_a_file_is_no_interruption(monkeypatch):
+    """Click takes EOFError for Ctrl-D on a terminal, of which no command reads."""
+
+    def fail(*_):
+        raise EOFError("cut off")
+
+    monkeypatch.setattr("shrm_cli.brdf.spec.parse_spec", fail)
+    result = run("brdf", "phong")
+    assert (result.code, result.out) == (1, "")
+    assert "Error: internal error, please report it (EOFError: cut off)" in result.err
+
+
 def test_a_reader_that_goes_away_is_no_news():
     """As in ``shrm brdf | head -0``."""
     with start("brdf") as child:

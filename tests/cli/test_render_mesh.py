@@ -192,6 +192,10 @@ BAD = {
     BALL + "translate = 3": "translate",
     BALL + 'map = "gone.exr"': "gone.exr",
     BALL + 'irradiance = "a.exr"': "not irradiance",
+    '[[objects]]\nmesh = "../ball.obj"': "object 1: mesh: '../ball.obj' leaves the scene's folder",
+    BALL + 'map = "/etc/passwd"': "map: '/etc/passwd' leaves the scene's folder",
+    BALL + 'irradiance = "C:a.exr"': "irradiance: 'C:a.exr' leaves the scene's folder",
+    BALL + 'vary = "b/../../wear.png"': "vary: 'b/../../wear.png' leaves the scene's folder",
     BALL * 300: "more than 256",
     "a = " + "[" * 5000: "nested too deeply",
 }

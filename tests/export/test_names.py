@@ -98,6 +98,20 @@ def test_files_are_named_so_that_they_are_found(exported, engine):
             assert all(re.fullmatch(r"[A-Za-z0-9._~%-]+", image["uri"]) for image in tree["images"])
 
 
+@pytest.mark.parametrize("engine", ["blender", "usd"])
+def test_a_command_of_a_shell_has_the_name_as_one_word(exported, engine):
+    """Bash reads the words: what is copied into a terminal must run nothing that a name says."""
+    name = 'a\'b "c" $(touch ran) `touch ran`; touch ran #'
+    files = exported(engine, name)
+    (readme,) = (path for file, path in files.items() if file.endswith("_README.md"))
+    line = next(each for each in readme.read_text().splitlines() if each.startswith("    # "))
+    command = line.strip().removeprefix("# ").removesuffix(", or a sublayer of your stage")
+    words = ["bash", "-c", f'set -- {command}\nprintf "%s\\0" "$@"']
+    told = subprocess.run(words, capture_output=True, text=True, check=True, cwd=readme.parent)
+    assert told.stdout.split("\0")[-2] in files
+    assert not (readme.parent / "ran").exists()
+
+
 @pytest.mark.skipif(shutil.which("node") is None, reason="node parses the lines of JavaScript")
 @pytest.mark.parametrize("engine", ["three", "babylon", "gltf", "cesium", "playcanvas"])
 def test_lines_of_javascript_are_javascript(exported, tmp_path, engine):

@@ -50,6 +50,18 @@ def test_where_no_folder_can_be_made(tmp_path):
         scratch_folder(tmp_path / "no").__enter__()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such limits")
+def test_without_room_for_a_scratch_file_the_folder_is_named(tmp_path, monkeypatch):
+    """A picture that an export reads back: its file is larger than files may be."""
+    probe = write_exr(tmp_path / "probe.exr", noise())
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    limits = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); "
+    command = ("export", probe, "--for", "three", "--size", "64", "-o", tmp_path / "out")
+    result = process(*command, code=NO_MODULES + "; " + limits + MAIN)
+    assert_refused(result, 1, f"{tmp_path}: no room for temporary files", "set TMPDIR")
+    assert list(tmp_path.iterdir()) == [probe]
+
+
 COMMANDS = [
     ("compare", "probe.exr", "--representations", "--roughness", "0.5", "--size", "16"),
     ("report", "probe.exr", "--to", "irradiance", "--no-flip", "--no-view", "--view", "0,0",

@@ -1,6 +1,7 @@
 """Stages of USD as probes: where their lights are by USD's schema, and what is refused."""
 
 import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -179,6 +180,14 @@ def test_a_package(folder):
     assert probe.paths == [probe.images[0].path]
 
 
+def test_a_package_leads_to_none_but_its_own_files(folder):
+    """Names in a ZIP may climb out of the folder that it is unpacked into."""
+    outside = stage('def DistantLight "Sun" {}', name="outside.usda")
+    with zipfile.ZipFile("p.usdz", "w") as package:
+        package.writestr(f"{40 * '../'}{folder / outside}".replace("//", "/"), "#usda 1.0\n")
+    assert_refused(run("info", "p.usdz"), 1, "p.usdz: its lights cannot be read (it has no Dome")
+
+
 def test_what_cannot_be_honored_is_said(folder):
     text = dome("rel portals = </Door>\nfloat inputs:diffuse = 0.5\nrel light:filters = </Door>")
     text += 'def PortalLight "Door" {}\ndef RectLight "Window" {}\ndef SphereLight "Bulb" {}\n'
@@ -216,6 +225,7 @@ BAD = {
                   'uniform token[] xformOpOrder = ["xformOp:scale"]'), "is no rotation"),
     "clips": ('def "X" ( clips = { dictionary default = {} } ) {}', "value clips"),
     "damaged": ('def DomeLight "D" {', "damaged, or no USD"),
+    "nested": (3000 * 'def "a" {\n' + 3000 * "}\n", "nested too deeply; flatten"),
 }  # fmt: skip
 
 

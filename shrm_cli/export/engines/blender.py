@@ -11,7 +11,7 @@ References: Blender, intern/cycles/kernel/camera/projection.h
 from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_exr, rolled
-from shrm_cli.export.quoting import comment
+from shrm_cli.export.quoting import word
 
 _SCRIPT = """\
 # Makes a world of the picture beside this file, for the current scene: blender --python FILE
@@ -54,6 +54,6 @@ class Blender(PanoramaEngine):
             "panorama is turned by 90 degrees for it"
         )
         made.loading += [
-            f"# blender scene.blend --python {comment(script)}",
+            f"# blender scene.blend --python {word(script)}",
             "# or open it in the workspace Scripting, and choose Text, Run Script",
         ]

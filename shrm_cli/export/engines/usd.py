@@ -3,7 +3,7 @@
 from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.latlong import add_exr
-from shrm_cli.export.quoting import comment
+from shrm_cli.export.quoting import word
 from shrm_cli.lights.light_files import usd_layer
 from shrm_cli.vocabulary import LAMP_COUNT
 
@@ -22,4 +22,4 @@ class Usd(PanoramaEngine):
         add_exr(made, name, image, light)
         made.add_text(layer, usd_layer("Dome", name, light.discs))
         made.told.append("a DomeLight_1 whose pole is +Y, and a DistantLight for each lamp")
-        made.loading.append(f"# usdview {comment(layer)}, or a sublayer of your stage")
+        made.loading.append(f"# usdview {word(layer)}, or a sublayer of your stage")
