@@ -46,7 +46,7 @@ _ROUNDS = 12
 _ADDED = 400
 """The most samples that join after a round, the lowest ones."""
 _SMALL = 1e-3
-"""What counts as nothing beside the whole: rounding to half, and directions of even light."""
+"""The part of its light below which a direction of it is none, as that of even light."""
 _HALVINGS = 10
 """How often the interval is halved in which the strength of the factors lies."""
 
