@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from shrm_cli.progress import Progress
     from shrm_cli.render.drawing import Drawing, Film, Lit
     from shrm_cli.render.moving import Moment
+    from shrm_cli.rooms.grid import ProbeGrid
 
 _FILES = ("mesh", "vary", "irradiance", "transfer")
 """What the recipe of a picture says of files, whose folders it leaves out."""
@@ -58,7 +59,10 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     "--background", PATH, metavar="PROBE",
     help="Light probe to show behind it, of a sphere 50 degrees across.  [default: black]",
 )  # fmt: skip
-@option("--probe", PATH, "Light of product textures that hold none.", metavar="PROBE")
+@option(
+    "--probe", PATH, metavar="PROBE",
+    help="Light of product textures that hold none: a probe, or a grid of probes.",
+)  # fmt: skip
 @shading.window_option
 @moving.frames_option
 @moving.fps_option
@@ -92,10 +96,10 @@ def render(
     """Render a sphere from each MAP, as a distant viewer sees it, or a mesh.
 
     PNG is 8-bit sRGB, EXR is linear. The sphere stands in the middle; its diameter is 0.9 of the
-    picture's width. Several maps make one contact sheet. Split sums and SH
-    exponentials are shown as GGX of --roughness and --f0, or of a mesh's materials; irradiance as
-    white and diffuse. The options from --sampling to --working are about the files of --background
-    and --probe.
+    picture's width. Several maps make one contact sheet. Split sums and SH exponentials are shown
+    as GGX of --roughness and --f0, or of a mesh's materials; irradiance as white and diffuse, and
+    so is a grid of probes, which lights each point of a mesh that stands in its room. The options
+    from --sampling to --working are about the files of --background and --probe.
 
     \b
       shrm render probe.microfacet.shrm.exr --view 30,10 --background probe.exr
@@ -104,6 +108,7 @@ def render(
       shrm render probe.splitsum.exr --turn-light y:360 --frames 48 -o turn.gif
       shrm render probe.microfacet.shrm.exr --mesh bunny.obj --size 800x600
       shrm render brushed.product.exr --probe probe.exr
+      shrm render house.grid.npz --mesh chair.glb
       shrm render --probe probe.exr --mesh a.obj --transfer a.transfer.npz
     """
     from shrm_cli.files.animation import is_animated
@@ -114,7 +119,8 @@ def render(
         raise click.UsageError("Missing argument 'MAP...'")
     values["vary"], ways = moving.split_vary(values["vary"])
     stage.refuse_mesh_options(mesh, transfer, values["vary"])
-    _refuse_others(mesh, values, bool(background or probe))
+    grid = _grid(probe)
+    _refuse_others(mesh, values, bool(background or (probe and not grid)))
     keys = moving.scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
     pattern = output or _default_name(maps or (probe,) if transfer else maps, mesh, frames)
@@ -123,11 +129,14 @@ def render(
     if not is_animated(pattern):
         usage.refuse_inapplicable({"max_memory": usage.Applies(False, "to moving pictures")})
         file_type(pattern)
-    reading, named = options.make_read_options(values), (background, probe, values["background_to"])
+    reading = options.make_read_options(values)
+    named = (background, None if grid else probe, values["background_to"])
     probes = {path: shrm.open_probe(path, reading) for path in named if path is not None}
     skies = probes.get(background or ""), probes.get(values["background_to"] or "")
     usage.check_outputs(targets, files=_files(maps, mesh, values))
-    lit, baked, told = _lit(maps, probes.get(probe or ""), transfer, window, values["blend_to"])
+    lit, baked, told = _lit(
+        maps, grid or probes.get(probe or ""), transfer, window, values["blend_to"]
+    )
     if mesh is None:
         drawing = _on_sphere(lit, size, shown_moments, values)
     else:
@@ -160,9 +169,16 @@ def _refuse_others(mesh: str | None, values: dict[str, Any], has_probe: bool) ->
     usage.refuse_inapplicable({"place": of_spheres, "radius": placed, **reading})
 
 
+def _grid(path: str | None) -> ProbeGrid | None:
+    """Return the grid of probes that a file is, if it is one."""
+    from shrm_cli.rooms.grid import is_grid, read_grid
+
+    return read_grid(path) if path is not None and is_grid(path) else None
+
+
 def _lit(
     maps: Sequence[str],
-    light: Probe | None,
+    light: Probe | ProbeGrid | None,
     transfer: str | None,
     window: str | None,
     blend_to: Sequence[str],
@@ -170,8 +186,9 @@ def _lit(
     """Open the maps and light them; return what is baked of a mesh, and warnings, too."""
     from shrm_cli.render.drawing import Lit
     from shrm_cli.render.lit import lit_maps
+    from shrm_cli.rooms.lit import open_lit
 
-    opened = [shrm.open_map(path) for path in maps]
+    opened = [open_lit(path) for path in maps]
     if transfer is None or maps:
         usage.refuse_inapplicable({"probe": shading.to_unlit(opened)})
     if transfer is None:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from shrm_cli.probe.probe import Probe
     from shrm_cli.render.mesh import MeshSubject
     from shrm_cli.render.stage import Stage
+    from shrm_cli.rooms.grid import ProbeGrid
     from shrm_cli.transfer.transfer import Transfer
 
 _OPTIONS = (
@@ -56,7 +57,8 @@ mesh_options = options.several(
     ),
     option(
         "--irradiance", PATH, metavar="MAP",
-        help="Irradiance map: light of the diffuse part of the mesh's materials.",
+        help="Irradiance map, or grid of probes: light of the diffuse part of the mesh's "
+        "materials.",
     ),
     flag(
         "--plain", "Leave out the materials, textures and vertex colours of the mesh.", default=None
@@ -183,7 +185,7 @@ def open_baked(
     transfer: str,
     maps: Sequence[Map],
     names: Sequence[str],
-    probe: Probe | None,
+    light: Probe | ProbeGrid | None,
     window: str | None,
 ) -> Baked:
     """Read a transfer, and light the maps that it shades.
@@ -191,12 +193,18 @@ def open_baked(
     The lamps of a probe are taken out of its light, and cast shadows of their own. Without a map
     the surface is diffuse, and its light is the probe's.
 
-    `probe` is the light of maps that hold none.
+    `light` is that of maps that hold none.
     """
     from shrm_cli.maps.info import probe_name
+    from shrm_cli.probe.probe import Probe
     from shrm_cli.render.lit import lit_maps
     from shrm_cli.transfer.file import read_transfer
 
+    if light is not None and not isinstance(light, Probe):
+        raise click.UsageError(
+            "--transfer applies to the light of one place, not to that of a grid"
+        )
+    probe = light
     if not maps and probe is None:
         raise click.UsageError("Missing argument 'MAP...', or --probe for a diffuse surface")
     baked = read_transfer(transfer)

@@ -18,6 +18,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.probe.proxy import carried
 from shrm_cli.records import record
+from shrm_cli.rooms.lit import InGrid
 from shrm_cli.sphere.directions import central_directions, horizontal_tangents
 
 _BEYOND = 0.01
@@ -59,10 +60,18 @@ def reflected(
 ) -> Array:
     """Return the radiance of a map, each part of which is looked up as `seen_from` some points.
 
+    Surfaces in a grid of probes are under the light of the probes about them.
+
     The shares, where parameters of the BRDF vary, are those of `ReflectedLight.varied_radiance`.
     """
     if points is None or made.info.proxy is None:
         return looked_up(shown, vectors, shares)
+    if isinstance(shown, InGrid):
+        normals, views, tangents = vectors
+        along = horizontal_tangents(normals) if tangents is None else tangents
+        return shown.placed_radiance(
+            points, normals, along, views, 0.5 if shares is None else shares
+        )
     found = [
         looked_up(part, seen_from(made, center, vectors, points), shares)
         for part, center in parts_of(made, shown)

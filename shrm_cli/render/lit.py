@@ -21,6 +21,8 @@ from shrm_cli.maps.request import negative_share, negative_warnings
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
+from shrm_cli.rooms.grid import ProbeGrid
+from shrm_cli.rooms.lit import in_grid
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS
 
 _ROUNDING = 1e-6
@@ -114,19 +116,33 @@ def shaded_maps(
 
 
 def lit_maps(
-    maps: Sequence[Map], names: Sequence[str], probe: Probe | None, window: str | None
+    maps: Sequence[Map],
+    names: Sequence[str],
+    probe: Probe | ProbeGrid | None,
+    window: str | None,
 ) -> tuple[list[Map], list[str]]:
-    """Give the light of a probe to the maps that hold a BRDF alone, which are product textures.
+    """Give light to the maps that hold a BRDF alone, which are product textures.
 
-    `window` is the window of the light; ``auto`` by default.
+    `probe` is that light; under that of a grid of probes surfaces have another light wherever they
+    are. `window` is the window of the light; ``auto`` by default.
 
     Returns `maps`; and `warnings`, one for each map that reflects less than nothing somewhere.
     """
-    light = None if probe is None else Projection(probe)
-    found, warnings = [], []
+    light = Projection(probe) if isinstance(probe, Probe) else None
+    found: list[Map] = []
+    warnings: list[str] = []
     for each, name in zip(maps, names, strict=True):
         if not isinstance(each, MaterialMap):
             found.append(each)
+            continue
+        if isinstance(probe, ProbeGrid):
+            in_room, changed = in_grid(each, probe, window or "auto")
+            found.append(in_room)
+            if changed:
+                warnings.append(
+                    f"{name}: the light is windowed, which changes what is reflected by up to "
+                    f"{changed:.1%} RMS; `window` none leaves it"
+                )
             continue
         if light is None:
             raise MapError(f"{name}: a product texture that holds no light; give `probe`")

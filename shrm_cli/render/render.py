@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from shrm_cli.files.image import Picture
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.file import open_map, several
+from shrm_cli.maps.file import several
 from shrm_cli.probe.open import AnyProbe, as_probe
+from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.drawing import Film, Lit, on_sphere, on_stage
@@ -15,6 +16,8 @@ from shrm_cli.render.lit import lit_maps
 from shrm_cli.render.moving import Moment
 from shrm_cli.render.scene_file import Shown, is_scene_name, read_scene
 from shrm_cli.render.stage import Stage
+from shrm_cli.rooms.grid import ProbeGrid, is_grid, read_grid
+from shrm_cli.rooms.lit import open_lit
 
 
 def render(
@@ -23,7 +26,7 @@ def render(
     size: int | tuple[int, int] = 512,
     *,
     mesh: str | os.PathLike[str] | None = None,
-    probe: AnyProbe | None = None,
+    probe: AnyProbe | ProbeGrid | None = None,
     background: AnyProbe | None = None,
     exposure: float = 0.0,
     roughness: float | None = None,
@@ -43,14 +46,15 @@ def render(
     Parameters
     ----------
     maps : Map, path-like, or a sequence of them
+        A path may be that of a grid of probes, which lights white diffuse surfaces.
     view : tuple of 2 float
         Azimuth and elevation of the viewer, degrees.
     size : int or tuple of 2 int
         Width and height of a picture, pixels; those of spheres are equal.
     mesh : path-like, optional
         A mesh with its materials, or a scene, in place of the sphere.
-    probe : Probe, path-like or array, optional
-        The light of product textures that hold none.
+    probe : Probe, ProbeGrid, path-like or array, optional
+        The light of product textures that hold none: of one place, or of a grid of probes.
     background : Probe, path-like or array, optional
         What is seen behind; black by default.
     exposure : float
@@ -83,8 +87,8 @@ def render(
     """
     given = several(maps)
     names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in given]
-    opened = [each if isinstance(each, Map) else open_map(each) for each in given]
-    opened, _ = lit_maps(opened, names, None if probe is None else as_probe(probe), None)
+    opened = [each if isinstance(each, Map) else open_lit(each) for each in given]
+    opened, _ = lit_maps(opened, names, _light(probe), None)
     lit, moments = Lit(opened, names, (), ()), [Moment(Viewer(*view))]
     surface = {
         "roughness": roughness, "f0": f0, "anisotropy": anisotropy, "taps": taps,
@@ -105,3 +109,12 @@ def render(
     sky = None if background is None else as_probe(background)
     (picture,) = Film(drawing, moments, names, exposure, (sky, None)).pictures(progress)
     return picture
+
+
+def _light(probe: AnyProbe | ProbeGrid | None) -> Probe | ProbeGrid | None:
+    """Return a probe or a grid of probes, from the name of its file or from itself."""
+    if probe is None or isinstance(probe, ProbeGrid):
+        return probe
+    if isinstance(probe, str | os.PathLike) and is_grid(probe):
+        return read_grid(probe)
+    return as_probe(probe)

@@ -36,12 +36,12 @@ from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial
 from shrm_cli.geometry.paint import Paint
 from shrm_cli.geometry.textures import Shelf
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.file import open_map
 from shrm_cli.probe.light_file import stays_below
 from shrm_cli.records import record
 from shrm_cli.render.lit import reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
 from shrm_cli.render.variation import open_variation
+from shrm_cli.rooms.lit import open_lit
 from shrm_cli.vocabulary import MIN_ROUGHNESS, TAP_COUNTS
 
 MOST_OBJECTS = 256
@@ -123,7 +123,7 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
     name = os.fspath(path)
     note(path)
     objects, _ = read_tables(name)
-    opened: Callable[[str], Map] = cache(open_map)
+    opened: Callable[[str], Map] = cache(open_lit)
     loaded: Callable[[str], Mesh] = cache(load_mesh)
     shelf, actors = Shelf(), []
     for index, each in enumerate(objects, 1):
@@ -191,7 +191,7 @@ def _actor(
     return shown.actor(moved, None if light is None else light.info.chromaticities, shelf)
 
 
-def as_irradiance(path: str, opened: Callable[[str], Map] = open_map) -> Map:
+def as_irradiance(path: str, opened: Callable[[str], Map] = open_lit) -> Map:
     """Return the map of a file, which is of a white diffuse surface."""
     found = opened(path)
     if not found.is_white:

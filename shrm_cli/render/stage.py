@@ -148,8 +148,8 @@ class Reflector:
         albedo = painted.base_color * (1 - metal)
         if self.irradiance is None or not albedo.any():
             return found
-        normals, views, _ = seen_from(self.irradiance, "normal", vectors, points)
-        return found + self.irradiance.radiance(normals, views) * albedo
+        diffuse = self.irradiance.shaded()
+        return found + reflected(self.irradiance, diffuse, vectors, points) * albedo
 
 
 @record

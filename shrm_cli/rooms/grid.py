@@ -21,6 +21,7 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
+from shrm_cli.files.parts import sound_primaries
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
@@ -127,10 +129,16 @@ class ProbeGrid:
         """The largest degree of the harmonics."""
         return order_of(self.reflected.shape[1])
 
-    @property
+    @cached_property
     def coefficients(self) -> Array:
         """Those of all light."""
         return self.reflected + self.direct
+
+    @property
+    def chromaticities(self) -> tuple[float, ...] | None:
+        """Those of the light's primaries and white; None where nothing tells them."""
+        told = self.facts.get("chromaticities")
+        return sound_primaries(tuple(told)) if isinstance(told, list) else None
 
     def summary(self) -> dict[str, Any]:
         """Return what users and scripts are told of the grid."""
@@ -151,13 +159,22 @@ class ProbeGrid:
         `points` and `normals`, each of shape (n, 3), are in world axes; normals are unit vectors.
         `direct` tells whether light counts that comes straight from lamps.
         """
-        points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
-        probes, weights = self.weights(points, normals)
-        held = self.coefficients if direct else self.reflected
-        light = np.einsum("nk,nkjc->njc", weights, held[probes])
+        normals = np.asarray(normals, dtype=float)
+        light = self.light(points, normals, direct)
         shares = lambert_factors(self.order)[degrees(self.order)]
         values = np.einsum("nj,njc->nc", shares * real_harmonics(self.order, normals), light)
         return np.maximum(values, 0)
+
+    def light(self, points: ArrayLike, normals: ArrayLike, direct: bool = True) -> Array:
+        """Return the light of surfaces, interpolated between the probes about them.
+
+        The parameters are those of `irradiance`. The result, of shape (n, (order+1)^2, 3), has
+        coefficients over the harmonics of world axes, index l(l+1)+m.
+        """
+        points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
+        probes, weights = self.weights(points, normals)
+        held = self.coefficients if direct else self.reflected
+        return np.einsum("nk,nkjc->njc", weights, held[probes])
 
     def weights(self, points: Array, normals: Array) -> tuple[Array, Array]:
         """Return the probes about points, and how much each of them counts, shapes (n, 8)."""

@@ -176,7 +176,13 @@ def grid(
     if begin is not None:
         begin(RoomPlan(mesh, lattice, opened.warnings, made))
     baked = bake(opened.room, lattice, order, samples, progress)
-    return replace(baked, facts={**baked.facts, "made": made})
+    return replace(baked, facts={**baked.facts, "made": made, **_colors(light)})
+
+
+def _colors(probe: Probe | None) -> dict[str, list[float]]:
+    """Return the fact that says which primaries the light of a probe has, if that is known."""
+    known = None if probe is None else probe.chromaticities
+    return {} if known is None else {"chromaticities": list(known)}
 
 
 def capture(
@@ -268,18 +274,21 @@ def read_positions(
 
     `path` is CSV with the columns x, y, z and file; files are named relative to its folder.
 
-    What the grid holds counts as reflected. Of walls it knows nothing.
+    What the grid holds counts as reflected. Of walls it knows nothing. Probes of other primaries
+    than those of the first one are converted to them.
     """
     path = Path(path)
     note(path)
     points, names = _rows(path)
     lattice, places = _lattice_of(path, points)
     light = np.zeros((lattice.count, (order + 1) ** 2, 3), np.float32)
+    first = open_probe(path.parent / names[0])
     for done, (place, name) in enumerate(zip(places, names, strict=True), 1):
-        light[place] = project(open_probe(path.parent / name), order).coefficients
+        probe = open_probe(path.parent / name).in_primaries(first.chromaticities)
+        light[place] = project(probe, order).coefficients
         tell(progress, done, len(names))
     alive = np.ones(lattice.count, bool)
-    return ProbeGrid(lattice, light, np.zeros_like(light), None, alive)
+    return ProbeGrid(lattice, light, np.zeros_like(light), None, alive, _colors(first))
 
 
 def _rows(path: Path) -> tuple[Array, list[str]]:

@@ -131,6 +131,18 @@ def rotate_into_frames(coefficients: ArrayLike, frames: ArrayLike) -> Array:
     return result
 
 
+def rotate_each_into_frames(coefficients: ArrayLike, frames: ArrayLike) -> Array:
+    """Turn functions of direction, one of each point, into the local frames of the points.
+
+    `coefficients`, of shape ((order+1)^2, ..., points), are in world axes, and `frames` are those
+    of `rotate_into_frames`. The result has the shape of the coefficients.
+    """
+    source = np.asarray(coefficients, dtype=float)
+    result = np.empty_like(source)
+    _turn_into_frames(source, np.asarray(frames, dtype=float), result)
+    return result
+
+
 def rotate_to_frames(
     coefficients: ArrayLike, theta: ArrayLike, phi: ArrayLike, inverse: bool = False
 ) -> Array:

@@ -7,7 +7,7 @@ import pytest
 
 from shrm_cli.rooms import make
 from shrm_cli.rooms.grid import read_grid
-from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
+from tests.cli.helpers import assert_refused, done, read_exr, run, snapshot, write_exr
 from tests.rooms import shapes
 
 
@@ -197,3 +197,39 @@ def test_what_is_refused(folder, arguments, code, parts):
     small = SMALL if "--size" not in arguments and not arguments[0].endswith("csv") else ()
     assert_refused(run("grid", *arguments, *small), code, *parts)
     assert snapshot(folder) == before
+
+
+def test_a_mesh_stands_in_the_light_of_a_grid(folder):
+    """It is brighter below the lamp than beside it, as white and as product texture."""
+    done("grid", "room.glb", *SMALL)
+    for name, x in (("below", 2.0), ("beside", 0.4)):
+        corners = [(x - 0.2, 0.5, 1.3), (x - 0.2, 0.5, 1.7), (x + 0.2, 0.5, 1.7)]
+        lines = [f"v {a} {b} {c}" for a, b, c in corners]
+        (folder / f"{name}.obj").write_text("\n".join([*lines, "f 1 2 3"]))
+    done("product", "lambertian", "--order", "2", "--size", "8", "-o", "p.exr")
+    means = {}
+    for name in ("below", "beside"):
+        for kind, arguments in (
+            ("white", ("room.grid.npz",)), ("product", ("p.exr", "--probe", "room.grid.npz")),
+        ):  # fmt: skip
+            target = f"{kind}.{name}.exr"
+            view = ("--view", "0,90", "--size", "32x32", "-o", target)
+            assert "outside" not in done("render", *arguments, "--mesh", f"{name}.obj", *view)
+            means[kind, name] = read_exr(target)[1]["G"].max()
+    assert means["white", "below"] > 2 * means["white", "beside"]
+    for name in ("below", "beside"):
+        assert means["product", name] == pytest.approx(means["white", name], rel=0.01)
+    done("render", "room.grid.npz", "--place", "0.5,0.5,0.5", "--size", "32", "-o", "ball.png")
+    refused = [
+        (("room.grid.npz", "--turn-light", "y:30"), 1, "the light of a grid of probes stays"),
+        (("p.exr", "--probe", "room.grid.npz", "--yaw", "5"), 2, "--yaw"),
+        (("p.exr", "--probe", "room.glb"), 1, "room.glb"),
+    ]
+    for arguments, code, part in refused:
+        before = snapshot(folder)
+        assert_refused(run("render", *arguments, "--size", "32"), code, part)
+        assert snapshot(folder) == before
+    run("transfer", "below.obj", "-o", "t.npz", "--rays", "16")
+    given = ("render", "p.exr", "--probe", "room.grid.npz", "--mesh", "below.obj")
+    refusal = run(*given, "--transfer", "t.npz")
+    assert_refused(refusal, 2, "--transfer applies to the light of one place")

@@ -28,7 +28,7 @@ from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.parabolic import ParabolicSampler
-from shrm_cli.sphere.rotation import rotate_into_frames
+from shrm_cli.sphere.rotation import rotate_each_into_frames, rotate_into_frames
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
 if TYPE_CHECKING:
@@ -99,17 +99,25 @@ class ProductMap(_Parabolic, MaterialMap):
         """
 
     def reflected(self, lighting: Array, points: Points, shares: ArrayLike = 0.5) -> Array:
-        """Evaluate the radiance under light of coefficients ((order+1)^2, 3) in world axes."""
+        """Evaluate the radiance under light of coefficients in world axes.
+
+        `lighting` is of shape ((order+1)^2, 3), or of shape (..., (order+1)^2, 3) where each point
+        has its own.
+        """
         normals, *others = (each.astype(float) for each in np.broadcast_arrays(*points))
         flat = [each.reshape(-1, 3) for each in (normals, *others)]
         shares, count = np.asarray(shares, dtype=float), max(self.varies, 1)
         shares = shares if count > 1 else shares[..., None]
         spread = np.broadcast_to(shares, (*normals.shape[:-1], count)).reshape(-1, count)
         result = np.empty_like(flat[0])
+        each_light = None if lighting.ndim == 2 else lighting.reshape(-1, *lighting.shape[-2:])
         for part in slices(len(result), _POINTS_AT_ONCE):
             normal, tangent, view = (each[part] for each in flat)
             frames = surface_frames(normal, tangent)
-            light = rotate_into_frames(lighting, frames)
+            if each_light is None:
+                light = rotate_into_frames(lighting, frames)
+            else:
+                light = rotate_each_into_frames(np.moveaxis(each_light[part], 0, -1), frames)
             own = self.values(np.einsum("nij,nj->ni", frames, view), spread[part])
             result[part] = shade(own, np.moveaxis(light, -1, 0))
         return result.reshape(normals.shape)
