@@ -90,6 +90,7 @@ def write_tables(
 
     from research import page, timings
     from research.basis import figure_4_3
+    from research.diffuse import figure_4_1
     from research.inputs import Page, equal_probes, say, small_probes
     from research.product.scenes import meshes as meshes_of
 
@@ -109,8 +110,12 @@ def write_tables(
         times = timings.table_5_5(light, size, rng, extent.sigmas, extent.repeats)
         written.add(page.table_5_5(times))
     with settings.using(threads=os.cpu_count()):  # pictures are not timed
+        shape = meshes_of(meshes, extent.product_rows)[0]
+        say("figure 4.1")
+        found = figure_4_1(last, shape, folder, extent)
+        written.add(page.figure_4_1(*found, (Path(last.name).stem, shape.name)))
         say("figure 4.3")
-        written.add(figure_4_3(meshes_of(meshes, extent.product_rows)[0], folder))
+        written.add(figure_4_3(shape, folder))
         for part in _pictures(folder, files, first, last, extent):
             written.add(part)
 
@@ -123,6 +128,8 @@ def _pictures(
     from research.inputs import equal_probes, say
     from research.irradiance import irradiance_rows
 
+    say("figure 5.4")
+    yield page.figure_5_4(*figures.figure_5_4(last, folder, extent))
     say("figure 5.5")
     yield page.figure_5_5(figures.figure_5_5(first, folder), first.name)
     say("figure 5.6")
@@ -165,7 +172,16 @@ def write_product(
     extent : Extent
     """
     from research.inputs import Page, equal_probes, say, small_probes
-    from research.product import materials, orders, page, scenes, shadows, textures, turned
+    from research.product import (
+        incident,
+        materials,
+        orders,
+        page,
+        scenes,
+        shadows,
+        textures,
+        turned,
+    )
 
     written = Page(folder / _PRODUCT)
     found = scenes.meshes(meshes, extent.product_rows)
@@ -189,6 +205,9 @@ def write_product(
         shapes = [*found, scenes.vase(extent.product_rows)]
         eight = materials.figure_8(probes, shapes, measured, folder, extent)
         written.add(page.figure_8(*eight, probe_names, bool(measured)))
+        say("an incident light field")
+        field = incident.incident_field(found[0], folder, extent)
+        written.add(page.incident_field(*field, found[0].name, incident.SIZE))
 
 
 def write_seen(folder: Path, files: Sequence[Path], extent: Extent) -> None:

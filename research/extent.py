@@ -62,6 +62,10 @@ class Extent:
         How finely surfaces that are made in code are divided: the knot has 10 rows^2 vertices.
     product_rays : int
         Rays a vertex of baked transfer; there are four times as many for the truth.
+    product_probes : tuple of 3 int
+        Probes along the edges of the room of the incident light field.
+    product_looks : int
+        Directions along which a probe looks; there are four times as many for the truth.
     """
 
     face_sizes: tuple[int, ...] = (128, 52)
@@ -106,6 +110,8 @@ class Extent:
     product_points: int = 400
     product_rows: int = 32
     product_rays: int = 1024
+    product_probes: tuple[int, int, int] = (12, 6, 8)
+    product_looks: int = 1024
 
 
 FULL = Extent()
@@ -140,4 +146,6 @@ SHORT = Extent(
     product_points=30,
     product_rows=12,
     product_rays=64,
+    product_probes=(6, 4, 4),
+    product_looks=64,
 )

@@ -1,4 +1,4 @@
-"""Figures 5.5 to 5.9: curves, pictures, and the errors of the methods.
+"""Figures 5.4 to 5.9: curves, pictures, and the errors of the methods.
 
 They are figures of chapter 5 of Ramamoorthi's thesis, "A Signal-Processing Framework for Forward
 and Inverse Rendering" (2002).
@@ -30,6 +30,10 @@ from shrm_cli.reference import Reference
 from shrm_cli.reflected import predicted_error
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import compare_spheres
+from shrm_cli.render.image import expose
+from shrm_cli.render.scene import SphereSubject
+from shrm_cli.render.sheet import Grid, draw_grid
+from shrm_cli.sphere.harmonics import degrees
 
 Array = NDArray[np.floating]
 
@@ -59,6 +63,84 @@ class Method:
     maps: int
     expected: float
     pictured: float
+
+
+BLURS = None, 32, 8, 2
+"""Exponents of the Phong lobes that the light of figure 5.4 is blurred by; None for not at all."""
+LOBES_5_4 = 128, 32, 8, 2
+"""Exponents of its BRDFs."""
+_MOST_OF_IT = 0.99
+"""The part of what varies that lies within the highest frequency."""
+
+
+def figure_5_4(
+    probe: Probe, folder: Path, extent: Extent
+) -> tuple[str, list[int], list[int], list[list[int]]]:
+    """Draw spheres of more and more diffuse lobes, under light that is more and more blurred.
+
+    Returns
+    -------
+    str
+        The file's name.
+    list of int
+        The highest degree of each light, within which all but a hundredth of its energy lies, the
+        mean aside.
+    list of int
+        That of each BRDF, which is the one of its reflection of a distant point.
+    list of list of int
+        That of the reflected light: a row for each light, of a number for each BRDF.
+    """
+    order, _, size = extent.known
+    light = project(probe, order).coefficients
+    degree = degrees(order)
+    lobes = [compute_coefficients(parse_spec(f"phong:exponent={s}"), order, 0) for s in LOBES_5_4]
+    # A distant point has as much light in each degree as the degree has harmonics.
+    point = np.sqrt(2 * np.arange(order + 1) + 1)
+    of_lobes = [_highest((point * _kernel(each)) ** 2) for each in lobes]
+    info, viewer, tiles = MapInfo(order, 0, 0.0, 0.0, 0.0), _VIEWERS[0], []
+    subject = SphereSubject(extent.picture)
+    of_lights: list[int] = []
+    of_both: list[list[int]] = []
+    for row, blur in enumerate(BLURS):
+        blurred = light if blur is None else light * _gauss(blur, degree)[:, None]
+        of_lights.append(_highest(np.bincount(degree, (blurred**2).sum(axis=1))))
+        of_both.append([])
+        for column, lobe in enumerate(lobes):
+            made = Shrm.from_coefficients(
+                blurred, lobe.values, "reflection", info, size, dtype=np.float32
+            )
+            drawn = subject.draw(made, viewer, None, None)
+            tiles.append((row, column, drawn))
+            reflected = blurred * _kernel(lobe)[degree][:, None]
+            of_both[-1].append(_highest(np.bincount(degree, (reflected**2).sum(axis=1))))
+    stops = -np.log2(max(np.percentile(tiles[0][2].max(axis=-1), 97), 1e-6))
+    names = [f"s = {each}" for each in LOBES_5_4], [_blurred_by(each) for each in BLURS]
+    grid = Grid(len(BLURS), len(lobes), extent.picture)
+    shown = [(row, column, expose(each, float(stops))) for row, column, each in tiles]
+    write_picture(folder / "figure-5.4.png", draw_grid(grid, *names, shown))
+    return "figure-5.4.png", of_lights, of_lobes, of_both
+
+
+def _blurred_by(exponent: int | None) -> str:
+    return "sharp light" if exponent is None else f"by s = {exponent}"
+
+
+def _gauss(exponent: int, degree: NDArray[np.int64]) -> Array:
+    """Return by what a Gaussian damps degrees that is as wide as a Phong lobe of an exponent."""
+    return np.exp(-degree * (degree + 1) / (2 * exponent))
+
+
+def _kernel(lobe: BrdfCoefficients) -> Array:
+    """Return by what a radially symmetric lobe damps the degrees of light, shape (F+1,)."""
+    values = lobe.values[:, 0, 0, 0]
+    found = values / np.sqrt(2 * np.arange(len(values)) + 1)
+    return found / found[0]
+
+
+def _highest(energy: Array) -> int:
+    """Return the degree within which nearly all energy beyond degree 0 lies."""
+    share = np.cumsum(energy[1:]) / max(energy[1:].sum(), np.finfo(float).tiny)
+    return 1 + int(np.searchsorted(share, _MOST_OF_IT))
 
 
 def figure_5_5(probe: Probe, folder: Path) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from research.extent import FULL, Extent
-from research.figures import MOST_P, ORDER_F, Method
+from research.figures import BLURS, LOBES_5_4, MOST_P, ORDER_F, Method
 from research.timings import ANGULAR_TOLERANCE, VIEW_COUNT, Timing
 
 CAPTURED_5_7 = 0.9
@@ -86,6 +86,45 @@ def table_5_5(rows: Sequence[Timing]) -> str:
 
 Orders for eps = .03. The angular side was timed for one of the {VIEW_COUNT**2} maps, drawn at
 random, and scaled. {_texels(size)}
+
+{table(head, body)}"""
+
+
+def figure_4_1(file: str, error: float, largest: float, names: Sequence[str]) -> str:
+    """Write the part on figure 4.1, a scene of diffuse things."""
+    probe, mesh = names
+    return f"""
+## Figure 4.1: diffuse shading by nine coefficients, under `{probe}`
+
+A mirror, a white ball and {mesh} on a white table, and a ball with a texture that is glossy, too:
+a split sum beside the irradiance, as game engines have it. Above, the irradiance of nine
+coefficients; below, that of all of the light (degree 40). Where something diffuse is seen the
+pictures differ by {error:.1%} (relative RMS), at most by {largest:.1%} of the mean. Nothing casts a
+shadow, as in the thesis.
+
+![a scene of diffuse things]({file})
+"""
+
+
+def figure_5_4(
+    file: str, of_lights: Sequence[int], of_lobes: Sequence[int], of_both: Sequence[Sequence[int]]
+) -> str:
+    """Write the part on figure 5.4, the highest frequencies of light, BRDF and reflected light."""
+    names = ["sharp" if each is None else f"by s = {each}" for each in BLURS]
+    head = ("light", "F of the light", *(f"Phong, s = {each}" for each in LOBES_5_4))
+    body = [("F of the BRDF", "", *map(str, of_lobes))]
+    body += [
+        (name, f"{own}", *map(str, row))
+        for name, own, row in zip(names, of_lights, of_both, strict=True)
+    ]
+    return f"""
+## Figure 5.4: the highest frequencies of light, BRDF and reflected light
+
+Down the picture the light is more and more blurred; to the right the BRDF is more and more
+diffuse. The table has the degrees F within which all but a hundredth of what varies lies. The
+thesis: the highest frequency of the reflected light is about the lesser of those of both.
+
+![lights and lobes]({file})
 
 {table(head, body)}"""
 

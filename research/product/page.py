@@ -8,11 +8,14 @@ from numpy.typing import NDArray
 
 from research.extent import Extent
 from research.page import short_form, table
+from research.product.incident import BRUSHED as BRUSHED_IN_ROOM
+from research.product.incident import Placed
 from research.product.materials import Material
 from research.product.orders import MORE_POINTS, Truncated
 from research.product.shadows import Shadowed
 from research.product.textures import EXAMPLE, Varied
 from research.product.turned import BRUSHED
+from shrm_cli.rooms.grid import ProbeGrid
 
 
 def introduction(meshes: Sequence[str], extent: Extent) -> str:
@@ -161,5 +164,38 @@ for models and up to 90 minutes for measured data."""
 {fill(text, 100)}
 
 ![several BRDFs]({file})
+
+{table(head, body)}"""
+
+
+def incident_field(
+    file: str, grid: ProbeGrid, rows: Sequence[Placed], mesh: str, size: Sequence[float]
+) -> str:
+    """Write the part on light that varies over an object."""
+    body = [
+        (f"{row.place:g} m", *(f"{each:.1%}" for each in (
+            row.alone, row.grid, row.own, row.grid_in_degree)))
+        for row in rows
+    ]  # fmt: skip
+    head = (
+        "middle of the mesh", "error with one probe", "with the grid",
+        "with the light of each point", "the grid against that",
+    )  # fmt: skip
+    x, y, z = size
+    shape = " x ".join(map(str, grid.lattice.shape))
+    text = f"""Section 4 of the paper: "for finite lighting (that varies over points p on the
+object), we can use an incident light field which interpolates lighting sampled at various points
+around the object". {mesh}, brushed along +Y, in a room of {x:g} x {y:g} x {z:g} m with a lamp below
+the ceiling at the left and a window at the right, under the light of one probe in the middle of the
+room (above), and of {shape} probes (below), each of 25 coefficients. No window is taken, and the
+mesh does not shade the room. The truth is a sum over all directions and points of lamps from each
+point; most of the error is what degrees beyond 4 would add, which the last but one column has
+alone. `shrm grid` and `shrm render --probe GRID` do it."""
+    return f"""
+## Incident light field: `{BRUSHED_IN_ROOM}` in a room
+
+{fill(text, 100)}
+
+![a mesh at several places of a room]({file})
 
 {table(head, body)}"""

@@ -60,7 +60,9 @@ def knot(rows: int) -> Mesh:
         return middle + 0.5 * (np.cos(around)[..., None] * out + np.sin(around)[..., None] * side)
 
     turn = 2 * np.pi
-    return _grid("knot", place, np.linspace(0, turn, 10 * rows + 1), np.linspace(0, turn, rows + 1))
+    return surface(
+        "knot", place, np.linspace(0, turn, 10 * rows + 1), np.linspace(0, turn, rows + 1)
+    )
 
 
 def vase(rows: int) -> Mesh:
@@ -72,7 +74,7 @@ def vase(rows: int) -> Mesh:
 
     # Beside the poles triangles would be narrow without end, so the ends are cut off.
     down = np.linspace(np.pi - 0.02, 0.02, 5 * rows)
-    mesh = _grid("vase", place, down, np.linspace(0, 2 * np.pi, 10 * rows + 1))
+    mesh = surface("vase", place, down, np.linspace(0, 2 * np.pi, 10 * rows + 1))
     # Squared, because lobes change most at small exponents.
     values = noise(8 * mesh.vertices)[:, None] ** 2
     return replace(mesh, colors=np.repeat(values, 3, axis=1))
@@ -86,7 +88,7 @@ def noise(points: Array) -> Array:
     return np.clip(0.5 + 0.14 * total, 0, 1)
 
 
-def _grid(name: str, place: Callable[[Array, Array], Array], rows: Array, columns: Array) -> Mesh:
+def surface(name: str, place: Callable[[Array, Array], Array], rows: Array, columns: Array) -> Mesh:
     """Make a mesh of a grid of two parameters, joined where its last row or column is the first."""
     points = place(*np.meshgrid(rows, columns, indexing="ij"))
     shape = np.array(points.shape[:2])

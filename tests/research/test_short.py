@@ -29,11 +29,12 @@ def test_the_tables_have_all_their_parts(folder):
     page = (folder / "index.md").read_text()
     titles = re.findall(r"^## ([^:,\n]*)", page, re.MULTILINE)
     assert titles == [
-        "Table 5.4", "Table 5.5", "Figure 4.3", "Figure 5.5", "Figure 5.6", "Figure 5.7",
-        "Figure 5.8", "Figure 5.9", "Figure 5.9", "Chapter 4", "SH exponentials and the split sum",
+        "Table 5.4", "Table 5.5", "Figure 4.1", "Figure 4.3", "Figure 5.4", "Figure 5.5",
+        "Figure 5.6", "Figure 5.7", "Figure 5.8", "Figure 5.9", "Figure 5.9", "Chapter 4",
+        "SH exponentials and the split sum",
     ]  # fmt: skip
     pictures = re.findall(r"!\[.*?\]\((.*?)\)", page)
-    assert len(pictures) == 7
+    assert len(pictures) == 9
     assert all((folder / picture).stat().st_size > 1000 for picture in pictures)
 
 
@@ -51,9 +52,10 @@ def test_product_textures_have_all_figures_that_need_no_models_of_the_paper(fold
     titles = re.findall(r"^## ([^:\n]*)", page, re.MULTILINE)
     assert titles == [
         "Figure 2", "Figure 3", "Figure 4", "Figures 5 and 7", "Figure 6", "Figure 8",
+        "Incident light field",
     ]  # fmt: skip
     pictures = re.findall(r"!\[.*?\]\((.*?)\)", page)
-    assert len(pictures) == 6
+    assert len(pictures) == 7
     assert all((folder / picture).stat().st_size > 1000 for picture in pictures)
     assert f"knot ({10 * SHORT.product_rows**2} vertices), and a vase" in " ".join(page.split())
 
@@ -73,6 +75,12 @@ def test_the_numbers_of_product_textures_are_in_range(folder):
         assert 0.5 < left < 0.95, what
         assert (change > 0.05) == (what != "isotropic")
         assert wrong < 0.15, what
+    left, middle, right = rows_of(page, "Incident light field")
+    for line in (left, right):
+        one, grid, own = (share(cell) for cell in line[1:4])
+        assert own < grid < 0.5 * one, line
+    # In the middle of the room the light is nearly that of the one probe.
+    assert share(middle[1]) < share(left[1]) / 2
     for line in rows_of(page, "Figure 6"):
         predicted, measured = share(line[2]), share(line[3])
         assert 0.75 * predicted < measured < 1.25 * predicted
