@@ -21,6 +21,8 @@ _known_blocks = Memo(2**24)
 """The matrices of rotations that are needed again and again. Those of order 64 take 3 MB."""
 _BLOCK = 8192
 """Values of each m that are turned at a time, few enough to stay in the processor's cache."""
+_SMALL = 1e-3
+"""The part of a light below which a direction of it is none, as that of even light."""
 _DIRECT = 2
 """The largest degree whose rotations are written as polynomials of the matrix elements."""
 
@@ -65,6 +67,28 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
         matrix = matrix * [1.0, -1.0, 1.0]
         flat = flat * np.where(_is_sine(len(flat)), -1.0, 1.0)[:, None]
     return _turned_once(flat, euler_zyz(matrix)).reshape(source.shape)
+
+
+def own_axes(light: Array) -> Array:
+    """Return the rotation to axes that turn with a light, (3, 3).
+
+    What samples of a light decide turns with it where the samples are in these axes. The first is
+    that of degree 1, v, and the second lies in the plane of v and Q v, where Q is the tensor of
+    degree 2. Light without such directions stays as it is.
+
+    `light`, of shape (n,), holds coefficients in world axes, index l(l+1)+m.
+    """
+    if len(light) < len(degrees(2)):
+        return np.eye(3)
+    xy, yz, zz, xz, square = light[4:9] * [1, 1, 1 / np.sqrt(3), 1, 1]
+    tensor = np.array([[square - zz, xy, xz], [xy, -square - zz, yz], [xz, yz, 2 * zz]])
+    first = light[[3, 1, 2]]
+    third = np.cross(first, tensor @ first)
+    least = _SMALL * float(np.linalg.norm(light))
+    if np.linalg.norm(first) <= least or np.linalg.norm(third) <= least**3:
+        return np.eye(3)
+    axes = np.array([first, np.cross(third, first), third])
+    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))
 
 
 def rotated_again(coefficients: Array, rotation: Array) -> Array:

@@ -17,9 +17,8 @@ from shrm_cli.arrays import Array
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import surface_frames
-from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.sphere.quadrature import spiral_directions
-from shrm_cli.sphere.rotation import rotate_into_frames, transform_coefficients
+from shrm_cli.sphere.rotation import own_axes, rotate_into_frames, transform_coefficients
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 
 if TYPE_CHECKING:
@@ -45,8 +44,6 @@ _ROUNDS = 12
 """How often the factors are sought, at most."""
 _ADDED = 400
 """The most samples that join after a round, the lowest ones."""
-_SMALL = 1e-3
-"""The part of its light below which a direction of it is none, as that of even light."""
 _HALVINGS = 10
 """How often the interval is halved in which the strength of the factors lies."""
 
@@ -80,7 +77,7 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
     found = Window() if name == "auto" else make_window(spec, series)
     if name == "none" or not series.any():
         return LightWindow(**asdict(found))
-    own = transform_coefficients(series, _own_axes(series @ LUMINANCE))
+    own = transform_coefficients(series, own_axes(series @ LUMINANCE))
     textures = [product.at(shares) for shares in combinations(_PLACES, repeat=product.varies)]
     by_degree = np.concatenate([_by_degree(each, own) for each in textures])
     seen = by_degree @ LUMINANCE
@@ -101,27 +98,6 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
         "p95_change": float(np.quantile(relative, 0.95)),
     }
     return LightWindow(**{**asdict(found), **costs})
-
-
-def _own_axes(light: Array) -> Array:
-    """Return the rotation to axes that turn with a light, so that its samples do too, (3, 3).
-
-    The first is that of degree 1, v, and the second lies in the plane of v and Q v, where Q is the
-    tensor of degree 2. Light without such directions stays as it is.
-
-    `light`, of shape (n,), holds coefficients in world axes, index l(l+1)+m.
-    """
-    if len(light) < len(degrees(2)):
-        return np.eye(3)
-    xy, yz, zz, xz, square = light[4:9] * [1, 1, 1 / np.sqrt(3), 1, 1]
-    tensor = np.array([[square - zz, xy, xz], [xy, -square - zz, yz], [xz, yz, 2 * zz]])
-    first = light[[3, 1, 2]]
-    third = np.cross(first, tensor @ first)
-    least = _SMALL * float(np.linalg.norm(light))
-    if np.linalg.norm(first) < least or np.linalg.norm(third) < least**3:
-        return np.eye(3)
-    axes = np.array([first, np.cross(third, first), third])
-    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))
 
 
 def _views() -> Array:
