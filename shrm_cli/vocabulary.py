@@ -38,6 +38,9 @@ Law = Literal["lobe", "paper"]
 """The attenuation of the degrees of a spherical harmonic exponential: that of GGX's lobe, or the
 one that its paper published."""
 
+LARGEST_HALF = 65504.0
+"""The largest number that half floats hold."""
+
 # The same names as tuples, for checks and choices at run time.
 CENTERS: tuple[str, ...] = get_args(Center)
 FRAMES: tuple[str, ...] = get_args(Frame)

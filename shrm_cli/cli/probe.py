@@ -13,7 +13,7 @@ from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
 from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, VECTOR, flag, option
 from shrm_cli.files.whole import check_target
 from shrm_cli.progress import using
-from shrm_cli.vocabulary import Precision
+from shrm_cli.vocabulary import LARGEST_HALF, Precision
 
 if TYPE_CHECKING:
     # The command that runs loads numpy; `shrm --help` must not.
@@ -122,7 +122,7 @@ def sky(
 @probe.command()
 @output_options
 @option(
-    "--key", click.FloatRange(0, 65504), default=20.0,
+    "--key", click.FloatRange(0, int(LARGEST_HALF)), default=20.0,
     help="Radiance of the key light; the fill has 2, the rim 10.",
 )  # fmt: skip
 def studio(size: int, key: float, **written: Any) -> None:

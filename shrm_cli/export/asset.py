@@ -4,13 +4,12 @@ Everything of the file stays as it is, extensions included. Buffers and pictures
 own, which have to lie in its folder or below it, move into the GLB, so that it can lie anywhere.
 """
 
-import stat
 from copy import deepcopy
 from pathlib import Path
 
 from shrm_cli.errors import MapError
 from shrm_cli.files import gltf
-from shrm_cli.files.whole import note
+from shrm_cli.files.whole import check_regular, note
 from shrm_cli.records import record
 
 EXTENSION = "EXT_lights_image_based"
@@ -68,10 +67,7 @@ class Asset:
 def open_asset(path: str) -> Asset:
     """Read a glTF or GLB file, and what lies beside it."""
     try:
-        status = Path(path).stat()
-        if not stat.S_ISREG(status.st_mode):  # a pipe would be waited for, and a device never end
-            raise MapError(f"{path}: not a regular file; name a glTF file")
-        if status.st_size > gltf.MOST_BYTES:
+        if check_regular(path, MapError, "a glTF file").st_size > gltf.MOST_BYTES:
             raise MapError(f"{path}: larger than {gltf.MOST_BYTES:,} bytes; simplify it")
         content = Path(path).read_bytes()
     except OSError as error:

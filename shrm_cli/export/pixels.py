@@ -19,7 +19,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.png import png_of_lines
 from shrm_cli.messages import percent
 from shrm_cli.records import record
-from shrm_cli.vocabulary import SEEN_FLOOR
+from shrm_cli.vocabulary import LARGEST_HALF, SEEN_FLOOR
 
 Words = NDArray[np.unsignedinteger]
 
@@ -181,7 +181,7 @@ def _pack_shared_exponent(values: Array) -> Words:
 FORMATS = {
     each.name: each
     for each in (
-        TexelFormat("rgba16f", "RGBA16F", (65504.0,) * 3, 8, _pack_half),
+        TexelFormat("rgba16f", "RGBA16F", (LARGEST_HALF,) * 3, 8, _pack_half),
         TexelFormat(
             "r11g11b10",
             "R11F_G11F_B10F",

@@ -20,14 +20,13 @@ import numpy as np
 
 from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import MapError, OutputError
-from shrm_cli.files.whole import note
+from shrm_cli.files.whole import check_regular, note
 from shrm_cli.progress import in_order
 from shrm_cli.records import record
-from shrm_cli.vocabulary import CONTAINERS, PixelType, Precision
+from shrm_cli.vocabulary import CONTAINERS, LARGEST_HALF, PixelType, Precision
 
-_HALF_MAX = float(np.finfo(np.float16).max)
 _FLOAT_MAX = float(np.finfo(np.float32).max)
-_HALF_OVERFLOW = _HALF_MAX + 16  # values from here on round to infinity
+_HALF_OVERFLOW = LARGEST_HALF + 16  # values from here on round to infinity
 HALF_ROUNDING = 2.0**-11
 """The most that half costs values which it has all its digits for, relative to them."""
 _VALUES_AT_ONCE = 2**18
@@ -218,7 +217,7 @@ def _examined(
     overflows = largest >= _HALF_OVERFLOW
     if precision == "half" and overflows:
         raise OutputError(
-            f"{path}: the value {largest:.6g} overflows half ({_HALF_MAX:.0f}); use `precision` "
+            f"{path}: the value {largest:.6g} overflows half ({LARGEST_HALF:.0f}); use `precision` "
             "auto or float"
         )
     error = float(np.sqrt(lost / whole)) if whole > 0 else 0.0
@@ -243,11 +242,7 @@ def _rounded(plane: Array) -> tuple[Array, float, float]:
 
 def open_file(path: str | os.PathLike[str]) -> StoredFile:
     """Open a file of parts."""
-    if not Path(path).exists():
-        raise MapError(f"{path}: no such file")
-    if not Path(path).is_file():  # opening a pipe would block
-        kind = "a directory" if Path(path).is_dir() else "not a regular file"
-        raise MapError(f"{path}: {kind}; name a map")
+    check_regular(path, MapError, "a map")
     found = peek(path)
     note(path)
     if found is None:

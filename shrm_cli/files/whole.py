@@ -13,12 +13,13 @@ import errno
 import filecmp
 import os
 import platform
+import stat
 import sys
 from collections.abc import Iterator
 from contextvars import ContextVar
 from pathlib import Path
 
-from shrm_cli.errors import OutputError
+from shrm_cli.errors import OutputError, ShrmError
 
 Files = set[tuple[int, int]]
 """Devices and numbers of files; links share those of their file."""
@@ -104,6 +105,26 @@ def keeping(*targets: str | os.PathLike[str]) -> Iterator[None]:
 
 _together: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("together", default=None)
 """The temporary files and the targets that wait for the end of a block of `together`."""
+
+
+def check_regular(
+    path: str | os.PathLike[str], error: type[ShrmError], what: str, missing: str = ""
+) -> os.stat_result:
+    """Return the status of a file that can be opened: a pipe would be waited for, a device not end.
+
+    Raises `error`, in a line that says to name `what`, or else what to do where it is `missing`.
+    """
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        raise error(f"{path}: no such file; {missing or f'name {what}'}") from None
+    except (OSError, ValueError) as problem:  # such as a name too long, or with a null
+        reason = getattr(problem, "strerror", None) or "a name that no file can have"
+        raise error(f"{path}: cannot be opened ({reason}); check its name") from None
+    if not stat.S_ISREG(status.st_mode):
+        kind = "a directory" if stat.S_ISDIR(status.st_mode) else "not a regular file"
+        raise error(f"{path}: {kind}; name {what}")
+    return status
 
 
 def check_target(

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MeshError, ShrmError
 from shrm_cli.extras import install
 from shrm_cli.files.gltf import MOST_BYTES
-from shrm_cli.files.whole import note
+from shrm_cli.files.whole import check_regular, note
 from shrm_cli.geometry.gltf import read_gltf
 from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, make_mesh, too_many
 from shrm_cli.geometry.mtl import PAINTED, read_materials
@@ -160,20 +160,14 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
 
 def _bytes(path: Path) -> bytes:
     try:
-        if not path.exists():
-            raise MeshError(f"{path}: no such file; name a mesh")
-        if not path.is_file():  # to open a pipe would block
-            kind = "a directory" if path.is_dir() else "not a regular file"
-            raise MeshError(f"{path}: {kind}; name a mesh")
-        size = path.stat().st_size
+        size = check_regular(path, MeshError, "a mesh").st_size
         if size > MOST_BYTES:
             raise MeshError(
                 f"{path}: {size:,} bytes are more than {MOST_BYTES:,}; simplify the mesh"
             )
         return path.read_bytes()
-    except (OSError, ValueError) as error:  # such as a name too long, or with a null
-        reason = getattr(error, "strerror", None) or error
-        raise MeshError(f"{path}: cannot be read ({reason}); name another file") from error
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read ({error.strerror}); name another file") from error
 
 
 def _kind(name: str, data: bytes) -> str:

@@ -12,8 +12,9 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.probe.probe import Probe
+from shrm_cli.vocabulary import LARGEST_HALF
 
-HALF_LIMITS = (65504.0, 65535.0, 65536.0)
+HALF_LIMITS = (LARGEST_HALF, 65535.0, 65536.0)
 """The largest number of half precision, and what programs round it to."""
 _CLIPPED = 4.0
 """As many pixels of exactly the same largest value are suspected to be clipped."""

@@ -46,7 +46,7 @@ from shrm_cli.render.image import expose, weighted_quantiles
 from shrm_cli.render.sheet import Grid, draw_grid
 from shrm_cli.render.sphere import render_background, render_sphere
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
-from shrm_cli.vocabulary import AUTO, LUMINANCE
+from shrm_cli.vocabulary import AUTO, LARGEST_HALF, LUMINANCE
 
 SHOWN = 0.8
 """Linear grey, 1 being white, of the luminance that is metered: 231 of 255 in sRGB."""
@@ -337,8 +337,6 @@ _MOST_CHARACTERS = 24
 """Characters of a short name; longer ones end in an ellipsis."""
 _STOPS = 8
 """Stops that a slider goes either way."""
-_HALF_MAX = 65504.0
-"""What is brighter is white at every exposure that a slider reaches."""
 
 
 def lookdev_page(
@@ -404,7 +402,7 @@ def _section(
 
 def _halves(picture: Picture) -> str:
     """Return a picture as half floats in base64, little-endian, RGB of row after row."""
-    limited = np.clip(picture, -_HALF_MAX, _HALF_MAX).astype("<f2")
+    limited = np.clip(picture, -LARGEST_HALF, LARGEST_HALF).astype("<f2")
     return base64.b64encode(limited.tobytes()).decode("ascii")
 
 

@@ -15,14 +15,12 @@ from shrm_cli.progress import report
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation
 from shrm_cli.sphere.grid.latlong import latlong_coordinates, latlong_directions
+from shrm_cli.vocabulary import LARGEST_HALF
 
 Image = NDArray[np.float32]
 
 BAND_ROWS = 64
 """Rows shaded at a time, few enough to keep the temporaries small beside the image itself."""
-
-LARGEST_HALF = 65504.0
-"""The largest number that half floats hold."""
 
 
 @record

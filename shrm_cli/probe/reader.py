@@ -5,7 +5,6 @@ was read longest ago is closed for one more, and opened again when it is read.
 """
 
 import os
-import stat
 import threading
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from weakref import WeakValueDictionary
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import excess
 from shrm_cli.files.openimageio import caught, oiio
-from shrm_cli.files.whole import fault_of_name, note
+from shrm_cli.files.whole import check_regular, fault_of_name, note
 from shrm_cli.messages import is_url
 
 _MOST_OPEN = 64
@@ -83,19 +82,10 @@ def check_file(name: str | os.PathLike[str]) -> Path:
     path = Path(name)
     try:
         str(path).encode()  # image libraries take no other names
-        status = os.stat(path)
     except UnicodeEncodeError:
         raise ProbeError(f"{path}: {fault_of_name(path)}, or rename it") from None
-    except FileNotFoundError:
-        advice = "shrm batch reads URLs; else fetch it" if is_url(path) else "check its name"
-        raise ProbeError(f"{path}: no such file; {advice}") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "a name that no file can have"
-        raise ProbeError(f"{path}: cannot be opened ({reason}); check its name") from None
-    if stat.S_ISDIR(status.st_mode):
-        raise ProbeError(f"{path}: a directory; name an image file")
-    if not stat.S_ISREG(status.st_mode):
-        raise ProbeError(f"{path}: not a regular file; name an image file")
+    advice = "shrm batch reads URLs; else fetch it" if is_url(path) else "check its name"
+    status = check_regular(path, ProbeError, "an image file", advice)
     if not os.access(path, os.R_OK):
         raise ProbeError(f"{path}: no permission to read it; change its mode")
     if status.st_size == 0:

@@ -30,7 +30,7 @@ from typing import Any
 from shrm_cli.color import from_rec709
 from shrm_cli.errors import BrdfError, MeshError
 from shrm_cli.files.json_text import read_toml
-from shrm_cli.files.whole import note
+from shrm_cli.files.whole import check_regular, note
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial
 from shrm_cli.geometry.paint import Paint
@@ -138,8 +138,7 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
 
 def read_tables(name: str) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
     """Return the tables of a scene file: its objects and its keyframes."""
-    if not Path(name).is_file():
-        raise MeshError(f"{name}: no such file; name a mesh, or a scene in TOML")
+    check_regular(name, MeshError, "a mesh, or a scene in TOML")
     too_large = f"more than {_MOST_BYTES:,} bytes, so it is no scene; name one"
     tree, _ = read_toml(name, "a scene", _MOST_BYTES, too_large, MeshError)
     objects, keys = tree.get("objects"), tree.get("key", [])

@@ -19,9 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.records import record
+from shrm_cli.vocabulary import LARGEST_HALF
 
-LARGEST_HALF = 65504.0
-"""The largest finite number of 16 bits."""
 _BITS = {True: 9, False: 8}
 """Of the length of a texel, which is between 2^(bits - 1) and 2^bits steps; more bits where that is
 the length of many layers."""

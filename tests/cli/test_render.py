@@ -282,7 +282,7 @@ def test_as_a_process(package_path, folder):
     assert result.stdout == "a.microfacet.shrm.png: 32 x 32, 8-bit sRGB\n"
     result = process("render", "missing.exr")
     assert (result.returncode, result.stdout) == (1, "")
-    assert result.stderr == "Error: missing.exr: no such file\n"
+    assert result.stderr == "Error: missing.exr: no such file; name a map\n"
 
 
 @pytest.mark.slow

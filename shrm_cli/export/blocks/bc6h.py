@@ -47,6 +47,7 @@ from shrm_cli.export.blocks.lines import (
 )
 from shrm_cli.export.blocks.rate import bits_of_bytes, cheap_steps, starting_prices
 from shrm_cli.records import record
+from shrm_cli.vocabulary import LARGEST_HALF
 
 
 @record
@@ -174,7 +175,7 @@ def pack(mode: Mode, ends: Whole, indices: Whole, partition: Whole) -> NDArray[n
     return np.ascontiguousarray(words.T, dtype="<u8").view(np.uint8)
 
 
-LARGEST = 65504.0
+LARGEST = LARGEST_HALF
 """The largest value of a texel."""
 _TRIES = 2
 """Partitions that are tried for each block that gets two lines."""

@@ -60,11 +60,6 @@ class Cabral(ExplicitMap):
         return _COUNT
 
     @classmethod
-    def check_count(cls, count: int) -> None:
-        if count != _COUNT:
-            raise ValueError(f"{count} images, not {_COUNT}")
-
-    @classmethod
     def part_names(cls, count: int) -> list[str]:
         return [f"view{k:02d}" for k in range(count)]
 

@@ -11,6 +11,7 @@ Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import field, replace
+from math import isqrt
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -65,7 +66,8 @@ class ExplicitMap(CentralMap):
         shape = self.images.shape
         if len(shape) != 4 or shape[1] != 6 * shape[2] or shape[3] != 3:
             raise ValueError(f"images of shape {shape}, not (K, 6N, N, 3)")
-        self.check_count(shape[0])
+        if not self.can_have(shape[0]):
+            raise ValueError(f"a {self.representation} map cannot have {shape[0]} images")
 
     @property
     def count(self) -> int:
@@ -94,12 +96,9 @@ class ExplicitMap(CentralMap):
         """Return the number of images of a map with so many samples along an axis of the view."""
 
     @classmethod
-    @abstractmethod
-    def check_count(cls, count: int) -> None:
-        """Check that a map can have `count` images.
-
-        Raises ValueError if it cannot.
-        """
+    def can_have(cls, count: int) -> bool:
+        """Whether a map can have `count` images: for samples along one axis of the view, or two."""
+        return count > 0 and count in (cls.image_count(count), cls.image_count(isqrt(count)))
 
     @classmethod
     @abstractmethod

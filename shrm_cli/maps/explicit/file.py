@@ -33,7 +33,7 @@ def decode(file: StoredFile) -> ExplicitMap:
         raise MapError(f"{file.path}: its parts differ in size; make it again")
     parts = {part.name: part for part in file.parts}
     count = len(file.parts)
-    wanted = _part_names(kind, count)
+    wanted = kind.part_names(count) if kind.can_have(count) else []
     if sorted(part.name for part in file.parts) != sorted(wanted):
         raise MapError(
             f"{file.path}: its parts are not those of a {kind.representation} map; make it again"
@@ -49,15 +49,6 @@ def decode(file: StoredFile) -> ExplicitMap:
         image.check_channels(COLORS, f"a {kind.representation} map")
         images[index] = np.moveaxis(image.stack(COLORS), -1, 0)
     return kind(images.transpose(0, 2, 3, 1), **first.common())
-
-
-def _part_names(kind: type[ExplicitMap], count: int) -> list[str]:
-    """Return the names of the parts of a map of `count` images; none if it cannot have so many."""
-    try:
-        kind.check_count(count)
-    except ValueError:
-        return []
-    return kind.part_names(count)
 
 
 def _is_near(found: Any, expected: Any) -> bool:

@@ -29,11 +29,6 @@ class KautzMcCool(ExplicitMap):
         return view_count
 
     @classmethod
-    def check_count(cls, count: int) -> None:
-        if count < 1:
-            raise ValueError("no slices")
-
-    @classmethod
     def view_angles(cls, count: int) -> Array:
         """Return the angles theta_o of the slices, radians, shape (count,).
 

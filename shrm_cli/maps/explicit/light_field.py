@@ -28,11 +28,6 @@ class LightField(ExplicitMap):
         return view_count**2
 
     @classmethod
-    def check_count(cls, count: int) -> None:
-        if count < 1 or isqrt(count) ** 2 != count:
-            raise ValueError(f"{count} images are no grid of T x T")
-
-    @classmethod
     def part_names(cls, count: int) -> list[str]:
         side = range(isqrt(count))
         return [f"view{j:02d}_{k:02d}" for j in side for k in side]

@@ -14,6 +14,7 @@ from io import BufferedReader
 from pathlib import Path
 
 from shrm_cli.errors import BrdfError
+from shrm_cli.files.whole import check_regular
 
 MAX_BYTES = 2**25
 """The largest file that is read, a hundred times as large as any that is known."""
@@ -25,16 +26,9 @@ MAX_LINES = 2**17
 
 def check_file(path: str | os.PathLike[str]) -> Path:
     """The path of a file that can be opened without waiting for it."""
-    path = Path(path)
-    try:
-        if not path.exists():
-            raise BrdfError(f"{path}: no such file; `shrm brdf` lists the models without one")
-        if not path.is_file():  # to open a pipe would block
-            kind = "a directory" if path.is_dir() else "not a regular file"
-            raise BrdfError(f"{path}: {kind}; name a file of a measured BRDF")
-    except (OSError, ValueError) as error:  # such as a name too long, or with a null
-        raise _unreadable(path, error) from error
-    return path
+    missing = "`shrm brdf` lists the models without one"
+    check_regular(path, BrdfError, "a file of a measured BRDF", missing)
+    return Path(path)
 
 
 def first_bytes(path: Path, count: int) -> bytes:
@@ -60,14 +54,7 @@ def readable(path: Path, advice: str = "name another file") -> Iterator[Buffered
         with open(path, "rb") as stream:
             yield stream
     except OSError as error:
-        raise _unreadable(path, error, advice) from error
-
-
-def _unreadable(
-    path: Path, error: OSError | ValueError, advice: str = "name another file"
-) -> BrdfError:
-    reason = getattr(error, "strerror", None) or error
-    return BrdfError(f"{path}: cannot be read ({reason}); {advice}")
+        raise BrdfError(f"{path}: cannot be read ({error.strerror or error}); {advice}") from error
 
 
 def first_lines(head: bytes) -> list[str]:
