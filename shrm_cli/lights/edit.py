@@ -29,6 +29,7 @@ from shrm_cli.sphere.directions import (
     to_angles,
 )
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
+from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import transform_coefficients
 
 _NODES = 256
@@ -64,7 +65,7 @@ class Dimming:
     def of(self, coefficients: Array) -> Array:
         """Return the coefficients of the light so dimmed, cut off at their order."""
         order = order_of(len(coefficients))
-        heights, weights = np.polynomial.legendre.leggauss(_NODES)
+        heights, weights = gauss_legendre(_NODES)
         count = 2 * order + 1  # azimuths, at which products of two harmonics are exact
         local = from_angles(np.arccos(heights)[:, None], 2 * np.pi * np.arange(count) / count)
         frame = local_frame(*to_angles(self.direction))

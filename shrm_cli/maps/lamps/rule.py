@@ -42,6 +42,7 @@ from shrm_cli.sphere.directions import (
     normalize,
     surface_frames,
 )
+from shrm_cli.sphere.quadrature import gauss_legendre
 
 Points = tuple[Array, Array, Array, Array]
 """Normals, views, axes of discs and tangents, unit vectors in world axes, shape (..., 3). Tangents
@@ -174,7 +175,7 @@ def _over(rule: DiscRule, brdf: Brdf, points: Points, radius: float, is_cut: boo
     middle, half = _latitudes(x, a_x[:, None], a_y[:, None], a_z[:, None], radius)
     cosines = np.maximum(np.sum(normals * views, axis=-1), LEAST_COSINE)
     low, high = np.maximum(middle - half, -np.pi / 2), np.minimum(middle + half, np.pi / 2)
-    y, weights = _stepped(gauss(rule.steps), low, high, rule.width * cosines[:, None])
+    y, weights = _stepped(gauss_legendre(rule.steps), low, high, rule.width * cosines[:, None])
     weights = weights * np.cos(y) * over_x[..., None]
     x = np.broadcast_to(x[..., None], y.shape)
     local = np.stack([np.sin(x) * np.cos(y), np.sin(y), np.cos(x) * np.cos(y)], axis=-1)
@@ -232,13 +233,6 @@ def _frames(up: Array, towards: Array, other: Array) -> Array:
 
 
 @cache
-def gauss(count: int) -> tuple[Array, Array]:
-    """Return Gauss's nodes and weights on -1 .. 1."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return nodes, weights
-
-
-@cache
 def chebyshev(count: int) -> tuple[Array, Array]:
     """Return the rule of the second kind of Chebyshev's nodes: exact for ``sqrt(1-x^2)`` p(x)."""
     angles = np.pi * np.arange(1, count + 1) / (count + 1)
@@ -248,7 +242,7 @@ def chebyshev(count: int) -> tuple[Array, Array]:
 @cache
 def sines(count: int) -> tuple[Array, Array]:
     """Return a rule on -1 .. 1 for functions that are square roots at its ends, or smooth there."""
-    nodes, weights = gauss(count)
+    nodes, weights = gauss_legendre(count)
     angles = np.pi / 2 * nodes
     return np.sin(angles), np.pi / 2 * weights * np.cos(angles)
 

@@ -8,9 +8,10 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.maps.lamps.models import Functions
-from shrm_cli.maps.lamps.rule import LEAST_COSINE, DiscRule, LitDiscs, chebyshev, gauss, sines
+from shrm_cli.maps.lamps.rule import LEAST_COSINE, DiscRule, LitDiscs, chebyshev, sines
 from shrm_cli.maps.shader.language import Language, filled
 from shrm_cli.maps.shader.source import BRUSHED_BY_TANGENT, central_direction, tangent_function
+from shrm_cli.sphere.quadrature import gauss_legendre
 
 _FRAME = """\
 vec3 shrm_across(vec3 up, vec3 to)
@@ -178,7 +179,7 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
     many = [each.longitudes(is_cut=True) for each in rules]
     tables = {
         "shrm_lamp_whole": _one_by_one(chebyshev, [each.steps for each in rules]),
-        "shrm_lamp_nodes": _one_by_one(gauss, [each.steps for each in rules]),
+        "shrm_lamp_nodes": _one_by_one(gauss_legendre, [each.steps for each in rules]),
         "shrm_lamp_axes": np.array([disc.direction for disc in discs]),
         "shrm_lamp_sizes": _rows(radii, np.sin(radii)),
         "shrm_lamp_lights": np.array([disc.radiance for disc in discs]),
