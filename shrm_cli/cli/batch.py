@@ -396,7 +396,8 @@ def _conclude(totals: Totals, log: str | None, predictions: list[dict[str, Any]]
     anew = totals.anew.most_common(_MOST_REASONS)
     lines = [
         *map(_prediction_line, predictions),
-        f"{totals.jobs:,} {outputs}: {', '.join(words) or 'none'}{size}{warned}{told}",
+        # A run that collects coefficients alone makes no outputs to count.
+        *([f"{totals.jobs:,} {outputs}: {', '.join(words)}{size}{warned}{told}"] if words else []),
         *(f"  {count:,} anew: {usage.flags(why)}" for why, count in anew),
     ]
     result = {**totals.as_json(), "log": log, **more, "failures": totals.failures}

@@ -116,6 +116,7 @@ def export(
       shrm export probe.exr --for gltf --into chair.glb
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
+    from shrm_cli.export.engine import engine as engine_of
     from shrm_cli.export.make import Asked, made_folder
 
     names = list(ENGINES) if "all" in engines else list(dict.fromkeys(engines))
@@ -136,8 +137,9 @@ def export(
         for each in names:
             folder = Path(output) / each if output else Path(f"{name}.{each}")
             try:
-                engine = _checked(each, asked)
-                result, told, warned = _exported(source, engine, folder, asked, force)
+                own = asked.of_several(engine_of(each))
+                engine = _checked(each, own)
+                result, told, warned = _exported(source, engine, folder, own, force)
             except ShrmError as error:
                 failures.append(f"{each}: {usage.flags(str(error))}")
                 continue

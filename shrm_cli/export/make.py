@@ -203,6 +203,10 @@ class Asked:
     safe: bool = False
     sun: str | None = None
 
+    def of_several(self, engine: Engine) -> "Asked":
+        """Return what is asked of one of several engines: of those of one format no error."""
+        return self if engine.formats else replace(self, max_error=None)
+
 
 def export(
     source: Source, engine: Engine, asked: Asked, progress: Progress | None = None

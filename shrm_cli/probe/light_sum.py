@@ -118,7 +118,10 @@ class SumImage:
         found: dict[str, Any] = {}
         if self.series is not None:
             found["order"] = order_of(len(self.series))
-            found["lighting_coefficients"] = self.series.tolist()
+            # What turns of the light round is no number to show: 6e-33 for 0.
+            least = 1e-12 * np.abs(self.series).max(initial=0)
+            shown = np.where(np.abs(self.series) > least, self.series, 0)
+            found["lighting_coefficients"] = shown.tolist()
         if self.file_format != "coefficients":
             found |= {"probes": probes, "discs": [_facts_of(disc) for disc in self.discs]}
         return found

@@ -65,7 +65,7 @@ def test_a_light_goes_into_a_copy_of_a_gltf_file(folder):
     done(*again, "--force")
     json_file = run("export", "sky.exr", "--for", "json", "--into", "ball.glb")
     assert_refused(json_file, 2, "--into does not apply")
-    assert_refused(run(*export[:-1], "no.glb"), 1, "no.glb: cannot be read")
+    assert_refused(run(*export[:-1], "no.glb"), 1, "no.glb: no such file; name a glTF file")
     assert (folder / "ball.glb").read_bytes() == before
 
 
@@ -109,6 +109,13 @@ def test_engines_of_one_format_have_it_as_the_automatic_one(folder):
     done(*given, "--size", "16", "-o", "b")
     for name in ("json/sky_sh.json", "unity/sky_latlong.exr"):
         assert (folder / "a" / name).read_bytes() == (folder / "b" / name).read_bytes()
+
+
+def test_a_limit_of_errors_is_for_engines_of_several_formats(folder):
+    given = ("export", "sky.exr", "--size", "16", "--max-error", "0.2")
+    several = (*given, "--for", "bevy", "--for", "unity", "-o", "a")
+    assert json.loads(done(*several, "--json"))["failures"] == []
+    assert_refused(run(*given, "--for", "unity", "-o", "b"), 2, "Unity has one format")
 
 
 def test_an_engine_that_has_not_what_is_asked_loses_no_other(folder):

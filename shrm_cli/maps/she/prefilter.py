@@ -139,7 +139,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     sampled = partial(sample_reflectance, lighting, _sampled_roughness(roughness, law))
     samples = sampled(rings, *_VIEW_RINGS)
     if not samples.reflected.any():
-        raise MapError(f"{probe.name}: the probe is black, and has no logarithm")
+        raise MapError(f"{probe.name}: the probe is black, and has no logarithm; take another form")
     problems = _problems(samples, _Factors(p_order, q_order, law))
     fit = fit_logarithm if law == "paper" else fit_exponent
     coefficients = np.stack([fit(each) for each in problems], axis=-1)
