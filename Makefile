@@ -209,6 +209,8 @@ man: $(VENV)/.installed
 	@$(BIN)/python -m tests.site.manual build/man
 	@echo "The manual is in build/man/: man -l build/man/shrm.1"
 
+# In one thread, whose sums are the same in every run.
+figures: export OPENBLAS_NUM_THREADS := 1
 figures: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plots]'
 	$(BIN)/python -m tests.site.figures docs/figures
