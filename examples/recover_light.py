@@ -24,7 +24,6 @@ import torch
 from shrm_cli.files.png import encode_srgb, write_png
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.rays import Rays
-from shrm_cli.probe.lighting import project
 from shrm_cli.render.camera import Lens, Viewer, aimed, sphere_normals
 from shrm_cli.render.image import expose, suitable_exposure
 from shrm_cli.sphere.directions import normalize
@@ -105,7 +104,7 @@ show = shrm_torch.DirectionSynthesis(ORDER, directions)
 seen_by = shrm_torch.GgxMultipliers(ORDER, WHOLE)(torch.tensor([ROUGHNESS]).double())[0]
 lights = [
     show(torch.as_tensor(each, dtype=torch.float64), seen_by).numpy()
-    for each in (project(probe, ORDER).coefficients, found)
+    for each in (shrm.project(probe, ORDER).coefficients, found)
 ]
 
 
