@@ -154,6 +154,12 @@ class Map(Displayed, ABC):
         What a user can do where the map is negative.
     table_bytes : int
         The bytes of a table that its file holds of its lamps' BRDF.
+
+    Examples
+    --------
+    >>> made = shrm.prefilter("probes/furnace.exr", "lambertian")
+    >>> made.radiance([0, 1, 0], [0, 0, 1]).round(2).tolist()
+    [1.0, 1.0, 1.0]
     """
 
     representation: ClassVar[str]
