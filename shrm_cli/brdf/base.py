@@ -158,7 +158,9 @@ class Brdf(ABC):
         What a constructor takes; none by default.
     values : dict
         The values of the parameters: numbers (also for grey colors), lists of 3 numbers (linear
-        RGB) and names. JSON can hold them, and ``type(brdf)(**values)`` is the same BRDF.
+        RGB) and names. JSON can hold them, and ``type(brdf)(**values)`` is the same model. Those
+        of sums and of weighted BRDFs are ``spec``, which `parse_spec` makes the same of; what is
+        measured is its file alone.
     center : {"reflection", "normal", "tangent"}
         The central direction C, about which the BRDF is expanded and by which a map of it is
         looked up (section 5.3.1 of the thesis): the mirror direction of the view, the normal,
