@@ -424,7 +424,7 @@ class Map(Displayed, ABC):
         Parameters
         ----------
         to : str
-            One of `vocabulary.REPRESENTATIONS`.
+            One of `vocabulary.REPRESENTATIONS`, or a form of an installed package.
         size, sampling
             The size and sampling of the cubes, as `resampled` takes them.
         **options
