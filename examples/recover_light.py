@@ -12,14 +12,18 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import torch
 
 import shrm_cli as shrm
-from shrm_cli import torch as shrm_torch
+
+try:
+    from shrm_cli import torch as shrm_torch
+except ImportError as error:
+    sys.exit(f"Error: {error}")
+import torch
+
 from shrm_cli.files.png import encode_srgb, write_png
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.rays import Rays
-from shrm_cli.probe.lighting import project
 from shrm_cli.render.camera import Lens, Viewer, aimed, sphere_normals
 from shrm_cli.render.image import expose, suitable_exposure
 from shrm_cli.sphere.directions import normalize
@@ -33,8 +37,11 @@ ORDER, WHOLE, HEIGHT, STEPS = 28, 24, 32, 600
 VIEWERS = [Viewer(45 * k, (-25, 10, 40)[k % 3]) for k in range(8)] + [Viewer(20, 25)]
 
 given = sys.argv[1:]
-probe = shrm.open_probe(given[0] if given else ROOT / "probes" / "studio.exr")
-mesh = load_mesh(given[1]) if len(given) > 1 else None
+try:
+    probe = shrm.open_probe(given[0] if given else ROOT / "probes" / "studio.exr")
+    mesh = load_mesh(given[1]) if len(given) > 1 else None
+except shrm.ShrmError as error:
+    sys.exit(f"Error: {error}")
 folder = Path(given[2] if len(given) > 2 else ".")
 y, x = np.mgrid[SIZE / 2 - 0.5 : -SIZE / 2 : -1, -SIZE / 2 + 0.5 : SIZE / 2]
 
@@ -97,7 +104,7 @@ show = shrm_torch.DirectionSynthesis(ORDER, directions)
 seen_by = shrm_torch.GgxMultipliers(ORDER, WHOLE)(torch.tensor([ROUGHNESS]).double())[0]
 lights = [
     show(torch.as_tensor(each, dtype=torch.float64), seen_by).numpy()
-    for each in (project(probe, ORDER).coefficients, found)
+    for each in (shrm.project(probe, ORDER).coefficients, found)
 ]
 
 

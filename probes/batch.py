@@ -1,8 +1,8 @@
 """What `make batch` does: it has `shrm batch` bake the lists of the makefile, and draws the maps.
 
-What is up to date is decided by `shrm batch`. A picture of each SHRM is drawn anew when the map or
-RENDER_FLAGS changed, or the picture itself, and the page over all maps likewise; what they were
-drawn of stands in ``build/.pictures``.
+What is up to date is decided by `shrm batch`. A picture of each map of a BRDF is drawn anew when
+the map or RENDER_FLAGS changed, or the picture itself, and the page over all maps likewise; what
+they were drawn of stands in ``build/.pictures``.
 
 The lists PROBES, BRDFS and FORMS are words as in a shell, so that quotes keep a name with spaces
 together. Make hands them over in the environment, as it does its own options: with ``-n`` the
@@ -40,7 +40,8 @@ def commands(letters: str, jobs: list[str]) -> list[list[str]]:
     shared = ["-o", NAMES, "--log", f"{BUILD}/batch.jsonl", *jobs]
     shared += ["--force"] if "B" in letters else []
     brdfs = [word for spec in words("BRDFS") for word in ("--brdf", spec)]
-    asked = [[*brdfs, "--eps", *words("EPS"), *words("PREFILTER_FLAGS")]] if brdfs else []
+    eps = ["--eps", *words("EPS")] if words("EPS") else []
+    asked = [[*brdfs, *eps, *words("PREFILTER_FLAGS")]] if brdfs else []
     asked += [["--to", form, *words(f"FLAGS_{form}")] for form in dict.fromkeys(words("FORMS"))]
     return [[SHRM, "batch", *each, *shared, "--", *words("PROBES")] for each in asked]
 
@@ -70,7 +71,7 @@ def state(path: str) -> object:
 
 
 def draw(jobs: int) -> bool:
-    """Draw the SHRMs whose pictures are out of date, and the page; return whether all could be."""
+    """Draw maps whose pictures are out of date, and the page; return whether all could be."""
     flags, page = words("RENDER_FLAGS"), f"{BUILD}/index.html"
     before = json.loads(DRAWN.read_text()) if DRAWN.exists() else {}
     known = dict(before)
@@ -89,7 +90,8 @@ def draw(jobs: int) -> bool:
 
     pool = ThreadPoolExecutor(jobs)
     try:
-        succeeded = list(pool.map(draw_one, sorted(glob.glob(f"{BUILD}/*.shrm.exr"))))
+        drawn = sorted(path for to in ("auto", "shrm") for path in glob.glob(f"{BUILD}/*.{to}.exr"))
+        succeeded = list(pool.map(draw_one, drawn))
         maps = sorted(glob.glob(f"{BUILD}/*.exr"))
         return all(succeeded) & (not maps or renew(page, PAGE, [*map(state, maps)]))
     finally:

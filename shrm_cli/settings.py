@@ -92,6 +92,12 @@ class using:
     ------
     ValueError
         If `threads` is less than 1.
+
+    Examples
+    --------
+    >>> with shrm.using(threads=1, cache=False):
+    ...     shrm.prefilter("probes/studio.exr", "lambertian").representation
+    'shrm'
     """
 
     # This is a class rather than a generator, because a generator that is never resumed restores

@@ -86,7 +86,7 @@ class Project:
             **options,
         )
 
-    def batch(self, *arguments, probes="probes/a.exr probes/b.exr", brdfs=BRDFS, eps="0.03"):
+    def batch(self, *arguments, probes="probes/a.exr probes/b.exr", brdfs=BRDFS, eps=""):
         asked = f"PROBES={probes}", f"BRDFS={brdfs}", f"EPS={eps}"
         return self.make("batch", *asked, *arguments)
 

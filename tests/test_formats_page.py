@@ -9,6 +9,7 @@ import pytest
 from research.bilinear import centers
 from shrm_cli.maps.file import open_map
 from tests.cli.helpers import ROOT, done, polynomial_light, write_exr
+from tests.ggx import lobe
 
 CODE = "\n".join(
     re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "formats.md").read_text(), re.S)
@@ -86,6 +87,8 @@ def test_decoders_are_short():
         ("principal", "principal", ("--brdf", "charlie:roughness=0.4", "--maps", 9)),
         ("kautz-mccool", "kautz_mccool", ("--brdf", "ggx:roughness=0.5")),
         ("cabral", "cabral", ("--brdf", "ggx:roughness=0.5")),
+        ("lightfield", "light_field", ("--brdf", "ggx:roughness=0.5")),
+        ("lightfield", "light_field", ("--brdf", "lambertian", "--views", 5)),
     ],
 )
 def test_forms_of_a_material(page, made, scene, form, name, options):
@@ -93,6 +96,37 @@ def test_forms_of_a_material(page, made, scene, form, name, options):
     around, views = scene
     normals = normals_of(shown.center, around, views)
     close(page[name](path, normals, views), shown.radiance(normals, views))
+
+
+@pytest.mark.parametrize(
+    ("spec", "form"), [("lambertian", "shrm"), ("ggx:roughness=0.5", "principal")]
+)
+def test_lamps_beside_a_map(page, made, scene, tmp_path, spec, form):
+    """The map and the lamps together are what the file reflects; neither is by itself."""
+    path, _ = made("--to", "irradiance")  # which writes the probe, too
+    light = '[[probe]]\nfile = "probe.exr"\n[[disc]]\ndirection = [0.6, 0.64, 0.48]\n'
+    (tmp_path / "sun.toml").write_text(f"{light}radius = 3\nradiance = [900, 700, 500]\n")
+    done("prefilter", tmp_path / "sun.toml", "--brdf", spec, "--to", form, "--sun", "split",
+         "--size", SIZE, "--precision", "float", "--force", "-o", path)  # fmt: skip
+    shown = open_map(path)
+    around, views = scene
+    normals = normals_of(shown.center, around, views)
+
+    def brdf(n, light, v):
+        if spec == "lambertian":
+            return 1 / np.pi
+        cosines = np.sum(n * light, axis=1)
+        above = cosines > 0
+        found = np.zeros((len(n), 3))
+        for k in np.flatnonzero(above):
+            value, _ = lobe(0.5, n[k], v[k], light[k])
+            found[k] = value / cosines[k]
+        return found
+
+    rest, beside = page[form](path, normals, views), page["lamps"](path, brdf, normals, views)
+    expected = shown.radiance(normals, views)
+    assert np.linalg.norm(beside) > 0.1 * np.linalg.norm(expected)
+    close(rest + beside, expected, 5e-3)
 
 
 @pytest.mark.parametrize("order", [2, 4])

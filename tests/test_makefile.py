@@ -34,12 +34,12 @@ def baking(asked, more="", probes="probes/a.exr probes/b.exr"):
     return " ".join(f"batch {asked} {SHARED} {more} -- {probes}".split())
 
 
-OF_BRDFS = "--brdf microfacet:sigma=0.3 --brdf phong:exponent=8 --eps 0.03"
+OF_BRDFS = "--brdf microfacet:sigma=0.3 --brdf phong:exponent=8"
 
 
 def outputs(*names):
     """Maps and pictures of probes with each BRDF."""
-    stems = [f"{name}.{label}.shrm" for name in names for label in LABELS]
+    stems = [f"{name}.{label}.auto" for name in names for label in LABELS]
     return sorted(f"{stem}.{suffix}" for stem in stems for suffix in ("exr", "png"))
 
 
@@ -79,6 +79,11 @@ def test_batch_bakes_every_pair_and_each_form(project):
     ])  # fmt: skip
 
 
+def test_a_tolerance_asks_for_shrms(project):
+    assert project.batch(eps="0.03").returncode == 0
+    assert project.calls() == [baking(f"{OF_BRDFS} --eps 0.03")]
+
+
 def test_everything_is_made_again_when_make_is_told_so(project):
     # Make sets the project up again, too, which takes long.
     stand_in = '#!/bin/sh\ncase "$*" in *batch.py) exec python3 "$@";; esac\n'
@@ -90,7 +95,7 @@ def test_everything_is_made_again_when_make_is_told_so(project):
 
 def test_pictures_are_drawn_of_what_changed(project):
     (project.folder / "build").mkdir()
-    stems = [f"build/{name}.phong.shrm" for name in "ab"]
+    stems = ["build/a.phong.auto", "build/b.phong.shrm"]
     for stem in stems:
         project.write(f"{stem}.exr", "map")
 
@@ -137,7 +142,7 @@ HOSTILE = ["my probe", "it's", "p%q", "a$b$(HOME)", 'say "hi"', "x#y", "a:b", "5
 def test_names_are_handed_over_as_they_are(project, name):
     probes, brdfs = shlex.quote(f"probes/{name}.exr"), shlex.quote(f"../{name}.bsdf")
     assert project.batch(probes=probes, brdfs=brdfs).returncode == 0
-    asked = f"batch --brdf ../{name}.bsdf --eps 0.03 {SHARED} -- probes/{name}.exr"
+    asked = f"batch --brdf ../{name}.bsdf {SHARED} -- probes/{name}.exr"
     assert project.calls() == [asked]
 
 
@@ -282,9 +287,9 @@ def test_demo_and_batch_with_the_real_command(project):
         assert (result.returncode, told) == (0, [])
         assert project.built() == sorted(["demo", *outputs("a", "b")])
     assert "4 outputs: 4 there already" in result.stdout
-    with OpenEXR.File(str(project.folder / "build" / "b.phong-exponent-8.shrm.exr")) as file:
+    with OpenEXR.File(str(project.folder / "build" / "b.phong-exponent-8.auto.exr")) as file:
         assert "exponent" in file.header()["shrm:brdf"]
     result = project.batch(probes="probes/a.exr probes/no.exr", brdfs="lambertian")
     assert result.returncode != 0
     assert "probes/no.exr" in result.stderr
-    assert "a.lambertian.shrm.png" in project.built()
+    assert "a.lambertian.auto.png" in project.built()

@@ -89,6 +89,42 @@ def test_a_map_is_a_ball_with_its_numbers(to):
         assert (name.replace("_", " ") in read.texts) == (facts.get(name) is not None)
 
 
+def test_tables_keep_their_lines_and_name_no_options():
+    """Notebooks would fold lines into one; a row that is too long to be read is left out."""
+    light = shrm.Probe.from_array(half_lit(), layout="latlong")
+    levels = shrm.prefilter(light, to="splitsum", size=8, levels=[0.3, 1.0])
+    (told,) = [text for text in shown(levels).texts if text.startswith("roughness 0.3")]
+    assert told.splitlines()[1].startswith("roughness 1")
+    assert "white-space: pre-line" in levels._repr_html_()
+    for thing in (levels, shrm.prefilter(light, to="irradiance")):
+        assert not [text for text in shown(thing).texts if "--json" in text]
+
+
+def test_light_of_coefficients_is_a_lat_long():
+    """Beyond the horizon it is as dark as a series of odd degrees has it."""
+    light = shrm.project(shrm.Probe.from_array(half_lit(), layout="latlong"), 5)
+    read = shown(light)
+    (picture,) = read.pictures
+    rows = len(picture)
+    upper, lower = picture[: rows // 2 - 8].mean(axis=(0, 1)), picture[rows // 2 + 8 :].mean()
+    assert upper[0] > upper[1] > upper[2] > 3 * lower
+    assert {"light to order 5", "36", "0.5, 0.25, 0.125"} <= set(read.texts)
+
+
+def test_light_without_its_lamps_is_shown_beside_their_numbers(tmp_path):
+    light = tmp_path / "lamp.toml"
+    light.write_text(
+        "[[disc]]\ndirection = [-1, 0, 0]\nradius = 3\nradiance = [900, 300, 100]\n"
+        "[[sh]]\ncoefficients = [[1, 2, 3]]\n"
+    )
+    lit = shrm.to_layout(shrm.open_probe(light), "latlong", size=128)
+    read = shown(shrm.split_lamps(shrm.Probe.from_array(lit, layout="latlong")))
+    (picture,) = read.pictures
+    assert np.ptp(picture.reshape(-1, 3), axis=0).max() < 12
+    (lamp,) = [text for text in read.texts if text.startswith("direction")]
+    assert lamp.startswith("direction -1, ")
+
+
 def test_a_ball_needs_nothing_of_meshes(tmp_path):
     """Whose modules took a quarter of the time until a first picture."""
     shrm.prefilter(half_lit(), to="irradiance").save(tmp_path / "white.exr")

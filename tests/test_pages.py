@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import subprocess
 import tomllib
 
 import click
@@ -11,8 +12,10 @@ import pytest
 from shrm_cli import __release__
 from shrm_cli.cli.main import cli
 from shrm_cli.extras import EXTRAS, install
+from shrm_cli.maps.file import open_map
 from shrm_cli.render.camera import Viewer, sphere_normals, sphere_radius
 from tests.cli.helpers import ROOT, process
+from tests.maps.shader.test_code import STRICT, compiler_of_c
 
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 
@@ -32,9 +35,13 @@ def test_links_lead_to_files_and_headings(page):
 
 
 def commands(text):
-    """The commands of blocks of a shell, as words; lines that go on are joined."""
+    """The commands of blocks of a shell, as words; lines that go on are joined.
+
+    Where they write their output to is left out.
+    """
     blocks = re.findall(r"^```bash\n(.*?)^```", text, re.M | re.S)
-    return [shlex.split(line) for block in blocks for line in joined(block) if line]
+    lines = [line.partition(" > ")[0] for block in blocks for line in joined(block)]
+    return [shlex.split(line) for line in lines if line]
 
 
 def joined(text):
@@ -86,16 +93,37 @@ def test_the_first_lines_of_the_readme_print_what_it_says(tmp_path, monkeypatch)
     assert told == made
 
 
+def blocks_of_researchers(language):
+    text = (ROOT / "docs" / "howto" / "research.md").read_text()
+    return re.findall(rf"```{language}\n(.*?)```", text, re.S)
+
+
 @pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")
 def test_python_of_researchers(monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
-    (block,) = re.findall(
-        r"```python\n(.*?)```", (ROOT / "docs" / "howto" / "research.md").read_text(), re.S
-    )
+    block, _ = blocks_of_researchers("python")
     exec(compile(block, "research.md", "exec"), {})
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [
         "shrm", "principal"
     ]  # fmt: skip
+
+
+def test_c_of_researchers_finds_the_radiance_of_the_map(tmp_path, monkeypatch):
+    """The commands, the Python and the C of the page; the compiler allows no warning."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "probes").symlink_to(ROOT / "probes")
+    block = next(each for each in blocks_of_researchers("bash") if "--shader c" in each)
+    made, looked_up = (process(*words[1:]) for words in commands(f"```bash\n{block}```"))
+    assert made.code == looked_up.code == 0
+    (tmp_path / "look.c").write_text(looked_up.out)
+    exec(blocks_of_researchers("python")[1], {})
+    (tmp_path / "main.c").write_text(*blocks_of_researchers("c"))
+    subprocess.run([compiler_of_c(), *STRICT, "main.c", "-o", "main", "-lm"], check=True)
+    told = subprocess.run(["./main"], check=True, capture_output=True, text=True).stdout
+    found = open_map("gold.exr")
+    light = found.radiance([0, 0.6, 0.8], [0.6, 0.48, 0.64])
+    assert np.ptp(light) > 0.01 * light.mean()
+    np.testing.assert_allclose([float(x) for x in told.split()], light, rtol=2e-3)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -287,27 +287,33 @@ def test_what_takes_no_form_of_a_package_says_so(call, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_an_option_of_a_form_that_conversions_take(site, call, tmp_path):
-    """Only what the form says that they take; it is in the help with the form's name alone."""
-    copy = tmp_path / "copy"
-    shutil.copytree(site, copy)
-    form, code = (copy / "shrm_moon" / name for name in ("form.py", "ambient_cube.py"))
-    form.write_text(form.read_text().replace('default="axes",', 'default="axes", converts=True,'))
-    colored = "AmbientCube(source.radiance(AXES, AXES) * len(options['fit']), source.info)"
-    become = f"    return {colored}"
-    code.write_text(f"{code.read_text()}\n\ndef converted(source, to, **options):\n{become}\n")
-    line = "convert", "dawn.shrm.exr", "--to", "ambient-cube"
-    call("prefilter", "dawn.exr", "--brdf", "lambertian", "--to", "shrm", "-o", "dawn.shrm.exr")
-    assert "--fit" not in call(*line, "--help")
-    colors = []
-    with importable(copy):
-        for fit in ("axes", "least"):
-            told = call(*line, "--fit", fit, "--json", "-o", f"{fit}.exr")
-            assert json.loads(told)["file"] == f"{fit}.exr"
-            colors.append(json.loads(call("info", f"{fit}.exr", "--json"))["colors"])
-        assert "--fit" in call(*line, "--help")
-        assert "--fit" not in call("convert", "--help")
-    np.testing.assert_allclose(colors[1], np.multiply(colors[0], 5 / 4), rtol=1e-3)
+def test_conversions_to_the_form_of_the_example(call):
+    """Of a map that only its own form is made of otherwise; its option is in the help, too."""
+    call("prefilter", "dawn.exr", "--to", "irradiance", "--order-f", 8, "-o", "white.exr")
+    line = "convert", "white.exr", "--to", "ambient-cube"
+    for fit, slope in (("axes", 1), ("least", 5 / 4)):
+        told = json.loads(call(*line, "--fit", fit, "--json", "-o", f"{fit}.exr"))
+        assert told["file"] == f"{fit}.exr"
+        assert told["added_error"] == pytest.approx(off(OF_SPHERE, slope), rel=5e-3)
+        colors = json.loads(call("info", f"{fit}.exr", "--json"))["colors"]
+        making = "prefilter", "dawn.exr", "--to", "ambient-cube", "--fit", fit, "--force"
+        made = json.loads(call(*making, "--json"))
+        np.testing.assert_allclose(colors, made["colors"], rtol=1e-6)
+    assert "--fit" in call(*line, "--help")
+    assert "--fit" not in call("convert", "--help")
+    assert_refused(run(*line, "--order-p", 3), 2, "--order-p applies with --to shrm")
+    assert_refused(run(*line[:-1], "cabral"), 2, "it is made from the probe")
+
+
+@pytest.mark.slow
+def test_what_the_form_of_the_example_is_not_made_of(call):
+    """Light alone and reflected light; the form says so, and no file is left."""
+    call("prefilter", "dawn.exr", "--to", "splitsum", "--size", 8, "-o", "light.exr")
+    call("prefilter", "dawn.exr", "--brdf", "phong:exponent=2", "--to", "shrm", "-o", "shiny.exr")
+    for name in ("light", "shiny"):
+        found = run("convert", f"{name}.exr", "--to", "ambient-cube", "-o", "cube.exr")
+        assert_refused(found, 1, "is not of white surfaces; convert irradiance")
+    assert not os.path.exists("cube.exr")
 
 
 @pytest.mark.slow

@@ -274,11 +274,12 @@ def order_pictures(
     order_f: int,
     size: int,
     truth: Reflecting | None = None,
+    progress: Progress | None = None,
 ) -> OrderPictures:
     """Draw spheres for P = 0 .. 5 and for the truth (figure 5.6).
 
     The pictures stop at the P of the coefficients. `truth` is the exact reflected light, such as
-    `shrm_cli.reference.Reference`.
+    `shrm_cli.reference.Reference`; `progress` is called with its views that are drawn, and all.
     """
     orders = range(min(PICTURE_ORDER_P, coefficients.order_p) + 1)
     _pictures_layout(len(orders), len(views), size, truth is not None)
@@ -297,10 +298,14 @@ def order_pictures(
         for p in orders
     ]
 
-    def draw(one: Reflecting) -> Picture:
-        return np.stack([render_sphere(one, view, size) for view in views])
+    def draw(one: Reflecting, progress: Progress | None = None) -> Picture:
+        drawn: list[Picture] = []
+        for view in views:
+            drawn.append(render_sphere(one, view, size))
+            tell(progress, len(drawn), len(views))
+        return np.stack(drawn)
 
-    exact = None if truth is None else draw(truth)
+    exact = None if truth is None else draw(truth, progress)
     pictures = np.stack([draw(one) for one in maps])
     return OrderPictures(views, order_f, captured, errors, pictures, exact)
 
@@ -380,7 +385,7 @@ def analyze(
     source = None if probe is None else as_probe(probe)
     if isinstance(brdf, str):
         brdf = parse_spec(brdf, primaries=None if source is None else source.chromaticities)
-    stages = Stages(progress, 1 if source is None else 3)
+    stages = Stages(progress, 1 if source is None else 2 + max(len(views), 1))
     grid = energy_grid(brdf, tolerances, order_f, order_p, stages.within)
     stages.done(1, 3)
     if source is None:
@@ -401,5 +406,6 @@ def analyze(
     pictures = order_pictures(
         lighting, grid.coefficients, brdf.center, [Viewer(*view) for view in views],
         grid.order_f if order_f is not None else min(grid.order_f, PICTURES_F), size, truth,
+        lambda drawn, count: stages.done(2 + drawn, count),
     )  # fmt: skip
     return Analysis(brdf, grid, curve, pictures, source_height)

@@ -69,6 +69,12 @@ class Entry:
         Whether BRDFs may be classes in Python files, which are run.
     engines : tuple of str
         Those that exports are for.
+
+    Examples
+    --------
+    >>> entry = shrm.Entry(("probes/s*.exr",), ("lambertian",), output="{probe}.{brdf}.exr")
+    >>> shrm.batch([entry], jobs=1, terms=shrm.Terms(only_looks=True)).jobs
+    2
     """
 
     probes: tuple[str, ...]

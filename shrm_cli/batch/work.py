@@ -68,6 +68,12 @@ class Terms:
         As `Settings` has it.
     gathering : Gathering, optional
         What is gathered of the probes whose chunks collect.
+
+    Examples
+    --------
+    >>> entry = shrm.Entry(("probes/studio.exr",), to=("irradiance",))
+    >>> shrm.batch([entry], jobs=1, terms=shrm.Terms(only_looks=True)).made
+    0
     """
 
     force: bool = False

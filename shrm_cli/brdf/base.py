@@ -55,6 +55,14 @@ class Parameter:
         where it is left out.
     is_optional : bool
         Whether `Brdf.values` holds the parameter only where it is given.
+
+    Examples
+    --------
+    >>> class Shiny(shrm.Brdf):
+    ...     '''A lobe about the mirror direction.'''
+    ...     parameters = (shrm.Parameter("n", 8.0, 1.0, 64.0, "the exponent"),)
+    >>> Shiny.parameters[0].default
+    8.0
     """
 
     name: str
@@ -150,7 +158,9 @@ class Brdf(ABC):
         What a constructor takes; none by default.
     values : dict
         The values of the parameters: numbers (also for grey colors), lists of 3 numbers (linear
-        RGB) and names. JSON can hold them, and ``type(brdf)(**values)`` is the same BRDF.
+        RGB) and names. JSON can hold them, and ``type(brdf)(**values)`` is the same model. Those
+        of sums and of weighted BRDFs are ``spec``, which `parse_spec` makes the same of; what is
+        measured is its file alone.
     center : {"reflection", "normal", "tangent"}
         The central direction C, about which the BRDF is expanded and by which a map of it is
         looked up (section 5.3.1 of the thesis): the mirror direction of the view, the normal,
@@ -173,6 +183,17 @@ class Brdf(ABC):
     roughness_power : float
         Which power of the perceptual roughness they are, which is what engines have between 0 and
         1: 2 where they are GGX's alpha, or like it.
+
+    Examples
+    --------
+    >>> class Grey(shrm.Brdf):
+    ...     '''Half of the light, evenly.'''
+    ...     center = "normal"
+    ...     def evaluate(self, light, view):
+    ...         return np.full((*np.broadcast_shapes(light.shape, view.shape)[:-1], 3), 0.5 / np.pi)
+    >>> made = shrm.prefilter("probes/furnace.exr", Grey())
+    >>> made.radiance([0, 1, 0], [0, 0, 1]).round(2).tolist()
+    [0.5, 0.5, 0.5]
     """
 
     name: str

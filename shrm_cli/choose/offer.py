@@ -39,6 +39,13 @@ class Offer:
         Makes the map.
     on_front, on_cost_front : bool
         Whether no other offer has fewer bytes for no more error; or a cheaper shader.
+
+    Examples
+    --------
+    >>> (choice,) = shrm.choose("probes/furnace.exr", "lambertian")
+    >>> least = choice.offers[0]
+    >>> all(least.bytes <= offer.bytes for offer in choice.offers)
+    True
     """
 
     form: str
@@ -89,6 +96,12 @@ class Choice:
         Whether it keeps the goal.
     warnings : tuple of str
         Why forms are missing.
+
+    Examples
+    --------
+    >>> (choice,) = shrm.choose("probes/furnace.exr", "lambertian")
+    >>> choice.recommended in choice.offers
+    True
     """
 
     probe: str

@@ -394,10 +394,10 @@ def _conclude(totals: Totals, log: str | None, predictions: list[dict[str, Any]]
     size = f", {totals.bytes:,} bytes" if totals.bytes else ""
     outputs = "output" if totals.jobs == 1 else "outputs"
     anew = totals.anew.most_common(_MOST_REASONS)
+    counts = [f"{totals.jobs:,} {outputs}: {', '.join(words) or 'none'}{size}{warned}{told}"]
     lines = [
         *map(_prediction_line, predictions),
-        # A run that collects coefficients alone makes no outputs to count.
-        *([f"{totals.jobs:,} {outputs}: {', '.join(words)}{size}{warned}{told}"] if words else []),
+        *(counts if words or log is None else ()),  # none, where coefficients alone are gathered
         *(f"  {count:,} anew: {usage.flags(why)}" for why, count in anew),
     ]
     result = {**totals.as_json(), "log": log, **more, "failures": totals.failures}

@@ -102,10 +102,10 @@ def conclude(
 
 
 def tell(result: Any, lines: Sequence[str], err: bool = False) -> None:
-    """Print a result, as JSON with --json, or else as lines of text, but with --quiet."""
+    """Print a result, as JSON with --json, or else as lines of text, if any, but with --quiet."""
     if usage.wants_json():
         echo_json(result)
-    elif not usage.is_quiet():
+    elif lines and not usage.is_quiet():
         echo("\n".join(lines), err=err)
 
 

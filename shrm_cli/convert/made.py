@@ -99,12 +99,12 @@ class ConvertedMap(Converted):
 def _map_report(result: dict[str, Any]) -> str:
     """Return lines about a map: what it is, and the errors that can be seen in it."""
     size, kind = result["size"], result["representation"]
-    if not description(kind).needs_brdf:
-        return f"{result['file']}: {kind}, {result['precision']}"
-    lines = [
-        f"{result['file']}: {result['frame']} {kind} map, {counted(result['maps'], 'cube')} of 6 x "
-        f"{size} x {size} texels as {result['layout']}, {result['precision']}"
-    ]
+    lines = [f"{result['file']}: {kind}, {result['precision']}"]
+    if description(kind).needs_brdf:
+        lines = [
+            f"{result['file']}: {result['frame']} {kind} map, {counted(result['maps'], 'cube')} of "
+            f"6 x {size} x {size} texels as {result['layout']}, {result['precision']}"
+        ]
     for key, text in _ERRORS.items():
         if result[key] >= (5e-4 if key == "storage_error" else 5e-6):
             lines.append(f"  RMS error      {result[key]:.3%} {text}")

@@ -190,6 +190,13 @@ class Asked:
         Whether lamps of a panorama are spread over discs that the engine's filter resolves.
     sun : str, optional
         ``"split"`` takes the lamps out of all else, and makes lights of the engine of them.
+
+    Examples
+    --------
+    >>> asked = shrm.Asked(size=64, skybox=0)
+    >>> made = shrm.export("probes/studio.exr", "bevy", asked=asked)
+    >>> sorted(file.name for file in made.files)
+    ['studio_README.md', 'studio_diffuse.ktx2', 'studio_specular.ktx2']
     """
 
     size: int | None = None

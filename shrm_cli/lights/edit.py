@@ -50,6 +50,14 @@ class Dimming:
         What the radiance from the direction itself is multiplied by.
     width : float
         The angle from it at which the light changes half as much, degrees.
+
+    Examples
+    --------
+    >>> dimmer = shrm.Dimming(np.array([0.0, 1.0, 0.0]), 0.5, 30)
+    >>> edit = shrm.Edit([], np.ones(3), [dimmer], np.eye(3))
+    >>> dimmed, _ = shrm.edit_light("probes/furnace.exr", edit, order=2)
+    >>> bool(dimmed[1, 0] < 0)  # less comes from above
+    True
     """
 
     direction: Array
@@ -86,6 +94,13 @@ class Edit:
     dimmings : sequence of Dimming
     turn : ndarray, shape (3, 3)
         A rotation.
+
+    Examples
+    --------
+    >>> half = shrm.Edit([], np.full(3, 0.5), [], np.eye(3))
+    >>> edited, _ = shrm.edit_light("probes/furnace.exr", half, order=0)
+    >>> (edited / np.sqrt(4 * np.pi)).round(2).tolist()
+    [[0.5, 0.5, 0.5]]
     """
 
     numbers: Sequence[tuple[int, Array]]

@@ -29,7 +29,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Stages, current, using
-from shrm_cli.records import record
+from shrm_cli.records import Displayed, record
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
@@ -55,7 +55,7 @@ class Proof:
 
 
 @record(eq=False)
-class LampSplit:
+class LampSplit(Displayed):
     """A probe as lamps and a residual, whose sum it is."""
 
     probe: Probe

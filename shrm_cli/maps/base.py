@@ -154,6 +154,12 @@ class Map(Displayed, ABC):
         What a user can do where the map is negative.
     table_bytes : int
         The bytes of a table that its file holds of its lamps' BRDF.
+
+    Examples
+    --------
+    >>> made = shrm.prefilter("probes/furnace.exr", "lambertian")
+    >>> made.radiance([0, 1, 0], [0, 0, 1]).round(2).tolist()
+    [1.0, 1.0, 1.0]
     """
 
     representation: ClassVar[str]
@@ -418,7 +424,7 @@ class Map(Displayed, ABC):
         Parameters
         ----------
         to : str
-            One of `vocabulary.REPRESENTATIONS`.
+            One of `vocabulary.REPRESENTATIONS`, or a form of an installed package.
         size, sampling
             The size and sampling of the cubes, as `resampled` takes them.
         **options

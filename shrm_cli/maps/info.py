@@ -70,6 +70,12 @@ class MapInfo:
     options : dict
         The arguments that prefiltering was given, and how it read the probe under ``reading``; see
         `shrm_cli.maps.request.Request.record`.
+
+    Examples
+    --------
+    >>> info = shrm.prefilter("probes/studio.exr", "lambertian", eps=0.1).info
+    >>> info.order_f, info.brdf["name"], info.predicted_error < 0.1
+    (2, 'lambertian', True)
     """
 
     order_f: int

@@ -13,7 +13,7 @@ from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.registry import unconverted
+from shrm_cli.maps.registry import DESCRIPTIONS, unconverted
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import central_directions
@@ -73,10 +73,14 @@ class FixedMap(Map):
     def converted(
         self, to: str, size: int | None = None, sampling: Sampling | None = None, **options: Any
     ) -> Map:
-        """Return the map itself, `resampled` where that is asked: it has no other form."""
-        unconverted(self, to)
-        if all(value is None for value in options.values()):
+        """Return the map itself, `resampled` where that is asked, or what a package makes of it.
+
+        No form of `shrm` itself is made of such a map; a form of an installed package may be.
+        """
+        if to == self.representation and all(value is None for value in options.values()):
             return self.resampled(size, sampling)  # without what makes such maps, and takes long
+        if to in DESCRIPTIONS:
+            unconverted(self, to)
         return super().converted(to, size, sampling, **options)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:

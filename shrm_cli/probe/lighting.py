@@ -17,7 +17,7 @@ from shrm_cli import progress
 from shrm_cli.arrays import Array, over_channels, slices
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
-from shrm_cli.records import record
+from shrm_cli.records import Displayed, record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.rotation import transform_coefficients
@@ -135,7 +135,7 @@ def lamps_of(grid: Grid, image: Array) -> Iterator[Lamps]:
 
 
 @record(eq=False)
-class Lighting:
+class Lighting(Displayed):
     """Incident light in the frequency domain."""
 
     coefficients: Array

@@ -63,6 +63,13 @@ class ReadOptions:
     ------
     ProbeError
         If a value is not one of these.
+
+    Examples
+    --------
+    >>> turned = shrm.open_probe("probes/sky.exr", shrm.ReadOptions(yaw=90))
+    >>> given = shrm.open_probe("probes/sky.exr")
+    >>> bool(np.allclose(turned.radiance([1, 0.2, 0]), given.radiance([0, 0.2, 1])))
+    True
     """
 
     layout: vocabulary.Layout | None = None

@@ -72,6 +72,12 @@ class Probe(Displayed):
         were taken to have, ``working`` that they were converted to.
     proxy : ProxyBox, optional
         Where it was captured, and the box that stands for the room around that, in world axes.
+
+    Examples
+    --------
+    >>> white = shrm.Probe.from_array(np.ones((16, 32, 3), np.float32), layout="latlong")
+    >>> white.radiance([0, 1, 0]).tolist()
+    [1.0, 1.0, 1.0]
     """
 
     name: str

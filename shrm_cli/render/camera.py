@@ -35,6 +35,11 @@ class Viewer:
     ----------
     azimuth, elevation : float
         Direction to the viewer in degrees, as in `from_azimuth_elevation`: 0, 0 is +Z.
+
+    Examples
+    --------
+    >>> shrm.Viewer(90, 0).direction.round(3).tolist()
+    [1.0, 0.0, 0.0]
     """
 
     azimuth: float = 0.0

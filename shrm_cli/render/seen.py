@@ -33,6 +33,13 @@ class SeenErrors:
         Share of the pixels whose relative error exceeds `vocabulary.WRONG`, 5 %; from 0 to 1.
     negative_share : float
         Share of the pixels whose luminance is below 0 in the picture, from 0 to 1.
+
+    Examples
+    --------
+    >>> truth = np.ones((8, 8, 3))
+    >>> found = shrm.seen_errors(1.1 * truth, truth)
+    >>> round(float(found.median_relative_error), 3), float(found.negative_share)
+    (0.1, 0.0)
     """
 
     median_relative_error: float

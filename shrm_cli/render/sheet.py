@@ -110,7 +110,7 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
     """Put tiles on a dark grey sheet, their labels in white, shape (*layout.shape, 3).
 
     `tiles`, each of shape (tile_height, tile, 3), are linear and already exposed; the paper and the
-    labels are not exposed. A label is shortened in its middle if it is wider than its tile.
+    labels are not exposed; see `text_coverage` about labels that are wider than their tile.
     """
     sheet = np.full((*layout.shape, 3), PAPER, dtype=np.float32)
     for index, (tile, label) in enumerate(zip(tiles, labels, strict=True)):
@@ -227,22 +227,33 @@ def shorten(text: str, fits: Callable[[str], bool]) -> str:
 
 
 def text_coverage(text: str, font_size: int, width: int, height: int) -> Array:
-    """Draw a line of text in the middle of a strip.
+    """Draw a text in the middle of a strip, in two lines where one is too wide.
 
-    The text is shortened in its middle if it is too wide.
+    A line that is still too wide is shortened in its middle.
 
     Returns an array of float32 of shape (height, width, 1): the fraction of each pixel that the
     text covers.
     """
     # The name of a file may hold bytes that are not text.
     text = text.encode("utf-8", "replace").decode()
-    text = shorten(text, lambda part: _width(part, font_size) <= width)
     strip = oiio.ImageBufAlgo.zero(oiio.ROI(0, width, 0, height, 0, 1, 0, 1))
-    left = (width - _width(text, font_size)) // 2
-    # The empty name of a font stands for the one that OpenImageIO's package contains.
-    if not oiio.ImageBufAlgo.render_text(strip, left, height * 5 // 8, text, font_size, "", (1,)):
-        raise OutputError(f"labels cannot be drawn ({strip.geterror()})")
+    for line, bottom in _lines(text, font_size, width, height):
+        shown = shorten(line, lambda part: _width(part, font_size) <= width)
+        left = (width - _width(shown, font_size)) // 2
+        # The empty name of a font stands for the one that OpenImageIO's package contains.
+        if not oiio.ImageBufAlgo.render_text(strip, left, bottom, shown, font_size, "", (1,)):
+            raise OutputError(f"labels cannot be drawn ({strip.geterror()})")
     return np.asarray(strip.get_pixels(oiio.FLOAT))
+
+
+def _lines(text: str, font_size: int, width: int, height: int) -> list[tuple[str, int]]:
+    """Return the lines of a text with the rows that they stand on: two where one is too wide."""
+    words = text.split(" ")
+    if _width(text, font_size) <= width or len(words) == 1 or height < 2 * font_size:
+        return [(text, height * 5 // 8)]
+    halves = [(" ".join(words[:k]), " ".join(words[k:])) for k in range(1, len(words))]
+    upper, lower = min(halves, key=lambda pair: max(_width(each, font_size) for each in pair))
+    return [(upper, height * 2 // 5), (lower, height * 9 // 10)]
 
 
 def _width(text: str, font_size: int) -> int:

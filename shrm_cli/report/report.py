@@ -62,6 +62,13 @@ class Look:
         How messages of the library, which name its arguments in backticks, are shown.
     reading : str
         The options that say how the probe is read, for other commands.
+
+    Examples
+    --------
+    >>> look = shrm.Look(exposure=1, views=False)
+    >>> made = shrm.report("probes/studio.exr", ["lambertian"], picture_size=32, look=look)
+    >>> made.warnings
+    []
     """
 
     exposure: float | None = None

@@ -382,3 +382,19 @@ def test_pictures_of_too_large_maps_are_refused():
         order_pictures(
             lighting_of(np.ones((1, 3)), 512), coefficients, "reflection", VIEWS, 512, 16
         )
+
+
+def test_exact_pictures_of_each_view_move_the_bar():
+    """That of the second view stood at the end of the bar, for as long as the first had taken."""
+    light = np.ones((16, 32, 3), np.float32)
+    light[3, 4] = 50
+    told = []
+    analyze(
+        "microfacet:sigma=.4", light, order_f=4, order_p=1, size=16,
+        views=[(0, 0), (90, 10)], progress=lambda done, total: told.append(done / total),
+    )  # fmt: skip
+    assert told == sorted(told)
+    assert told[-1] == 1
+    first, second = (sum(low < each < low + 0.25 for each in told) for low in (0.5, 0.75))
+    assert first == second > 1
+    assert told.count(1) <= 2

@@ -1,5 +1,7 @@
 """Sums of BRDFs, and how others come apart."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,17 @@ def test_specifications(spec, terms, exponents):
     assert [term.values.get("exponent") for _, term in found.terms] == exponents
     again = parse_sum(found.values["spec"], parse_spec)
     assert again.values == found.values
+
+
+@pytest.mark.parametrize(
+    "spec", ["2*ggx:f0=gold", "0.5*coated:base=(0.5*lambertian+0.5*ggx)+0.2*eon"]
+)
+def test_values_that_json_held_make_the_same_brdf(spec):
+    """`Brdf` says so of sums, and of what has a weight."""
+    found = parse_spec(spec)
+    again = parse_spec(json.loads(json.dumps(found.values))["spec"])
+    assert again.values == found.values
+    assert type(again) is type(found)
 
 
 @pytest.mark.parametrize("spec", ["phong", "phong:exponent=1e+2", "lambertian:albedo=0.5"])

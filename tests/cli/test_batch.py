@@ -224,7 +224,8 @@ def test_a_second_run_beside_its_own_outputs(folder, here, monkeypatch):
     )
     assert run(*command, "--quiet").err == ""
     assert run("batch", "*", "--to", "she").out.startswith("5 outputs: 5 made")
-    assert run("batch", "p0*", "--collect", "l.npz").out.startswith("l.npz: radiance of 1 probe\n")
+    assert run("batch", "p0*", "--collect", "l.npz").out == "l.npz: radiance of 1 probe\n"
+    assert run("batch", "p0*", "--collect", "l.npz", "--dry-run").out == "0 outputs: none\n"
     both = run("batch", "p0.exr", "p0.irradiance.exr", "--to", "irradiance")
     assert_refused(both, 1, "p0.irradiance.exr: shrm made it", "leave it out")
     named = run("batch", "p0.she.exr", "--to", "irradiance", "-o", "x.exr")

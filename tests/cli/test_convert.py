@@ -534,3 +534,15 @@ OpenEXR.File.write = write_some
     assert snapshot(folder) == before
     done(*command)
     assert len(snapshot(folder)) == len(before) + 5
+
+
+def test_what_zh3_leaves_out_is_told(folder):
+    """Three decimals of what the map's own coefficients lose, in irradiance."""
+    done("prefilter", "probe.exr", "--to", "irradiance", "-o", "sh.exr")
+    told = done("convert", "sh.exr", "--to", "irradiance", "--form", "zh3", "-o", "zh3.exr")
+    factors = np.repeat([np.pi, 2 * np.pi / 3, np.pi / 4], [1, 3, 5])[:, None]
+    whole, left = (factors * open_map(name).coefficients for name in ("sh.exr", "zh3.exr"))
+    lost = np.linalg.norm(left - whole) / np.linalg.norm(whole)
+    assert lost > 0.001
+    assert f"  RMS error      {lost:.3%} added by its form\n" in told
+    assert "RMS" not in done("convert", "sh.exr", "--to", "irradiance", "-o", "same.exr")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import OutputError
-from shrm_cli.render.sheet import PAPER, arrange, draw_sheet, shorten
+from shrm_cli.render.sheet import PAPER, arrange, draw_sheet, shorten, text_coverage
 
 GREY = np.float32(PAPER)
 
@@ -74,6 +74,19 @@ def test_long_labels_stay_under_their_tile(size):
         assert (gap == GREY).all()
     assert (label_of(sheet, layout, 2) == GREY).all()
     assert label_of(sheet, layout, 1).max() > 0.5
+
+
+@pytest.mark.parametrize("words", [("0.828%", "apart"), ("truth", "30,15"), ("gypsum", "of jugs")])
+def test_labels_that_are_wider_than_their_tile_have_two_lines_and_all_of_their_ink(words):
+    layout = arrange(2, 48)
+    sheet = draw_sheet(layout, tiles(2, 48), [" ".join(words), "_" * 99])
+    label = (label_of(sheet, layout, 0)[..., 0] - GREY) / (1 - GREY)
+    alone = [text_coverage(word, layout.font_size, 400, 99)[..., 0] for word in words]
+    assert label.sum() == pytest.approx(sum(each.sum() for each in alone), rel=1e-5)
+    rows = np.flatnonzero(label.any(axis=1))
+    tall = [np.ptp(np.flatnonzero(each.any(axis=1))) + 1 for each in alone]
+    assert np.ptp(rows) + 1 > max(tall) + 5
+    assert rows[-1] < layout.label_height
 
 
 def test_names_of_files_that_are_no_text_have_a_label():

@@ -1,11 +1,15 @@
 """The program of `make figures`: what the pages of the theory show, as SVG files.
 
-They are computed by the library from the shipped probes, and have the same bytes in each run.
+They are computed by the library from the shipped probes, and have the same bytes in each run of
+as many threads: `make figures` takes one.
 """
 
 from __future__ import annotations
 
+import io
+import re
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +19,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import shrm_cli as shrm
+from shrm_cli import settings
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.irradiance.window import make_window, window_factors
 from shrm_cli.maps.size import Band
@@ -35,11 +40,24 @@ def main(folder: Path) -> None:
         "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
     }  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context(style):
+    with mpl.rc_context(style), warnings.catch_warnings(), settings.using(threads=1):
+        warnings.simplefilter("ignore", shrm.ShrmWarning)  # maps of too few orders are the subject
         for name, draw in FIGURES.items():
             figure = Figure(figsize=(6, 3.2), layout="constrained")
             draw(figure)
-            figure.savefig(folder / f"{name}.svg", metadata={"Date": None}, facecolor="white")
+            drawn = io.StringIO()
+            figure.savefig(drawn, format="svg", metadata={"Date": None}, facecolor="white")
+            (folder / f"{name}.svg").write_text(named_in_order(drawn.getvalue()), encoding="utf-8")
+
+
+def named_in_order(svg: str) -> str:
+    """Return a figure whose clips are called by their order.
+
+    Matplotlib calls them by a digest of their last bits, which are not the same everywhere.
+    """
+    for number, name in enumerate(re.findall(r'<clipPath id="(\w+)"', svg), 1):
+        svg = re.sub(rf"\b{name}\b", f"clip{number}", svg)
+    return svg
 
 
 def energies(figure: Figure) -> None:

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 
 import click
+import numpy as np
 import pytest
 
 import shrm_cli
@@ -115,6 +116,28 @@ def test_figures_are_all_on_a_page():
     from tests.site.figures import FIGURES
 
     assert drawn == {f"{name}.svg" for name in FIGURES}
+
+
+def test_last_bits_of_a_figure_are_not_in_its_file(tmp_path, monkeypatch):
+    """Such bits are not the same on each machine, and matplotlib makes names of them."""
+    pytest.importorskip("matplotlib")
+    from tests.site import figures
+
+    texts = []
+    for top in (0.9, np.nextafter(0.9, 1)):
+
+        def draw(figure, top=top):
+            for bottom in (0.1, 0.5):
+                figure.add_axes((0.1, bottom, 0.8, (top - 0.1) / 2)).plot([1, 3, 2])
+            figure.set_layout_engine("none")
+
+        monkeypatch.setattr(figures, "FIGURES", {"two": draw})
+        figures.main(tmp_path)
+        texts.append((tmp_path / "two.svg").read_text())
+    assert texts[0] == texts[1]
+    named = re.findall(r'<clipPath id="(\w+)"', texts[0])
+    assert len(set(named)) == len(named) == 2
+    assert set(re.findall(r"url\(#(\w+)\)", texts[0])) == set(named)
 
 
 @pytest.mark.proof

@@ -1,6 +1,7 @@
 """The code for WebGL2 and WebGPU, run in a browser: what it computes is what the maps say."""
 
 import base64
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
 from shrm_cli.vocabulary import TAP_COUNTS
+from tests.cli.helpers import ROOT
 from tests.maps.irradiance.test_shader import make
 from tests.maps.shader import cases
 from tests.maps.shader.test_code import BOX, PLACES, SHARES, VARYING, WITHOUT, boxed, placed, varied
@@ -183,3 +185,37 @@ def test_the_browser_compiles_the_taps_in_wgsl(secure, taps):
     code = taps_code(taps, "wgsl") + WGSL
     assert secure.page.evaluate(COMPILE, code) == []
     assert secure.page.evaluate(COMPILE, code.replace("shrm_fit(q", "shrm_fit(rough", 1)) != []
+
+
+BEVY = """
+struct Layer { N: vec3f, roughness: f32 }
+struct LightingInput { layers: array<Layer, 2>, V: vec3f, Ba: vec3f, anisotropy: f32 }
+struct LightProbes {
+    view_cubemap_index: i32, smallest_specular_mip_level_for_view: u32, intensity_for_view: f32
+}
+struct Radiances { irradiance: vec3f, radiance: vec3f }
+const LAYER_BASE = 0u;
+@group(0) @binding(0) var specular_environment_map: texture_cube<f32>;
+@group(0) @binding(1) var environment_map_sampler: sampler;
+@group(0) @binding(2) var<uniform> light_probes: LightProbes;
+fn environment_map_light(input: ptr<function, LightingInput>) -> vec3f
+{
+    var radiances = Radiances();
+%s    return radiances.radiance;
+}
+"""
+"""What the patch finds in Bevy, and where it stands there."""
+
+
+@pytest.mark.parametrize("is_array", [False, True])
+def test_the_browser_compiles_the_patch_of_bevy(secure, is_array):
+    """Browsers have no arrays of textures; one texture stands for them."""
+    text = (ROOT / "docs" / "anisotropy.md").read_text()
+    light, patch = re.findall(r"```rust\n(.*?)```", text, re.S)
+    array, one = re.search(r"#ifdef MULT\w+\n(.*?)#else\n(.*?)#endif\n", light, re.S).groups()
+    light = re.sub(r"#ifdef.*?#endif\n", array if is_array else one, light, flags=re.S)
+    light = light.replace("maps[light_probes.view_cubemap_index]", "map").replace("bindings::", "")
+    patch = re.sub("#.*\n", "", patch)
+    code = taps_code(5, "wgsl") + light + BEVY % patch
+    assert secure.page.evaluate(COMPILE, code) == []
+    assert secure.page.evaluate(COMPILE, code.replace("(*input).Ba", "(*input).Bo")) != []

@@ -16,6 +16,7 @@ from shrm_cli.maps.request import Prefiltered
 from shrm_cli.maps.shader.cost import Cost
 from shrm_cli.maps.shader.source import Source
 from shrm_cli.maps.stored import COLORS, common_header, map_info, read_attributes
+from shrm_cli.messages import refuse_arguments
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -55,13 +56,22 @@ def weights(normals):
 
 def prefilter(probe, request):
     white = prefilter_with_facts(probe, "irradiance", {"order_f": 8}).map
+    return Prefiltered(converted(white, request.to, **request.own))
+
+
+def converted(source, to, fit=None, **options):
+    """The cube of a map of white surfaces, such as irradiance: `shrm convert`."""
+    refuse_arguments("an ambient cube", **options)
+    if not source.is_white:
+        raise shrm.MapError(f"{source.what} is not of white surfaces; convert irradiance")
     normals = spiral_directions(4096)
-    light = white.radiance(normals, normals)
-    colors = white.radiance(AXES, AXES)
-    if request.own["fit"] == "least":
+    light = source.radiance(normals, normals)
+    colors = source.radiance(AXES, AXES)
+    if fit == "least":
         colors = np.linalg.lstsq(weights(normals), light, rcond=None)[0]
     error = np.linalg.norm(weights(normals) @ colors - light) / np.linalg.norm(light)
-    return Prefiltered(AmbientCube(colors, replace(white.info, added_error=float(error))))
+    error = np.hypot(error, source.info.added_error)
+    return AmbientCube(colors, replace(source.info, added_error=float(error)))
 
 
 def report(result):

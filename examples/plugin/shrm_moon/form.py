@@ -14,6 +14,7 @@ AMBIENT_CUBE = Representation(
             "choice",
             choices=("axes", "least"),
             default="axes",
+            converts=True,
         ),
         SHADER,
     ),

@@ -287,7 +287,7 @@ def _declare_table(
     lines += _array(name, function, width, height, language)
     return [
         f"{name}: {table.about}.",
-        f"It has {layers} x {height} x {width} texels, RGB floats.",
+        f"It has {counted(layers, 'layer')} of {width} x {height} texels, RGB floats.",
     ]
 
 
