@@ -43,12 +43,13 @@ def of_gltf(given: Values) -> dict[str, Any]:
         "transmission_weight": max(
             given.get("transmission", 0.0), given.get("diffuse_transmission", 0.0)
         ),
-        "thin_film_weight": given.get("iridescence", 0.0),
         "emission_luminance": max(given.get("emissive", (0.0,))),
         "geometry_opacity": given.get("alpha", 1.0),
     }
     alpha, strength = given.get("roughness", 1.0) ** 2, given.get("anisotropy_strength", 0.0)
-    return {**found, **_brushed(alpha + (1 - alpha) * strength**2, alpha)}
+    thickness, ior = given.get("iridescence_thickness", 100.0), given.get("iridescence_ior", 1.3)
+    film = _film(given.get("iridescence", 0.0), thickness, ior)
+    return {**found, **film, **_brushed(alpha + (1 - alpha) * strength**2, alpha)}
 
 
 def of_standard_surface(given: Values) -> dict[str, Any]:
@@ -60,7 +61,7 @@ def of_standard_surface(given: Values) -> dict[str, Any]:
     metal = given.get("metalness", 0.0)
     aspect = math.sqrt(1 - min(given.get("specular_anisotropy", 0.0), 0.98))
     alpha = given.get("specular_roughness", 0.2) ** 2
-    coat = given.get("coat", 0.0)
+    coat, thickness = given.get("coat", 0.0), given.get("thin_film_thickness", 0.0)
     return {
         "base_weight": given.get("base", 1.0),
         "base_color": given.get("base_color", (0.8, 0.8, 0.8)),
@@ -80,9 +81,9 @@ def of_standard_surface(given: Values) -> dict[str, Any]:
         "fuzz_roughness": given.get("sheen_roughness", 0.3),
         "transmission_weight": given.get("transmission", 0.0),
         "subsurface_weight": given.get("subsurface", 0.0),
-        "thin_film_weight": float(given.get("thin_film_thickness", 0.0) > 0),
         "emission_luminance": given.get("emission", 0.0),
         "geometry_opacity": min(given.get("opacity", (1.0,))),
+        **_film(float(thickness > 0), thickness, given.get("thin_film_IOR", 1.5)),
         **_brushed(min(alpha / aspect, 1.0), alpha * aspect),
     }
 
@@ -123,6 +124,15 @@ def _border(ior: float, color: Sequence[float]) -> tuple[float, Sequence[float]]
 
 def _fading(value: float, metal: float) -> float:
     return float(1 - (1 - value) * (1 - metal))
+
+
+def _film(weight: float, thickness: float, ior: float) -> dict[str, float]:
+    """A thin film, whose thickness is in nm, where there is one."""
+    if weight == 0:
+        return {}
+    return {
+        "thin_film_weight": weight, "thin_film_thickness": thickness / 1000, "thin_film_ior": ior,
+    }  # fmt: skip
 
 
 def _brushed(across: float, along: float) -> dict[str, float]:

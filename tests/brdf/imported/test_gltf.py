@@ -144,6 +144,33 @@ def test_factors_are_those_of_openpbr(tmp_path):
     assert found.values == expected.values
 
 
+def test_films_are_as_thick_as_their_texture_says(tmp_path, rng):
+    """From the least thickness at its dark to the most at its bright; the most without one."""
+    pixels = rng.integers(0, 256, (6, 5, 3)).astype(np.uint8)
+    picture(tmp_path / "t.png", pixels)
+    texture = {"index": 0}
+    given = {"iridescenceFactor": 0.6, "iridescenceIor": 1.8,
+             "iridescenceThicknessMinimum": 200, "iridescenceThicknessMaximum": 900}  # fmt: skip
+    both = {"iridescenceTexture": texture, "iridescenceThicknessTexture": texture}
+    images = {"images": [{"uri": "t.png"}], "textures": [{"source": 0}]}
+    path = asset(
+        tmp_path,
+        metal_rough(iridescence=given),
+        metal_rough(iridescence={**given, **both}),
+        **images,
+    )
+    factor, part, _ = pixels.reshape(-1, 3).mean(axis=0) / 255
+    with pytest.warns(ShrmWarning, match="mean of a texture: iridescenceTexture, "):
+        textured = parse_spec(f"{path}#1")
+    for found, weight, thickness in (
+        (parse_spec(f"{path}#0"), 0.6, 0.9),
+        (textured, 0.6 * factor, 0.2 + 0.7 * part),
+    ):
+        assert found.number("thin_film_weight") == pytest.approx(weight, rel=1e-5)
+        assert found.number("thin_film_thickness") == pytest.approx(thickness, rel=1e-5)
+        assert found.number("thin_film_ior") == 1.8
+
+
 def test_without_factors_it_is_gltfs_default(tmp_path):
     found = parse_spec(str(asset(tmp_path, {})))
     assert repr(found).startswith("openpbr:base_color=1,base_metalness=1,specular_roughness=1")
@@ -282,7 +309,6 @@ def test_textures_are_not_trusted(tmp_path, rng, uri, words):
     [
         (metal_rough(transmission={"transmissionFactor": 0.5}), "light that passes through it"),
         (metal_rough(diffuse_transmission={"diffuseTransmissionFactor": 1}), "passes through"),
-        (metal_rough(iridescence={"iridescenceFactor": 1}), "colors of thin films"),
         (metal_rough(unlit={}), "unlit takes the place"),
         (metal_rough(pbrSpecularGlossiness={}), "pbrSpecularGlossiness takes the place"),
         (metal_rough(0.0, ior={"ior": 0}), "reflects 100% along the normal"),
