@@ -13,6 +13,9 @@ from shrm_cli.brdf.base import Brdf, Color, Parameter
 from shrm_cli.brdf.vectors import GRAZING, refracted_cosine
 from shrm_cli.errors import BrdfError
 
+Film = tuple[float, float]
+"""The thickness of a film, nm, and its index of refraction, both as in air: within a medium, the
+thickness is times the medium's index, and the index over that."""
 FILM = (
     Parameter("film", 400.0, 0.0, 5000.0, "thickness of a thin film on it, nm", is_optional=True),
     Parameter("film_ior", 1.3, 1.0, 3.0, "the film's index of refraction", is_optional=True),
@@ -25,7 +28,14 @@ _WHITE = 1 - 1e-12
 """The most that a surface reflects: of one that reflects all, no index of refraction is known."""
 
 
-def film_of(brdf: Brdf) -> tuple[float, float] | None:
+def covered(brdf: Brdf, film: Film | None) -> Film | None:
+    """Record a film among the values of a lobe that has one, and return it."""
+    if film:
+        brdf.values |= {"film": film[0], "film_ior": film[1]}
+    return film
+
+
+def film_of(brdf: Brdf) -> Film | None:
     """The thickness and index of refraction of a BRDF's film, whose default joins its values."""
     if "film" in brdf.values:
         # It stands where it would if it had been given, so that records are parsed to the same.
@@ -59,8 +69,9 @@ def film_table(f0: Color, thickness: float, ior: float) -> Array:
     """As `film_reflectance` at `COSINES`, shape (257, 3)."""
     from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb  # only films need it
 
-    within = refracted_cosine(COSINES, ior)
-    wave = np.cos(4 * np.pi * ior * thickness * within[:, None] / _WAVELENGTHS)
+    # In a coat a film may have the smaller index. Where light turns back at it, waves fade within.
+    within = np.sqrt(1 - (1 - COSINES**2) / ior**2 + 0j)
+    wave = np.exp(4j * np.pi * ior * thickness * within[:, None] / _WAVELENGTHS)
     air, film = (1.0, COSINES), (ior, within)
     table = np.empty((len(COSINES), 3))
     for each in set(f0):
@@ -86,7 +97,6 @@ def _amplitude(above: tuple[float, Array], below: tuple[float, Array], power: in
 
 
 def _interference(outer: Array, inner: Array, wave: Array) -> Array:
-    """Airy's sum of all reflections: amplitudes of both sides, and the cosine of the phase."""
-    both = 2 * (outer * inner)[:, None] * wave
-    squares = outer**2 + inner**2, 1 + (outer * inner) ** 2
-    return np.asarray((squares[0][:, None] + both) / (squares[1][:, None] + both))
+    """Airy's sum of all reflections: amplitudes of both sides, and the wave that comes back."""
+    first, second = outer[:, None], inner[:, None] * wave
+    return np.asarray(np.abs((first + second) / (1 + first * second)) ** 2)

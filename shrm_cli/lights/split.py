@@ -102,6 +102,12 @@ class LampSplit(Displayed):
         return shared(_in_memory(self.probe, self.residual, np.eye(3)))
 
     @property
+    def lamps_probe(self) -> Probe:
+        """What the lamps' pixels lost, as a probe in memory."""
+        whole = to_grid(self.probe, self.probe.grid)
+        return _in_memory(self.probe, np.maximum(whole - self.residual, 0), np.eye(3))
+
+    @property
     def clipped(self) -> list[str]:
         """A line about the lamps that may be clipped, if there are any."""
         numbers = [number for number, lamp in enumerate(self.lamps, 1) if lamp.clipped]

@@ -127,6 +127,8 @@ class LampsBeside:
     lobes: Lobes
     """Those of the BRDF, to the degrees of what is wrong. The map may know fewer degrees of the
     light that is left for it."""
+    pixels: LampsLit | None = None
+    """What is reflected of the lamps' own pixels, where lobes do not tell what is wrong."""
 
     @cached_property
     def _known(self) -> dict[Center, Array]:
@@ -134,6 +136,8 @@ class LampsBeside:
 
     def wrong_at(self, center: Center, at: tuple[Indices, ...]) -> Array:
         """Return the luminance of what lobes reflect of that, as `LampsLit.seen_at`."""
+        if self.pixels is not None:
+            return self.pixels.seen_at(center, at) - self.lit.seen_at(center, at)
         if center not in self._known:
             shape = points(center)[1].shape[:-1]
             seen = reflected(self.lobes, self.wrong, center)

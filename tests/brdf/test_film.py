@@ -19,7 +19,7 @@ def matrix_reflectance(cosine, base, thickness, ior):
     The tangential fields at both sides of a layer of phase p and admittance y are related by
     ``[[cos p, i sin p / y], [i y sin p, cos p]]``; no reflection is summed.
     """
-    sine = np.sqrt(1 - cosine**2)
+    sine = np.sqrt(1 - cosine**2 + 0j)
     within, below = (np.sqrt(1 - (sine / n) ** 2) for n in (ior, base))
     phase = 2 * np.pi * ior * thickness * within / WAVELENGTHS
     found = 0
@@ -58,6 +58,7 @@ def seen_color(colour, spectrum):
         ((0.9, 0.6, 0.3), 250, 2.4),
         ((0.55, 0.5, 0.45), 820, 2.1),
         ((0.04, 0.1, 0.3), 3000, 1.5),
+        ((0.9, 0.6, 0.3), 400, 0.8),  # in a coat, where light turns back at the film
     ],
 )
 def test_a_film_is_what_waves_make_it(colour, f0, thickness, ior):

@@ -145,13 +145,29 @@ def test_what_discs_change_is_seen_though_the_error_is_small(brdf):
     by_error = beside.split_for(probe, brdf, Goal(0.05, None))
     assert not by_error.is_held
     expected, found = measured(by_error)
-    # Lobes of brushed surfaces are those of the nearest of six azimuths in a quarter turn.
-    limit = 0.1 if by_error.brdf.isotropic else 0.3
+    limit = 0.1 if by_error.brdf.isotropic else 0.02  # brushed ones are integrated, too
     assert np.linalg.norm(found - expected) < limit * np.linalg.norm(expected)
     assert seen_beside(by_error) > 0.05
     by_pixels = beside.split_for(probe, brdf, Goal(0.05, 0.05))
     assert by_pixels.is_held
     assert seen_beside(by_pixels) <= 1.1 * policy.WRONG_BESIDE * 0.05
+
+
+def test_discs_are_good_enough_for_brushed_metal_in_a_dark_studio():
+    """They seemed wrong at 14 % of the points, and maps that held their corners had black rims."""
+    pixels = np.zeros((128, 256, 3), np.float32)
+    pixels[41:50, 62:72], pixels[52:60, 200:208] = 280, 170
+    brdf = shrm.parse_spec("ggx:roughness=0.5,anisotropy=0.8,mapping=openpbr,f0=0.9/0.8/0.6")
+    found = beside.split_for(shrm.Probe.from_array(pixels), brdf, Goal(0.05, 0.05))
+    assert not found.is_held
+    normals, views = (
+        np.reshape(each[::7, ::5, 1], (-1, 3))
+        for each in np.broadcast_arrays(*points("reflection"))
+    )
+    seen = Reference(found.split.probe, brdf).radiance(normals, views) @ LUMINANCE
+    lit = LitDiscs(brdf, found.split.discs).radiance(normals, views) @ LUMINANCE
+    wrong = np.abs(lit - seen) > 0.05 * np.maximum(seen, 0.02 * seen.mean())
+    assert np.mean(wrong) < 0.05
 
 
 @pytest.mark.parametrize("rows", [128, 256])

@@ -30,7 +30,11 @@ _FIELDS: dict[str, tuple[str, str, Any, str, Any]] = {
     "anisotropy_rotation": ("anisotropy", "anisotropyRotation", 0.0, "", 0),
     "transmission": ("transmission", "transmissionFactor", 0.0, "", 0),
     "diffuse_transmission": ("diffuse_transmission", "diffuseTransmissionFactor", 0.0, "", 0),
-    "iridescence": ("iridescence", "iridescenceFactor", 0.0, "", 0),
+    "iridescence": ("iridescence", "iridescenceFactor", 0.0, "iridescenceTexture", 0),
+    "iridescence_ior": ("iridescence", "iridescenceIor", 1.3, "", 0),
+    "iridescence_thickness": (
+        "iridescence", "iridescenceThicknessMaximum", 400.0, "iridescenceThicknessTexture", 1,
+    ),
     "emissive": ("", "emissiveFactor", (0.0, 0.0, 0.0), "", 0),
 }  # fmt: skip
 """Where each value is: its extension (empty: the material itself), the factor and its default, the
@@ -75,6 +79,7 @@ class _Reader:
             if each in ours:
                 raise ValueError(f"{each} takes the place of metal and roughness; convert it")
         values = {each: self._value(*field) for each, field in _FIELDS.items()}
+        values["iridescence_thickness"] += self._least_thickness()
         if self.given.get("alphaMode", "OPAQUE") != "OPAQUE":
             values["alpha"] = self._alpha()
         unread = [key for place, key in _NORMALS if key in self._table(place)]
@@ -99,6 +104,14 @@ class _Reader:
             mean = self._mean(table(held[texture]), channel == "rgb")
             values = list(values * (mean[:3] if channel == "rgb" else mean[channel : channel + 1]))
         return tuple(map(float, values)) if is_color else float(values[0])
+
+    def _least_thickness(self) -> float:
+        """What a texture of a film's thickness adds where it is dark, nm."""
+        place, key = "iridescence", "iridescenceThicknessMinimum"
+        dark, bright = (
+            self._value(place, key, 100.0, each, 1) for each in ("", "iridescenceThicknessTexture")
+        )
+        return float(dark - bright)
 
     def _alpha(self) -> float:
         held = self._table(_BASE)

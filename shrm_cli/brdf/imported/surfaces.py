@@ -13,6 +13,9 @@ from shrm_cli.records import record
 
 Values = Mapping[str, Any]
 
+_LARGEST_IOR = 3.0
+"""The largest of OpenPBR's `specular_ior`."""
+
 ROTATIONS = "anisotropy_rotation", "specular_rotation", "coat_rotation"
 """How far what is brushed is turned, which is left out: tangents say where it runs."""
 
@@ -24,13 +27,13 @@ def of_gltf(given: Values) -> dict[str, Any]:
     OpenPBR has the metal's too: they fade out as the surface becomes metal.
     """
     metal, sheen = given.get("metallic", 1.0), given.get("sheen_color", (0.0, 0.0, 0.0))
-    tint = given.get("specular_color", (1.0, 1.0, 1.0))
+    ior, tint = _border(given.get("ior", 1.5), given.get("specular_color", (1.0, 1.0, 1.0)))
     found = {
         "base_color": given.get("base_color", (1.0, 1.0, 1.0)),
         "base_metalness": metal,
         "specular_weight": _fading(given.get("specular", 1.0), metal),
         "specular_color": [_fading(each, metal) for each in tint],
-        "specular_ior": given.get("ior", 1.5),
+        "specular_ior": ior,
         "coat_weight": given.get("clearcoat", 0.0),
         "coat_roughness": given.get("clearcoat_roughness", 0.0),
         "coat_ior": 1.5,
@@ -40,12 +43,13 @@ def of_gltf(given: Values) -> dict[str, Any]:
         "transmission_weight": max(
             given.get("transmission", 0.0), given.get("diffuse_transmission", 0.0)
         ),
-        "thin_film_weight": given.get("iridescence", 0.0),
         "emission_luminance": max(given.get("emissive", (0.0,))),
         "geometry_opacity": given.get("alpha", 1.0),
     }
     alpha, strength = given.get("roughness", 1.0) ** 2, given.get("anisotropy_strength", 0.0)
-    return {**found, **_brushed(alpha + (1 - alpha) * strength**2, alpha)}
+    thickness, ior = given.get("iridescence_thickness", 100.0), given.get("iridescence_ior", 1.3)
+    film = _film(given.get("iridescence", 0.0), thickness, ior)
+    return {**found, **film, **_brushed(alpha + (1 - alpha) * strength**2, alpha)}
 
 
 def of_standard_surface(given: Values) -> dict[str, Any]:
@@ -57,7 +61,7 @@ def of_standard_surface(given: Values) -> dict[str, Any]:
     metal = given.get("metalness", 0.0)
     aspect = math.sqrt(1 - min(given.get("specular_anisotropy", 0.0), 0.98))
     alpha = given.get("specular_roughness", 0.2) ** 2
-    coat = given.get("coat", 0.0)
+    coat, thickness = given.get("coat", 0.0), given.get("thin_film_thickness", 0.0)
     return {
         "base_weight": given.get("base", 1.0),
         "base_color": given.get("base_color", (0.8, 0.8, 0.8)),
@@ -77,9 +81,9 @@ def of_standard_surface(given: Values) -> dict[str, Any]:
         "fuzz_roughness": given.get("sheen_roughness", 0.3),
         "transmission_weight": given.get("transmission", 0.0),
         "subsurface_weight": given.get("subsurface", 0.0),
-        "thin_film_weight": float(given.get("thin_film_thickness", 0.0) > 0),
         "emission_luminance": given.get("emission", 0.0),
         "geometry_opacity": min(given.get("opacity", (1.0,))),
+        **_film(float(thickness > 0), thickness, given.get("thin_film_IOR", 1.5)),
         **_brushed(min(alpha / aspect, 1.0), alpha * aspect),
     }
 
@@ -92,8 +96,43 @@ SURFACES: dict[str, Callable[[Values], dict[str, Any]]] = {
 """The surfaces that are read, by the names of their nodes in MaterialX."""
 
 
+def _border(ior: float, color: Sequence[float]) -> tuple[float, Sequence[float]]:
+    """The index and the color of a dielectric's border that OpenPBR's ranges hold.
+
+    In glTF the color may exceed 1, and an index of 0 stands for infinity, so that the color is what
+    is reflected along the normal. An index of 3 reflects a quarter there.
+
+    Raises BrdfError if more is reflected, as metals do.
+    """
+    if 1 <= ior <= _LARGEST_IOR and max(color) <= 1:
+        return ior, color
+    root = (ior - 1) / (ior + 1) if ior else 1.0
+    along = [min(root**2 * each, 1.0) for each in color]
+    most = max(along)
+    if 0 < ior < 1 or min(color) < 0:
+        raise BrdfError(f"its ior is {ior:g} and its specularColorFactor {list(color)}")
+    if most > ((_LARGEST_IOR - 1) / (_LARGEST_IOR + 1)) ** 2:
+        raise BrdfError(
+            f"by ior and specularColorFactor its dielectric reflects {most:.0%} along the normal, "
+            "where maps hold 25%; make it a metal"
+        )
+    if most == 0:
+        return 1.5, [0.0, 0.0, 0.0]
+    root = math.sqrt(most)
+    return (1 + root) / (1 - root), [each / most for each in along]
+
+
 def _fading(value: float, metal: float) -> float:
     return float(1 - (1 - value) * (1 - metal))
+
+
+def _film(weight: float, thickness: float, ior: float) -> dict[str, float]:
+    """A thin film, whose thickness is in nm, where there is one."""
+    if weight == 0:
+        return {}
+    return {
+        "thin_film_weight": weight, "thin_film_thickness": thickness / 1000, "thin_film_ior": ior,
+    }  # fmt: skip
 
 
 def _brushed(across: float, along: float) -> dict[str, float]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 from shrm_cli.brdf.base import Brdf, Color, Parameter, Value, value_text
+from shrm_cli.brdf.film import Film
 from shrm_cli.brdf.layered.coated import Coated
 from shrm_cli.brdf.layered.fuzzy import Fuzzy
 from shrm_cli.brdf.layered.parts.opaque import BorderLobe, MetalLobe, UnderBorder, modulated
@@ -20,7 +21,6 @@ _WHITE: Color = (1.0, 1.0, 1.0)
 _REFUSED = {
     "transmission_weight": "light that passes through it",
     "subsurface_weight": "light that leaves it elsewhere",
-    "thin_film_weight": "the colors of thin films",
 }
 """Parameters that must be 0, and what is not held where they are not."""
 _LEFT_OUT: dict[str, tuple[Value, str]] = {
@@ -35,8 +35,8 @@ _UNUSED = (
     "transmission_color", "transmission_depth", "transmission_scatter",
     "transmission_scatter_anisotropy", "transmission_dispersion_scale",
     "transmission_dispersion_abbe_number", "subsurface_color", "subsurface_radius",
-    "subsurface_radius_scale", "subsurface_scatter_anisotropy", "thin_film_thickness",
-    "thin_film_ior", "emission_color", "geometry_thin_walled",
+    "subsurface_radius_scale", "subsurface_scatter_anisotropy", "emission_color",
+    "geometry_thin_walled",
 )  # fmt: skip
 """Parameters of what is refused or left out."""
 
@@ -67,6 +67,9 @@ class OpenPbr(Sum):
         Parameter("coat_color", _WHITE, meaning="what passes the coat along the normal and back"),
         Parameter("coat_roughness", 0.0, meaning="of the coat, as of ggx"),
         Parameter("coat_ior", 1.6, 1.0, 3.0, "the coat's index of refraction"),
+        Parameter("thin_film_weight", 0.0, meaning="the part of the base that a thin film covers"),
+        Parameter("thin_film_thickness", 0.5, 0.0, 5.0, "the film's thickness, micrometers"),
+        Parameter("thin_film_ior", 1.4, 1.0, 3.0, "the film's index of refraction"),
         Parameter("fuzz_weight", 0.0, meaning="multiplies fuzz_color"),
         Parameter("fuzz_color", _WHITE, meaning="of the fuzz"),
         Parameter("fuzz_roughness", 0.5, meaning="its square is that of charlie"),
@@ -105,18 +108,30 @@ class OpenPbr(Sum):
         return Coated(base, roughness=roughness, ior=ior, color=color).terms
 
     def _base(self, outside: float) -> Terms:
-        """The base within a medium of an index of refraction."""
+        """The base within a medium of an index of refraction, with the film that covers it."""
+        covered = self.number("thin_film_weight")
+        film = 1000 * self.number("thin_film_thickness") * outside, self.number("thin_film_ior")
+        parts = (1 - covered, None), (covered, (film[0], film[1] / outside))
+        return [
+            (share * weight, term)
+            for share, each in parts
+            if share > 0
+            for weight, term in self._under(each, outside)
+        ]
+
+    def _under(self, film: Film | None, outside: float) -> Terms:
+        """The base that is covered by a film, or the one that is not."""
         metal, weight = self.number("base_metalness"), self.number("specular_weight")
         facets, tint = self._facets(), self.color("specular_color")
         red, green, blue = (self.number("base_weight") * each for each in self.color("base_color"))
         color = red, green, blue
-        found: list[tuple[float, Brdf]] = [(metal * weight, MetalLobe(facets, color, tint))]
+        found: list[tuple[float, Brdf]] = [(metal * weight, MetalLobe(facets, color, tint, film))]
         below: Brdf = Lambertian(albedo=color)
         if self.number("base_diffuse_roughness") > 0:
             below = Eon(roughness=self.number("base_diffuse_roughness"), albedo=color)
         ior = modulated(self.number("specular_ior") / outside, weight)
-        if ior > 1:
-            border = BorderLobe(facets, ior, tint)
+        if ior > 1 or film:
+            border = BorderLobe(facets, ior, tint, film)
             found.append(((1 - metal) * (max(tint) > 0), border))
             below = UnderBorder(border, below)
         found.append(((1 - metal) * (max(color) > 0), below))

@@ -99,6 +99,30 @@ def test_a_dielectric_resembles_gltfs(tmp_path, rng, metal):
         assert np.abs(2 * np.pi * difference.mean(axis=0)).max() < 0.01
 
 
+@pytest.mark.parametrize(
+    ("ior", "color"),
+    [(1.5, (4.0, 1.0, 0.2)), (1000.0, (0.05, 0.2, 0.1)), (0.0, (0.1, 0.0, 0.02))],
+)
+def test_borders_beyond_openpbrs_ranges_are_gltfs(tmp_path, rng, ior, color):
+    """A color above 1, and the index of infinity that converters of glossiness write."""
+    specular = {"specularColorFactor": color}
+    path = asset(tmp_path, metal_rough(0.0, 0.5, (0, 0, 0), ior={"ior": ior}, specular=specular))
+    light, view = upper(rng, 20000), np.array([0.3, 0.0, np.sqrt(0.91)])
+    f0 = np.array(color) * (((ior - 1) / (ior + 1)) ** 2 if ior else 1.0)
+    material = np.zeros(3), 0.0, (0.25, 0.25), f0
+    expected = gltf_formula(light, np.broadcast_to(view, light.shape), material) * light[:, 2:]
+    found = parse_spec(str(path)).evaluate(light, view) * light[:, 2:]
+    albedos = 2 * np.pi * found.mean(axis=0), 2 * np.pi * expected.mean(axis=0)
+    np.testing.assert_allclose(*albedos, atol=0.01)
+    assert albedos[0].max() > 0.08
+
+
+def test_black_borders_reflect_nothing(tmp_path):
+    specular = {"specularColorFactor": [0, 0, 0]}
+    path = asset(tmp_path, metal_rough(0.0, 0.5, (0, 0, 0), ior={"ior": 0}, specular=specular))
+    assert not parse_spec(str(path)).evaluate(np.eye(3)[2], np.eye(3)[2]).any()
+
+
 def test_factors_are_those_of_openpbr(tmp_path):
     path = asset(
         tmp_path,
@@ -118,6 +142,33 @@ def test_factors_are_those_of_openpbr(tmp_path):
         "fuzz_color=0.2/0.4/0.6,fuzz_roughness=0.3"
     )
     assert found.values == expected.values
+
+
+def test_films_are_as_thick_as_their_texture_says(tmp_path, rng):
+    """From the least thickness at its dark to the most at its bright; the most without one."""
+    pixels = rng.integers(0, 256, (6, 5, 3)).astype(np.uint8)
+    picture(tmp_path / "t.png", pixels)
+    texture = {"index": 0}
+    given = {"iridescenceFactor": 0.6, "iridescenceIor": 1.8,
+             "iridescenceThicknessMinimum": 200, "iridescenceThicknessMaximum": 900}  # fmt: skip
+    both = {"iridescenceTexture": texture, "iridescenceThicknessTexture": texture}
+    images = {"images": [{"uri": "t.png"}], "textures": [{"source": 0}]}
+    path = asset(
+        tmp_path,
+        metal_rough(iridescence=given),
+        metal_rough(iridescence={**given, **both}),
+        **images,
+    )
+    factor, part, _ = pixels.reshape(-1, 3).mean(axis=0) / 255
+    with pytest.warns(ShrmWarning, match="mean of a texture: iridescenceTexture, "):
+        textured = parse_spec(f"{path}#1")
+    for found, weight, thickness in (
+        (parse_spec(f"{path}#0"), 0.6, 0.9),
+        (textured, 0.6 * factor, 0.2 + 0.7 * part),
+    ):
+        assert found.number("thin_film_weight") == pytest.approx(weight, rel=1e-5)
+        assert found.number("thin_film_thickness") == pytest.approx(thickness, rel=1e-5)
+        assert found.number("thin_film_ior") == 1.8
 
 
 def test_without_factors_it_is_gltfs_default(tmp_path):
@@ -258,10 +309,11 @@ def test_textures_are_not_trusted(tmp_path, rng, uri, words):
     [
         (metal_rough(transmission={"transmissionFactor": 0.5}), "light that passes through it"),
         (metal_rough(diffuse_transmission={"diffuseTransmissionFactor": 1}), "passes through"),
-        (metal_rough(iridescence={"iridescenceFactor": 1}), "colors of thin films"),
         (metal_rough(unlit={}), "unlit takes the place"),
         (metal_rough(pbrSpecularGlossiness={}), "pbrSpecularGlossiness takes the place"),
-        (metal_rough(0.0, ior={"ior": 0}), "specular_ior=0 is outside"),
+        (metal_rough(0.0, ior={"ior": 0}), "reflects 100% along the normal"),
+        (metal_rough(0.0, ior={"ior": 4}), "reflects 36% along the normal"),
+        (metal_rough(0.0, ior={"ior": 0.5}), "its ior is 0.5"),
         (metal_rough(float("nan")), "damaged|not finite"),
         (metal_rough("shiny"), "could not convert"),
         (metal_rough(color=(1, 1)[:1]), "is|baseColor"),

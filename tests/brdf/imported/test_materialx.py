@@ -104,6 +104,27 @@ def test_brushed_standard_surfaces_have_their_alphas(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("node", "names", "thickness"),
+    [
+        ("gltf_pbr", ("iridescence", "iridescence_thickness", "iridescence_ior"), "700"),
+        ("standard_surface", ("", "thin_film_thickness", "thin_film_IOR"), "700"),
+        (
+            "open_pbr_surface",
+            ("thin_film_weight", "thin_film_thickness", "thin_film_ior"),
+            "0.7",
+        ),
+    ],
+)
+def test_films_are_as_thick_as_their_surfaces_say(tmp_path, node, names, thickness):
+    """In nanometers, but for OpenPBR's micrometers."""
+    given = zip(names, ("1", thickness, "1.7"), strict=True)
+    inputs = [value(name, "float", each) for name, each in given if name]
+    found = parse_spec(str(document(tmp_path, surface(*inputs, node=node))))
+    keys = ("thin_film_weight", "thin_film_thickness", "thin_film_ior")
+    assert [found.number(key) for key in keys] == pytest.approx([1, 0.7, 1.7])
+
+
+@pytest.mark.parametrize(
     ("space", "expected"),
     [
         ("", (0.2, 0.4, 0.6)),

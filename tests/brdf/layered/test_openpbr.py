@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.film import film_reflectance
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, ShrmWarning
 from tests.brdf.layered.test_coated import ANGLES, fresnel, reflected_share, seen
@@ -126,12 +127,45 @@ METAL = "base_metalness=1,base_color=0.9/0.6/0.3"
         ("specular_weight=0,base_weight=0.5,base_color=0.4/0.6/1", "lambertian:albedo=0.2/0.3/0.5"),
         ("specular_weight=0,base_diffuse_roughness=0.7", "eon:roughness=0.7,albedo=0.8"),
         ("base_color=0,specular_weight=0", "lambertian:albedo=0"),
+        (
+            f"{METAL},thin_film_weight=0.4,thin_film_thickness=0.33,thin_film_ior=2",
+            "0.6*ggx:roughness=0.3,f0=0.9/0.6/0.3"
+            "+0.4*ggx:roughness=0.3,f0=0.9/0.6/0.3,film=330,film_ior=2",
+        ),
+        (
+            "base_color=0,specular_ior=2,thin_film_weight=1,thin_film_ior=1.3",
+            "ggx:roughness=0.3,f0=0.1111111111111111,film=500,film_ior=1.3",
+        ),
     ],
 )
 def test_layers_are_those_that_have_a_name(rng, spec, same):
     light, view = upper(rng, 100), upper(rng, 100)
     found = parse_spec(f"openpbr:{spec}").evaluate(light, view)
     np.testing.assert_allclose(found, parse_spec(same).evaluate(light, view), rtol=1e-9)
+
+
+def test_a_film_over_a_white_surface_takes_no_light():
+    """What passes film and border in each channel is scattered, and leaves."""
+    brdf = parse_spec("openpbr:base_color=1,thin_film_weight=1,thin_film_ior=2")
+    border = brdf.terms[0][1]
+    assert np.ptp(reflected_share(border, 30, 200)) > 0.02
+    for degrees in (10, 50, 70):
+        np.testing.assert_allclose(reflected_share(brdf, degrees, 400), 1, atol=0.012)
+
+
+def test_films_under_coats_have_the_ratio_of_indices():
+    """Through a nearly smooth coat, along the normal, where little light goes to and fro."""
+    up, rough = seen(0), 0.9
+    more = f"coat_weight=1,coat_roughness=0.05,specular_roughness={rough},base_color=0"
+    passing = (1 - fresnel(1.0, 1.6)) ** 2 / 1.6**2 / (4 * np.pi * rough**4)
+    base = ((1.6 - 1.5) / (1.6 + 1.5)) ** 2
+    for ior in (2.2, 1.9):
+        film = f"thin_film_weight=1,thin_film_thickness=0.3,thin_film_ior={ior}"
+        terms = parse_spec(f"openpbr:{film},{more}").terms
+        (below,) = (term for _, term in terms if term.name == "coated-part")
+        lobe = film_reflectance(np.ones(1), (base,) * 3, 480, ior / 1.6)[0]
+        assert lobe.max() > 1.4 * lobe.min()
+        np.testing.assert_allclose(below.evaluate(up, up), passing * lobe, rtol=0.1)
 
 
 @pytest.mark.proof
@@ -169,7 +203,7 @@ def test_light_and_view_may_be_exchanged_and_names_give_the_same_again(rng, spec
     [
         ("transmission_weight=0.5", "light that passes through it is not held"),
         ("subsurface_weight=1", "light that leaves it elsewhere is not held"),
-        ("thin_film_weight=0.1", "the colors of thin films is not held"),
+        ("thin_film_thickness=400", "outside 0 .. 5"),
         ("base_colour=1", "unknown parameter 'base_colour'"),
         ("specular_ior=0.5", "outside 1 .. 3"),
     ],

@@ -42,6 +42,7 @@ LAYERS = [
         "fuzzy:roughness=0.3,color=0.5,base=(coated:roughness=0.5,base=(coated:roughness=0.4))",
         marks=pytest.mark.proof,
     ),
+    "openpbr:base_color=0.7/0.3/0.1,base_metalness=0.5,thin_film_weight=1,thin_film_ior=2",
     "0.6*ward:ax=0.2,color=gold+0.4*ashikhmin-shirley:nu=90,specular=0.3/0.2/0.1,diffuse=0.4/0.5/0.1",
     "0.3*charlie:roughness=0.4,visibility=neubelt+0.5*eon:roughness=1,albedo=0.9/0.6/0.2",
     pytest.param(

@@ -6,7 +6,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, grey, scaled
-from shrm_cli.brdf.film import film_reflectance
+from shrm_cli.brdf.film import Film, covered, film_reflectance
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.vectors import (
     Half,
@@ -52,22 +52,15 @@ def swerve(inner: Array, ior: float) -> Array:
 
 
 class CoatLobe(Ggx):
-    """What the rough border of a clear medium reflects: `Ggx` with Fresnel's equations.
-
-    A film on it is its thickness, nm, and its index of refraction.
-    """
+    """What the rough border of a clear medium reflects: `Ggx` with Fresnel's equations."""
 
     name = "coat-lobe"
     summary = "reflection at the border of a clear medium"
 
-    def __init__(
-        self, roughness: float, ior: float, film: tuple[float, float] | None = None
-    ) -> None:
+    def __init__(self, roughness: float, ior: float, film: Film | None = None) -> None:
         super().__init__(roughness=roughness)
         self.values = {"roughness": roughness, "ior": ior}
-        self.film = film
-        if film:
-            self.values |= {"film": film[0], "film_ior": film[1]}
+        self.film = covered(self, film)
 
     def reflectance(self, cosine: Array) -> Array:
         ior = self.number("ior")

@@ -7,6 +7,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color, Value, excess, multiplied
 from shrm_cli.brdf.cache import remembered
+from shrm_cli.brdf.film import Film, covered, film_reflectance
 from shrm_cli.brdf.layered.parts.dielectric import fresnel
 from shrm_cli.brdf.layered.parts.table import COSINES, Table, albedos, strength, transport
 from shrm_cli.brdf.models.ggx import Ggx
@@ -26,11 +27,16 @@ class MetalLobe(Ggx):
     name = "metal-lobe"
     summary = "reflection of a metal with a tinted rim"
 
-    def __init__(self, facets: dict[str, Value], color: Color, tint: Color) -> None:
+    def __init__(
+        self, facets: dict[str, Value], color: Color, tint: Color, film: Film | None = None
+    ) -> None:
         super().__init__(**facets, f0=list(color))
         self.values["tint"] = list(tint)
+        self.film = covered(self, film)
 
     def reflectance(self, cosine: Array) -> Array:
+        if self.film:
+            return film_reflectance(cosine, self.color("f0"), *self.film)
         less = colored(cosine * (1 - cosine) * fifth_power(1 - cosine), self.darkening)
         return excess(schlick(self.color("f0"), cosine), less)
 
@@ -50,24 +56,32 @@ class BorderLobe(Ggx):
     name = "border-lobe"
     summary = "reflection at the border of a dielectric"
 
-    def __init__(self, facets: dict[str, Value], ior: float, tint: Color) -> None:
+    def __init__(
+        self, facets: dict[str, Value], ior: float, tint: Color, film: Film | None = None
+    ) -> None:
         super().__init__(**facets)
         self.values.update(ior=ior, tint=list(tint))
+        self.film = covered(self, film)
 
     def reflectance(self, cosine: Array) -> Array:
-        return colored(fresnel(cosine, self.number("ior")), self.color("tint"))
+        ior, tint = self.number("ior"), self.color("tint")
+        if self.film:
+            found = film_reflectance(cosine, (((ior - 1) / (ior + 1)) ** 2,) * 3, *self.film)
+            return found * np.array(tint, found.dtype)
+        return colored(fresnel(cosine, ior), tint)
 
     def albedo(self) -> Array:
-        """The part of light from angles that it reflects without its tint, shape (n, 1).
+        """The part of light from angles that it reflects without its tint, shape (n, 3).
 
         Of a brushed lobe it is the larger one of those along its axes.
         """
         across, along = self.alphas
         seen = {(across, along), (along, across)}
         lobes = [
-            BorderLobe({"ax": ax, "ay": ay}, self.number("ior"), (1.0, 1.0, 1.0)) for ax, ay in seen
+            BorderLobe({"ax": ax, "ay": ay}, self.number("ior"), (1.0, 1.0, 1.0), self.film)
+            for ax, ay in seen
         ]
-        return np.max([albedos(each, COSINES)[:, :1] for each in lobes], axis=0)
+        return np.max([albedos(each, COSINES) for each in lobes], axis=0)
 
 
 class UnderBorder(Brdf):
