@@ -120,7 +120,8 @@ def render(
     values["vary"], ways = moving.split_vary(values["vary"])
     stage.refuse_mesh_options(mesh, transfer, values["vary"])
     grid = _grid(probe)
-    _refuse_others(mesh, values, bool(background or (probe and not grid)))
+    named = background, None if grid else probe, values["background_to"]
+    _refuse_others(mesh, values, any(named[:2]))
     keys = moving.scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
     pattern = output or _default_name(maps or (probe,) if transfer else maps, mesh, frames)
@@ -130,24 +131,18 @@ def render(
         usage.refuse_inapplicable({"max_memory": usage.Applies(False, "to moving pictures")})
         file_type(pattern)
     reading = options.make_read_options(values)
-    named = (background, None if grid else probe, values["background_to"])
     probes = {path: shrm.open_probe(path, reading) for path in named if path is not None}
     skies = probes.get(background or ""), probes.get(values["background_to"] or "")
     usage.check_outputs(targets, files=_files(maps, mesh, values))
-    lit, baked, told = _lit(
-        maps, grid or probes.get(probe or ""), transfer, window, values["blend_to"]
-    )
+    light = grid or probes.get(probe or "")
+    lit, baked, told = _lit(maps, light, transfer, window, values["blend_to"])
     if mesh is None:
         drawing = _on_sphere(lit, size, shown_moments, values)
     else:
         drawing = _on_mesh(lit, mesh, baked, size, shown_moments, {**values, "transfer": transfer})
     film = Film(drawing, shown_moments, [*map(usage.map_stem, lit.names)], exposure, skies, columns)
-    moved = {name: values[name] for name in moving.LIGHT_MOVES if values[name] not in (None, ())}
-    settings = {
-        "maps": list(lit.names), "view": list(view), "vary": ways or None, **drawing.said,
-        "exposure": exposure, "background": background, "probe": probe, "window": window,
-        "frames": steps, **moved, "width": film.shape[1], "height": film.shape[0],
-    }  # fmt: skip
+    given = values | {"view": view, "vary": ways, "exposure": exposure, "background": background}
+    settings = _settings(lit, film, steps, given | {"probe": probe, "window": window})
     with progress_bar("rendering") as progress:
         images = _doubted(film, targets[0], told, progress)
         if is_animated(pattern):
@@ -167,6 +162,17 @@ def _refuse_others(mesh: str | None, values: dict[str, Any], has_probe: bool) ->
     of_spheres = usage.Applies(rests, "to spheres under light that rests")
     reading = options.reading_rules(has_probe, "with --background or --probe")
     usage.refuse_inapplicable({"place": of_spheres, "radius": placed, **reading})
+
+
+def _settings(lit: Lit, film: Film, frames: int | None, given: dict[str, Any]) -> dict[str, Any]:
+    """Return what JSON and recipes tell of the options that were given, and of the pictures."""
+    moved = {name: given[name] for name in moving.LIGHT_MOVES if given[name] not in (None, ())}
+    return {
+        "maps": list(lit.names), "view": list(given["view"]), "vary": given["vary"] or None,
+        **film.drawing.said, "exposure": given["exposure"], "background": given["background"],
+        "probe": given["probe"], "window": given["window"], "frames": frames, **moved,
+        "width": film.shape[1], "height": film.shape[0],
+    }  # fmt: skip
 
 
 def _grid(path: str | None) -> ProbeGrid | None:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -148,8 +149,8 @@ class Reflector:
         albedo = painted.base_color * (1 - metal)
         if self.irradiance is None or not albedo.any():
             return found
-        diffuse = self.irradiance.shaded()
-        return found + reflected(self.irradiance, diffuse, vectors, points) * albedo
+        white: Any = self.irradiance
+        return found + reflected(white, white, vectors, points) * albedo
 
 
 @record
