@@ -19,7 +19,14 @@ from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Prefiltered, Request, Truth, examined, truth_of
-from shrm_cli.maps.seen import as_candidate, goal_text, judged, kept_or_best, known_error
+from shrm_cli.maps.seen import (
+    as_candidate,
+    goal_text,
+    judged,
+    kept_or_best,
+    known_error,
+    with_discs_told,
+)
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.terms import ShrmProposals
 from shrm_cli.maps.wrong_pixels import LampsBeside, beside_lamps
@@ -117,9 +124,8 @@ class _Asked:
         return truth_of(self.whole or self.light.probe, self.request.brdf)
 
     def made(self) -> Prefiltered:
-        return (
-            self.made_of_single_cubes() or self.made_of_kept_beside_lamps() or self.of_functions()
-        )
+        single = self.made_of_single_cubes()
+        return single or self.made_of_kept_beside_lamps() or self.of_functions()
 
     def foreseen(self) -> Candidate[Prefiltered]:
         """Return what would be made, if it is negative nowhere, for which one of more bytes is."""
@@ -183,7 +189,13 @@ class _Asked:
         )  # fmt: skip
         if _FORM in dict(made.notes):
             return made
+        made = with_discs_told(made, self._turned_down, self.goal, request.allowed)
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
+
+    @cached_property
+    def _turned_down(self) -> list[Candidate[Prefiltered]]:
+        """Maps with lamps beside them that were not better by enough to be made unasked."""
+        return []
 
     def of_lamps_apart(
         self, whole: Candidate[Prefiltered], is_kept: bool
@@ -207,6 +219,7 @@ class _Asked:
             if beside.split.discs and beside.error <= most * self.goal.error:
                 found = self._foreseen_beside(beside, simple)
                 if not self._is_worth_lamps(found, whole, is_kept):
+                    self._turned_down.append(found)
                     continue
                 if found.keeps(self.goal):
                     return found

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps import registry
-from shrm_cli.maps.base import REMEDY, Map
+from shrm_cli.maps.base import DISCS, REMEDY, Map
 from shrm_cli.maps.request import Prefiltered, Request, examined, truth_of
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
@@ -220,7 +220,8 @@ def _fine(probe: Probe, request: Request) -> Probe:
 
 def _advised(made: Prefiltered, probe: Probe, request: Request) -> Prefiltered:
     """Say in warnings about lamps where it would help to put these beside the map."""
-    if request.splits or not any(REMEDY in line for line in made.warnings):
+    untold = [line for line in made.warnings if REMEDY in line and DISCS not in line]
+    if request.splits or not untold:
         return made
     from shrm_cli.lights.beside import MUCH, lamps_share
     from shrm_cli.maps.lamps.models import bytes_of_table
@@ -230,11 +231,13 @@ def _advised(made: Prefiltered, probe: Probe, request: Request) -> Prefiltered:
         return made
     table = bytes_of_table(brdf)
     fits = table is not None and table <= request.allowed
-    if request.to == AUTO and request.sun is None and fits:  # that was tried
+    is_better = any(DISCS in line for line in made.warnings)
+    if request.to == AUTO and request.sun is None and fits and not is_better:  # that was tried
         better = f"discs in their place (`sun` split) miss as much; {REMEDY}"
     else:
-        better = f"take them out with `sun` split, as discs, or {REMEDY}"
-    return replace(made, warnings=tuple(line.replace(REMEDY, better) for line in made.warnings))
+        better = f"{DISCS}, or {REMEDY}"
+    told = [line.replace(REMEDY, better) if line in untold else line for line in made.warnings]
+    return replace(made, warnings=tuple(told))
 
 
 def _made(probe: Probe, request: Request) -> Prefiltered:

@@ -113,6 +113,7 @@ def prefilter(
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
     from shrm_cli.maps.request import check_arguments, resolved_form, with_wrong_share
+    from shrm_cli.maps.size import total_error
     from shrm_cli.maps.stored import store
     from shrm_cli.plan import policy
     from shrm_cli.prefilter import make
@@ -150,10 +151,13 @@ def prefilter(
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     remarks: Sequence[str] = made.warnings
-    share = summary.get("predicted_wrong_share") if to not in _SEEING else None
+    # Whoever says what share may be wrong is told by the search where it is not kept.
+    is_judged = to in _SEEING or request.seen is not None
+    share = None if is_judged else summary.get("predicted_wrong_share")
     if share is not None and share > policy.WRONG_SHARE:
         instead = _made_by_default(given, source) if has_terminal() else None
-        remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error, instead)
+        error = total_error(made.map.stated_error)
+        remarks = with_wrong_share(made.warnings, share, error, instead)
     warnings += [f"{target}: {line}" for line in remarks]
     for text in [] if usage.wants_json() else printed.values():
         echo(text.rstrip("\n"))

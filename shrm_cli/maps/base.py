@@ -48,6 +48,8 @@ _RESAMPLED = replace(SHARED["size"], limits=(1, MAX_CUBE_SIZE))
 """The sizes that maps are resampled to, some of which are smaller than any that is made."""
 REMEDY = "dim them by `clamp`"
 """What helps against lamps; `prefilter` adds what else does where it knows the lamps."""
+DISCS = "take them out with `sun` split, as discs"
+"""What may help more."""
 
 
 class ReflectedLight(ABC):

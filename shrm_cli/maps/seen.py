@@ -13,7 +13,7 @@ from functools import cache
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
-from shrm_cli.maps.base import REMEDY
+from shrm_cli.maps.base import DISCS, REMEDY
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import SHARED, bytes_text
 from shrm_cli.maps.request import Prefiltered, Request, Truth, examined
@@ -115,6 +115,24 @@ def _missed(
         f"no map keeps {goal_text(goal, of)} {within}; the one made has "
         f"{best.errors_text}, as predicted. {why[0].upper()}{why[1:]}"
     )
+
+
+def with_discs_told(
+    made: Prefiltered, turned_down: Iterable[Candidate[Prefiltered]], goal: Goal, allowed: int
+) -> Prefiltered:
+    """Say in the warnings about lamps how much less is wrong beside discs, where it is less.
+
+    `turned_down` are maps with lamps beside them, which were not better by enough to be made
+    unasked. `allowed` are the most bytes.
+    """
+    most = as_candidate(made).badness(goal) / policy.MISSED
+    for each in turned_down:
+        if each.bytes <= allowed and each.badness(goal) <= most:
+            would = f"which would have {each.errors_text} in {bytes_text(each.bytes)}"
+            better = f"{DISCS}, {would}, or {REMEDY}"
+            lines = [line.replace(REMEDY, better) for line in made.warnings]
+            return replace(made, warnings=tuple(lines))
+    return made
 
 
 def first_that_keeps(

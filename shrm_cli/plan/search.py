@@ -151,6 +151,10 @@ class Goal:
             policy.ERROR if error is None else error, policy.WRONG_SHARE if seen is None else seen
         )
 
+    def halved(self) -> "Goal":
+        """Return the goal that allows half as much."""
+        return Goal(self.error / 2, None if self.wrong_share is None else self.wrong_share / 2)
+
 
 @record(eq=False)
 class Candidate(Generic[M]):
@@ -288,13 +292,12 @@ def rising(maps: Maps, goal: Goal, max_size: int) -> Iterator[Candidate[Any]]:
     """
     error, is_missed = goal.error, False
     while True:
-        found = last = maps.candidate(error)
-        is_kept = found.keeps(goal)
-        if is_kept and is_missed and found.bytes > policy.SPARED:
-            fewer = kept_in_fewest(maps.rows(found.bytes - 1), goal)
-            found = found if fewer is None else fewer.candidate
+        last = maps.candidate(error)
+        is_kept = last.keeps(goal)
+        if is_kept and is_missed and last.bytes > policy.SPARED:
+            yield from _kept_ever_better(maps, goal, last.bytes - 1)
         is_missed = not is_kept
-        yield found
+        yield last
         # Exact errors may miss what is asked by a little, which is not the end of the bytes.
         if last.total_error > policy.NEARLY_BEST * error or error <= policy.LEAST_ERROR:
             break
@@ -304,8 +307,21 @@ def rising(maps: Maps, goal: Goal, max_size: int) -> Iterator[Candidate[Any]]:
             # of the error. Less error than is needed may need more degrees, which take long.
             step = min(max(step, last.badness(goal) ** -0.5), 1 / policy.CLOSE)
         error = max(min(error, last.total_error) * step, policy.LEAST_ERROR)
-    if is_missed and (kept := kept_in_fewest(maps.rows(max_size), goal)) is not None:
-        yield kept.candidate
+    if is_missed:
+        yield from _kept_ever_better(maps, goal, max_size)
+
+
+def _kept_ever_better(maps: Maps, goal: Goal, max_size: int) -> Iterator[Candidate[Any]]:
+    """Yield the map of the fewest bytes that keeps a goal, one that keeps half of it, and so on."""
+    last = 0
+    while goal.error >= policy.LEAST_ERROR:
+        found = kept_in_fewest(maps.rows(max_size), goal)
+        if found is None:
+            return
+        if found.bytes > last:
+            last = found.bytes
+            yield found.candidate
+        goal = goal.halved()
 
 
 def first_kept(

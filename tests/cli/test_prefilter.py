@@ -353,7 +353,8 @@ def test_one_line_says_how_wrong_the_picture_of_a_form_is_that_was_named(folder,
     assert share > 0.05
     (line,) = [each for each in values["warnings"] if "wrong" in each]
     assert line.startswith(f"{NAME}: {share:.0%} {WRONG_PICTURE}")
-    assert f"its light by {values['predicted_error']:.1%} (RMS)" in line
+    causes = [values[f"{cause}_error"] for cause in ("predicted", "added", "filter")]
+    assert f"its light by {np.linalg.norm(causes):.1%} (RMS)" in line
     assert "--to auto, without --eps or orders, chooses the form" in line
     assert f"Warning: {line}\n" in result.err
     quiet = run(*COMMAND[:4], *asked, "--quiet", "--force")
@@ -366,6 +367,16 @@ def test_no_line_says_that_a_picture_is_right(folder):
         values = json.loads(result.out)
         assert values["predicted_wrong_share"] <= 0.05
         assert not values["warnings"]
+
+
+@pytest.mark.parametrize(("seen", "told"), [("0.9", []), ("0.05", ["no map keeps"])])
+def test_who_says_what_may_be_wrong_is_told_once_where_more_is(folder, seen, told):
+    asked = ("--to", "shrm", "--seen", seen, "--error", "0.9", "--max-size", "10kB")
+    values = json.loads(run(*COMMAND[:4], *asked, "--json").out)
+    assert 0.05 < values["predicted_wrong_share"] <= 0.9
+    lines = [each for each in values["warnings"] if "wrong" in each]
+    assert [each.removeprefix(f"{NAME}: ")[:12] for each in lines] == told
+    assert all(each.endswith("Other forms may: take --to auto") for each in lines)
 
 
 def test_quiet_prints_nothing(folder):

@@ -292,6 +292,10 @@ def _term_map(
 # ---- SHRMs that could be made, known by bytes and errors -----------------------------------------
 
 
+OTHERS = "other forms may: take `to` auto"
+"""What is said where no SHRM keeps what is asked."""
+
+
 @record
 class Tried:
     """Orders and a size of an SHRM, and the errors of its map."""
@@ -340,7 +344,7 @@ class ShrmProposals:
 
         def most_p(order_f: int) -> int:
             """Return the largest P of any map: light may need far fewer texels than F does."""
-            return largest_p(order_f, least, request.allowed)
+            return largest_p(min(order_f, supported_order(least)), least, request.allowed)
 
         return cls(light, request, choose_orders(request.brdf, eps, most_p=most_p)[1])
 
@@ -414,7 +418,9 @@ class ShrmProposals:
             return prefilter_shrm(self.light, request, (choice, coefficients), np.float64)
 
         look_ups = (choice.orders.order_p + 1) ** 2
-        return Candidate("shrm", tried.bytes, look_ups, tried.total_error, wrong_share, make)
+        return Candidate(
+            "shrm", tried.bytes, look_ups, tried.total_error, wrong_share, make, limit=OTHERS
+        )
 
     def rough(self, tried: Tried, max_size: int) -> Rough[Prefiltered]:
         """Return one of these SHRMs as a search by what is seen knows it."""

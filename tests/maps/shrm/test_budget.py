@@ -205,3 +205,12 @@ def test_progress_of_coefficients_grows(probe):
     assert told == sorted(told)
     assert len({done for done, _ in told}) > 20
     assert told[-1][0] == told[-1][1]
+
+
+@pytest.mark.parametrize("asked", [{"error": 0.05}, {"seen": 0.05}])
+def test_who_asks_for_less_error_gets_no_more_of_it(probe, asked):
+    """Few texels know few degrees of the light, so that a P that F forbids may still be made."""
+    plastic = "ggx:roughness=0.3,f0=0.04"
+    plain, better = make(probe, brdf=plastic), make(probe, brdf=plastic, **asked)
+    assert plain.map.info.order_p > 12
+    assert better.map.stated_error <= 1.05 * plain.map.stated_error
