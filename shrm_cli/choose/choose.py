@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
+from shrm_cli.automatic import automatic_choice
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.spec import parse_spec
@@ -49,7 +50,7 @@ from shrm_cli.reference import Reference
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.render.sphere import Reflecting
 from shrm_cli.sphere.directions import bisector
-from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
+from shrm_cli.vocabulary import AUTO, DEFAULT_MAX_SIZE
 
 ASKED = Request("principal", error=policy.LEAST_ERROR)
 """What all maps are proposed for: the BRDF is sampled once, as far as the best of them need it."""
@@ -330,16 +331,28 @@ def _chosen(
     work.end()
     warnings = [f"{name}: {line}" for line in missing]
     found = decided(probe.name, name, goal, budget, offers, warnings)
-    return found if found.is_kept else replace(found, warnings=(*warnings, *_aside(probe, brdf)))
+    if found.is_kept:
+        return found
+    asked = {"brdf": brdf, "error": goal.error, "seen": goal.wrong_share, "max_size": most}
+    return replace(found, warnings=(*warnings, *_aside(probe, asked)))
 
 
-def _aside(probe: Probe, brdf: Brdf) -> list[str]:
-    """Return a line about lamps, which `to` auto may put beside a map; none where it cannot."""
-    count = 0 if brdf.center == "tangent" else len(split_of(probe).discs)
+def _aside(probe: Probe, asked: Mapping[str, Any]) -> list[str]:
+    """Return a line about lamps, which `to` auto may put beside a map; none where it cannot.
+
+    `asked` is what `to` auto would be asked, under the names of its arguments.
+    """
+    count = 0 if asked["brdf"].center == "tangent" else len(split_of(probe).discs)
     if not count:
         return []
-    told = f"the probe has {counted(count, 'lamp')}, with which these maps are made"
-    return [f"{told}; shrm prefilter, without `to`, puts lamps beside a map where that is better"]
+    try:
+        would = f": it would make {automatic_choice(probe, Request.of(AUTO, asked, probe))}"
+    except ShrmError:  # of a budget in which nothing fits
+        would = ""
+    return [
+        f"the probe has {counted(count, 'lamp')}, with which these maps are made; shrm prefilter, "
+        f"without `to`, puts lamps beside a map where that is better{would}"
+    ]
 
 
 def _ladder(rows: Rows) -> Iterator[Known]:

@@ -1,5 +1,6 @@
 """`shrm.choose` beside a search of all forms, one by one, and beside the truth."""
 
+import re
 from functools import partial
 
 import numpy as np
@@ -272,6 +273,12 @@ def test_lamps_that_no_form_holds_are_told_of():
     (found,) = shrm.choose(sun, "lambertian", budget=100)
     assert not found.is_kept
     assert "has 1 lamp," in found.warnings[-1]
+    gold = "ggx:roughness=0.3,f0=gold"
+    (found,) = shrm.choose(sun, gold, budget="100kB")
+    made = shrm.prefilter(sun, gold, max_size=100_000)
+    assert f"it would make {made.representation} in " in found.warnings[-1]
+    (error,) = re.findall(r"with ([0-9.]+)% RMS error and", found.warnings[-1])
+    assert made.stated_error < 1.2 * float(error) / 100 < 0.06
     (found,) = shrm.choose(light(1, 0.0), "lambertian", budget=100)
     assert not found.is_kept
     assert not found.warnings
