@@ -206,7 +206,8 @@ def test_lobes_of_surfaces_that_face_the_viewer(tables, facing, f0):
 def test_exponentials_of_surfaces_that_face_the_viewer(tmp_path, tables, facing, law):
     """Numbers for every surface, also one that reflects nothing there, and nearly those of the map.
 
-    Where the table is clamped, in the last half texel, the light is blurred a little more.
+    Where the table is clamped, in the last half texel, the light is blurred a little more: beside a
+    lamp the sharpest surfaces miss 8 % of what is reflected there.
     """
     path, (_, normals, views, _) = tmp_path / "x.exr", facing
     done("prefilter", PROBE, "--to", "she", "--law", law, "-o", path, "--quiet")
@@ -220,4 +221,5 @@ def test_exponentials_of_surfaces_that_face_the_viewer(tmp_path, tables, facing,
                     header, values, tables / "moments.exr", normals, views, roughness, f0
                 )
             expected = shown.shaded(roughness, (f0, f0, f0)).radiance(normals, views)[:, 1]
-            assert np.abs(found - expected).max() < 0.035 * max(f0, 0.001) * peak
+            bound = 0.02 * max(f0, 0.001) * peak + 0.05 * expected
+            assert (np.abs(found - expected) < bound).all()

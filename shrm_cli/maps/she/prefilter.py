@@ -17,6 +17,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.environment.environment_brdf import lobe_moments, whole_lobe
 from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.color import luminance_weights
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import provenance
 from shrm_cli.maps.request import Prefiltered, Request
@@ -72,9 +73,8 @@ have nearly all the weight."""
 
 BAD_FIT = 0.33
 """The relative RMS error of a fit beyond which people are told. Of eight real probes, six have fits
-of 0.11 .. 0.27, with 7 % to 45 % of what the sharpest surfaces show wrong by more than a quarter;
-a studio and a sunrise have 0.34 and 0.35, with 65 % and 80 %, about twice as much as split sums
-have."""
+of 0.11 .. 0.28, with 7 % to 42 % of what the sharpest surfaces show wrong by more than a quarter;
+a studio and a sunrise have 0.34, with 66 % and 80 %, about twice as much as split sums have."""
 
 FLOOR = 1e-3
 """Samples below this part of the mean sample count as this part in log space. They come from a
@@ -131,7 +131,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     low, high = roughness
     order_f = int(np.clip(np.ceil(_ORDER_OF_ALPHA / low**2), *_ORDERS_F))
     lighting = project(probe, order_f)
-    axes = _sampled_axes(lighting)
+    axes = _sampled_axes(lighting.coefficients @ luminance_weights(probe.chromaticities))
     own = transform_coefficients(lighting.coefficients, axes)
     lighting = Lighting(own, lighting.energy)
     # With fewer rings than the orders need, the fit would be free between them.
@@ -169,12 +169,12 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     return Prefiltered(made, _facts(made, roughness), warnings=warnings)
 
 
-def _sampled_axes(lighting: Lighting) -> Array:
-    """Return the axes that the light is sampled in, (3, 3): the rows in world axes.
+def _sampled_axes(luminance: Array) -> Array:
+    """Return the axes that light of a luminance is sampled in, (3, 3): the rows in world axes.
 
     They turn with the light, so that the fit is the same however it is turned.
     """
-    pole = own_axes(lighting.coefficients.sum(axis=1))[[1, 2, 0]]
+    pole = own_axes(luminance)[[1, 2, 0]]
     return np.asarray(turn_about([1, 0, 0], _OFF_POLE) @ pole)
 
 
