@@ -24,6 +24,8 @@ MOST_BYTES = 2**32
 
 _BLOCK = 2**22
 """Bytes that are fetched at a time."""
+_PATIENCE = 20
+"""Seconds in which a web server has to send something."""
 _MOST_NAME = 100
 """The most characters of a temporary copy's name; file systems take 255 bytes."""
 
@@ -122,7 +124,7 @@ def _opened(url: str) -> tuple[Any, str]:
             f"{shown(url)}: files elsewhere need the package fsspec; {install('remote')}"
         ) from error
     try:
-        system, path = url_to_fs(url)
+        system, path = url_to_fs(url, **_limits(match[1]))
     except ImportError as error:
         from shrm_cli.extras import install_store
 
@@ -132,6 +134,16 @@ def _opened(url: str) -> tuple[Any, str]:
         ) from error
     system.invalidate_cache()
     return system, path
+
+
+def _limits(scheme: str) -> dict[str, Any]:
+    """Return what keeps a web server from being waited for in silence: 5 minutes, by default."""
+    if scheme.lower() not in ("http", "https"):
+        return {}
+    from aiohttp import ClientTimeout
+
+    whole = ClientTimeout(total=None, sock_connect=_PATIENCE, sock_read=_PATIENCE)
+    return {"client_kwargs": {"timeout": whole}}
 
 
 def _download(system: Any, path: str, copy: Path, name: str, most_bytes: int) -> None:

@@ -3,6 +3,7 @@
 import functools
 import http.server
 import importlib
+import socket
 import sys
 import threading
 from pathlib import Path
@@ -202,6 +203,17 @@ def test_a_web_server_is_read(tmp_path):
         server.shutdown()
     with pytest.raises(RemoteError, match="or its place cannot be reached"):
         fetched_bytes(url, tmp_path)
+
+
+@pytest.mark.parametrize("what", ["a.exr", "*.exr"])
+def test_a_web_server_that_says_nothing_is_given_up(tmp_path, monkeypatch, what):
+    """It was waited for without a word, for five minutes."""
+    pytest.importorskip("aiohttp")
+    monkeypatch.setattr(remote, "_PATIENCE", 0.3)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"http://127.0.0.1:{silent.getsockname()[1]}/{what}"
+        with pytest.raises(RemoteError, match=r"[Tt]imeout|cannot be reached"):
+            remote.matching(url) if "*" in url else fetched_bytes(url, tmp_path)
 
 
 @pytest.mark.slow
