@@ -198,16 +198,16 @@ def open_baked(
     from shrm_cli.maps.info import probe_name
     from shrm_cli.probe.probe import Probe
     from shrm_cli.render.lit import lit_maps
+    from shrm_cli.rooms.lit import InGrid
     from shrm_cli.transfer.file import read_transfer
 
-    if light is not None and not isinstance(light, Probe):
-        raise click.UsageError(
-            "--transfer applies to the light of one place, not to that of a grid"
-        )
-    probe = light
-    if not maps and probe is None:
+    if not maps and light is None:
         raise click.UsageError("Missing argument 'MAP...', or --probe for a diffuse surface")
     baked = read_transfer(transfer)
+    if light is not None and not isinstance(light, Probe):  # of a grid, whose lamps are in it
+        lit, told = lit_maps(maps, names, light, window)
+        return Baked(baked, lit or [InGrid(light, "")], list(names) or ["grid"], (), told)
+    probe = light
     discs: tuple[Disc, ...] = ()
     named = "" if probe is None else probe_name(probe)
     warnings = []
@@ -218,12 +218,12 @@ def open_baked(
         elif split.discs:
             discs, probe = split.discs, split.residual_probe
     if not maps and probe is not None:
-        lit: list[Map] = [shrm.prefilter(probe, to="irradiance", order_f=baked.order)]
+        lit = [shrm.prefilter(probe, to="irradiance", order_f=baked.order)]
         return Baked(baked, lit, [named], discs, warnings)
     refuse_window(maps)
     lit, negative = lit_maps(maps, names, probe, window)
     for each, name in zip(lit, names, strict=True):
-        if each.is_white and each.info.order_f < baked.order:
+        if each.harmonic_light and each.is_white and each.info.order_f < baked.order:
             warnings.append(
                 f"{name}: has light of order {each.info.order_f} for a transfer of order "
                 f"{baked.order}, and lamps without sharp shadows; give `probe` in place of the map"

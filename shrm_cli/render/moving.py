@@ -27,7 +27,7 @@ from shrm_cli.render.scene_file import is_number, read_tables
 from shrm_cli.render.sphere import Surroundings
 from shrm_cli.render.stage import Reflector
 from shrm_cli.render.vertex_colors import VertexColors
-from shrm_cli.rooms.lit import InGrid
+from shrm_cli.rooms.lit import STAYS, InGrid
 from shrm_cli.sphere.directions import horizontal_tangents, turn_about, turn_matrix
 
 Drawn = TypeVar("Drawn")
@@ -94,10 +94,7 @@ class Moment:
                 is_boxed=False,
             )
         if isinstance(first, InGrid):
-            raise MapError(
-                "the light of a grid of probes stays where it is; leave out what moves it, or take "
-                "a map of one place"
-            )
+            raise MapError(STAYS)
         return MovedMap(first, second, self.share, np.eye(3) if self.turn is None else self.turn)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.errors import TransferError
+from shrm_cli.errors import MapError, TransferError
 from shrm_cli.geometry.mesh import Mesh, smooth_points
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import perpendicular
@@ -21,6 +21,7 @@ from shrm_cli.maps.lamps.rule import DiscRule, LitDiscs, integrals
 from shrm_cli.maps.product.product import ProductMap
 from shrm_cli.probe.disc import Disc, disc_coefficients, disc_directions
 from shrm_cli.render.variation import Variation, between_steps
+from shrm_cli.rooms.lit import STAYS, InGrid, ProductInGrid
 from shrm_cli.sphere.directions import horizontal_tangents, normalize
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.transfer.bake import mesh_digest
@@ -183,7 +184,8 @@ class VertexColors:
     negative under a bare sun changed the light by 10 % to 21 % RMS, and no window did for a dragon.
     What is made black is 0.1 % to 5 %.
 
-    `lighting`, of shape (n, 3), holds coefficients of the light in world axes. `product` is that of
+    `lighting`, of shape (n, 3), or (v, n, 3) where each vertex or texel has its own light, holds
+    coefficients of the light in world axes. `product` is that of
     a glossy surface; by default the surface is diffuse, with the transfer's albedo. `lamps` are
     what the mesh reflects of lamps that `lighting` lacks. A diffuse mesh is white to them.
     `variation` is what parameters of the BRDF follow that vary; by default they are in the middle.
@@ -244,6 +246,8 @@ class VertexColors:
         light that this one becomes. `share` is how much of the light is that of the second one.
         """
         light, lamps = self._lighting, self._lamps
+        if light.ndim == 3:
+            raise MapError(STAYS)
         if second is not None:
             count = max(len(light), len(second._lighting))
             first, other = fitted(light, count), fitted(second._lighting, count)
@@ -333,6 +337,12 @@ def vertex_colors(
     measured BRDF is looked for. `variation` is what parameters of the BRDF follow, where some vary;
     they are in the middle by default.
     """
+    if isinstance(light, InGrid):
+        # Rows look at the probes that are on the side from which light reaches them.
+        own = light.grid.light(transfer.positions(mesh), transfer.bent_normals())
+        made = light.product if isinstance(light, ProductInGrid) else None
+        follows = variation if made is not None and made.varies else None
+        return VertexColors(mesh, transfer, own, made, None, follows)
     held = light.harmonic_light
     if held is None:
         raise TransferError(

@@ -39,6 +39,13 @@ _WINDOWS = 3
 """Along each axis of a grid, the most places for whose light a window is sought."""
 
 
+STAYS = (
+    "the light of a grid of probes stays where it is; leave out what moves it, or take a map of "
+    "one place"
+)
+"""What is said to who moves it."""
+
+
 @record(eq=False)
 class InGrid(FixedMap, ReflectionMap):
     """What white diffuse surfaces reflect in a grid of probes.

@@ -94,6 +94,15 @@ class Transfer:
         """Return where the vertices or the texels are, shape (v, 3)."""
         return mesh.vertices if self.texels is None else self.texels.positions
 
+    def bent_normals(self) -> Array:
+        """Return the mean directions that light comes from, unit, shape (v, 3).
+
+        Those of rows that hardly any light reaches are arbitrary.
+        """
+        # Y_11, Y_1-1 and Y_10 are proportional to x, y and z.
+        found = self.vectors[:, [3, 1, 2]].mean(axis=-1, dtype=float) + np.array([0, 1e-9, 0])
+        return found / np.linalg.norm(found, axis=1, keepdims=True)
+
     def shades_lamps(self, glossy: bool) -> bool:
         """Return whether lamps may be shaded apart: what the mesh sends of their light is known.
 
@@ -155,10 +164,10 @@ class Product(Protocol):
 
 
 def fitted(lighting: ArrayLike, count: int) -> Array:
-    """Return coefficients to another order, cut off or followed by 0, shape (count, 3)."""
+    """Return coefficients, shape (..., m, 3), to another order, cut off or followed by 0."""
     lighting = np.asarray(lighting, dtype=float)
-    result = np.zeros((count, 3))
-    result[: len(lighting)] = lighting[:count]
+    result = np.zeros((*lighting.shape[:-2], count, 3))
+    result[..., : lighting.shape[-2], :] = lighting[..., :count, :]
     return result
 
 
@@ -167,12 +176,15 @@ def diffuse_colors(
 ) -> Array:
     """Return the radiance of a diffuse surface, ``albedo / pi`` times its irradiance, shape (v, 3).
 
-    `lighting`, of shape (m, 3), holds coefficients of the light in world axes, of any order, index
-    l(l+1)+m. `albedo`, of shape (1 or 3,) or (v, 1 or 3), is that of the transfer by default.
+    `lighting`, of shape (m, 3), or (v, m, 3) where each vertex has its own light, holds
+    coefficients of the light in world axes, of any order, index l(l+1)+m. `albedo`, of shape (1 or
+    3,) or (v, 1 or 3), is that of the transfer by default.
     """
     vectors = transfer.vectors
     light = fitted(lighting, vectors.shape[1])
-    if vectors.shape[2] == 1:
+    if light.ndim == 3:
+        irradiance = np.sum(vectors * light, axis=1)
+    elif vectors.shape[2] == 1:
         irradiance = vectors[..., 0] @ light
     else:
         irradiance = np.einsum("vjc,jc->vc", vectors, light)
@@ -186,6 +198,10 @@ def _arriving_light(matrices: Array, lighting: ArrayLike) -> Array:
     """
     count, size, _, channels = matrices.shape
     light = fitted(lighting, size).astype(matrices.dtype)
+    if light.ndim == 3:
+        return np.einsum(
+            "vijc,vjc->vic", np.broadcast_to(matrices, (*matrices.shape[:3], 3)), light
+        )
     if channels == 1:
         # One product with a tall matrix is faster than one for each vertex.
         return (matrices.reshape(-1, size) @ light).reshape(count, size, 3)
@@ -197,7 +213,7 @@ def glossy_colors(
 ) -> Array:
     """Return the radiance of a glossy surface towards a viewer.
 
-    `lighting`, of shape (m, 3), is as `diffuse_colors` takes it. `views`, of shape (3,) or (v, 3),
+    `lighting` is as `diffuse_colors` takes it. `views`, of shape (3,) or (v, 3),
     are unit vectors to the viewer in world axes.
 
     Returns an array of shape (v, 3): 0 where a vertex faces away.
@@ -207,9 +223,10 @@ def glossy_colors(
     assert transfer.frames is not None
     count = len(transfer.vectors)
     views = np.broadcast_to(np.asarray(views, dtype=float), (count, 3))
-    result = np.zeros((count, 3))
+    light, result = np.asarray(lighting, dtype=float), np.zeros((count, 3))
     for part in slices(count, _VERTICES_AT_ONCE):
-        arriving = _arriving_light(transfer.matrices[part], lighting)
+        own = light[part] if light.ndim == 3 else light
+        arriving = _arriving_light(transfer.matrices[part], own)
         local = np.einsum("vij,vj->vi", transfer.frames[part], views[part])
         facing = local[:, 2] > 0
         values = product.values(local[facing])

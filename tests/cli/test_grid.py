@@ -229,7 +229,23 @@ def test_a_mesh_stands_in_the_light_of_a_grid(folder):
         before = snapshot(folder)
         assert_refused(run("render", *arguments, "--size", "32"), code, part)
         assert snapshot(folder) == before
-    run("transfer", "below.obj", "-o", "t.npz", "--rays", "16")
-    given = ("render", "p.exr", "--probe", "room.grid.npz", "--mesh", "below.obj")
-    refusal = run(*given, "--transfer", "t.npz")
-    assert_refused(refusal, 2, "--transfer applies to the light of one place")
+
+
+def test_what_shadows_itself_stands_in_the_light_of_a_grid(folder):
+    """A single triangle has no shadow of its own: it looks as without its transfer."""
+    done("grid", "room.glb", *SMALL)
+    lines = ["v 1.95 0.5 1.45", "v 1.95 0.5 1.55", "v 2.05 0.5 1.55", "f 1 2 3"]
+    (folder / "leaf.obj").write_text("\n".join(lines))
+    run("transfer", "leaf.obj", "--matrices", "--albedo", "1", "-o", "t.npz")
+    done("product", "ggx:roughness=0.6", "--order", "2", "--size", "16", "-o", "p.exr")
+    view = ("--mesh", "leaf.obj", "--view", "0,60", "--size", "32x32", "--exposure", "0")
+    for given in (["room.grid.npz"], ["p.exr", "--probe", "room.grid.npz"]):
+        means = []
+        for baked in ([], ["--transfer", "t.npz"]):
+            assert run("render", *given, *baked, *view, "-o", "x.exr").code == 0
+            means.append(read_exr("x.exr")[1]["G"].max())
+        assert means[1] == pytest.approx(means[0], rel=0.04)
+    alone = run("render", "--probe", "room.grid.npz", "--transfer", "t.npz", *view, "-o", "y.exr")
+    assert (alone.code, alone.err) == (0, "")
+    turned = run("render", "room.grid.npz", "--transfer", "t.npz", *view, "--turn-light", "y:20")
+    assert_refused(turned, 1, "the light of a grid of probes stays")

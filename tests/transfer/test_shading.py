@@ -105,3 +105,27 @@ def test_glossy_surfaces_need_matrices():
     baked = bake(Plan(meshes.sphere(0), samples=4))
     with pytest.raises(TransferError, match="--matrices"):
         glossy_colors(baked, Cushion(), random_light(), unit(0, 0, 1))
+
+
+def test_each_vertex_may_have_its_own_light(glossy):
+    """It is shaded as the whole mesh is under that light."""
+    lights = [random_light(), 3 * random_light(2)]
+    count = len(glossy.vectors)
+    both = np.zeros((count, 25, 3))
+    both[::2], both[1::2, :9] = lights
+    view = unit(0.2, 0.3, 0.9)
+    for shade in (
+        diffuse_colors,
+        lambda *given: glossy_colors(given[0], Cushion(), given[1], view),
+    ):
+        found = shade(glossy, both)
+        for first, light in enumerate(lights):
+            np.testing.assert_allclose(found[first::2], shade(glossy, light)[first::2], atol=1e-6)
+
+
+def test_bent_normals_are_those_of_free_points():
+    mesh = meshes.bumps(16)
+    flat = bake(Plan(mesh, samples=64))
+    cosines = np.sum(flat.bent_normals() * mesh.normals, axis=1)
+    assert np.median(cosines) > 0.98
+    assert cosines.min() > 0.5
