@@ -140,9 +140,9 @@ def _limits(scheme: str) -> dict[str, Any]:
     """Return what keeps a web server from being waited for in silence: 5 minutes, by default."""
     if scheme.lower() not in ("http", "https"):
         return {}
-    from aiohttp import ClientTimeout
+    from fsspec.implementations import http
 
-    whole = ClientTimeout(total=None, sock_connect=_PATIENCE, sock_read=_PATIENCE)
+    whole = http.aiohttp.ClientTimeout(total=None, sock_connect=_PATIENCE, sock_read=_PATIENCE)
     return {"client_kwargs": {"timeout": whole}}
 
 
