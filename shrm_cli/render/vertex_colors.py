@@ -185,10 +185,10 @@ class VertexColors:
     What is made black is 0.1 % to 5 %.
 
     `lighting`, of shape (n, 3), or (v, n, 3) where each vertex or texel has its own light, holds
-    coefficients of the light in world axes. `product` is that of
-    a glossy surface; by default the surface is diffuse, with the transfer's albedo. `lamps` are
-    what the mesh reflects of lamps that `lighting` lacks. A diffuse mesh is white to them.
-    `variation` is what parameters of the BRDF follow that vary; by default they are in the middle.
+    coefficients of the light in world axes. `product` is that of a glossy surface; by default the
+    surface is diffuse, with the transfer's albedo. `lamps` are what the mesh reflects of lamps that
+    `lighting` lacks. A diffuse mesh is white to them. `variation` is what parameters of the BRDF
+    follow that vary; by default they are in the middle.
     """
 
     def __init__(

@@ -97,10 +97,11 @@ class Transfer:
     def bent_normals(self) -> Array:
         """Return the mean directions that light comes from, unit, shape (v, 3).
 
-        Those of rows that hardly any light reaches are arbitrary.
+        Those of rows that hardly any light reaches, and of transfers of order 0, are arbitrary.
         """
-        # Y_11, Y_1-1 and Y_10 are proportional to x, y and z.
-        found = self.vectors[:, [3, 1, 2]].mean(axis=-1, dtype=float) + np.array([0, 1e-9, 0])
+        found = np.zeros((len(self.vectors), 3)) + np.array([0, 1e-9, 0])
+        if self.order > 0:  # Y_11, Y_1-1 and Y_10 are proportional to x, y and z
+            found += self.vectors[:, [3, 1, 2]].mean(axis=-1)
         return found / np.linalg.norm(found, axis=1, keepdims=True)
 
     def shades_lamps(self, glossy: bool) -> bool:

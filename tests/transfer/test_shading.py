@@ -129,3 +129,5 @@ def test_bent_normals_are_those_of_free_points():
     cosines = np.sum(flat.bent_normals() * mesh.normals, axis=1)
     assert np.median(cosines) > 0.98
     assert cosines.min() > 0.5
+    even = bake(Plan(mesh, order=0, samples=16)).bent_normals()
+    np.testing.assert_allclose(np.linalg.norm(even, axis=1), 1)
