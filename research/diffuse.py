@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from research.extent import Extent
-from research.product.scenes import surface
+from research.product.scenes import exposure, surface
 from shrm_cli.files.image import write_picture
 from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial, make_mesh
 from shrm_cli.maps.base import Map
@@ -59,8 +59,7 @@ def figure_4_1(probe: Probe, mesh: Mesh, folder: Path, extent: Extent) -> tuple[
     nine, whole = (each[is_diffuse].astype(float) for each in pictures)
     error = float(np.sqrt(np.mean((nine - whole) ** 2) / np.mean(whole**2)))
     largest = float(np.abs(nine - whole).max() / whole.mean())
-    stops = float(-np.log2(max(np.percentile(whole.max(axis=-1), 99), 1e-6)))
-    shown = np.concatenate([expose(each, stops) for each in pictures])
+    shown = np.concatenate([expose(each, exposure([whole])) for each in pictures])
     write_picture(folder / "figure-4.1.png", shown)
     return "figure-4.1.png", error, largest
 

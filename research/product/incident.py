@@ -125,19 +125,21 @@ class _Looks(Gathering):
 def _room() -> Room:
     """Make the room: a lamp below the ceiling at one end, and a window at the other."""
     x, y, z = SIZE
+    dark = (0.0, 0.0, 0.0)
     walls = {
-        "floor": ((0.5, 0.4, 0.3), 0, [(0, 0, 0), (0, 0, z), (x, 0, z), (x, 0, 0)]),
-        "ceiling": ((0.8, 0.8, 0.8), 0, [(0, y, 0), (x, y, 0), (x, y, z), (0, y, z)]),
-        "red": ((0.7, 0.1, 0.1), 0, [(0, 0, 0), (0, y, 0), (0, y, z), (0, 0, z)]),
-        "green": ((0.1, 0.6, 0.15), 0, [(x, 0, 0), (x, 0, z), (x, y, z), (x, y, 0)]),
-        "back": ((0.7, 0.7, 0.7), 0, [(0, 0, 0), (x, 0, 0), (x, y, 0), (0, y, 0)]),
-        "front": ((0.6, 0.6, 0.7), 0, [(0, 0, z), (0, y, z), (x, y, z), (x, 0, z)]),
-        "lamp": ((0, 0, 0), 8, [(0.5, 2.99, 1), (2.5, 2.99, 1), (2.5, 2.99, 3), (0.5, 2.99, 3)]),
-        "window": ((0, 0, 0), 3, [(5.99, 0.5, 1), (5.99, 0.5, 3), (5.99, 2.5, 3), (5.99, 2.5, 1)]),
-    }
+        "floor": ((0.5, 0.4, 0.3), dark, [(0, 0, 0), (0, 0, z), (x, 0, z), (x, 0, 0)]),
+        "ceiling": ((0.8, 0.8, 0.8), dark, [(0, y, 0), (x, y, 0), (x, y, z), (0, y, z)]),
+        "red": ((0.7, 0.1, 0.1), dark, [(0, 0, 0), (0, y, 0), (0, y, z), (0, 0, z)]),
+        "green": ((0.1, 0.6, 0.15), dark, [(x, 0, 0), (x, 0, z), (x, y, z), (x, y, 0)]),
+        "back": ((0.7, 0.7, 0.7), dark, [(0, 0, 0), (x, 0, 0), (x, y, 0), (0, y, 0)]),
+        "front": ((0.6, 0.6, 0.7), dark, [(0, 0, z), (0, y, z), (x, y, z), (x, 0, z)]),
+        "lamp": (dark, (8, 8, 8), [(0.5, 2.99, 1), (2.5, 2.99, 1), (2.5, 2.99, 3), (0.5, 2.99, 3)]),
+        "window": (
+            dark, (3, 3, 3.9), [(5.99, 0.5, 1), (5.99, 0.5, 3), (5.99, 2.5, 3), (5.99, 2.5, 1)],
+        ),
+    }  # fmt: skip
     materials = [
-        SurfaceMaterial(name, color, emission=(power, power, power * 1.3 if power < 5 else power))
-        for name, (color, power, _) in walls.items()
+        SurfaceMaterial(name, color, emission=sent) for name, (color, sent, _) in walls.items()
     ]
     corners = np.concatenate([np.array(quad, float) for _, _, quad in walls.values()])
     first = 4 * np.arange(len(walls))[:, None]

@@ -114,12 +114,13 @@ def render(
     from shrm_cli.files.animation import is_animated
     from shrm_cli.files.image import file_type
     from shrm_cli.render.drawing import Film
+    from shrm_cli.rooms.grid import as_grid
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
     values["vary"], ways = moving.split_vary(values["vary"])
     stage.refuse_mesh_options(mesh, transfer, values["vary"])
-    grid = _grid(probe)
+    grid = None if probe is None else as_grid(probe)
     named = background, None if grid else probe, values["background_to"]
     _refuse_others(mesh, values, any(named[:2]))
     keys = moving.scene_keys(mesh)
@@ -173,13 +174,6 @@ def _settings(lit: Lit, film: Film, frames: int | None, given: dict[str, Any]) -
         "probe": given["probe"], "window": given["window"], "frames": frames, **moved,
         "width": film.shape[1], "height": film.shape[0],
     }  # fmt: skip
-
-
-def _grid(path: str | None) -> ProbeGrid | None:
-    """Return the grid of probes that a file is, if it is one."""
-    from shrm_cli.rooms.grid import is_grid, read_grid
-
-    return read_grid(path) if path is not None and is_grid(path) else None
 
 
 def _lit(

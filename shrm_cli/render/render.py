@@ -16,7 +16,7 @@ from shrm_cli.render.lit import lit_maps
 from shrm_cli.render.moving import Moment
 from shrm_cli.render.scene_file import Shown, is_scene_name, read_scene
 from shrm_cli.render.stage import Stage
-from shrm_cli.rooms.grid import ProbeGrid, is_grid, read_grid
+from shrm_cli.rooms.grid import ProbeGrid, as_grid
 from shrm_cli.rooms.lit import open_lit
 
 
@@ -115,6 +115,5 @@ def _light(probe: AnyProbe | ProbeGrid | None) -> Probe | ProbeGrid | None:
     """Return a probe or a grid of probes, from the name of its file or from itself."""
     if probe is None or isinstance(probe, ProbeGrid):
         return probe
-    if isinstance(probe, str | os.PathLike) and is_grid(probe):
-        return read_grid(probe)
-    return as_probe(probe)
+    grid = as_grid(probe) if isinstance(probe, str | os.PathLike) else None
+    return as_probe(probe) if grid is None else grid

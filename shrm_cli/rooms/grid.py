@@ -296,6 +296,11 @@ def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
         return _grid(archive.those_of(_DIMENSIONS), parse_json(archive.text("settings")))
 
 
+def as_grid(path: str | os.PathLike[str]) -> ProbeGrid | None:
+    """Read a grid; return None of a file that holds none."""
+    return read_grid(path) if is_grid(path) else None
+
+
 def _grid(arrays: dict[str, Array], settings: object) -> ProbeGrid:
     """Return a grid whose arrays fit each other."""
     if not isinstance(settings, dict) or not isinstance(settings.get("facts"), dict):

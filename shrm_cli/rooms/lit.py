@@ -28,9 +28,10 @@ from shrm_cli.maps.kinds import FixedMap, MaterialMap, ReflectionMap
 from shrm_cli.maps.product.product import ProductMap
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.records import record
-from shrm_cli.rooms.grid import Lattice, ProbeGrid, is_grid, read_grid
+from shrm_cli.rooms.grid import Lattice, ProbeGrid, as_grid
 from shrm_cli.sphere.directions import horizontal_tangents
 from shrm_cli.sphere.harmonics import degrees
+from shrm_cli.transfer.transfer import fitted
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
 _POINTS_AT_ONCE = 2**14
@@ -155,8 +156,7 @@ class ProductInGrid(InGrid):
         self, points: Array, normals: Array, tangents: Array, views: Array, shares: Array
     ) -> Array:
         count = (self.product.order + 1) ** 2
-        light = self.grid.light(points, normals)[:, :count]
-        light = np.pad(light, ((0, 0), (0, count - light.shape[1]), (0, 0)))
+        light = fitted(self.grid.light(points, normals), count)
         return self.product.reflected(light, (normals, tangents, views), shares)
 
 
@@ -180,8 +180,7 @@ def in_grid(material: MaterialMap, grid: ProbeGrid, window: str) -> tuple[Produc
         if not len(living):
             break
         probe = living[np.argmin(np.linalg.norm(places[living] - point, axis=1))]
-        series = np.zeros(((product.order + 1) ** 2, 3))
-        series[: (order + 1) ** 2] = grid.coefficients[probe, : (order + 1) ** 2]
+        series = fitted(grid.coefficients[probe], (product.order + 1) ** 2)
         found = product.window(window, series)
         own[:] = found.factors[: order + 1] or 1.0
         change = max(change, found.change)
@@ -206,4 +205,5 @@ def open_lit(path: str | os.PathLike[str]) -> Map:
     MapError, MeshError
         If the file is neither, or is damaged.
     """
-    return InGrid(read_grid(path), Path(path).name) if is_grid(path) else open_map(path)
+    grid = as_grid(path)
+    return open_map(path) if grid is None else InGrid(grid, Path(path).name)
