@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from shrm_cli.arrays import Array
 from shrm_cli.sphere.double_fourier import fourier_matrices, places_by_m
-from shrm_cli.sphere.grid.latlong import AXES, analysis_waves
+from shrm_cli.sphere.grid.latlong import AXES, column_waves, row_waves
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import rotation_blocks
@@ -117,9 +117,10 @@ class LatLongProjection(nn.Module):
         if not 1 <= order < height:
             raise ValueError(f"order {order} of an image of {height} rows")
         self.order, self.shape = order, (height, 2 * height)
-        rows, columns = analysis_waves(2 * height, height, order, sampling, np.dtype(float))
+        rows = row_waves(height, order, sampling)
+        columns = column_waves(2 * height, order, sampling, np.dtype(float))
         for number, (row, column) in enumerate(zip(rows, columns, strict=True)):
-            self.register_buffer(f"rows{number}", table(row.T), persistent=False)
+            self.register_buffer(f"rows{number}", table(row), persistent=False)
             self.register_buffer(f"columns{number}", table(column), persistent=False)
         self._fourier = _Fourier(order)
         self._rotation = Rotation(order, AXES.T)
@@ -143,8 +144,10 @@ class LatLongProjection(nn.Module):
         moments = []
         for m_parity in (0, 1):
             waves = self.get_buffer(f"rows{m_parity}")
-            whole = rings[:, m_parity::2] @ waves.T
-            moments += [whole[..., (m_parity + above) % 2 :: 2] for above in (0, 1)]
+            some = rings[:, m_parity::2]
+            north, south = some[..., : len(waves)], some.flip(-1)[..., : len(waves)]
+            for above, folded in enumerate((north + south, north - south)):
+                moments.append(folded @ waves[:, (m_parity + above) % 2 :: 2])
         return self._rotation(self._fourier.series(moments[: len(self._fourier._slices)]))
 
 

@@ -15,7 +15,7 @@ from shrm_cli.probe.lighting import Lighting
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.grid.latlong import latlong_directions
 
-PAIRS = 4000
+PAIRS = 12_000  # of 4000 the error varies by 3 %
 SUNS = (1, 0.05, 0.1), (0.3, -1, 0.2), (-0.9, 0.85, 1)
 
 
