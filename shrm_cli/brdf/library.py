@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -109,7 +110,31 @@ def find_model(name: str) -> type[Brdf]:
     installed = _installed()
     if name in installed:
         return _load(installed[name])
-    raise BrdfError(f"no BRDF is called {name!r}; {suggestion(name, model_names())}")
+    raise BrdfError(f"no BRDF is called {name!r}; {_instead_of(name)}")
+
+
+_EVERYDAY = {
+    **dict.fromkeys(("chrome", "metal", "mirror"), "ggx:roughness=0.1"),
+    **dict.fromkeys(("diffuse", "matte"), "lambertian:albedo=0.8"),
+    **dict.fromkeys(("disney", "plastic", "principled", "standard"), "openpbr"),
+    **dict.fromkeys(("cloth", "fabric", "sheen", "velvet"), "charlie:roughness=0.5"),
+}
+"""Specifications of what a material is called by who does not know the models yet."""
+
+
+def _instead_of(name: str) -> str:
+    """Return what to write in place of a name that no model has."""
+    from shrm_cli.brdf.vectors import METALS  # many models need nothing of it
+
+    lower = name.lower()
+    if lower in METALS:
+        return f"take ggx:roughness=0.3,f0={lower}"
+    if lower in _EVERYDAY:
+        return f"take {_EVERYDAY[lower]}"
+    model, *rest = re.split(r"[\s(]+", lower, maxsplit=1)
+    if rest and model in model_names():
+        return f"parameters follow a colon: {model}:{rest[0].rstrip(') ')}"
+    return suggestion(name, model_names())
 
 
 def all_models() -> tuple[list[type[Brdf]], list[str]]:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from shrm_cli.brdf import library
 from shrm_cli.brdf.base import value_text
 from shrm_cli.brdf.spec import file_label, names_file, parse_spec
 from shrm_cli.errors import BrdfError
@@ -51,6 +52,10 @@ def test_texts_of_values_lose_nothing():
         ("Phong", "did you mean phong"),
         ("qqq", "known: ashikhmin-shirley, blinn-phong, charlie"),
         ("gxx:f0=1/0.78/0.34", "no BRDF is called 'gxx'; did you mean ggx"),
+        ("Gold", "no BRDF is called 'Gold'; take ggx:roughness=0.3,f0=gold"),
+        ("plastic:roughness=0.3", "no BRDF is called 'plastic'; take openpbr"),
+        ("ggx(roughness=0.3)", "parameters follow a colon: ggx:roughness=0.3"),
+        ("ggx roughness=0.3", "parameters follow a colon: ggx:roughness=0.3"),
         ("ggx:f0=gould", "neither a colour nor the name of one; did you mean gold"),
         ("ggx:f0=1/2", "f0=1/2 has 2 channels; give R/G/B"),
         ("ggx:f0=1/2/0.3", "f0=1/2/0.3 is outside 0 .. 1"),
@@ -80,6 +85,11 @@ def test_bad_specifications(spec, words):
     with pytest.raises(BrdfError, match=words) as caught:
         parse_spec(spec)
     assert "\n" not in str(caught.value)
+
+
+def test_what_stands_for_everyday_names_is_a_material():
+    for spec in set(library._EVERYDAY.values()):
+        assert parse_spec(spec).name == spec.partition(":")[0]
 
 
 @pytest.mark.parametrize(
