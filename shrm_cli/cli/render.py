@@ -116,8 +116,8 @@ def render(
     from shrm_cli.render.drawing import Film
     from shrm_cli.rooms.grid import as_grid
 
-    if not maps and mesh is None:
-        raise click.UsageError("Missing argument 'MAP...'")
+    if not (maps or transfer):
+        _refuse_no_map(mesh, probe)
     values["vary"], ways = moving.split_vary(values["vary"])
     stage.refuse_mesh_options(mesh, transfer, values["vary"])
     grid = None if probe is None else as_grid(probe)
@@ -154,6 +154,17 @@ def render(
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
     conclude({"files": written, **settings}, lines, drawing.warnings + told)
+
+
+def _refuse_no_map(mesh: str | None, probe: str | None) -> None:
+    """Say what makes a map, unless what is drawn is a scene, whose objects may have maps."""
+    from shrm_cli.render.scene_file import is_scene_name
+
+    if mesh and is_scene_name(mesh):
+        return
+    made = f"shrm prefilter {probe or 'PROBE'} {'--to splitsum' if mesh else '--brdf SPEC'}"
+    of = f" for the materials of {mesh}" if mesh else ""
+    raise click.UsageError(f"Missing argument 'MAP...': {made} makes one{of}")
 
 
 def _refuse_others(mesh: str | None, values: dict[str, Any], has_probe: bool) -> None:
