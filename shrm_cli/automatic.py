@@ -9,26 +9,16 @@ map keeps, or only one of megabytes, are lamps in sharp lobes, which then go bes
 import math
 from collections.abc import Callable, Iterator
 from copy import copy
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cache, cached_property, partial
 from itertools import chain, tee
 from typing import TYPE_CHECKING
 
-from shrm_cli.brdf.sums import split
+from shrm_cli.forms import FORM, Forms, is_bright, noted
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.principal.proposal import Proposals
-from shrm_cli.maps.request import Prefiltered, Request, Truth, examined, truth_of
-from shrm_cli.maps.seen import (
-    as_candidate,
-    goal_text,
-    judged,
-    kept_or_best,
-    known_error,
-    with_discs_told,
-)
-from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
-from shrm_cli.maps.shrm.terms import ShrmProposals
+from shrm_cli.maps.request import Prefiltered, Request, examined
+from shrm_cli.maps.seen import as_candidate, judged, kept_or_best, with_discs_told
 from shrm_cli.maps.wrong_pixels import LampsBeside, beside_lamps
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import (
@@ -39,21 +29,15 @@ from shrm_cli.plan.search import (
     is_worth_lamps,
     kept_in_fewest,
     least_wrong,
-    rising,
 )
-from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
-from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 if TYPE_CHECKING:
     from shrm_cli.lights.beside import Beside
 
 _Way = tuple[Candidate[Prefiltered], Callable[[], Prefiltered | None]]
 """A map that could be made, and what makes it."""
-_FORM = "form"
-"""The heading of the note that says which form was taken and why."""
 
 
 @keeping_light()
@@ -64,7 +48,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     one, and a warning that says by how much and what would.
     """
     if not request.splits:
-        return _Asked(probe, request).made()
+        return _Choice(Forms(probe, request)).made()
     from shrm_cli.lights.beside import splits_for
 
     goal = Goal.of(request.error, request.seen)
@@ -79,58 +63,35 @@ def automatic_choice(probe: Probe, request: Request) -> str:
 
     It leaves out whether the map would be negative anywhere, for which one of more bytes is made.
     """
-    best = _Asked(probe, request).foreseen()
+    best = _Choice(Forms(probe, request)).foreseen()
     return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
 
 @record(eq=False)
-class _Asked:
-    """What is asked for, the light, and the maps that could be made."""
+class _Choice:
+    """The choice among the maps of a light, and of what is left of it without its lamps."""
 
-    probe: Probe
-    request: Request
-    left: float = 1.0
-    """The RMS of what the probe's light makes, over that of all light, where lamps lie beside."""
-    most_simple: float = math.inf
-    """The most bytes of an SHRM that takes the place of a map of principal functions."""
-    whole: Probe | None = None
-    """The probe with its lamps, where they lie beside."""
-    together: Goal | None = None
-    """What a map and the lamps beside it have to keep, in parts of all light."""
-
-    @cached_property
-    def light(self) -> Projection:
-        """That of the probe, whose pixels are cut where they are large."""
-        fine = self.probe
-        if fine.may_be_coarse:
-            from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
-
-            fine = fine_probe(fine)
-        return Projection(shared(fine))
-
-    @cached_property
-    def goal(self) -> Goal:
-        """What the picture has to keep."""
-        return Goal.of(self.request.error, self.request.seen)
+    forms: Forms
+    turned_down: list[Candidate[Prefiltered]] = field(default_factory=list)
+    """Maps with lamps beside them that were found not to be better by enough to be made unasked."""
 
     @property
-    def _goal_text(self) -> str:
-        """What the picture keeps, in words."""
-        return goal_text(self.together or self.goal)
+    def request(self) -> Request:
+        return self.forms.request
 
-    @cached_property
-    def truth(self) -> Truth:
-        """What is reflected."""
-        return truth_of(self.whole or self.light.probe, self.request.brdf)
+    @property
+    def goal(self) -> Goal:
+        """What the picture has to keep."""
+        return self.forms.goal
 
     def made(self) -> Prefiltered:
-        single = self.made_of_single_cubes()
+        single = self.forms.made_of_single_cubes()
         return single or self.made_of_kept_beside_lamps() or self.of_functions()
 
     def foreseen(self) -> Candidate[Prefiltered]:
         """Return what would be made, if it is negative nowhere, for which one of more bytes is."""
-        if self.single_cubes is not None:
-            return self.single_cubes
+        if self.forms.single_cubes is not None:
+            return self.forms.single_cubes
         if self.kept_beside_lamps is not None:
             return self.kept_beside_lamps
         tried, is_kept = first_kept(self.candidates, self.goal)
@@ -147,55 +108,25 @@ class _Asked:
             apart = self.of_lamps_apart(best, is_kept)
             if apart is not None:
                 yield apart, partial(self.made_of_lamps_apart, apart, best, is_kept)
-        simple = self.simple_shrm(best) if is_kept else None
+        simple = self.forms.simple_shrm(best) if is_kept else None
         if simple is not None:
-            yield simple, partial(self.made_simple, simple)
+            yield simple, partial(self.forms.made_simple, simple)
 
     def made_better(self, best: Candidate[Prefiltered], is_kept: bool) -> Prefiltered | None:
         """Make the first of these that is better indeed, if there is any."""
         return next(filter(None, (make() for _, make in self.better(best, is_kept))), None)
-
-    @cached_property
-    def single_cubes(self) -> Candidate[Prefiltered] | None:
-        """The SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
-
-        Its size is that which the tolerance asks for: fewer texels would save no kilobytes.
-        """
-        if not all(term.zonal for term in split(self.request.brdf)):
-            return None
-        by_eps = replace(self.request, error=None, seen=None)
-        made = shrm_prefilter(self.light.probe, by_eps)
-        candidate = as_candidate(made)
-        return None if made.warnings or not candidate.keeps(self.goal) else candidate
-
-    def made_of_single_cubes(self) -> Prefiltered | None:
-        """Make that SHRM, if there is one and it shows nothing negative."""
-        found = self.single_cubes
-        if found is None:
-            return None
-        return self._made_if_bright(found, f"SHRM, which keeps {self._goal_text}")
-
-    def _made_if_bright(self, found: Candidate[Prefiltered], why: str) -> Prefiltered | None:
-        """Make a map with a note about its form, unless anything visible is negative."""
-        made = examined(judged(found.make(), found), self.truth)
-        return _noted(made, why) if _is_bright(made) else None
 
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
         request = self.request
         made = kept_or_best(
             self.candidates, self.goal, request.allowed,
-            self.made_better, self.truth, self.left, request.size,
+            self.made_better, self.forms.truth, self.forms.left, request.size,
         )  # fmt: skip
-        if _FORM in dict(made.notes):
+        if FORM in dict(made.notes):
             return made
-        made = with_discs_told(made, self._turned_down, self.goal, request.allowed)
-        return _noted(made, f"principal: {self._why_no_shrm(made)}")
-
-    @cached_property
-    def _turned_down(self) -> list[Candidate[Prefiltered]]:
-        """Maps with lamps beside them that were not better by enough to be made unasked."""
-        return []
+        made = with_discs_told(made, self.turned_down, self.goal, request.allowed)
+        return noted(made, f"principal: {self.forms.why_no_shrm(made)}")
 
     def of_lamps_apart(
         self, whole: Candidate[Prefiltered], is_kept: bool
@@ -219,7 +150,7 @@ class _Asked:
             if beside.split.discs and beside.error <= most * self.goal.error:
                 found = self._foreseen_beside(beside, simple)
                 if not self._is_worth_lamps(found, whole, is_kept):
-                    self._turned_down.append(found)
+                    self.turned_down.append(found)
                     continue
                 if found.keeps(self.goal):
                     return found
@@ -245,7 +176,7 @@ class _Asked:
     def _splits(self) -> Iterator["Beside"]:
         from shrm_cli.lights.beside import splits_for
 
-        (found,) = tee(splits_for(self.probe, self.request.brdf, self.goal), 1)
+        (found,) = tee(splits_for(self.forms.probe, self.request.brdf, self.goal), 1)
         return found
 
     @cached_property
@@ -268,7 +199,9 @@ class _Asked:
                 if self._keeps_within_bytes(found):
                     few = self._few_beside(found)
                     # Where more bytes than few are allowed, a map of either kind is right.
-                    is_large = few <= policy.LARGE or self.proposals.is_out_of_reach(few, False)
+                    is_large = few <= policy.LARGE or self.forms.proposals.is_out_of_reach(
+                        few, False
+                    )
                     return found if is_large else None
         return None
 
@@ -284,7 +217,7 @@ class _Asked:
         The least error tells it of few bytes, and the share of wrong pixels of all bytes only:
         among maps of few it may be a fourth of what the one of the least error has.
         """
-        is_missed = self.proposals.is_out_of_reach
+        is_missed = self.forms.proposals.is_out_of_reach
         if is_missed(policy.LARGE, True):
             return True
         return is_missed(policy.LARGE, False) and is_missed(self.request.allowed, False)
@@ -292,9 +225,9 @@ class _Asked:
     @cached_property
     def _seem_large(self) -> bool:
         """Whether maps of all light of ever less error are large before one keeps what is asked."""
-        if self.proposals.is_out_of_reach(policy.LARGE, False):
+        if self.forms.proposals.is_out_of_reach(policy.LARGE, False):
             return True
-        for found in copy(self._rising):
+        for found in self.forms.in_turn:
             if found.bytes > policy.LARGE or found.keeps(self.goal):
                 return found.bytes > policy.LARGE
         return False
@@ -306,7 +239,7 @@ class _Asked:
             return None
         if not (self._seem_large and self.may_have_lamps_apart):
             return None
-        found = kept_in_fewest(self.proposals.rows(policy.LARGE), self.goal)
+        found = kept_in_fewest(self.forms.proposals.rows(policy.LARGE), self.goal)
         return None if found is None else found.candidate
 
     def _few_beside(self, beside: Candidate[Prefiltered]) -> int:
@@ -332,7 +265,7 @@ class _Asked:
         if not self._keeps_within_bytes(found):  # more bytes than foreseen
             return None
         most = bytes_text(self._few_beside(foreseen))
-        why = f"no map of {most} with them in it (`sun` keep) keeps {self._goal_text}"
+        why = f"no map of {most} with them in it (`sun` keep) keeps {self.forms.goal_words}"
         return self._with_lamps_noted(made, found, why)
 
     def _is_worth_lamps(
@@ -355,103 +288,29 @@ class _Asked:
             f"{whole.errors_text} in {bytes_text(whole.bytes)}"
         )
         made = self._with_lamps_noted(made, found, why)
-        return made if not is_kept or _is_bright(made) else None
+        return made if not is_kept or is_bright(made) else None
 
     def _with_lamps_noted(
         self, made: Prefiltered, found: Candidate[Prefiltered], why: str
     ) -> Prefiltered:
         """Say of a map with lamps beside it why they are there; `found` are its errors."""
         notes = dict(made.notes)
-        form = notes.pop(_FORM).partition(":")[0].partition(",")[0]
+        form = notes.pop(FORM).partition(":")[0].partition(",")[0]
         made = replace(judged(made, found), notes=tuple(notes.items()))
-        return _noted(examined(made, self.truth), f"{form}, lamps beside it: {why}")
+        return noted(examined(made, self.forms.truth), f"{form}, lamps beside it: {why}")
 
     @property
     def candidates(self) -> Iterator[Candidate[Prefiltered]]:
         """Maps of principal functions, of ever less error; the same ones whenever asked."""
         first = self._kept_in_few
-        return copy(self._rising) if first is None else chain([first], copy(self._rising))
-
-    @cached_property
-    def _rising(self) -> Iterator[Candidate[Prefiltered]]:
-        """These maps. Each is found once, however many copies of this are gone through."""
-        (found,) = tee(rising(self.proposals, self.goal, self.request.allowed), 1)
-        return found
-
-    @cached_property
-    def proposals(self) -> Proposals:
-        """The maps of principal functions."""
-        asked = replace(self.request, error=self.goal.error, seen=self.goal.wrong_share)
-        return Proposals(self.light, asked)
-
-    @cached_property
-    def shrms(self) -> ShrmProposals:
-        """The SHRMs of a BRDF of a single term, about its own center.
-
-        Principal maps may be about another one, where their transfer functions do not tell.
-        """
-        request, part = self.request, self.proposals.parts[0]
-        if request.center is not None or part.center == request.brdf.center:
-            transfer = self.proposals.planners[0].spectrum.transfer
-            return ShrmProposals.of(self.light, replace(request, brdf=part), transfer)
-        return ShrmProposals.known(self.light, request, self.goal.error)
-
-    def simple_shrm(self, kept: Candidate[Prefiltered]) -> Candidate[Prefiltered] | None:
-        """Return the SHRM that keeps the goal in few bytes and coefficients, if there is one."""
-        if len(self.proposals.parts) > 1 or not self.request.brdf.isotropic:
-            return None  # each term would want an SHRM of its own, with a shader of many look-ups
-        # Whoever asks for an error alone asks for the fewest bytes, and not for a picture.
-        times = 1 if self.goal.wrong_share is None else policy.SIMPLE_TIMES
-        most = min(times * kept.bytes, self.request.allowed, self.most_simple)
-        return self._simple_shrm_of(int(most))
-
-    @cached_property
-    def _simple_shrm_of(self) -> Callable[[int], Candidate[Prefiltered] | None]:
-        """From the most bytes to that SHRM, which remembers what is predicted of it."""
-
-        def find(most: int) -> Candidate[Prefiltered] | None:
-            if not self.shrms.fits(most) or self._is_no_simple_shrm_good:
-                return None
-            shrms = self.shrms.within(most, policy.SIMPLE_ORDER_P)
-            tried, is_kept = first_kept(rising(shrms, self.goal, most), self.goal)
-            return tried[-1] if is_kept else None
-
-        return cache(find)
-
-    @cached_property
-    def _is_no_simple_shrm_good(self) -> bool:
-        """Whether SHRMs of so few coefficients show too many wrong pixels, whatever their texels.
-
-        That takes a tenth of the time of the search among them.
-        """
-        most = self.goal.wrong_share
-        return most is not None and self.shrms.wrong_by_views(policy.SIMPLE_ORDER_P) > most
-
-    def made_simple(self, found: Candidate[Prefiltered]) -> Prefiltered | None:
-        """Make the SHRM that does as well as a map of principal functions."""
-        size = f"{bytes_text(found.bytes)} before packing"
-        return self._made_if_bright(found, f"SHRM, which keeps {self._goal_text} in {size}")
-
-    def _why_no_shrm(self, made: Prefiltered) -> str:
-        """Say what an SHRM of the same error takes, or what one of all the bytes is like."""
-        if not self.request.brdf.isotropic:
-            return "an SHRM knows no tangent"
-        if len(self.proposals.parts) > 1:
-            return "an SHRM would hold every term with harmonics of its own"
-        found = self.shrms.least(known_error(made), self.request.allowed)
-        if found is None:
-            return "no SHRM fits"
-        best, is_kept = found
-        if is_kept:
-            return f"an SHRM of its error takes {bytes_text(best.bytes)}"
-        return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
+        return self.forms.in_turn if first is None else chain([first], self.forms.in_turn)
 
 
 @record(eq=False)
 class _Apart:
     """The light without its lamps, which lie beside its map, and what is asked of that."""
 
-    rest: _Asked
+    rest: _Choice
     beside: "Beside"
     lamps: LampsBeside | None
 
@@ -468,7 +327,7 @@ class _Apart:
             error = error_beside(beside.error, goal.error) / max(beside.left, goal.error)
             asked = replace(asked, error=error, seen=goal.wrong_share)
         most, probe = most_simple - beside.bytes, beside.split.probe
-        rest = _Asked(beside.rest, asked, beside.left, most, probe, goal)
+        rest = _Choice(Forms(beside.rest, asked, beside.left, most, probe, goal))
         return cls(rest, beside, beside.lamps)
 
     def made(self) -> Prefiltered:
@@ -488,13 +347,3 @@ class _Apart:
             found, bytes=found.bytes + self.beside.bytes, total_error=error,
             find_wrong_share=lambda: share, make=self.made,
         )  # fmt: skip
-
-
-def _is_bright(made: Prefiltered) -> bool:
-    """Tell whether nothing visible of an examined map is negative."""
-    return bool(made.further["negative_share"]() <= NEGATIVE_SHARE)
-
-
-def _noted(made: Prefiltered, why: str) -> Prefiltered:
-    """Add the note about the form, before all others."""
-    return replace(made, notes=((_FORM, why), *made.notes))

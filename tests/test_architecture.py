@@ -43,7 +43,7 @@ STOPS = [
     {"reference"},
     {"plan"},
     {"maps"},
-    {"transfer", "lights"},
+    {"transfer", "lights", "forms"},
     {"automatic", "photo"},
     {"prefilter", "naming"},
     {"export"},

@@ -178,7 +178,7 @@ def test_dark_maps_name_what_helps(bare_sun):
 @pytest.mark.parametrize("is_better", [True, False])
 def test_discs_that_are_better_but_not_by_enough_are_told_of(bare_sun, monkeypatch, is_better):
     """At night 19 % of gold's pixels were wrong, and 11 % with `sun` split: "as much", it said."""
-    monkeypatch.setattr(automatic._Asked, "kept_beside_lamps", None)
+    monkeypatch.setattr(automatic._Choice, "kept_beside_lamps", None)
     monkeypatch.setattr(automatic, "is_worth_lamps", lambda *_: False)
     if not is_better:
         monkeypatch.setattr(policy, "MISSED", 1e9)
@@ -373,8 +373,8 @@ def test_no_large_map_is_looked_for_where_lamps_go_beside_a_far_smaller_one(
     found = made(probe, brdf=spec)
     assert isinstance(found.map, LampMap) == is_apart
     assert looked_for == ([] if is_sure else [large])
-    monkeypatch.setattr(automatic._Asked, "_are_lamps_first", False)
-    monkeypatch.setattr(automatic._Asked, "_kept_in_few", None)
+    monkeypatch.setattr(automatic._Choice, "_are_lamps_first", False)
+    monkeypatch.setattr(automatic._Choice, "_kept_in_few", None)
     slower = made(probe, brdf=spec)
     for planes, others in zip(found.map.planes(), slower.map.planes(), strict=True):
         np.testing.assert_array_equal(planes, others)
@@ -473,7 +473,7 @@ def test_no_map_is_made_beside_lamps_in_vain(rng, monkeypatch):
     for name in ("WORTH_LAMPS", "FAR_LESS_WRONG", "FAR_SMALLER"):
         monkeypatch.setattr(policy, name, 0.0)
     makes = counting(monkeypatch, principal_proposal, "lobe_of")
-    foreseen = counting(monkeypatch, automatic._Asked, "foreseen")
+    foreseen = counting(monkeypatch, automatic._Choice, "foreseen")
     for rows, columns, times in ((slice(20, 34), slice(40, 60), 0), (20, 40, 1)):
         light = rng.uniform(0.2, 0.8, (64, 128, 3)).astype(np.float32)
         light[rows, columns] = 300

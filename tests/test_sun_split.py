@@ -9,6 +9,7 @@ import shrm_cli
 from shrm_cli import automatic
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ArgumentError, ShrmWarning
+from shrm_cli.forms import Forms
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.request import Request
 from shrm_cli.plan import policy
@@ -93,7 +94,9 @@ def test_no_shrm_loses_the_bytes_that_lamps_beside_a_map_win(monkeypatch):
     """It may take the place of a map of functions, but not with more bytes than are worth it."""
     light = probe()
     request = Request.of("auto", {"brdf": "oren-nayar:sigma=0.5"}, light)
-    made = [automatic._Asked(light, request, most_simple=most).made() for most in (1e9, 1e4)]
+    made = [
+        automatic._Choice(Forms(light, request, most_simple=most)).made() for most in (1e9, 1e4)
+    ]
     assert [each.map.representation for each in made] == ["shrm", "principal"]
     given, of = [], automatic._Apart.of
 
