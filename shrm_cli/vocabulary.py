@@ -148,8 +148,8 @@ MAX_PRODUCT_PARAMETERS = 2
 """The most parameters that vary in product textures."""
 MAX_EXPONENTIAL_ORDER = 16
 """The largest order of the factors P and Q of a spherical harmonic exponential."""
-TAP_COUNTS = 3, 5, 8
-"""How many look-ups of a split sum may stand for a brushed surface."""
+TAP_COUNTS, EVEN_TAP_COUNTS = (3, 5, 8), (1, 2, 3)
+"""How many look-ups of a split sum may stand for a brushed surface, and for one that is not."""
 DEFAULT_TAPS = 5
 DEFAULT_FRAMES, DEFAULT_FPS = 48, 24.0
 """Frames of a moving picture, and how many of them are shown in a second."""

@@ -6,6 +6,7 @@ import subprocess
 import pytest
 
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
+from shrm_cli.maps.splitsum.even_shader import even_taps_code
 from shrm_cli.maps.splitsum.split_sum import TURNS
 from tests.cli.helpers import ROOT
 from tests.maps.khronos import compile_fragment
@@ -16,7 +17,8 @@ TEXT = (ROOT / "docs" / "anisotropy.md").read_text()
 
 @pytest.mark.parametrize("language", ["glsl", "wgsl"])
 def test_the_code_is_that_of_the_package(language):
-    assert re.findall(rf"```{language}\n(.*?)```", TEXT, re.S) == [taps_code(5, language)]
+    even = [even_taps_code(2, language)] if language == "glsl" else []
+    assert re.findall(rf"```{language}\n(.*?)```", TEXT, re.S) == [taps_code(5, language), *even]
 
 
 def test_the_code_of_glsl_compiles_beside_the_look_up_of_an_engine(tmp_path):

@@ -1,4 +1,4 @@
-"""What a split sum's ways of showing brushed GGX miss, on spheres under real probes.
+"""What a split sum's ways of showing GGX, brushed or not, miss, on spheres under real probes.
 
 The truth is a sum of the lobe over all pixels of a probe that is averaged down. Its samples are
 computed once a material for all probes.
@@ -9,17 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
+from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum, SplitSum
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.source import Source
 from shrm_cli.render.camera import Viewer
 from shrm_cli.sphere.directions import surface_frames
-from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, TAP_COUNTS
+from shrm_cli.vocabulary import EVEN_TAP_COUNTS, LUMINANCE, SEEN_FLOOR, TAP_COUNTS
 
 ROUGHNESS = 0.3, 0.5, 0.7
 ANISOTROPY = 0.3, 0.6, 0.9
+EVEN_ROUGHNESS = 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0
 FIELDS = "around", "radial", "flat"
 WHITE = (1.0, 1.0, 1.0)
 _POINTS = 500
@@ -134,6 +137,43 @@ def measured(
                         found = shown.brushed_radiance(normals, across, views)
                         row[f"{count} taps"] = errors(found, known)
                     yield (file.stem, roughness, anisotropy, field), row
+
+
+def _leaned(light: SplitSum, roughness: float, normals: np.ndarray, views: np.ndarray) -> Array:
+    """Return the light in the direction that Filament and three.js take, times the albedo."""
+    cosines = np.sum(normals * views, axis=1)
+    mirror = 2 * cosines[:, None] * normals - views
+    taken = mirror + roughness**4 * (normals - mirror)
+    taken /= np.linalg.norm(taken, axis=1, keepdims=True)
+    return light.prefiltered(roughness, taken) * DirectionalAlbedo(roughness)(cosines, WHITE)
+
+
+def even_table(files: Sequence[Path], **options: object) -> list[str]:
+    """Return lines of Markdown: mean errors of even surfaces, by their roughness."""
+    viewer = Viewer(30, 15)
+    normals, views = points(viewer)
+    across = tangents(normals, viewer)["flat"]
+    truth = Truth(files)
+    maps = [prefilter(open_probe(file), to="splitsum", **options) for file in files]
+    names = ["mirror direction", "Filament, three.js", *(f"{n} taps" for n in EVEN_TAP_COUNTS)]
+    lines = ["| roughness | " + " | ".join(names) + " |", "|---|" + "---|" * len(names)]
+    means = []
+    for roughness in EVEN_ROUGHNESS:
+        lit = truth.radiance(Ggx(roughness=roughness), normals, across, views)
+        rows = []
+        for made, known in zip(maps, lit, strict=True):
+            ways = [
+                made.shaded(roughness),
+                *(made.shaded(roughness, taps=n) for n in EVEN_TAP_COUNTS),
+            ]
+            first, *others = (each.radiance(normals, views) for each in ways)
+            found = [first, _leaned(made, roughness, normals, views), *others]
+            rows.append([errors(each, known) for each in found])
+        means.append(100 * np.mean(rows, axis=0))
+    for name, mean in zip(("all", *EVEN_ROUGHNESS), (np.mean(means, axis=0), *means), strict=True):
+        cells = " | ".join("/".join(f"{x:.0f}" for x in each) for each in mean)
+        lines.append(f"| {name} | {cells} |")
+    return lines
 
 
 def table(files: Sequence[Path], **options: object) -> list[str]:

@@ -219,13 +219,13 @@ def _measured(
     truth: Truth,
     make: Callable[[], Map],
 ) -> Offer:
-    """Measure a map, with so many taps where the surface is brushed."""
+    """Measure a map, with so many taps where it is looked up with some."""
     shown: ReflectedLight = made.shaded()
-    if taps is not None:
+    if taps is not None and not brdf.isotropic:
         roughness, anisotropy, f0 = brdf.brushed_surface  # type: ignore[attr-defined]
         shown = made.shaded(roughness, f0, anisotropy, taps)
     elif isinstance(made, LightMap):
-        shown = made.shaded(brdf.number("roughness"), brdf.color("f0"))
+        shown = made.shaded(brdf.number("roughness"), brdf.color("f0"), taps=taps)
     error, share = truth.errors(shown, brdf.color("albedo") if made.is_white else 1.0)
     measured: tuple[str, ...] = ("error", "wrong_share")
     if not isinstance(made, LightMap):

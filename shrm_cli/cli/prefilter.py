@@ -28,7 +28,7 @@ _OWN_BRDFS = listing(
     [each.name for each in registry.descriptions().values() if each.why_no_brdf], "and"
 )
 
-_PRINTED_WITH = {"textures": "shader", "anisotropy": "shader", "taps": "anisotropy"}
+_PRINTED_WITH = {"textures": "shader", "anisotropy": "shader", "taps": "shader"}
 """Which option each option of more output needs."""
 _PRINTS = [name for name, each in all_options(registry.descriptions()).items() if each.prints]
 _SEEING = {vocabulary.AUTO, *vocabulary.AUTO_FORMS} - {vocabulary.EXPANDED}
@@ -170,6 +170,10 @@ def _request(to: str, given: Mapping[str, Any], probe: Probe, prints: Mapping[st
     from shrm_cli.maps.request import Request
 
     request = Request.of(to, given, probe)
+    if prints["taps"] is not None:
+        from shrm_cli.maps.kinds import check_tap_count
+
+        check_tap_count(int(prints["taps"]), bool(prints["anisotropy"]))
     if prints["shader"] is not None and request.splits:
         from shrm_cli.maps.lamps.models import check_has_code
 
@@ -183,8 +187,11 @@ def _printed(made: Map, prints: Mapping[str, Any]) -> dict[str, str]:
         return {}
     from shrm_cli.maps.shader.code import look_up_code
 
-    taps = int(prints["taps"] or vocabulary.DEFAULT_TAPS) if prints["anisotropy"] else None
-    return {"shader": look_up_code(made, prints["shader"], prints["textures"], taps)}
+    taps = None if prints["taps"] is None else int(prints["taps"])
+    brushed, even = (
+        (taps or vocabulary.DEFAULT_TAPS, None) if prints["anisotropy"] else (None, taps)
+    )
+    return {"shader": look_up_code(made, prints["shader"], prints["textures"], brushed, even)}
 
 
 def _made_by_default(given: Mapping[str, Any], source: Probe) -> str:

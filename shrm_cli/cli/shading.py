@@ -9,7 +9,13 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.types import BRUSH, Parsed, option, within
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MIN_ROUGHNESS, TAP_COUNTS
+from shrm_cli.vocabulary import (
+    DEFAULT_ROUGHNESS,
+    DEFAULT_TAPS,
+    EVEN_TAP_COUNTS,
+    MIN_ROUGHNESS,
+    TAP_COUNTS,
+)
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -50,9 +56,10 @@ brushed_options = options.several(
         "the tangents, which run around +Y on spheres.  [default: 0]",
     ),
     option(
-        "--taps", click.Choice([str(each) for each in TAP_COUNTS]), callback=_as_number,
-        help="Look-ups of the light with --anisotropy.  "
-        f"[default: {DEFAULT_TAPS}]",
+        "--taps", click.Choice([str(n) for n in sorted({*EVEN_TAP_COUNTS, *TAP_COUNTS})]),
+        callback=_as_number,
+        help="Look-ups of a split sum where the lobe lies: 1, 2 or 3, or with --anisotropy 3, 5 or "
+        f"8.  [default: one about the mirror direction, as engines do; with it {DEFAULT_TAPS}]",
     ),
 )  # fmt: skip
 
@@ -71,15 +78,14 @@ def surface_rules(maps: Sequence[Map]) -> dict[str, usage.Applies]:
 
 
 def brushed_rules(maps: Sequence[Map]) -> dict[str, usage.Applies]:
-    """Return when the options of brushed surfaces apply."""
+    """Return when the options of split sums of GGX apply."""
     asked = [each.surface_arguments for each in maps if each.surface_arguments]
     holds = bool(asked) and all("anisotropy" in each for each in asked)
-    is_brushed = "anisotropy" in usage.given_options()
     return {
         "anisotropy": usage.Applies(
             holds, "to split sums of GGX; other forms take a BRDF, ggx:anisotropy=, when made"
         ),
-        "taps": usage.Applies(holds and is_brushed, "with --anisotropy"),
+        "taps": usage.Applies(holds, "to split sums of GGX"),
     }
 
 

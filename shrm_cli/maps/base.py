@@ -34,7 +34,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.options import SHARED
 from shrm_cli.records import Displayed
 from shrm_cli.sphere.directions import bisector
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MAX_CUBE_SIZE
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, MAX_CUBE_SIZE
 
 if TYPE_CHECKING:
     import os
@@ -196,7 +196,7 @@ class Map(Displayed, ABC):
         roughness: float = DEFAULT_ROUGHNESS,
         f0: float | Sequence[float] = 1.0,
         anisotropy: float = 0.0,
-        taps: int = DEFAULT_TAPS,
+        taps: int | None = None,
     ) -> ReflectedLight:
         """Return the reflected light: of light alone, that of a GGX surface.
 
@@ -208,8 +208,9 @@ class Map(Displayed, ABC):
             Reflectance at normal incidence, grey or linear RGB, in 0 .. 1.
         anisotropy : float
             That of glTF, in 0 .. 1, which split sums of GGX show.
-        taps : {3, 5, 8}
-            How many directions the light of a brushed surface is looked up in.
+        taps : {1, 2, 3} or, with anisotropy, {3, 5, 8}, optional
+            How many directions a split sum of GGX is looked up in, where the lobe lies. By default
+            it is one about the mirror direction, as engines do, or 5 of a brushed surface.
 
         Returns
         -------

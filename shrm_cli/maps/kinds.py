@@ -10,14 +10,21 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
-from shrm_cli.errors import MapError
+from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.registry import DESCRIPTIONS, unconverted
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import central_directions
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, TAP_COUNTS, Center, Frame, Sampling
+from shrm_cli.vocabulary import (
+    DEFAULT_ROUGHNESS,
+    EVEN_TAP_COUNTS,
+    TAP_COUNTS,
+    Center,
+    Frame,
+    Sampling,
+)
 
 if TYPE_CHECKING:
     from shrm_cli.maps.product.product import ProductMap
@@ -92,6 +99,15 @@ class FixedMap(Map):
         return {"representation": self.representation, "frame": self.frame, "center": self.center}
 
 
+def check_tap_count(taps: int, is_brushed: bool) -> None:
+    """Raise an `ArgumentError`, if no lobe has so many taps."""
+    known = TAP_COUNTS if is_brushed else EVEN_TAP_COUNTS
+    if taps not in known:
+        given = "with" if is_brushed else "without"
+        counts = f"{', '.join(map(str, known[:-1]))} or {known[-1]}"
+        raise ArgumentError("taps", f"is {taps!r}; {given} anisotropy give {counts}")
+
+
 class LightMap(FixedMap):
     """Light that is prefiltered without a BRDF, for GGX surfaces of any roughness and reflectance.
 
@@ -106,21 +122,28 @@ class LightMap(FixedMap):
         roughness: float = DEFAULT_ROUGHNESS,
         f0: float | Sequence[float] = 1.0,
         anisotropy: float = 0.0,
-        taps: int = DEFAULT_TAPS,
+        taps: int | None = None,
     ) -> "Shaded":
         self.check_brush(anisotropy)
-        if taps not in TAP_COUNTS:
-            raise MapError(f"taps must be one of {', '.join(map(str, TAP_COUNTS))}, not {taps!r}")
+        self.check_taps(taps, anisotropy)
         return self.surface(roughness, _reflectance(f0), anisotropy, taps)
 
     @abstractmethod
-    def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int) -> "Shaded":
+    def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int | None) -> "Shaded":
         """Return a GGX surface under the light, on which it can be shown; see `shaded`."""
 
     def check_brush(self, anisotropy: float) -> None:
         """Raise a `MapError`, if the light cannot be shown on a brushed surface."""
         if anisotropy and "anisotropy" not in self.surface_arguments:
             raise MapError(f"anisotropy is of split sums of GGX, not of {self.what}")
+
+    def check_taps(self, taps: int | None, anisotropy: float) -> None:
+        """Raise an error, if the light is not looked up so often for a surface."""
+        if taps is None:
+            return
+        if "anisotropy" not in self.surface_arguments:
+            raise MapError(f"taps are of split sums of GGX, not of {self.what}")
+        check_tap_count(taps, bool(anisotropy))
 
 
 def _reflectance(f0: float | Sequence[float]) -> Color:

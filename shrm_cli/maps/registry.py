@@ -52,6 +52,7 @@ _P, _Q = vocabulary.DEFAULT_FACTOR_ORDERS
 _LOW, _HIGH = vocabulary.DEFAULT_FITTED_ROUGHNESS
 _ORDERS = (0, vocabulary.MAX_EXPONENTIAL_ORDER)
 
+_TAPS = tuple(map(str, sorted({*vocabulary.EVEN_TAP_COUNTS, *vocabulary.TAP_COUNTS})))
 DESCRIPTIONS = {
     "shrm": Representation(
         "shrm",
@@ -115,9 +116,10 @@ DESCRIPTIONS = {
                 "f0) too, of brushed GGX.",
             ),
             Option(
-                "taps", kind="choice", choices=tuple(map(str, vocabulary.TAP_COUNTS)), prints=True,
-                help="splitsum, with --anisotropy: look-ups it takes.  "
-                f"[default: {vocabulary.DEFAULT_TAPS}]",
+                "taps", kind="choice", choices=_TAPS, prints=True,
+                help="splitsum, with --shader: print shrm_even(n, v, roughness, f0) too, by 1, 2 "
+                "or 3 look-ups where the lobe lies; or those of --anisotropy, 3, 5 or 8.  "
+                f"[default with --anisotropy: {vocabulary.DEFAULT_TAPS}]",
             ),
             Option(
                 "mips", kind="switch", default=False,

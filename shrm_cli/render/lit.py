@@ -23,7 +23,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.rooms.grid import ProbeGrid
 from shrm_cli.rooms.lit import in_grid
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS
 
 _ROUNDING = 1e-6
 """How far a roughness may lie outside a map's range, which files hold as 32-bit floats."""
@@ -46,7 +46,7 @@ def shown_as(made: Map, surface: Ggx, taps: int | None = None) -> ReflectedLight
     """Return the light of a map as a GGX surface reflects it; see `Map.shaded`."""
     anisotropy = 0.0 if surface.isotropic else surface.number("anisotropy")
     numbers = surface.number("roughness"), surface.color("f0"), anisotropy
-    return made.shaded(*numbers, taps or DEFAULT_TAPS)
+    return made.shaded(*numbers, taps)
 
 
 def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color:
@@ -93,7 +93,7 @@ def shaded_maps(
     `roughness` is the perceptual roughness of the surface; `DEFAULT_ROUGHNESS` by default. `f0` is
     its reflectance at normal incidence, as `reflectance` takes it; that of `Ggx` by default. The
     colors of metals are converted to the primaries of each map. `anisotropy` and `taps` are those
-    of a brushed surface, as `shown_as` takes them.
+    of `Map.shaded`.
 
     Returns `maps`, all maps, those of light alone with the surface; `surface`, roughness and
     reflectance of the first map's surface, for a result; without a reflectance where that is a BRDF

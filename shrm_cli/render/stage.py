@@ -45,7 +45,7 @@ class Look:
     anisotropy: float | None = None
     """That of glTF, of the GGX surface that split sums are shown as."""
     taps: int | None = None
-    """How many directions the light of such a surface is looked up in. One of 3, 5 and 8."""
+    """How many directions the light of that surface is looked up in, as `Map.shaded` has it."""
     paint: Paint | None = None
     """What the surface is made of from point to point. It replaces the roughness, and the f0 that
     is not given."""

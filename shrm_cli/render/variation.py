@@ -128,8 +128,8 @@ _BLACK, _WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 class VariedSurface:
     """A GGX surface under the light of a map.
 
-    `anisotropy` is that of glTF. `taps`, one of 3, 5, 8, are how many directions the light of a
-    brushed surface is looked up in.
+    `anisotropy` is that of glTF, and `taps` are how many directions the light is looked up in, as
+    `Map.shaded` has them.
     """
 
     def __init__(

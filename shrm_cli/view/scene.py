@@ -178,7 +178,8 @@ def _add_truth(
     progress: Progress | None,
 ) -> None:
     """Add pictures of the truth, if the maps are of one BRDF."""
-    surface = start.roughness, start.f0, start.anisotropy, start.taps
+    taps = start.taps if start.anisotropy else None
+    surface = start.roughness, start.f0, start.anisotropy, taps
     shown = [each.shaded(*surface) for each in maps]
     brdf = truth.brdf
     if brdf is None:

@@ -41,6 +41,14 @@ def test_the_code_is_alone_on_stdout(folder, to):
         assert result.err.startswith("map.exr: ")
 
 
+def test_the_code_of_even_surfaces(folder):
+    asked = ("--to", "splitsum", *FORMS["splitsum"], "-o", "map.exr", "--shader", "glsl")
+    result = run("prefilter", "probe.exr", *asked, "--taps", 2)
+    assert result.code == 0
+    assert result.out == look_up_code(open_map("map.exr"), "glsl", even_taps=2)
+    assert "shrm_even(" in result.out
+
+
 @pytest.mark.parametrize(("options", "taps"), [([], 5), (["--taps", 8], 8)])
 def test_the_code_of_brushed_surfaces(folder, options, taps):
     asked = ("--to", "splitsum", *FORMS["splitsum"], "-o", "map.exr", "--shader", "hlsl")
@@ -54,7 +62,12 @@ def test_the_code_of_brushed_surfaces(folder, options, taps):
     ("options", "code", "words"),
     [
         (["splitsum", "--anisotropy"], 2, "--anisotropy applies with --shader"),
-        (["splitsum", "--shader", "c", "--taps", 5], 2, "--taps applies with --anisotropy"),
+        (
+            ["splitsum", "--shader", "c", "--taps", 5],
+            2,
+            "--taps is 5; without anisotropy give 1, 2 or 3",
+        ),
+        (["splitsum", "--taps", 1], 2, "--taps applies with --shader"),
         (["she", "--shader", "c", "--anisotropy"], 2, "--anisotropy applies with --to splitsum"),
         (["splitsum", "--brdf", "charlie", "--shader", "c", "--anisotropy"], 1, "of GGX"),
     ],

@@ -74,7 +74,7 @@ def test_brushed_surfaces_are_drawn(splits):
     drawn = {}
     for name, more in {
         "even": [], "none": ["--anisotropy", 0], "five": ["--anisotropy", 0.6],
-        "eight": ["--anisotropy", 0.6, "--taps", 8],
+        "eight": ["--anisotropy", 0.6, "--taps", 8], "two": ["--taps", 2],
     }.items():  # fmt: skip
         done(
             "render", "linear.exr", "--size", 32, "--precision", "float", *more, "-o", f"{name}.exr"
@@ -86,6 +86,9 @@ def test_brushed_surfaces_are_drawn(splits):
     made = open_map("linear.exr")
     shown = BrushedSplitSum(made, 0.5, (1.0, 1.0, 1.0), 0.6)
     np.testing.assert_allclose(drawn["five"], render_sphere(shown, Viewer(0, 0), 32), atol=1e-6)
+    shown = made.shaded(0.5, taps=2)
+    np.testing.assert_allclose(drawn["two"], render_sphere(shown, Viewer(0, 0), 32), atol=1e-6)
+    assert np.abs(drawn["two"] - drawn["even"]).max() > 0.01
 
 
 def test_brushed_surfaces_are_compared_with_their_own_truth(splits):
@@ -102,7 +105,9 @@ def test_brushed_surfaces_are_compared_with_their_own_truth(splits):
     [
         (["shrm.exr", "--anisotropy", 0.6], "--anisotropy applies to split sums of GGX"),
         (["cloth.exr", "--anisotropy", 0.6], "--anisotropy applies to split sums of GGX"),
-        (["linear.exr", "--taps", 5], "--taps applies with --anisotropy"),
+        (["linear.exr", "--taps", 5], "--taps is 5; without anisotropy give 1, 2 or 3"),
+        (["linear.exr", "--anisotropy", 0.6, "--taps", 1], "with anisotropy give 3, 5 or 8"),
+        (["cloth.exr", "--taps", 1], "--taps applies to split sums of GGX"),
         (["linear.exr", "--anisotropy", 1.1], "--anisotropy"),
         (["linear.exr", "--anisotropy", 0.6, "--taps", 4], "--taps"),
     ],

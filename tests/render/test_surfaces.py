@@ -389,6 +389,7 @@ JUDGED = {
          "specular_reflectance": theirs.texture(color)}
     ],
     "splitsum": dielectric,
+    "metal": dielectric,
     "she": dielectric,
 }  # fmt: skip
 
@@ -400,11 +401,11 @@ def test_a_textured_body_looks_as_in_mitsuba(mitsuba, tmp_path, form):
     """Base colour, roughness and gentle bumps: 2 % beyond the noise, and more without the bumps.
 
     Where bumps are steep, Mitsuba cuts off the light below the smooth surface. Metals of split sums
-    are left out, whose own error is some 5 % at grazing angles.
+    are looked up with three taps: about the mirror direction they are off by 6 %.
     """
     size, shape, sky = 96, globe(64, (1.0, 1.2, 0.9)), soft_sky()
     color, packed, normals = textures()
-    packed[..., 2] *= 0 if form == "splitsum" else 1
+    packed[..., 2] = {"splitsum": 0, "metal": 255}.get(form, packed[..., 2])
     given = material(
         pbr={"metallicRoughnessTexture": {"index": 1}}, normalTexture={"index": 2, "scale": 0.4}
     )
@@ -414,9 +415,9 @@ def test_a_textured_body_looks_as_in_mitsuba(mitsuba, tmp_path, form):
     diffuse = prefilter(probe, None, to="irradiance")
     light = diffuse if form == "irradiance" else prefilter(
         probe, "ggx:roughness=0.6,f0=1" if form == "ggx" else None,
-        **({"eps": 0.003} if form == "ggx" else {"to": form}),
+        **({"eps": 0.003} if form == "ggx" else {"to": "splitsum" if form == "metal" else form}),
     )  # fmt: skip
-    shown = Shown(irradiance=diffuse)
+    shown = Shown(irradiance=diffuse, taps=3 if form == "metal" else None)
     ours, subject = picture(tmp_path / "a.glb", light, size, VIEW, shown, fov=30.0)
     theirs = Theirs(mitsuba, shape, sky, subject.aim, size, tmp_path)
     slope = (normals / 127.5 - 1) * [0.4, 0.4, 1]
@@ -441,5 +442,5 @@ def test_a_textured_body_looks_as_in_mitsuba(mitsuba, tmp_path, form):
     wrong = relative_rms(dented, expected, coverage)
     print(f"{form}: {beyond:.2%} beyond {noise:.2%} of noise; {wrong:.2%} with dents for bumps")
     assert noise < 0.04
-    assert beyond < 0.02
+    assert beyond < (0.025 if form == "metal" else 0.02)
     assert wrong > 2 * np.hypot(noise, 0.02)

@@ -4,9 +4,17 @@ import numpy as np
 import pytest
 
 from research.taps.environment import turns
-from research.taps.fit import Node, fitted, kinds, missed
+from research.taps.fit import (
+    brushed_node,
+    even_fitted,
+    even_kinds,
+    even_node,
+    fitted,
+    kinds,
+    missed,
+)
 from research.taps.lobes import ORDER, Norm, view
-from shrm_cli.brdf.environment.taps import KINDS, monomials, polynomials
+from shrm_cli.brdf.environment.taps import EVEN_KINDS, KINDS, even_polynomials, polynomials
 from shrm_cli.maps.splitsum.split_sum import TURNS
 from shrm_cli.vocabulary import TAP_COUNTS
 from tests import brushed_ggx
@@ -58,7 +66,7 @@ def test_the_package_has_polynomials_that_fit(norm, count):
         ((0.6, 0.3), view(0.4, 1.1), 0.2),
         ((0.42, 0.09), view(0.6, 0.7), 0.25),
     ):
-        node = Node(alphas, seen, _basis(alphas, seen), norm.brushed(alphas, seen))
+        node = brushed_node(norm, alphas, seen)
         numbers = np.concatenate([rows[kind] @ node.basis for kind in KINDS])
         error = np.linalg.norm(missed(norm, node, numbers, names))
         mirror = 2 * seen[2] * np.array([0, 0, 1]) - seen
@@ -66,10 +74,38 @@ def test_the_package_has_polynomials_that_fit(norm, count):
         assert error < min(most, 0.5 * np.linalg.norm(even) / np.linalg.norm(node.lobe))
 
 
+@pytest.mark.parametrize(("count", "most"), [(1, 0.17), (2, 0.1), (3, 0.08)])
+def test_the_package_has_polynomials_that_fit_even_lobes(norm, count, most):
+    """A look-up about the mirror direction misses more than twice as much."""
+    rows = even_polynomials(count)
+    assert "".join(kind * len(rows[kind]) for kind in EVEN_KINDS) == even_kinds(count)
+    ours, theirs = [], []
+    for roughness in (0.45, 0.7, 0.93):
+        for seen in (view(0.8, 0.0), view(0.5, 0.0), view(0.2, 0.0)):
+            node = even_node(norm, roughness, seen)
+            numbers = np.concatenate([rows[kind] @ node.basis for kind in EVEN_KINDS])
+            ours.append(np.linalg.norm(missed(norm, node, numbers, even_kinds(count))))
+            mirror = norm.even(roughness, seen * [-1, -1, 1]) - node.lobe
+            theirs.append(np.linalg.norm(mirror) / np.linalg.norm(node.lobe))
+    error = np.sqrt(np.mean(np.square(ours)))
+    assert error < min(most, np.sqrt(np.mean(np.square(theirs))) / 2)
+
+
+def test_a_fit_of_an_even_surface_is_closer_than_where_it_starts(norm):
+    among = [even_node(norm, 0.6, view(z, 0.0)) for z in (0.9, 0.5, 0.3)]
+    told = []
+    found = even_fitted(2, norm, among, told.append)
+    errors = [
+        np.linalg.norm(missed(norm, each, found @ each.basis, even_kinds(2))) for each in among
+    ]
+    assert len(told) > 1
+    assert max(errors) < 0.1
+
+
 def test_a_fit_of_one_surface_is_closer_than_where_it_starts(norm):
     alphas = 0.52, 0.25
     among = [
-        Node(alphas, seen, _basis(alphas, seen), norm.brushed(alphas, seen))
+        brushed_node(norm, alphas, seen)
         for seen in (view(0.9, 0.0), view(0.5, 0.8), view(0.3, 1.6))
     ]
     told = []
@@ -86,8 +122,3 @@ def test_the_package_has_the_turns_that_fit():
         most = {"total": (0.023, 0.18), "bias": (0.003, 0.02)}[part]
         assert np.sqrt(np.mean(left**2)) < most[0]
         assert np.abs(left).max() < most[1]
-
-
-def _basis(alphas, seen):
-    ax, ay = alphas
-    return monomials(*np.array([[ay**0.5], [(ay / ax) ** 0.5], [seen[2]]]))[:, 0]

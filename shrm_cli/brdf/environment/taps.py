@@ -13,6 +13,9 @@ much of its facets is seen, and its light is that of a level of alpha ``r^2 ay``
 The numbers u, w, r and t of each tap are polynomials of the roughness, the ratio of alphas and N.V.
 They are fitted by `research.taps` to the lobes themselves, by least squares over light whose
 spectrum is the mean of real probes, in all rotations.
+
+Even GGX has taps of its own, without u: its lobe leans towards the normal, and is narrower on one
+side than on the other, which a look-up about the mirror direction leaves out.
 """
 
 from functools import cache
@@ -27,16 +30,18 @@ from shrm_cli.records import record
 LEAST_FITTED = 0.2, 0.25
 """The roughness along y, and the root of the ratio of alphas, below which the polynomials are taken
 as they are there."""
-_TABLE = Path(__file__).with_name("taps.csv")
-KINDS = "uwrt"
+_TABLE, _EVEN_TABLE = (Path(__file__).with_name(name) for name in ("taps.csv", "even_taps.csv"))
+KINDS, EVEN_KINDS = "uwrt", "wrt"
 """The names of the numbers of a tap: spread, weight, roughness, tilt."""
 MONOMIALS = ("1", "s", "p", "z", "s*s", "s*p", "s*z", "p*p", "p*z", "z*z")
 """What the columns of the table multiply: s is the root of ay / ax, p that of ay, and z is N.V."""
+EVEN_MONOMIALS = ("1", "p", "z", "p*p", "p*z", "z*z")
+"""The same of the table of even GGX."""
 
 
 @record(eq=False)
 class Taps:
-    """The taps of some views, in the frame whose x axis runs across the brush marks."""
+    """The taps of some views: of brushed GGX in the frame whose x axis runs across the marks."""
 
     weights: Array
     """Their sum is 1, shape (..., taps)."""
@@ -54,12 +59,28 @@ def polynomials(count: int) -> dict[str, Array]:
     one is the middle, which has no u. All others are pairs. The first weight is 1, and is not among
     those of ``w``.
     """
-    rows: dict[str, list[list[float]]] = {kind: [] for kind in KINDS}
-    for line in _TABLE.read_text(encoding="ascii").splitlines()[1:]:
+    return _polynomials(_TABLE, KINDS, count)
+
+
+@cache
+def even_polynomials(count: int) -> dict[str, Array]:
+    """Return the fitted polynomials of a number of taps of even GGX.
+
+    Returns arrays of shape (n, 6), by the letters w, r and t. The first weight is 1, and is not
+    among those of ``w``.
+    """
+    return _polynomials(_EVEN_TABLE, EVEN_KINDS, count)
+
+
+def _polynomials(table: Path, kinds: str, count: int) -> dict[str, Array]:
+    rows: dict[str, list[list[float]]] = {kind: [] for kind in kinds}
+    header, *lines = table.read_text(encoding="ascii").splitlines()
+    for line in lines:
         taps, kind, *numbers = line.split(",")
         if int(taps) == count:
             rows[kind].append([float(number) for number in numbers])
-    return {kind: np.array(values) for kind, values in rows.items()}
+    width = header.count(",") - 1
+    return {kind: np.reshape(values, (-1, width)) for kind, values in rows.items()}
 
 
 def monomials(roughness: Array, ratio: Array, cosines: Array) -> Array:
@@ -107,4 +128,47 @@ def taps_of(numbers: tuple[Array, ...], alphas: tuple[float, float], views: Arra
         np.moveaxis(seen / seen.sum(axis=0), 0, -1),
         np.moveaxis(scale[..., None] * half - views, 0, -2),
         np.moveaxis(np.minimum(np.sqrt(ay) * widths[index], 1), 0, -1),
+    )
+
+
+def even_monomials(roughness: ArrayLike, cosines: ArrayLike) -> Array:
+    """Evaluate `EVEN_MONOMIALS`, shape (6, ...)."""
+    p, z = np.broadcast_arrays(np.maximum(roughness, LEAST_FITTED[0]), cosines)
+    return np.stack([np.ones(z.shape), p, z, p * p, p * z, z * z])
+
+
+def even_taps(roughness: float, normals: ArrayLike, views: ArrayLike, count: int) -> Taps:
+    """Return the taps of GGX that is not brushed, in the axes of the normals and views.
+
+    `roughness` is perceptual. `normals` and `views`, of shape (..., 3), are unit vectors. `count`
+    is one of `vocabulary.EVEN_TAP_COUNTS`.
+    """
+    numbers = even_polynomials(count)
+    return even_taps_of(tuple(numbers[kind] for kind in EVEN_KINDS), roughness, normals, views)
+
+
+def even_taps_of(
+    numbers: tuple[Array, ...], roughness: float, normals: ArrayLike, views: ArrayLike
+) -> Taps:
+    """Return the taps that polynomials describe, in the order of `EVEN_KINDS`; see `even_taps`."""
+    normals, views = np.broadcast_arrays(
+        np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
+    )
+    z = np.maximum(np.sum(normals * views, axis=-1), 1e-5)
+    weights, widths, tilts = (
+        np.moveaxis(np.tensordot(each, even_monomials(roughness, z), 1), 0, -1) for each in numbers
+    )
+    square, across = roughness**4, 1 - z**2  # of alpha, and of the sine of the view
+    # A facet's slopes are those of the view along the surface, as far as it leans towards it.
+    leans = tilts * (square / np.sqrt(square * across + z**2))[..., None]
+    beside = views - z[..., None] * normals
+    halves = normals[..., None, :] + leans[..., None] * beside[..., None, :]
+    facing = z[..., None] + leans * across[..., None]
+    scale = 2 * facing / (1 + leans**2 * across[..., None])
+    first = np.ones((*z.shape, 1))
+    seen = np.concatenate([first, np.maximum(weights, 0)], axis=-1) * np.maximum(facing, 0)
+    return Taps(
+        seen / seen.sum(axis=-1, keepdims=True),
+        scale[..., None] * halves - views[..., None, :],
+        np.minimum(roughness * widths, 1),
     )

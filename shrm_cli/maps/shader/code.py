@@ -110,14 +110,22 @@ class Code:
 
 
 def look_up_code(
-    made: Map, language: str, textures: str | None = None, taps: int | None = None
+    made: Map,
+    language: str,
+    textures: str | None = None,
+    taps: int | None = None,
+    even_taps: int | None = None,
 ) -> str:
     """Write the function of a map for a shader or a program; see `written_code`."""
-    return written_code(made, language, textures, taps).text
+    return written_code(made, language, textures, taps, even_taps).text
 
 
 def written_code(
-    made: Map, language: str, textures: str | None = None, taps: int | None = None
+    made: Map,
+    language: str,
+    textures: str | None = None,
+    taps: int | None = None,
+    even_taps: int | None = None,
 ) -> Code:
     """Write the function of a map for a shader or a program, and say which it is.
 
@@ -133,7 +141,8 @@ def written_code(
     graphics API wants them, or from the arrays of images that `file.pack` returns. Code in C reads
     the latter; for the other languages, arrays of cube maps are the default. `taps`, one of 3, 5,
     8, are those of a split sum of GGX: add ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``,
-    the light of brushed GGX, by so many look-ups.
+    the light of brushed GGX, by so many look-ups. `even_taps`, one of 1, 2, 3, add
+    ``shrm_even(n, v, roughness, f0)``, that of GGX which is not brushed.
     """
     speech = Language(language)
     if (snippet := whole_code(made)) is not None:
@@ -150,6 +159,8 @@ def written_code(
     functions = source.functions(words)
     if taps is not None:
         functions += _brushed(made, taps, speech)
+    if even_taps is not None:
+        functions += _even(made, even_taps, speech)
     takes_tangent = source.takes_tangent
     if made.stored is not made:
         functions, takes_tangent = _with_lamps(made, functions, speech, takes_tangent)
@@ -209,6 +220,15 @@ def _brushed(made: Map, taps: int, language: Language) -> list[str]:
     if "anisotropy" not in made.surface_arguments:
         raise MapError(f"{made.what}: only split sums of GGX have code for `anisotropy`")
     return brushed_functions(taps, language)
+
+
+def _even(made: Map, taps: int, language: Language) -> list[str]:
+    """Write the functions of surfaces that are not brushed, whose lobes are looked up with taps."""
+    from shrm_cli.maps.splitsum.even_shader import even_functions
+
+    if "anisotropy" not in made.surface_arguments:
+        raise MapError(f"{made.what}: only split sums of GGX have code for `taps`")
+    return even_functions(taps, language)
 
 
 def lobe_of(made: Map) -> Table | None:

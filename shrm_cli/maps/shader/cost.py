@@ -22,6 +22,8 @@ _GREY = 47
 """Of an SH exponential for one f0, without its series."""
 _PAIR, _ALONE, _BRUSHED = 128, 79, 94
 """Of two taps of brushed GGX, of one in the middle, and of all that is around them."""
+_TAP, _EVEN = 39, 33
+"""Of a tap of even GGX, and of all around them, without the weight that the first one has not."""
 
 
 @record
@@ -64,6 +66,11 @@ def brushed_cost(taps: int) -> Cost:
     """
     pairs, alone = divmod(taps, 2)
     return Cost(2 * taps + 2 * 4, _PAIR * pairs + _ALONE * alone + _BRUSHED)
+
+
+def even_cost(taps: int) -> Cost:
+    """Return the cost of GGX that is not brushed under a split sum, with taps."""
+    return Cost(2 * taps + 4, _TAP * taps + _EVEN)
 
 
 def exponential_cost(order_p: int, order_q: int, is_grey: bool) -> Cost:

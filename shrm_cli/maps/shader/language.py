@@ -59,7 +59,9 @@ static double shrm_max(double a, double b) { return a < b ? b : a; }"""
 C_MAY_BE_UNUSED = ["#ifdef __GNUC__", "__attribute__((unused))", "#endif"]
 """What stands before the function that programs call: a file that includes the code and leaves it
 unused gets no warning. C89 has no ``inline``, which would tell that in other languages."""
-_CALLED = re.compile(r"^(?=static \w+ shrm_(?:(?:ir)?radiance(?:_at)?|brushed)\()", re.MULTILINE)
+_CALLED = re.compile(
+    r"^(?=static \w+ shrm_(?:(?:ir)?radiance(?:_at)?|brushed|even)\()", re.MULTILINE
+)
 
 # Patterns of words in GLSL, and what stands for them.
 _WORDS: dict[str, list[tuple[str, str]]] = {

@@ -136,7 +136,7 @@ class SphericalHarmonicExponential(LightMap):
         """The coefficients of P, then those of Q, shape ((P+1)^2 + (Q+1)^2 - 1, 3)."""
         return np.concatenate([self.p_coefficients, self.q_coefficients])
 
-    def surface(self, roughness: float, f0: Color, *brush: float) -> "ShadedExponential":
+    def surface(self, roughness: float, f0: Color, *brush: float | None) -> "ShadedExponential":
         return ShadedExponential(self, roughness, f0)
 
 

@@ -4,10 +4,10 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.maps.offers import LookUp, Setting
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.shader.cost import brushed_cost, split_sum_cost
+from shrm_cli.maps.shader.cost import brushed_cost, even_cost, split_sum_cost
 from shrm_cli.maps.size import stored_bytes
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.vocabulary import TAP_COUNTS
+from shrm_cli.vocabulary import EVEN_TAP_COUNTS, TAP_COUNTS
 
 _SIZES: tuple[dict[str, int], ...] = ({"size": 16}, {"size": 32}, {"size": 64}, {})
 """The sizes of split sums of a single level; the last has its own."""
@@ -21,15 +21,17 @@ def settings(brdf: Brdf) -> list[Setting]:
     if brdf.surface is not None:
         own, _ = brdf.surface
         found = [Setting({}), *(Setting({"levels": (own,), **size}) for size in _SIZES)]
+        found.append(Setting({}, taps=EVEN_TAP_COUNTS))
     if not brdf.isotropic and brdf.brushed_surface is not None:
         found.append(Setting({}, taps=TAP_COUNTS))
     return found
 
 
 def look_up(made: SplitSum, brdf: Brdf, taps: int | None) -> LookUp:
-    """Return what the code of a map takes, by so many look-ups where the surface is brushed."""
+    """Return what the code of a map takes, by so many look-ups where the lobe lies."""
     stored = sum(stored_bytes(level.shape[1], 1) for level in made.levels)
     what = f"{counted(len(made.levels), 'level')} of {made.size}"
     if taps is None:
         return LookUp(what, stored, split_sum_cost())
-    return LookUp(f"{what}, {taps} taps", stored, brushed_cost(taps))
+    cost = even_cost(taps) if brdf.isotropic else brushed_cost(taps)
+    return LookUp(f"{what}, {counted(taps, 'tap')}", stored, cost)

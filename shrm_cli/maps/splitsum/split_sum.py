@@ -198,13 +198,16 @@ class SplitSum(LightMap):
         """What of the surface is chosen; a map of another BRDF than GGX has colors of its own."""
         return ("roughness", "f0", "anisotropy") if self.is_ggx else ("roughness",)
 
-    def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int) -> Shaded:
+    def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int | None) -> Shaded:
         if self.material is not None:
             return ShadedMaterial(self, float(roughness), (1.0, 1.0, 1.0))
         red, green, blue = (float(channel) for channel in f0)
-        if not anisotropy:
-            return ShadedSplitSum(self, float(roughness), (red, green, blue))
-        return BrushedSplitSum(self, roughness, (red, green, blue), anisotropy, taps)
+        if anisotropy:
+            brush = anisotropy, taps or DEFAULT_TAPS
+            return BrushedSplitSum(self, roughness, (red, green, blue), *brush)
+        if taps is not None:
+            return TappedSplitSum(self, float(roughness), (red, green, blue), taps)
+        return ShadedSplitSum(self, float(roughness), (red, green, blue))
 
     def sampled(self, level: int, directions: ArrayLike) -> Array:
         """Return the light of a level, filtered between its texels, in directions (..., 3)."""
@@ -238,6 +241,24 @@ class ShadedSplitSum(Shaded):
     def _albedo(self) -> Callable[[Array], Array]:
         """From N.V to the directional albedo: ``f0 * scale + bias``."""
         return partial(DirectionalAlbedo(self.roughness), f0=self.f0)
+
+
+@record
+class TappedSplitSum(ShadedSplitSum):
+    """A GGX surface whose light is looked up where its lobe lies, as ``shrm_even`` has it.
+
+    A lobe leans towards the normal, the more the rougher it is and the more its view grazes.
+    """
+
+    taps: int = 1
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        from shrm_cli.brdf.environment.taps import even_taps
+
+        found = even_taps(self.roughness, normals, views, self.taps)
+        light = _prefiltered(self.light, found.roughness, found.directions)
+        cosines = np.sum(np.asarray(normals) * np.asarray(views), axis=-1)
+        return np.einsum("...k,...kc->...c", found.weights, light) * self._albedo(cosines)
 
 
 @record

@@ -1,4 +1,4 @@
-"""The code of brushed surfaces: run in C beside the map, and compiled for graphics cards."""
+"""The code of taps: run in C beside the map, and compiled for graphics cards."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
-from shrm_cli.vocabulary import TAP_COUNTS
+from shrm_cli.vocabulary import EVEN_TAP_COUNTS, TAP_COUNTS
 from tests.brute_force import unit
 from tests.maps.lamps.test_discs import disc_rule
 from tests.maps.shader import cases
@@ -27,7 +27,7 @@ def frames(count):
     return normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True), views
 
 
-def in_c(folder, made, points, call, taps=None, given=()):
+def in_c(folder, made, points, call, taps=None, given=(), even=None):
     """What the code computes for each point; `call` has a place for its first arguments.
 
     Its others may be GIVEN(1) and so on, the numbers that are given.
@@ -37,7 +37,7 @@ def in_c(folder, made, points, call, taps=None, given=()):
         texture.values.astype(np.float32).tofile(folder / texture.name)
         load += f'{texture.name} = loaded("{folder / texture.name}", {texture.values.size});\n'
     arguments = "shrm_vec(a, b, c), shrm_vec(d, e, f), shrm_vec(g, h, i)"
-    code = look_up_code(made, "c", taps=taps)
+    code = look_up_code(made, "c", taps=taps, even_taps=even)
     program = C_MAIN.format(code=code, load=load, call=call.format(arguments))
     program = program.replace("%lf %lf %lf %lf %lf %lf", "%lf " * 9).replace(
         "&e, &f) == 6", "&e, &f, &g, &h, &i) == 9"
@@ -67,6 +67,34 @@ def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name, taps):
         np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
 
 
+@pytest.mark.parametrize("taps", EVEN_TAP_COUNTS)
+def test_c_computes_what_the_map_does_for_even_surfaces(tmp_path, monkeypatch, taps):
+    """The light alone, and with the albedo, of which the code has a table."""
+    cases.filter_bilinearly(monkeypatch)
+    made, points = cases.FORMS["splitsum linear"](), frames(60)
+    where = "shrm_vec(a, b, c), shrm_vec(g, h, i), GIVEN(1)"
+    color = "shrm_vec(GIVEN(2), GIVEN(3), GIVEN(4))"
+    cosines = np.sum(points[0] * points[2], axis=1)
+    for roughness, _, f0 in SURFACES:
+        shown = made.shaded(roughness, f0, taps=taps)
+        truth = shown.radiance(points[0], points[2])
+        light = truth / shown._albedo(cosines)
+        for call, expected, most in (
+            (f"shrm_even_taps({where})", light, 2e-7),
+            (f"shrm_even({where}, {color})", truth, 1e-3),
+        ):
+            found = in_c(tmp_path, made, points, call, None, (roughness, *f0), taps)
+            np.testing.assert_allclose(found, expected, rtol=0, atol=most * expected.max())
+
+
+@pytest.mark.parametrize(("language", "textures"), HEADS)
+def test_code_of_even_surfaces_compiles(tmp_path, language, textures):
+    code = look_up_code(cases.FORMS["splitsum linear"](), language, textures, even_taps=3)
+    call = "shrm_even(normalize(n), normalize(v), 0.5, {}(1.0, 0.5, 0.2))"
+    call = call.format({"glsl": "vec3", "hlsl": "float3"}[language])
+    assert compiled(tmp_path, language, code, HEADS[language, textures], call) == []
+
+
 @pytest.mark.parametrize("taps", TAP_COUNTS)
 @pytest.mark.parametrize(("language", "textures"), HEADS)
 def test_code_compiles(tmp_path, language, textures, taps):
@@ -79,6 +107,8 @@ def test_code_compiles(tmp_path, language, textures, taps):
 def test_other_forms_are_refused(name):
     with pytest.raises(MapError, match="only split sums of GGX"):
         look_up_code(cases.FORMS[name](), "glsl", taps=5)
+    with pytest.raises(MapError, match="only split sums of GGX"):
+        look_up_code(cases.FORMS[name](), "glsl", even_taps=1)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shader import cost
 from shrm_cli.maps.shader.code import look_up_code
-from shrm_cli.vocabulary import TAP_COUNTS
+from shrm_cli.vocabulary import EVEN_TAP_COUNTS, TAP_COUNTS
 from tests.maps.scenes import make_info, make_shrm
 from tests.maps.shader import cases
 
@@ -99,6 +99,10 @@ MADE = {
         f"splitsum, {taps} taps": (cases.FORMS["splitsum linear"], taps, cost.brushed_cost(taps))
         for taps in TAP_COUNTS
     },
+    **{
+        f"splitsum even, {taps} taps": (cases.FORMS["splitsum linear"], -taps, cost.even_cost(taps))
+        for taps in EVEN_TAP_COUNTS
+    },
     "she grey": (
         cases.FORMS["she lobe"],
         ", 0.5, vec3(.04, .04, .04)",
@@ -135,12 +139,15 @@ def test_costs_are_those_of_the_code(tmp_path):
     for number, (make, surface, _) in enumerate(MADE.values()):
         made = make()
         is_diffuse = made.representation == "irradiance"
-        taps = surface if isinstance(surface, int) else None
-        code = as_cpp(look_up_code(made, "glsl", taps=taps))
+        # Taps of surfaces that are not brushed are negative.
+        taps = surface if isinstance(surface, int) else 0
+        code = as_cpp(look_up_code(made, "glsl", None, max(taps, 0) or None, max(-taps, 0) or None))
         parts.append(f"namespace n{number} {{\n{code}}}\n")
         point = POINT if not is_diffuse else POINT.partition("), ")[0] + ")"
         call = f"n{number}::shrm_{'ir' if is_diffuse else ''}radiance({point}{surface})"
-        if isinstance(surface, int):
+        if taps < 0:
+            call = f"n{number}::shrm_even({POINT}, 0.5, vec3(1.0, 0.8, 0.4))"
+        elif taps:
             normal, view = POINT.split(", v")
             call = f"n{number}::shrm_brushed({normal}, vec3(0.8, 0.0, -0.6), v{view}, {BRUSHED})"
         call = f"vec3(1., .5, .2) * {call}" if is_diffuse else call  # times the albedo
