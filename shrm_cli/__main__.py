@@ -14,6 +14,8 @@ from types import FrameType
 _GARBAGE = 100_000
 """The number of new objects after which Python looks for cycles among all objects; short runs make
 50,000 to 75,000."""
+_KEPT = 2**22
+"""Bytes of memory; blocks of no more come from what was used before, as of then."""
 
 
 def main() -> None:
@@ -21,6 +23,9 @@ def main() -> None:
     # Modules are full of objects that stay; looking through them for cycles took a twentieth of a
     # short run.
     gc.set_threshold(_GARBAGE)
+    # Once a block of this size was freed, glibc keeps smaller ones. Before, each array of more than
+    # 128 kB is new pages from the system, which took three quarters of the time of `shrm dfg`.
+    bytes(_KEPT)
     listens = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if listens:  # a process in the background ignores it
         signal.signal(signal.SIGINT, _leave)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,24 +16,15 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients, remembered
 from shrm_cli.brdf.coefficients import (
+    FIRST_ORDER_F,
     BrdfCoefficients,
     energy_above,
-    next_octave,
-    power_of_two_times,
+    octaves_to_come,
 )
 from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 
-if TYPE_CHECKING:
-    from shrm_cli.brdf.transfer import TransferFunctions
-
-_FIRST_ORDER_F = 32
-"""The least order F to which coefficients are computed first; it doubles until it suffices."""
-_WAVES_A_LOBE = 4.0
-"""Few lobes have enough with an F below this over their width in radians. Most need more."""
-_MOST_OCTAVES = 3
-"""The most octaves of degrees over which the fall of their energies is trusted."""
 _LOST = 4.0
 """Where a P that cannot be raised misses this times what a higher F would find, F is enough."""
 _FIRST_ORDER_P = 8
@@ -232,22 +222,20 @@ def _sufficient_coefficients(
             known = np.cumsum(coefficients.degree_energy.sum(axis=-1))
             largest = most_p(first_enough(known >= (1 - eps) * known[-1]))
         if missing > eps and p < largest and not brdf.zonal:
-            p = min(2 * p, largest)
+            before = 1 - coefficients.captured[-1, p // 2]
+            # Whoever misses too much even if that falls exponentially need not try twice the P.
+            p = min((4 if missing**3 > eps * before**2 else 2) * p, largest)
         else:
             return coefficients
 
 
 def _first_order_f(brdf: Brdf) -> int:
-    """Return the order F to which coefficients are computed first.
-
-    A try that does not suffice is time lost, which for sharp measured lobes is several seconds.
-    """
+    """Return the order F to which coefficients are computed first, by a module that few need."""
     if brdf.zonal or brdf.center != "reflection":
-        return _FIRST_ORDER_F
-    from shrm_cli.brdf.lobe_expansion import lobe_width
+        return FIRST_ORDER_F
+    from shrm_cli.brdf.lobe_expansion import first_order_f
 
-    width = remembered(brdf, ("width",), lambda: lobe_width(brdf))
-    return power_of_two_times(_FIRST_ORDER_F, _WAVES_A_LOBE / width, MAX_ORDER_F)
+    return remembered(brdf, ("first order",), lambda: first_order_f(brdf))
 
 
 def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] | None) -> bool:
@@ -257,24 +245,3 @@ def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] |
     by_degree = coefficients.degree_energy.sum(axis=-1)
     lost = by_degree.sum() - coefficients.captured[-1, -1] * coefficients.total_energy.sum()
     return bool(lost > _LOST * energy_above(by_degree))
-
-
-def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, eps: float) -> int:
-    """Estimate how often the order F must be doubled until little energy lies beyond it.
-
-    `energy_above` estimates it. What no F finds, because it has q > P, does not count.
-
-    `eps` is the fraction of the energy that may lie beyond.
-
-    Returns 0 .. `_MOST_OCTAVES`; 2 where energies have not begun to fall.
-    """
-    by_degree = coefficients.degree_energy.sum(axis=-1)
-    allowed = eps * coefficients.total_energy.sum()
-    missing = coefficients.total_energy.sum() - by_degree.sum()
-    above = float(energy_above(by_degree))
-    if min(missing, above) <= allowed:
-        return 0
-    if not np.isfinite(above):
-        return 2
-    octaves = np.log(min(missing, above) / allowed) / -np.log(next_octave(by_degree)[1])
-    return min(int(np.ceil(octaves)), _MOST_OCTAVES)

@@ -255,7 +255,7 @@ class Reference:
         Returns `light`, shape (points, 3), and the estimated `errors` of its luminance, (points,),
         which are 0 for full sums.
         """
-        count, done = len(lit.rows), 0
+        count, done = len(lit.rows), 1
         result, errors = np.zeros((count, 3)), np.zeros(count)
         if count == 0:
             return result, errors
@@ -265,7 +265,7 @@ class Reference:
             groups = self._adaptive(self.source, lit, beside, errors)
         for points, sums in groups:
             result[points] = sums
-            done = min(done + points.size, count)
+            done += int(np.count_nonzero(points < count - 1))  # the last one fills up groups
             tell(self.progress, stage[0] * count + done, stage[1] * count)
         return result, errors
 

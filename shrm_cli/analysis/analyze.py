@@ -314,8 +314,6 @@ TOLERANCES = (0.1, DEFAULT_EPS, 0.01)
 """The tolerances that orders are found for, where none are given."""
 PICTURES_F = 128
 """The largest F of pictures where none is given: maps of P = 5 and twice as many take gigabytes."""
-_LEAST_ROWS = 128
-"""The fewest rows that the probe is averaged down to by default for the exact pictures."""
 
 
 @record(eq=False)
@@ -330,7 +328,7 @@ class Analysis:
     pictures: OrderPictures | None = None
     """Spheres for P = 0 .. 5 beside exact ones."""
     source_height: int | None = None
-    """Rows that the probe was averaged down to for the exact ones."""
+    """Rows that the probe was averaged down to for the exact ones; None for its own pixels."""
 
 
 def analyze(
@@ -362,8 +360,7 @@ def analyze(
     size : int
         Width and height of a picture, pixels.
     source_height : int, optional
-        Rows that the probe is averaged down to for the exact pictures; by default the greater of
-        128 and 4 F, or the probe's own if it has no more.
+        Rows that the probe is averaged down to for the exact pictures; by default it is not.
     progress : callable, optional
         Called with the amount of work done and the amount in all.
 
@@ -399,10 +396,7 @@ def analyze(
     curve = accuracy_curve(lighting, grid.coefficients, grid.order_f, curve_p)
     if not views:
         return Analysis(brdf, grid, curve)
-    enough = max(4 * grid.order_f, _LEAST_ROWS)
-    if not source_height and source.grid.latlong_rows > enough:
-        source_height = enough
-    truth = Reference(source, brdf, source_height, progress=stages.within, exact=True)
+    truth = Reference(source, brdf, source_height, progress=stages.within)
     pictures = order_pictures(
         lighting, grid.coefficients, brdf.center, [Viewer(*view) for view in views],
         grid.order_f if order_f is not None else min(grid.order_f, PICTURES_F), size, truth,

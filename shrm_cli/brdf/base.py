@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import reduce
-from operator import mul
+from operator import add, mul
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -381,7 +381,8 @@ def multiplied(*factors: Array) -> Array:
 
 def added(values: Sequence[Array]) -> Array:
     """Add RGB values (..., 3); if all are grey, the sum stays a broadcast view."""
-    return _once_if_grey(lambda *each: sum(each), *values)
+    # From 0 on, as of `sum`, a grey value would become triples in memory, and all that follows.
+    return _once_if_grey(lambda *each: reduce(add, each), *values)
 
 
 def excess(values: Array, less: Array) -> Array:

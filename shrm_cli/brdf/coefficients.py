@@ -24,6 +24,10 @@ from shrm_cli.records import record
 if TYPE_CHECKING:
     from shrm_cli.brdf.transfer import TransferFunctions
 
+FIRST_ORDER_F = 32
+"""The least order F to which BRDFs are expanded first; it doubles until it suffices."""
+_MOST_OCTAVES = 3
+"""The most octaves of degrees over which the fall of their energies is trusted."""
 _FALLING = 0.8
 """The ratio of the energies of two octaves of degrees, above which they have not begun to fall."""
 
@@ -169,6 +173,27 @@ def next_octave(degree_energy: Array) -> tuple[Array, Array]:
     ratio, earlier = np.log(last / before), np.log(before / first)
     steeper = np.sqrt(np.clip(ratio / np.minimum(earlier, -1e-9), 1.0, 4.0))
     return octaves[0], np.exp(np.where((ratio < 0) & (earlier < 0), ratio * steeper, ratio))
+
+
+def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, eps: float) -> int:
+    """Estimate how often the order F must be doubled until little energy lies beyond it.
+
+    `energy_above` estimates it. What no F finds, because it has q > P, does not count.
+
+    `eps` is the fraction of the energy that may lie beyond.
+
+    Returns 0 .. `_MOST_OCTAVES`; 2 where energies have not begun to fall.
+    """
+    by_degree = coefficients.degree_energy.sum(axis=-1)
+    allowed = eps * coefficients.total_energy.sum()
+    missing = coefficients.total_energy.sum() - by_degree.sum()
+    above = float(energy_above(by_degree))
+    if min(missing, above) <= allowed:
+        return 0
+    if not np.isfinite(above):
+        return 2
+    octaves = np.log(min(missing, above) / allowed) / -np.log(next_octave(by_degree)[1])
+    return min(int(np.ceil(octaves)), _MOST_OCTAVES)
 
 
 def both_signs(order: int) -> Array:

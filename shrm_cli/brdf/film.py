@@ -10,7 +10,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color, Parameter
-from shrm_cli.brdf.vectors import GRAZING, refracted_cosine
+from shrm_cli.brdf.vectors import GRAZING, interpolated, refracted_cosine
 from shrm_cli.errors import BrdfError
 
 Film = tuple[float, float]
@@ -59,9 +59,10 @@ def film_reflectance(cosine: Array, f0: Color, thickness: float, ior: float) -> 
     Returns an array of shape (..., 3): linear Rec.709, within 0 .. 1: colors outside of it become
     the nearest within.
     """
-    channels = film_table(f0, thickness, ior).T
-    found = [np.interp(cosine, COSINES, each).astype(cosine.dtype) for each in channels]
-    return np.stack(found, axis=-1)
+    table = film_table(f0, thickness, ior)
+    place = (cosine - GRAZING) * ((len(COSINES) - 1) / (1 - GRAZING))
+    row = np.clip(np.floor(place), 0, len(COSINES) - 2)
+    return interpolated(table, row, place - row)
 
 
 @lru_cache(maxsize=16)

@@ -7,7 +7,8 @@ Framework for Forward and Inverse Rendering" (2002).
 import numpy as np
 
 from shrm_cli.arrays import Array, slices
-from shrm_cli.brdf.base import Brdf, grey, scaled
+from shrm_cli.brdf.base import Brdf, scaled
+from shrm_cli.brdf.vectors import interpolated
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.quadrature import gauss_legendre
 
@@ -116,12 +117,8 @@ def interpolate_mean(cosines: Array, means: Array) -> Array:
     Returns an array of shape (..., 3): a broadcast view if the means are grey.
     """
     position = np.sqrt(np.clip((1 - cosines) / 2, 0, 1)) * (len(means) - 1)
-    index = position.astype(np.int32)
-    position -= index
-    steps = np.diff(means, axis=0, append=means[-1:])
-    if (means == means[:, :1]).all():
-        return grey(means[index, 0] + position * steps[index, 0])
-    return np.stack([means[index, c] + position * steps[index, c] for c in range(3)], axis=-1)
+    row = np.minimum(np.floor(position), len(means) - 2)
+    return interpolated(means, row, position - row)
 
 
 def zonal_support(brdf: Brdf) -> float:

@@ -8,17 +8,20 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf import polar_rule
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import both_signs
+from shrm_cli.brdf.coefficients import FIRST_ORDER_F, both_signs, power_of_two_times
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame, turned
 from shrm_cli.sphere.harmonics import legendre_table
+from shrm_cli.vocabulary import MAX_ORDER_F
 
 SHARP = 0.5
 """The width of a lobe, radians, above which the nodes in theta_i are spread evenly."""
 _RADII = 1e-4, 3.1, 120
 """The least and the largest angle from the mirror direction in `lobe_width`, and their number."""
+_WAVES_A_LOBE = 4.0
+"""Few lobes have enough with an F below this over their width in radians. Most need more."""
 _SCOUTS = 0.1, 0.3, 0.5, 0.7, 0.85, 0.95
 """The angles of the views in `lobe_width`, as parts of the way from the normal to the horizon."""
 _TABLE_BYTES = 200 * 2**20
@@ -46,6 +49,16 @@ def light_rule(brdf: Brdf) -> polar_rule.PolarRule | polar_rule.SplitRule:
         return polar_rule.SplitRule(below=not brdf.has_horizon and brdf.includes_cosine)
     width = lobe_width(brdf)
     return polar_rule.PolarRule(width if brdf.center == "reflection" and width < SHARP else 1.0)
+
+
+def first_order_f(brdf: Brdf) -> int:
+    """The order F to which a BRDF is expanded first.
+
+    A try that does not suffice is time lost, which for sharp measured lobes is several seconds.
+    """
+    if brdf.zonal or brdf.center != "reflection":
+        return FIRST_ORDER_F
+    return power_of_two_times(FIRST_ORDER_F, _WAVES_A_LOBE / lobe_width(brdf), MAX_ORDER_F)
 
 
 def lobe_width(brdf: Brdf) -> float:

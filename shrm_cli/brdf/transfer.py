@@ -20,12 +20,19 @@ from numpy.typing import NDArray
 from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import BrdfCoefficients, Sampled, both_signs, power_of_two_times
+from shrm_cli.brdf.coefficients import (
+    BrdfCoefficients,
+    Sampled,
+    both_signs,
+    octaves_to_come,
+    power_of_two_times,
+)
 from shrm_cli.brdf.lobe_expansion import (
     FINER,
     Expansion,
     LobeExpander,
     Views,
+    first_order_f,
     light_rule,
     lobe_width,
 )
@@ -61,6 +68,8 @@ _ZONAL_NODES = 2**7, 2**15
 _ZONAL_VIEWS = 12
 _VIEWS_AT_ONCE = 8
 """The most views that a thread expands together."""
+_COMMON = 10.0
+"""The accuracy over what terms of a sum may have beyond the degrees to which they are known."""
 _LARGE = 2**17
 """The number of samples above which several threads are worth their start."""
 _SCALE = 1000
@@ -398,8 +407,9 @@ def compute_coefficients(
 def _summed(brdf: Sum, order_f: int, order_p: int, accuracy: float) -> BrdfCoefficients:
     """Add the coefficients of the terms of a sum about its own center.
 
-    Each term is sampled as its own lobe wants it. The whole would want the nodes that are densest
-    among them everywhere: a sharp lobe on a diffuse base takes four times as long.
+    Each term is sampled as its own lobe wants it, and to the degrees that it has. The whole would
+    want the nodes that are densest among them everywhere: a sharp lobe on a diffuse base takes four
+    times as long.
 
     The energy of a sum is that of its terms and twice what each pair of them has in common, which
     is a sum of products of coefficients. It is counted up to the largest p that maps have, and for
@@ -410,13 +420,15 @@ def _summed(brdf: Sum, order_f: int, order_p: int, accuracy: float) -> BrdfCoeff
     signs, missed, samples = both_signs(MAX_ORDER_P)[:, None], 0.0, []
     for weight, term in brdf.terms:
         term = term.recentered(brdf.center)
-        each = compute_transfer(term, order_f, order_p, accuracy)
+        each = _to_its_degrees(term, order_f, order_p, accuracy)
         projected = np.zeros_like(added)
         known = 1 if term.zonal else MAX_ORDER_P + 1  # few views tell all of a zonal lobe
-        projected[:, :known, :known] = weight * each.projected(known - 1)
+        degrees = slice(each.order_f + 1)
+        projected[degrees, :known, :known] = weight * each.projected(known - 1)
         shared = 2 * np.sum(added * projected * signs, axis=(1, 2))
         added += projected
-        by_degree += weight**2 * each.degree_energy + shared
+        by_degree[degrees] += weight**2 * each.degree_energy
+        by_degree += shared
         total += weight**2 * each.total_energy + shared.sum(axis=0)
         missed += weight * np.sqrt(each.accuracy * each.total_energy.sum())
         samples.append(each.samples)
@@ -426,3 +438,20 @@ def _summed(brdf: Sum, order_f: int, order_p: int, accuracy: float) -> BrdfCoeff
     return BrdfCoefficients(
         values.copy(), total, by_degree, (lights, views, azimuths), reached, accuracy
     )
+
+
+def _to_its_degrees(term: Brdf, order_f: int, order_p: int, accuracy: float) -> TransferFunctions:
+    """The transfer functions of a term of a sum, to the degrees that it has, up to an order F.
+
+    A wide lobe has nothing at most degrees of a sharp one, and took most of the time there. Its
+    order is raised until no more than a part of the accuracy lies beyond it: a part, because what
+    it has there in common with other terms is missed, too.
+    """
+    order = first_order_f(term)
+    while True:
+        order = min(order, order_f)
+        found = compute_transfer(term, order, order_p, accuracy)
+        octaves = octaves_to_come(found, accuracy / _COMMON)
+        if order == order_f or octaves == 0:
+            return found
+        order *= 2**octaves

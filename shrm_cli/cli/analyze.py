@@ -64,9 +64,8 @@ _OF_MATERIALS = {
 )  # fmt: skip
 @option(
     "--source-height", click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
-    help="Rows that the probe is averaged down to for the exact pictures: fewer are faster, but "
-    "move small lights, at 128 rows by about 1 % of error.  [default: the greater of 128 and 4 F, "
-    "or the probe's own if it has no more]",
+    help="Rows that the probe is averaged down to for the exact pictures: few are faster, but "
+    "move small lights, at 128 rows by about 1 % of error.",
 )  # fmt: skip
 @option(
     "--exposure", STOPS, metavar="EV",

@@ -35,6 +35,9 @@ class Rays:
         self._center = (low + high) / 2
         # In single precision numbers near 1 are the most exact, whatever the unit of the mesh.
         self._radius = float(np.linalg.norm(high - low)) / 2
+        corners = self._scaled(mesh.vertices)[mesh.faces]
+        corners[:, 1:] -= corners[:, :1]
+        self._sides = np.ascontiguousarray(np.moveaxis(corners, 0, -1))  # [corner or side, axis, k]
         self._scene = EmbreeScene(robust=True)
         self._triangles = TriangleMesh(
             self._scene,
@@ -102,18 +105,28 @@ class Rays:
         After Moller and Trumbore 1997, "Fast, minimum storage ray-triangle intersection". Rays
         just past an edge are moved onto it.
         """
-        corners = self._scaled(self._mesh.corners(faces))
-        origin = self._scaled(start)
-        skipped = np.maximum(-np.einsum("ij,ij->i", origin, along) - 2, 0)
-        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        from_corner = origin + skipped[:, None] * along - corners[:, 0]
-        p, q = np.cross(along, second), np.cross(from_corner, first)
-        determinant = np.einsum("ij,ij->i", first, p)
-        scale = 1 / np.where(determinant == 0, 1, determinant)
-        u = np.einsum("ij,ij->i", from_corner, p) * scale
-        v = np.einsum("ij,ij->i", along, q) * scale
-        weights = np.clip(np.stack([1 - u - v, u, v], axis=1), 0, 1)
-        weights /= weights.sum(axis=1, keepdims=True)
-        weights = np.where((determinant == 0)[:, None], 1 / 3, weights)
-        point = np.einsum("kc,kcv->kv", weights, corners)
-        return weights, np.einsum("ij,ij->i", point - origin, along) * self._radius
+        # Each component is an array of its own: numpy is slow along axes of three.
+        corner, first, second = self._sides[:, :, faces]
+        way, origin = along.T, self._scaled(start).T
+        from_corner = origin + np.maximum(-_dot(origin, way) - 2, 0) * way - corner
+        p, q = _cross(way, second), _cross(from_corner, first)
+        determinant = _dot(first, p)
+        is_flat = determinant == 0
+        scale = 1 / np.where(is_flat, 1, determinant)
+        u, v = _dot(from_corner, p) * scale, _dot(way, q) * scale
+        weights = np.clip(np.stack([1 - u - v, u, v]), 0, 1)
+        weights /= weights[0] + weights[1] + weights[2]
+        weights[:, is_flat] = 1 / 3
+        reached = corner + weights[1] * first + weights[2] * second - origin
+        return weights.T, _dot(reached, way) * self._radius
+
+
+def _dot(one: Array, other: Array) -> Array:
+    """Return the scalar products of vectors, shape (3, k) each."""
+    return np.asarray(one[0] * other[0] + one[1] * other[1] + one[2] * other[2])
+
+
+def _cross(one: Array, other: Array) -> Array:
+    """Return the vector products of vectors, shape (3, k) each."""
+    (a, b, c), (x, y, z) = one, other
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x])

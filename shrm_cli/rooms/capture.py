@@ -10,7 +10,7 @@ import numpy as np
 from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress, Stages
+from shrm_cli.progress import Progress, Stages, in_order
 from shrm_cli.records import record
 from shrm_cli.rooms.room import LIFT, Brightness, Emitters, Room, cosines
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
@@ -19,7 +19,7 @@ from shrm_cli.sphere.quadrature import spiral_directions
 
 _PATCHES = 48
 """Patches along the diagonal of a room."""
-_PATHS_AT_ONCE = 2**18
+_PATHS_AT_ONCE = 2**16
 _LOOKS = 4096
 """Directions in which the box around a place is looked for."""
 _SNAP = 0.02
@@ -113,20 +113,28 @@ class _Paths:
         height, width = self._height, 2 * self._height
         random = np.random.Generator(np.random.PCG64(number))
         image, behind = np.empty((height * width, 3)), np.empty(height * width)
-        for part in slices(len(image), _PATHS_AT_ONCE // samples):
-            pixels = np.arange(part.start, part.stop)
-            shifts = random.random((len(pixels), 1, 4))
+        parts = list(slices(len(image), _PATHS_AT_ONCE // samples))
+        # Chances are drawn in order, so that threads change nothing.
+        jobs = [
+            (part, random.random((part.stop - part.start, 1, 4)), int(random.integers(2**30)))
+            for part in parts
+        ]
+
+        def traced(job: tuple[slice, Array, int]) -> tuple[Array, Array]:
+            part, shifts, of_lamps = job
             # Each pixel has the same even sequence, shifted by other amounts.
             steps = np.arange(samples)[:, None] / _PLASTIC ** np.arange(1, 5)
             chances = ((shifts + steps) % 1).reshape(-1, 4)
-            of_lamps = int(random.integers(2**30))
-            row, column = np.divmod(np.repeat(pixels, samples), width)
+            row, column = np.divmod(np.repeat(np.arange(part.start, part.stop), samples), width)
             ways = latlong_points(
                 2 * (column + chances[:, 0]) / width - 1, 2 * (row + chances[:, 1]) / height - 1
             )
             light, back = self._seen(ways, chances[:, 2:], of_lamps)
-            image[pixels] = light.reshape(-1, samples, 3).mean(axis=1)
-            behind[pixels] = back.reshape(-1, samples).mean(axis=1)
+            means = light.reshape(-1, samples, 3).mean(axis=1)
+            return means, back.reshape(-1, samples).mean(axis=1)
+
+        for part, found in zip(parts, in_order(traced, jobs), strict=True):
+            image[part], behind[part] = found
             progress(part.stop, len(image))
         weights = np.broadcast_to(LatLong(height).weights(), (height, width)).ravel()
         return image.reshape(height, width, 3), float(weights @ behind / weights.sum())

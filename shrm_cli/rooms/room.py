@@ -17,6 +17,7 @@ Diffuse Surfaces. Keller 1997, Instant Radiosity, has the same integral by paths
 
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +143,7 @@ class Room:
             emission[own[part]] = sent.reshape(-1, len(weights), 3).mean(axis=1)
         return emission
 
-    @property
+    @cached_property
     def size(self) -> float:
         """The diagonal of the room's box."""
         return float(np.linalg.norm(np.ptp(self.mesh.vertices, axis=0)))
@@ -421,7 +422,8 @@ class Brightness:
         for _ in range(_BOUNCES):
             arriving = np.empty_like(lit)
             for part in slices(len(met), _AT_ONCE):
-                arriving[part] = sent[met[part]].mean(axis=1)
+                for channel in range(3):  # numpy is slow along axes of three
+                    arriving[part, channel] = sent[:, channel].take(met[part]).mean(axis=1)
             sent[:-1] = albedo * arriving
             total += sent
             if sent.sum() <= _LOST * total.sum():

@@ -119,7 +119,8 @@ class CubeSeries:
             both = both * factors[degree, None, None]
         count, maps = order_of(len(both)) + 1, both.shape[2]
         result: Array = np.empty((maps, 6, size, size), dtype=dtype)
-        for part in slices(maps, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 16 * size * count)):
+        map_bytes = np.dtype(dtype).itemsize * 16 * min(size, count) * count
+        for part in slices(maps, _BLOCK_BYTES // map_bytes):
             fourier = _double_fourier(both[:, :, part])
             _fill_faces(fourier, nodes(size, sampling), result[part])
         return result.reshape(maps, 6 * size, size)
@@ -133,26 +134,37 @@ def _double_fourier(both: Array) -> list[Array]:
 
 
 def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
-    """Evaluate all faces into `result`, (maps, 6, N, N), from both series' double Fourier sums."""
+    """Evaluate all faces into `result`, (maps, 6, N, N), from both series' double Fourier sums.
+
+    It is done for some rows of all maps at a time: the waves of a large cube take longer than sums.
+    """
     half = s[len(s) // 2 :]  # s >= 0; the rest is its mirror image
+    count, maps = fourier[0].shape[1], len(result)
+    step = _rows_at_once(len(ALONG_X) * maps * result.itemsize, count, len(half))
+    row_bytes = 4 * sum(map(len, _AXES)) * maps * count * result.itemsize
+    for block in slices(len(half), step * max(_BLOCK_BYTES // (row_bytes * step), 1)):
+        _fill_rows(fourier, half, block, step, result)
+
+
+def _fill_rows(fourier: list[Array], half: Array, block: slice, step: int, result: Array) -> None:
+    """Evaluate a block of the rows of `_fill_faces`, so many of them at once."""
+    is_large = fourier[0].size * len(half) > _LARGE
 
     def along(axis: int) -> tuple[Array, Array]:
         quadrants = [face[0] for face in _AXES[axis]]
-        return _meridians(fourier[axis], quadrants, half, result.dtype)
+        return _meridians(fourier[axis], quadrants, half[block], result.dtype)
 
-    is_large = fourier[0].size * len(half) > _LARGE
     parts = list(zip(_AXES, in_order(along, range(len(_AXES)), is_large), strict=True))
-    count = fourier[0].shape[1]
-    step = _rows_at_once(len(ALONG_X) * len(result) * result.itemsize, count, len(half))
 
     def fill(start: int) -> None:
-        rows = slice(start, start + step)
-        same, opposite = _kept_waves(count, half[rows], half, result.dtype)
+        rows = slice(start, min(start + step, block.stop))
+        own = slice(rows.start - block.start, rows.stop - block.start)
+        same, opposite = _kept_waves(fourier[0].shape[1], half[rows], half, result.dtype)
         for faces, (symmetric, antisymmetric) in parts:
-            even, odd = symmetric[rows] @ same, antisymmetric[rows] @ opposite
+            even, odd = symmetric[own] @ same, antisymmetric[own] @ opposite
             _store_rows(even, odd, faces, start, result)
 
-    at_once(fill, range(0, len(half), step), is_large)
+    at_once(fill, range(block.start, block.stop, step), is_large)
 
 
 def _rows_at_once(series_bytes: int, count: int, half: int) -> int:

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from shrm_cli.brdf import vectors
+from shrm_cli.brdf import transfer, vectors
 from shrm_cli.brdf.base import Brdf, added, scaled
 from shrm_cli.brdf.measured.table import sample_table, write_table
 from shrm_cli.brdf.models.ggx import Ggx
@@ -17,7 +17,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum, diffuse_albedo, is_sum, parse_sum, split
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import BrdfError
-from shrm_cli.vocabulary import MAX_TERMS
+from shrm_cli.vocabulary import MAX_ORDER_P, MAX_TERMS
 from tests.brute_force import unit
 
 
@@ -165,6 +165,37 @@ def test_sums_of_different_files_of_one_name_are_different(tmp_path):
     assert found[0].values != found[1].values
     alone = [split(each)[1] for each in found]
     assert alone[0].values != alone[1].values
+
+
+def test_terms_are_sampled_to_the_degrees_that_they_have(monkeypatch):
+    """A wide lobe under a sharp coat took eight times as long as the coat, for the same sum."""
+    both = parse_spec("coated:roughness=0.2,base=(lambertian:albedo=0.5)")
+    sampled = transfer.compute_transfer
+    orders = []
+
+    def recorded(term, order_f, *others):
+        orders.append(order_f)
+        return sampled(term, order_f, *others)
+
+    monkeypatch.setattr(transfer, "compute_transfer", recorded)
+    found = compute_coefficients(both, 256, 4, 1e-4)
+    assert orders[0] == 256
+    assert max(orders[1:]) <= 64
+    wide = sampled(both.terms[1][1].recentered("reflection"), 256, 4, 1e-4)
+    sharp = sampled(both.terms[0][1], 256, 4, 1e-4)
+    values = sharp.projected(4) + wide.projected(4)
+    total = found.total_energy.sum()
+    assert np.sum((found.values - values) ** 2) < 1e-4 * wide.total_energy.sum()
+    degrees = np.abs(found.degree_energy - _common_energy(sharp, wide)).sum()
+    assert degrees < 1e-4 * total
+
+
+def _common_energy(one, other):
+    """The energy of each degree of a sum of two lobes, which `compute_transfer` sampled."""
+    first, second = (each.projected(MAX_ORDER_P) for each in (one, other))
+    signs = np.where(np.arange(MAX_ORDER_P + 1) == 0, 1.0, 2.0)[:, None]
+    shared = 2 * np.sum(first * second * signs, axis=(1, 2))
+    return one.degree_energy + other.degree_energy + shared
 
 
 @pytest.mark.parametrize("weight", ["1e999", "1e31", "1e300"])

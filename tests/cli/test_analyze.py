@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from shrm_cli.analysis import plots
+from shrm_cli.analysis import analyze, plots
 from shrm_cli.analysis.analyze import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.files.png import encode_srgb
@@ -190,17 +190,33 @@ def test_black_probe(folder, blank):
     assert all(row["predicted_error"] == 0 for row in result["pictures"]["orders"])
 
 
-@pytest.mark.proof
-@pytest.mark.slow
-def test_fine_probes_are_averaged_for_the_exact_pictures(folder):
-    write_exr(folder / "fine.exr", noise(160, 320))
-    options = ("--probe", "fine.exr", "--size", 16, "--view", "0,0", "--brdf", "phong:exponent=4")
-    result = analyzed(*options)
-    assert result["pictures"]["source_height"] == 128
-    result = analyzed(*options, "--source-height", 8)
-    assert result["pictures"]["source_height"] == 8
-    # 160 rows are not finer than 4 F.
-    assert analyzed(*options, "--order-f", 40)["pictures"]["source_height"] is None
+def test_exact_pictures_of_a_fine_probe_are_of_its_own_pixels(folder, monkeypatch):
+    """They took a minute, summed over all pixels of a probe whose lamps averaging had moved."""
+    image = noise(160, 320)
+    image[40, 77] = 3000
+    write_exr(folder / "fine.exr", image)
+    options = ("--probe", "fine.exr", "--size", 16, "--view", "0,0", "--brdf", "ggx", "--eps", 0.1)
+    made = []
+
+    class Recorded(Reference):
+        def __init__(self, *arguments, **named):
+            super().__init__(*arguments, **named)
+            made.append(self)
+
+    monkeypatch.setattr(analyze, "Reference", Recorded)
+    found = analyzed(*options)["pictures"]
+    assert found["source_height"] is None
+    assert made[0].error is not None  # None of full sums
+    grid = energy_grid(parse_spec("ggx"), [0.1])
+    probe = open_probe(folder / "fine.exr")
+    lighting = project(probe, grid.coefficients.order_f)
+    truth = Reference(probe, parse_spec("ggx"), exact=True)
+    pictures = order_pictures(
+        lighting, grid.coefficients, "reflection", [Viewer(0, 0)], found["order_f"], 16, truth
+    )
+    for p, row in enumerate(found["orders"]):
+        assert row["errors"] == [pytest.approx(pictures.error(p, 0), rel=0.01)]
+    assert analyzed(*options, "--source-height", 8)["pictures"]["source_height"] == 8
 
 
 @pytest.mark.slow

@@ -1,8 +1,12 @@
 """`shrm dfg`: the table, reopened by OpenEXR and used as its attributes say."""
 
 import json
+import platform
 import re
+import resource
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import OpenEXR
@@ -279,3 +283,12 @@ def test_a_table_whose_columns_are_unknown_is_refused(tmp_path):
     pixels = np.stack([planes[each] for each in "RGB"], axis=-1)
     write_exr(target, pixels, **{**header, "shrm:columns": "seven"})
     assert_refused(run("info", target), 1, "shrm:columns is wrong; make it again with shrm dfg")
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other libraries keep memory")
+def test_memory_is_used_again(tmp_path):
+    """Each array was new pages from the system, 120,000 here, which took most of the time."""
+    command = [sys.executable, "-m", "shrm_cli", "dfg", "--brdf", "ggx:anisotropy=0.6"]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_minflt
+    subprocess.run([*command, "--size", "16", "-o", tmp_path / "dfg.exr"], check=True)
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_minflt - before < 50_000

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shrm_cli import settings
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.probe import Probe
@@ -31,6 +32,18 @@ def test_a_furnace_is_equally_bright_everywhere(few_patches):
     np.testing.assert_allclose((found.pixels / expected).mean(axis=(0, 1)), 1, atol=2e-3)
     assert found.behind == 0
     assert found.noise < 0.01
+
+
+def test_paths_are_the_same_in_any_number_of_threads(few_patches, monkeypatch):
+    """Chances are drawn before threads begin, and progress comes from blocks that are done."""
+    monkeypatch.setattr(capture, "_PATHS_AT_ONCE", 256)
+    room = shapes.room([shapes.box([-1, -1, -1], [1, 1, 1])], [[0.6, 0.3, 0.9]], [[1, 2, 3]])
+    found = []
+    for threads in (1, 3):
+        with settings.using(threads=threads):
+            found.append(captured(room, [0.2, 0.1, -0.3], 8, 64))
+    np.testing.assert_array_equal(found[0].pixels, found[1].pixels)
+    assert found[0].noise == found[1].noise
 
 
 def test_the_box_is_that_of_the_room_that_is_seen():

@@ -11,7 +11,7 @@ import numpy as np
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.brushed_transfer import compute_brushed_transfer
 from shrm_cli.brdf.cache import cached_transfer
-from shrm_cli.brdf.coefficients import power_of_two_times
+from shrm_cli.brdf.coefficients import octaves_to_come, power_of_two_times
 from shrm_cli.brdf.lobe_expansion import SHARP, lobe_width, squared_lobes, view_azimuths, width_for
 from shrm_cli.brdf.polar_rule import PolarRule, azimuths
 from shrm_cli.brdf.sums import Sum, split
@@ -22,7 +22,6 @@ from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.request import Notes, Request
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order
-from shrm_cli.orders import octaves_to_come
 from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.records import record

@@ -19,10 +19,10 @@ of a second. The other numbers are those of the engines: Filament has 5, and Unr
 a face of 128, of which the 2 beyond roughness 1 are left out."""
 
 # Functions of the roughness that grow by the same amount from each level to the next.
-_POSITIONS: dict[str, Callable[[float], float]] = {
+_POSITIONS: dict[str, Callable[[Array], Array]] = {
     "linear": lambda roughness: roughness,
     "filament": lambda roughness: roughness * (2 - roughness),
-    "unreal": lambda roughness: float(np.log2(roughness)),
+    "unreal": np.log2,
 }
 
 
@@ -87,15 +87,13 @@ def blend(roughness: float, levels: Sequence[float], mapping: LevelMapping) -> t
     if roughness >= levels[-1]:
         return len(levels) - 1, 0.0
     low = int(np.searchsorted(levels, roughness, side="right")) - 1
-    position = _POSITIONS[mapping]
-    start, end = position(levels[low]), position(levels[low + 1])
-    return low, (position(roughness) - start) / (end - start)
+    values = np.array([levels[low], levels[low + 1], roughness])
+    start, end, at = _POSITIONS[mapping](values).tolist()
+    return low, (at - start) / (end - start)
 
 
 def level_numbers(roughness: Array, levels: Sequence[float], mapping: LevelMapping) -> Array:
     """Return the places of many roughnesses among the levels: 1.25 is a quarter of level 2."""
     position = _POSITIONS[mapping]
-    known = [position(level) for level in levels]
-    within = np.clip(roughness, levels[0], levels[-1]).ravel().tolist()
-    places = np.interp([position(each) for each in within], known, np.arange(len(levels)))
-    return places.reshape(np.shape(roughness))
+    within = np.clip(np.asarray(roughness, dtype=float), levels[0], levels[-1])
+    return np.interp(position(within), position(np.array(levels)), np.arange(len(levels)))

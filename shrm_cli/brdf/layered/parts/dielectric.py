@@ -39,7 +39,7 @@ def refracted(directions: Array, ior: float) -> Array:
 
 def _refracted(directions: Array, ior: float) -> Array:
     z = refracted_cosine(np.clip(directions[..., 2], 0.0, 1.0), ior)
-    return np.stack([directions[..., 0] / ior, directions[..., 1] / ior, z], axis=-1)
+    return np.moveaxis(np.stack([directions[..., 0] / ior, directions[..., 1] / ior, z]), 0, -1)
 
 
 def swerve(inner: Array, ior: float) -> Array:

@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, grey
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.examine import hemisphere_rule, sampled_albedo, settled
-from shrm_cli.brdf.vectors import shared, sharing
+from shrm_cli.brdf.vectors import interpolated, shared, sharing
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles
 
@@ -34,12 +34,9 @@ class Table:
 
     def __call__(self, cosine: Array) -> Array:
         """The values at cosines (...), shape (..., 3); directions below the horizon graze."""
-        red, green, blue = self.values.T
-        one = np.interp(cosine, COSINES, red).astype(cosine.dtype)
-        if np.array_equal(red, green) and np.array_equal(red, blue):
-            return grey(one)
-        others = [np.interp(cosine, COSINES, each).astype(cosine.dtype) for each in (green, blue)]
-        return np.stack([one, *others], axis=-1)
+        square = np.clip(cosine, 0, 1) * (len(COSINES) - 1) ** 2
+        row = np.minimum(np.floor(np.sqrt(square)), len(COSINES) - 2)
+        return interpolated(self.values, row, (square - row * row) / (2 * row + 1))
 
     def at(self, directions: Array) -> Array:
         """The values at the cosines of directions (..., 3)."""
