@@ -5,8 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map, several
@@ -75,13 +74,13 @@ class Compared:
 def compare(
     maps: Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str],
     probe: AnyProbe | None = None,
-    brdf: Brdf | str | None = None,
+    brdf: AnyBrdf | None = None,
     *,
     names: Sequence[str] | None = None,
     views: Sequence[tuple[float, float]] = ((0.0, 0.0),),
     size: int = 256,
     roughness: float | None = None,
-    f0: str | None = None,
+    f0: str | float | Sequence[float] | None = None,
     anisotropy: float | None = None,
     taps: int | None = None,
     window: str | None = None,
@@ -97,7 +96,7 @@ def compare(
     maps : sequence of Map or path-like, or one of them
     probe : Probe, path-like or array, optional
         The light of the truth, and of product textures that hold none.
-    brdf : Brdf or str, optional
+    brdf : Brdf, str or path-like, optional
         That of the truth; by default the one that all maps were made for.
     names : sequence of str, optional
         What messages call the maps; by default their files, or their representations.
@@ -151,8 +150,7 @@ def compare(
         if brdf is None:
             surfaced = ", or another `roughness` and `f0`" if surface else ""
             brdf = common_brdf(infos, f"give `brdf`{surfaced}")
-        elif isinstance(brdf, str):
-            brdf = parse_spec(brdf, primaries=source.chromaticities)
+        brdf = as_brdf(brdf, source.chromaticities)
         label, digest, made_for = source.name, source.digest(), record_of(brdf)
         truth = Reference(source, brdf, source_height, progress=stages.within, exact=exact)
     if begin is not None:

@@ -49,12 +49,17 @@ def shown_as(made: Map, surface: Ggx, taps: int | None = None) -> ReflectedLight
     return made.shaded(*numbers, taps or DEFAULT_TAPS)
 
 
-def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color:
+def reflectance(
+    value: str | float | Sequence[float], primaries: tuple[float, ...] | None = None
+) -> Color:
     """Return the linear RGB, each channel within 0 .. 1, that a text such as ``gold`` means.
+
+    One number is that of all channels, and three are those of each.
 
     `primaries` are the chromaticities of the light, which the colors of metals are converted to.
     """
-    return parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
+    text = value if isinstance(value, str) else "/".join(map(str, np.ravel(value).tolist()))
+    return parse_spec(f"ggx:f0={text}", primaries=primaries).color("f0")
 
 
 def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:
@@ -70,7 +75,7 @@ def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:
 
 def surface_of(
     roughness: float | None,
-    f0: str | None,
+    f0: str | float | Sequence[float] | None,
     primaries: tuple[float, ...] | None,
     anisotropy: float | None = None,
 ) -> Ggx:
@@ -84,7 +89,7 @@ def shaded_maps(
     maps: Sequence[Map],
     names: Sequence[str],
     roughness: float | None,
-    f0: str | None,
+    f0: str | float | Sequence[float] | None,
     anisotropy: float | None = None,
     taps: int | None = None,
 ) -> tuple[list[ReflectedLight], dict[str, Any], list[str]]:

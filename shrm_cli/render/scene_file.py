@@ -21,7 +21,7 @@ Tables [[key]] say what moves over the frames: see `shrm_cli.render.moving`.
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -61,7 +61,7 @@ class Shown:
     """By default the map that the picture is of."""
     roughness: float | None = None
     """It replaces that of the mesh's materials."""
-    f0: str | None = None
+    f0: str | float | Sequence[float] | None = None
     """As in a BRDF's specification: ``0.04``, ``1/0.78/0.34`` or ``gold``."""
     irradiance: Map | None = None
     """The light of the diffuse part of the mesh's materials."""

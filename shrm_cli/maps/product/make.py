@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import cast
 
-from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import Option
@@ -27,7 +26,7 @@ _STEPS = Option("steps", "", "integer", limits=(2, MOST_STEPS))
 
 
 def product(
-    brdf: Brdf | str,
+    brdf: AnyBrdf,
     order: int = DEFAULT_PRODUCT_ORDER,
     size: int = DEFAULT_PRODUCT_SIZE,
     vary: Varied | Sequence[Varied] | None = None,
@@ -39,7 +38,7 @@ def product(
 
     Parameters
     ----------
-    brdf : Brdf or str
+    brdf : Brdf, str or path-like
     order : int
         The largest degree of the light's harmonics.
     size : int
@@ -73,7 +72,7 @@ def product(
 
 
 def product_with_facts(
-    brdf: Brdf | str,
+    brdf: AnyBrdf,
     order: int,
     size: int,
     vary: Varied | Sequence[Varied] | None,
@@ -89,7 +88,7 @@ def product_with_facts(
     """
     order, size = _ORDER.checked(order), _SIZE.checked(size)
     steps = None if steps is None else _STEPS.checked(steps)
-    material = parse_spec(brdf) if isinstance(brdf, str) else brdf
+    material = as_brdf(brdf)
     if vary is None:
         begin(None)
         with using(progress):
