@@ -319,7 +319,7 @@ def _meanings() -> Html:
         ("Filtering", "What bilinear look-ups on a GPU add to it, predicted."),
         ("RMS", "Of the difference to the truth over the spheres shown, relative to the truth's. "
                 "A few bright pixels decide it."),
-        ("Median, 95 %", "Of the relative error of the luminance over the pixels."),
+        ("Median, 95\u00a0%", "Of the relative error of the luminance over the pixels."),
         ("> 5 %", "The share of pixels whose luminance is wrong by more than that."),
         ("Negative", "The share of pixels with less than no light."),
         ("FLIP", "Mean HDR-FLIP, 0 to 1: what an observer sees when flipping between the two."),
