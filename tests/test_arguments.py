@@ -53,6 +53,8 @@ def chain(light):
         (lambda light, made: shrm.render(made, view=30, size=16), "view"),
         (lambda light, made: shrm.render(made, size=16, exposure=float("nan")), "exposure"),
         (lambda light, made: shrm.render(made, size=16, fov=30.0), "fov"),
+        (lambda light, made: shrm.render(made, size=16, roughness=0.3), "roughness"),
+        (lambda light, made: shrm.compare(made, light, size=16, f0="gold"), "f0"),
         (lambda light, made: shrm.render(made, size=16, mesh="x.obj", place=(0, 0, 0)), "place"),
         (lambda light, made: shrm.using(threads=0), "threads"),
         (lambda light, made: shrm.to_layout("sky.exr", "latlong"), "probe"),

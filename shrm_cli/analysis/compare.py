@@ -16,7 +16,7 @@ from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
-from shrm_cli.render.lit import in_same_primaries, lit_maps, shaded_maps
+from shrm_cli.render.lit import in_same_primaries, lit_maps, refuse_surface, shaded_maps
 from shrm_cli.render.seen import FlipError
 
 
@@ -138,6 +138,7 @@ def compare(
         names = [each.what if isinstance(each, Map) else os.fspath(each) for each in maps]
     opened = [each if isinstance(each, Map) else open_map(each) for each in maps]
     opened, warnings = lit_maps(opened, names, source, window)
+    refuse_surface(opened, roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
     loaded, surface, outside = shaded_maps(opened, names, roughness, f0, anisotropy, taps)
     infos = {name: each.info for name, each in zip(names, loaded, strict=True)}
     primaries = loaded[0].info.chromaticities if source is None else source.chromaticities

@@ -13,7 +13,7 @@ from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.color import conversion, same_primaries, title_of
-from shrm_cli.errors import MapError
+from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap, MaterialMap
@@ -83,6 +83,16 @@ def surface_of(
     color = None if f0 is None else reflectance(f0, primaries)
     chosen = DEFAULT_ROUGHNESS if roughness is None else roughness
     return ggx_surface(chosen, color, anisotropy)
+
+
+def refuse_surface(maps: Sequence[Map], **given: object) -> None:
+    """Raise an `ArgumentError` for what is given of a surface, not None, if no map needs one."""
+    if not any(each.surface_arguments for each in maps):
+        for name, value in given.items():
+            if value is not None:
+                raise ArgumentError(
+                    name, "applies to split sums and SH exponentials; no map is one"
+                )
 
 
 def shaded_maps(

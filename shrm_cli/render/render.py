@@ -17,7 +17,7 @@ from shrm_cli.progress import Progress
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.drawing import Film, Lit, on_sphere, on_stage
 from shrm_cli.render.image import LARGEST as LARGEST_EXPOSURE
-from shrm_cli.render.lit import lit_maps
+from shrm_cli.render.lit import lit_maps, refuse_surface
 from shrm_cli.render.moving import Moment
 from shrm_cli.render.scene_file import Shown, is_scene_name, read_scene
 from shrm_cli.render.stage import Stage
@@ -114,6 +114,7 @@ def render(
         "place": place, "radius": radius,
     }  # fmt: skip
     if mesh is None:
+        refuse_surface(opened, roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
         drawing = on_sphere(lit, shape[0], surface)
     else:
         name = os.fspath(mesh)
