@@ -113,7 +113,9 @@ def _texels(said: Mapping[str, Any]) -> str:
 
 
 def _remarks(made: Made, worded: Callable[[str], str]) -> Html:
-    lines: list[tuple[Part, Part]] = [(heading, worded(text)) for heading, text in made.notes]
+    lines: list[tuple[Part, Part]] = [
+        (heading[:1].upper() + heading[1:], worded(text)) for heading, text in made.notes
+    ]
     warnings = [
         tag("p.warning", tag("b", f"{made.form}: "), worded(line)) for line in made.warnings
     ]

@@ -165,6 +165,7 @@ def test_maps_are_those_that_the_shortest_command_makes(folder):
     }
     _, page = read("a.html")
     assert f"{made['representation']} (auto)" in page.texts
+    assert "Form" in page.texts
     assert any("lamps beside it: no map of 40 kB with them in it" in each for each in page.texts)
 
 
