@@ -93,13 +93,24 @@ def product_with_facts(
         begin(None)
         with using(progress):
             return product_texture(material, order, size)
-    if not len(vary):
-        raise ArgumentError("vary", "names no parameter; leave it out")
-    several = cast(Sequence[Varied], [vary] if isinstance(vary[0], str) else vary)
-    ranges = {name: (low, high) for name, low, high in several}
+    ranges = _ranges(vary)
     with using(work := Rising(progress)):  # nobody knows how many values there will be
         found, points = varying_steps(material, ranges, order, steps)
         begin(found)
         made = varying_texture(material, found, points, order, size)
     work.end()
     return made
+
+
+def _ranges(vary: Varied | Sequence[Varied]) -> dict[str, tuple[float, float]]:
+    """Return the ranges of parameters by their names."""
+    try:
+        if not len(vary):
+            raise ArgumentError("vary", "names no parameter; leave it out")
+        several = cast(Sequence[Varied], [vary] if isinstance(vary[0], str) else vary)
+        found = {name: (float(low), float(high)) for name, low, high in several}
+    except (TypeError, ValueError, LookupError):
+        raise ArgumentError(
+            "vary", f"is {vary!r:.80}; give names with their ranges, such as ('ax', 0.1, 0.5)"
+        ) from None
+    return found
