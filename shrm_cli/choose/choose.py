@@ -5,6 +5,7 @@ before any is made, so that hundreds of them can be searched. Forms of which no 
 and the light itself, are made to be known.
 """
 
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -286,7 +287,7 @@ def choose(
     for name, value in (("error", error), ("seen", seen)):
         if not 0 < value < 1:
             raise ArgumentError(name, f"{value:g} is not between 0 and 1")
-    asked = [brdfs] if isinstance(brdfs, AnyBrdf) else list(brdfs)
+    asked = [brdfs] if isinstance(brdfs, Brdf | str | os.PathLike) else list(brdfs)
     stages = Stages(progress, len(asked))
     found: list[Choice] = []
     for each in asked:

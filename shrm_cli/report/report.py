@@ -18,7 +18,7 @@ from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.report import words
-from shrm_cli.report.markup import Html, details, facts, joined, table, tag, whole_page
+from shrm_cli.report.markup import Html, details, facts, joined, spec, table, tag, whole_page
 from shrm_cli.report.material_part import exposure_of, material_part, number_cells, row_titles
 from shrm_cli.report.measure import Made, Material, Measured, Plan, measure_maps, names_of
 from shrm_cli.report.probe_part import preview, probe_part
@@ -158,7 +158,7 @@ def _overview(measured: Measured, look: Look) -> Html:
     if not measured.materials:
         return joined(*failed, *warned)
     rows = [
-        [tag("code", material.name), made.form, *number_cells(material, index)]
+        [spec(material.name), made.form, *number_cells(material, index)]
         for material, index, made in names_of(measured.materials)
     ]
     return joined(
