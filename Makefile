@@ -152,7 +152,7 @@ $(VENV)-blender/.made:
 	@touch $@
 
 blender: $(VENV)/.dev $(VENV)-blender/.made
-	SHRM_BLENDER=$(abspath $(VENV))-blender/bin/python $(BIN)/python -m pytest tests/export/test_blender.py
+	SHRM_BLENDER=$(abspath $(VENV))-blender/bin/python $(BIN)/python -m pytest tests/export/engines/test_blender.py
 
 engines: .web-setup $(VENV)/.web
 	$(BIN)/python -m tests.web.table $(if $(PROBE),'$(PROBE)') -o build/engines

@@ -155,6 +155,14 @@ def _cut(rest: str, start: str) -> tuple[str, str]:
     return rest[: found.start()], rest[found.start() :]
 
 
+def whole(argument: str, value: object, low: int, high: int) -> int:
+    """Return a whole number within limits, as Python's; else raise an `ArgumentError`."""
+    number = value if isinstance(value, int) else getattr(value, "__index__", lambda: None)()
+    if number is None or isinstance(value, bool) or not low <= number <= high:
+        raise ArgumentError(argument, f"is {value!r:.80}; give a whole number of {low} .. {high}")
+    return int(number)
+
+
 def refuse_arguments(what: str, **values: object) -> None:
     """Raise an `ArgumentError`, if an argument is given, not None, that would change nothing.
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.spec import AnyBrdf
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import DISCS, REMEDY, Map
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def prefilter(
     probe: AnyProbe,
-    brdf: Brdf | str | None = None,
+    brdf: AnyBrdf | None = None,
     *,
     to: str = AUTO,
     eps: float | None = None,
@@ -50,7 +50,7 @@ def prefilter(
     probe : Probe, path-like or array
         The light. A path is opened with the defaults of `open_probe`, and an array is read as
         `Probe.from_array` reads it.
-    brdf : Brdf or str, optional
+    brdf : Brdf, str or path-like, optional
         A BRDF, or its specification, such as ``"ggx:roughness=0.4"`` or the path of a measured
         file. Irradiance and SH exponentials are made without one, and a split sum is of GGX
         without one.

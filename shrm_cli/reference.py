@@ -20,7 +20,8 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.core import MOST_CELLS, Core, apart
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import AnyBrdf, as_brdf
+from shrm_cli.messages import whole
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
@@ -28,12 +29,13 @@ from shrm_cli.probe.source import Pyramid, Source
 from shrm_cli.progress import Progress, in_order, tell
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import (
+    as_directions,
     bisector,
     central_directions,
     horizontal_tangents,
     surface_frames,
 )
-from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
+from shrm_cli.vocabulary import LUMINANCE, MAX_SOURCE_HEIGHT, SEEN_FLOOR
 
 Evaluate = Callable[[Array, Indices], Array]
 Part = tuple[Brdf, Core | None]
@@ -363,7 +365,7 @@ class _Lit:
 
 def reference(
     probe: AnyProbe,
-    brdf: Brdf | str,
+    brdf: AnyBrdf,
     normals: ArrayLike,
     views: ArrayLike,
     source_height: int | None = None,
@@ -375,8 +377,8 @@ def reference(
     Parameters
     ----------
     probe : Probe, path-like or array
-    brdf : Brdf or str
-        A BRDF or its specification.
+    brdf : Brdf, str or path-like
+        A BRDF, its specification or its file.
     normals, views : array_like, shape (..., 3), broadcastable
         Unit, world axes; views point to the viewer.
     source_height : int, optional
@@ -403,8 +405,11 @@ def reference(
     >>> shrm.reference(white, "lambertian", up, up).round(2).tolist()
     [1.0, 1.0, 1.0]
     """
+    normals, views = as_directions("normals", normals), as_directions("views", views)
     light = as_probe(probe)
-    material = parse_spec(brdf, primaries=light.chromaticities) if isinstance(brdf, str) else brdf
+    if source_height is not None:
+        source_height = whole("source_height", source_height, 2, MAX_SOURCE_HEIGHT)
+    material = as_brdf(brdf, light.chromaticities)
     truth = Reference(light, material, source_height, progress=progress, exact=exact)
     return truth.radiance(normals, views)
 

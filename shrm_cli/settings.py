@@ -22,7 +22,7 @@ from pathlib import Path
 from types import EllipsisType
 from typing import Self
 
-from shrm_cli.errors import OutputError
+from shrm_cli.errors import ArgumentError, OutputError
 from shrm_cli.records import record
 
 FOLDER_VARIABLE = "SHRM_CACHE_DIR"
@@ -41,8 +41,8 @@ class Settings:
     True for the folder that the environment or the user's system names."""
 
     def __post_init__(self) -> None:
-        if self.threads is not None and self.threads < 1:
-            raise ValueError(f"{self.threads} threads; one is the least")
+        if self.threads is not None and not self.threads >= 1:
+            raise ArgumentError("threads", f"is {self.threads}; one is the least")
 
 
 _DEFAULTS = Settings()

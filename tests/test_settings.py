@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from shrm_cli import settings
+from shrm_cli.errors import ArgumentError
 from shrm_cli.settings import Settings
 from tests.cli.helpers import environment, run
 
@@ -47,7 +48,7 @@ def test_errors_restore():
 
 @pytest.mark.parametrize("count", [0, -1])
 def test_no_threads_at_all_are_refused(count):
-    with pytest.raises(ValueError, match="one is the least"):
+    with pytest.raises(ArgumentError, match="one is the least"):
         settings.using(threads=count)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.files.image import Picture
@@ -332,7 +332,7 @@ class Analysis:
 
 
 def analyze(
-    brdf: Brdf | str,
+    brdf: AnyBrdf,
     probe: AnyProbe | None = None,
     *,
     tolerances: Sequence[float] = TOLERANCES,
@@ -347,7 +347,7 @@ def analyze(
 
     Parameters
     ----------
-    brdf : Brdf or str
+    brdf : Brdf, str or path-like
     probe : Probe, path-like or array, optional
         For the accuracy of the reflected light, and pictures of it.
     tolerances : sequence of float
@@ -380,8 +380,7 @@ def analyze(
     [(5, 2)]
     """
     source = None if probe is None else as_probe(probe)
-    if isinstance(brdf, str):
-        brdf = parse_spec(brdf, primaries=None if source is None else source.chromaticities)
+    brdf = as_brdf(brdf, None if source is None else source.chromaticities)
     stages = Stages(progress, 1 if source is None else 2 + max(len(views), 1))
     grid = energy_grid(brdf, tolerances, order_f, order_p, stages.within)
     stages.done(1, 3)

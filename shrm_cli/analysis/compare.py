@@ -5,8 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map, several
@@ -17,7 +16,7 @@ from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
-from shrm_cli.render.lit import in_same_primaries, lit_maps, shaded_maps
+from shrm_cli.render.lit import in_same_primaries, lit_maps, refuse_surface, shaded_maps
 from shrm_cli.render.seen import FlipError
 
 
@@ -75,13 +74,13 @@ class Compared:
 def compare(
     maps: Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str],
     probe: AnyProbe | None = None,
-    brdf: Brdf | str | None = None,
+    brdf: AnyBrdf | None = None,
     *,
     names: Sequence[str] | None = None,
     views: Sequence[tuple[float, float]] = ((0.0, 0.0),),
     size: int = 256,
     roughness: float | None = None,
-    f0: str | None = None,
+    f0: str | float | Sequence[float] | None = None,
     anisotropy: float | None = None,
     taps: int | None = None,
     window: str | None = None,
@@ -97,7 +96,7 @@ def compare(
     maps : sequence of Map or path-like, or one of them
     probe : Probe, path-like or array, optional
         The light of the truth, and of product textures that hold none.
-    brdf : Brdf or str, optional
+    brdf : Brdf, str or path-like, optional
         That of the truth; by default the one that all maps were made for.
     names : sequence of str, optional
         What messages call the maps; by default their files, or their representations.
@@ -139,6 +138,7 @@ def compare(
         names = [each.what if isinstance(each, Map) else os.fspath(each) for each in maps]
     opened = [each if isinstance(each, Map) else open_map(each) for each in maps]
     opened, warnings = lit_maps(opened, names, source, window)
+    refuse_surface(opened, roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
     loaded, surface, outside = shaded_maps(opened, names, roughness, f0, anisotropy, taps)
     infos = {name: each.info for name, each in zip(names, loaded, strict=True)}
     primaries = loaded[0].info.chromaticities if source is None else source.chromaticities
@@ -151,8 +151,7 @@ def compare(
         if brdf is None:
             surfaced = ", or another `roughness` and `f0`" if surface else ""
             brdf = common_brdf(infos, f"give `brdf`{surfaced}")
-        elif isinstance(brdf, str):
-            brdf = parse_spec(brdf, primaries=source.chromaticities)
+        brdf = as_brdf(brdf, source.chromaticities)
         label, digest, made_for = source.name, source.digest(), record_of(brdf)
         truth = Reference(source, brdf, source_height, progress=stages.within, exact=exact)
     if begin is not None:

@@ -1,5 +1,6 @@
 """What is told of probes and maps, by the names of JSON, and in words."""
 
+from collections.abc import Iterable
 from typing import Any
 
 from shrm_cli.maps.base import Map
@@ -76,13 +77,21 @@ def in_words(values: dict[str, Any]) -> dict[str, str]:
     }
 
 
+def seen_channels(values: Iterable[float]) -> list[float]:
+    """Return a colour whose channels are 0 where they are nothing beside the largest one."""
+    found = [float(value) for value in values]
+    least = 1e-6 * max(map(abs, found), default=0.0)
+    return [0.0 if abs(value) < least else value for value in found]
+
+
 def _lamp_line(lamp: dict[str, Any]) -> str:
+    irradiance = fact_text(seen_channels(lamp["irradiance"]))
     size = f"radius {lamp['radius']:.3g}"
     if lamp["is_elongated"]:
         size = f"{lamp['length']:.3g} x {lamp['width']:.3g}"
     return (
         f"azimuth {lamp['azimuth']:.1f}, elevation {lamp['elevation']:.1f}, {size} degrees, "
-        f"{lamp['share']:.1%} of the light, irradiance {fact_text(lamp['irradiance'])}"
+        f"{lamp['share']:.1%} of the light, irradiance {irradiance}"
     )
 
 

@@ -14,10 +14,11 @@ from shrm_cli.lights.clipping import Plateau, largest_radiance, suspicion
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
+from shrm_cli.messages import whole
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import PolarRows, project
+from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.pixels import refuse_overflow
-from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import report
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import to_azimuth_elevation
@@ -120,12 +121,12 @@ class ProbeStatistics:
         }
 
 
-def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
+def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
     """Read the pixels of a probe, block by block, and say what is in them.
 
     Parameters
     ----------
-    probe : Probe
+    probe : Probe, path-like or array
     lamps : int
         The most lamps to look for; 0 saves the time that it takes.
 
@@ -140,6 +141,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     >>> found["lamps"]
     []
     """
+    probe, lamps = as_probe(probe), whole("lamps", lamps, 0, 100)
     to_xyz = xyz_matrix(probe.chromaticities)
     gathered = _Gathered(to_xyz[1])
     order = min(_ORDER, probe.grid.resolved_order)
@@ -164,7 +166,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     fine = fine_probe(probe)  # horizons cut large pixels, which are no points
     of_normals = light if fine is probe else project(fine, _ORDER).coefficients
     pixel = 4 * np.pi / (probe.grid.shape[0] * probe.grid.shape[1])
-    whole, stated = 4 * np.pi * float(to_xyz[1] @ mean), probe.chromaticities
+    total, stated = 4 * np.pi * float(to_xyz[1] @ mean), probe.chromaticities
     return ProbeStatistics(
         minimum=gathered.low,
         maximum=np.array([each.high for each in gathered.plateaus]),
@@ -182,7 +184,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         clipped=suspicion(gathered.plateaus, pixel, mean, largest_radiance(probe)),
         primaries="not stated; taken for Rec.709" if stated is None else title_of(stated),
         lamps=found[:lamps],
-        lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / whole for lamp in found[:lamps]),
+        lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / total for lamp in found[:lamps]),
     )
 
 

@@ -21,21 +21,27 @@ from shrm_cli.brdf import library
 from shrm_cli.brdf.base import Brdf, nested_texts
 from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
 from shrm_cli.color import Primaries
-from shrm_cli.errors import BrdfError
+from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.messages import shown
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.python_file import FileTerm
 
+AnyBrdf = Brdf | str | os.PathLike[str]
+"""What stands for a BRDF: itself, its specification, or the path of its file."""
+
 _MATERIAL = re.compile(r"([^=]+?\.(?:mtlx|gltf|glb))(?:#(.*))?", re.IGNORECASE | re.DOTALL)
 
 
-def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None = None) -> Brdf:
+def parse_spec(
+    spec: str | os.PathLike[str], *, run_code: bool = True, primaries: Primaries | None = None
+) -> Brdf:
     """The BRDF that a specification such as ``microfacet:sigma=0.1`` names.
 
     Parameters
     ----------
     spec : str
+        Or the path of a file, as path-like.
     run_code : bool
         Whether it may name a Python file, which is run. It must not where the specification
         comes out of a manifest; what a map records is read by `library.parse_recorded`.
@@ -54,6 +60,9 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
     >>> shrm.parse_spec("ggx:roughness=0.4").number("roughness")
     0.4
     """
+    if not isinstance(spec, str | os.PathLike):
+        raise BrdfError(f"{spec!r:.80} is no specification; give text such as 'ggx:roughness=0.4'")
+    spec = os.fspath(spec)
 
     def parse(term: str) -> Brdf:
         return parse_spec(term, run_code=run_code, primaries=primaries)
@@ -84,6 +93,15 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
         )
     values = {} if term.values is None else library.given_values(spec, term.values)
     return library.make_checked(model, values, f"{term.path}: {term.name}")
+
+
+def as_brdf(brdf: AnyBrdf, primaries: Primaries | None = None) -> Brdf:
+    """A BRDF from itself, or from its specification or its file, as `parse_spec` takes them."""
+    if isinstance(brdf, Brdf):
+        return brdf
+    if not isinstance(brdf, str | os.PathLike):
+        raise ArgumentError("brdf", f"{brdf!r:.80} is neither a BRDF nor the specification of one")
+    return parse_spec(brdf, primaries=primaries)
 
 
 def material_place(spec: str) -> tuple[Path, str] | None:

@@ -5,6 +5,7 @@ before any is made, so that hundreds of them can be searched. Forms of which no 
 and the light itself, are made to be known.
 """
 
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -17,7 +18,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.automatic import automatic_choice
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import lobe_width
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.choose.offer import Choice, Offer, decided
 from shrm_cli.errors import ArgumentError, PluginError, ShrmError
 from shrm_cli.lights.beside import split_of
@@ -245,7 +246,7 @@ ERRORS = 0.2, 0.1, 0.05, 0.025, 0.0125
 
 def choose(
     probe: AnyProbe,
-    brdfs: Sequence[Brdf | str] | Brdf | str,
+    brdfs: Sequence[AnyBrdf] | AnyBrdf,
     budget: int | str | None = None,
     error: float = policy.ERROR,
     seen: float = policy.WRONG_SHARE,
@@ -286,11 +287,11 @@ def choose(
     for name, value in (("error", error), ("seen", seen)):
         if not 0 < value < 1:
             raise ArgumentError(name, f"{value:g} is not between 0 and 1")
-    asked = [brdfs] if isinstance(brdfs, Brdf | str) else list(brdfs)
+    asked = [brdfs] if isinstance(brdfs, Brdf | str | os.PathLike) else list(brdfs)
     stages = Stages(progress, len(asked))
     found: list[Choice] = []
     for each in asked:
-        brdf = parse_spec(each, primaries=light.chromaticities) if isinstance(each, str) else each
+        brdf = as_brdf(each, light.chromaticities)
         with keeping_light():
             found.append(_chosen(light, brdf, str(each), Goal(error, seen), most, stages.within))
         stages.done(len(found), len(asked))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -111,14 +110,13 @@ def choose(
             warnings += [f"{path}: {line}" for line in light.report.warnings()]
     if not found:
         raise click.ClickException(failures[0])
+    failures += [_misfit(path, each) for path, each in found if each.recommended is None]
     lines = [line for path, each in found for line in _report(path, each)]
     files = _write(found, output, target)
     result = {"choices": [_values(path, each) for path, each in found], "files": files}
     warnings += [line for _, each in found for line in each.warnings]
     lines += [f"wrote {path}" for path in files]
-    conclude({**result, "failures": failures}, lines, [*warnings, *failures])
-    if failures:
-        sys.exit(1)
+    conclude({**result, "failures": failures}, lines, warnings, failures)
 
 
 def _write(
@@ -196,12 +194,21 @@ def _share(value: float, is_measured: bool) -> str:
     return f"{'~' if is_measured else ''}{value:.1%}"
 
 
+def _misfit(path: str, choice: Choice) -> str:
+    """Return why nothing is recommended: no form holds it, or the budget is below the least."""
+    if not choice.offers:
+        return f"{path}, {choice.brdf}: no form holds it; take shrm prefilter"
+    least = bytes_text(min(each.bytes for each in choice.offers))
+    most = bytes_text(choice.budget or 0)
+    return f"{path}, {choice.brdf}: no form fits in {most}, the least takes {least}; raise --budget"
+
+
 def _advice(path: str, choice: Choice) -> list[str]:
     """Return what to take, why, and the command that makes it."""
     best = choice.recommended
     room = "" if choice.budget is None else f" within {bytes_text(choice.budget)}"
     if best is None:
-        return [f"  there is nothing{room}"]
+        return []
     asked = f"{choice.goal.error:.2g} RMS error and {choice.goal.wrong_share:.0%} of wrong pixels"
     if choice.is_kept:
         why = f"the fewest bytes that keep {asked}"

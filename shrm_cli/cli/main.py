@@ -59,6 +59,12 @@ _STOPPING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(
 """The signals that end a process; Windows has no SIGHUP."""
 
 
+_PLAINER = {
+    "integer range": "whole number", "integer": "whole number", "float range": "number",
+    "float": "number",
+}  # fmt: skip
+"""What click calls its types of numbers, and what they are."""
+
 _A_WHILE = 0.01
 """The seconds after which a signal is raised again that could not be obeyed."""
 
@@ -231,6 +237,8 @@ def _path(arguments: list[str]) -> str:
 
 def _with_hint(error: click.UsageError, arguments: list[str]) -> str:
     message = error.format_message().rstrip(".")
+    for name, plain in _PLAINER.items():
+        message = message.replace(f"is not a valid {name}", f"is no {plain}")
     if isinstance(error, click.NoSuchOption):
         for each in arguments:
             if each.startswith("-") and os.path.lexists(each):

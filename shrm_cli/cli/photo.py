@@ -75,13 +75,15 @@ def brackets(
     differences = [each if each == each else None for each in made.differences.tolist()]
     facts = {
         "photos": list(made.paths), "exposures": exposures, "differences": differences,
-        "clipped": made.clipped, "stuck": made.stuck,
+        "clipped": made.clipped, "stuck": made.stuck, "white": made.white,
     }  # fmt: skip
     told = ", ".join("?" if each is None else f"{each:.1%}" for each in differences[1:])
     lines = [
         f"  exposures      {', '.join(f'{each:.3g}' for each in exposures)} of the middle one",
         f"  differences    {told} of each from the one before, in the median",
     ]
+    if made.white < 1:
+        lines.append(f"  white          {made.white:.1%} of the largest number")
     warnings = _disagreements(made.paths, differences) + _white_pixels(output, made)
     recipe = {"probe": "brackets", "photos": _names(made.paths), "exposures": exposures}
     _write(output, made.pixels, precision, made.chromaticities, recipe, facts, lines, warnings)

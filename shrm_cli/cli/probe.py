@@ -10,7 +10,7 @@ import click
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.photo import ball, brackets, unclip
 from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
-from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, VECTOR, flag, option
+from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, SUN, VECTOR, flag, option
 from shrm_cli.files.whole import check_target
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import LARGEST_HALF, Precision
@@ -83,7 +83,7 @@ def impulse(
 
 @probe.command()
 @output_options
-@option("--sun", DIRECTION, "Direction of the sun, degrees; elevation 0 to 90.", default="45,35")
+@option("--sun", SUN, "Direction of the sun, degrees; elevation 0 to 90.", default="45,35")
 @option("--turbidity", click.FloatRange(1.7, 10), "Haziness of the air.", default=3.0)
 @option(
     "--ground-albedo", click.FloatRange(0, 1), "Diffuse reflectance of the ground.", default=0.2

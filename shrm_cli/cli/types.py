@@ -88,16 +88,27 @@ STOPS = within(-32, 32)
 """An exposure value, in stops."""
 
 
-@partial(Parsed, "AZ,EL")
-def DIRECTION(text: str) -> tuple[float, float]:
-    """A direction in degrees: azimuth from +Z towards +X about +Y, elevation within -90 .. 90."""
-    numbers = _numbers(text)
-    if len(numbers) != 2:
-        raise ValueError(f"{text!r} is not two numbers AZ,EL such as 30,45")
-    azimuth, elevation = numbers
-    if not -90 <= elevation <= 90:
-        raise ValueError(f"elevation {elevation:g} is outside -90 .. 90")
-    return azimuth, elevation
+def _direction(lowest: int) -> Parsed:
+    """Return the type of a direction, in degrees, that is no lower than an elevation."""
+
+    def parse(text: str) -> tuple[float, float]:
+        numbers = _numbers(text)
+        if len(numbers) != 2:
+            raise ValueError(f"{text!r} is not two numbers AZ,EL such as 30,45")
+        azimuth, elevation = numbers
+        if not lowest <= elevation <= 90:
+            raise ValueError(
+                f"elevation {elevation:g} of {text!r} is outside {lowest} .. 90; give AZ,EL"
+            )
+        return azimuth, elevation
+
+    return Parsed("AZ,EL", parse)
+
+
+DIRECTION = _direction(-90)
+"""Azimuth from +Z towards +X about +Y, and elevation within -90 .. 90."""
+SUN = _direction(0)
+"""The same of what stands above the horizon."""
 
 
 @partial(Parsed, "NAME|RX,RY,...", offered=PRIMARIES)

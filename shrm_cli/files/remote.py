@@ -222,8 +222,10 @@ def _reached(url: str) -> Iterator[tuple[Any, str]]:
             f"{shown(url)}: there is no such file, or its place cannot be reached; check the URL"
         ) from error
     except Exception as error:
+        is_away = isinstance(error, OSError) and not isinstance(error, PermissionError)
+        what = "and the network" if is_away else "the network and the credentials"
         raise RemoteError(
-            f"{shown(url)}: {_reason(error)}; check the URL, the network and the credentials"
+            f"{shown(url)}: {_reason(error)}; check the URL{' ' if is_away else ', '}{what}"
         ) from error
 
 

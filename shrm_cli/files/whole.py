@@ -226,10 +226,11 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         else:
             waiting.append((temporary, target))
     except OSError as error:
-        reason = error.strerror or error
-        raise OutputError(
-            f"{target}: cannot be written ({reason}); make room or name another output"
-        ) from error
+        if not target.parent.exists():
+            why = f"there is no folder {target.parent}; make it first"
+        else:
+            why = f"cannot be written ({error.strerror or error}); make room or name another output"
+        raise OutputError(f"{target}: {why}") from error
     finally:
         if (temporary, target) not in (_together.get() or ()):
             discard(temporary)

@@ -20,6 +20,7 @@ from shrm_cli.lights.lamp import Lamp, Light, disc_of
 from shrm_cli.lights.pixels import SpherePixels, near
 from shrm_cli.lights.search import LARGEST, find_regions
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
+from shrm_cli.messages import whole
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.lighting import project
@@ -215,7 +216,8 @@ def split_lamps(
     >>> len(split.lamps), split.proof.rms < 0.01
     (1, True)
     """
-    for name, value in (("error", error), ("count", count), ("largest", largest)):
+    whole("count", count, 0, 100)
+    for name, value in (("error", error), ("largest", largest)):
         if not value >= 0:
             raise ArgumentError(name, f"is {value}; give 0 or more")
     if sun_radius is not None and not 0 < sun_radius <= 90:

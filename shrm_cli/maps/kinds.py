@@ -16,7 +16,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.registry import DESCRIPTIONS, unconverted
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import central_directions
+from shrm_cli.sphere.directions import as_directions, central_directions
 from shrm_cli.vocabulary import (
     DEFAULT_ROUGHNESS,
     EVEN_TAP_COUNTS,
@@ -49,7 +49,7 @@ class CentralMap(ReflectionMap):
         """Evaluate the radiance for central directions instead of normals; else as `radiance`."""
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        given = (np.asarray(each, dtype=float) for each in (normals, views))
+        given = as_directions("normals", normals), as_directions("views", views)
         return self.central_radiance(central_directions(self.center, *given), views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
@@ -165,7 +165,7 @@ class MaterialMap(FixedMap):
 
         Parameters
         ----------
-        lighting : array_like, shape ((order+1)^2, 3)
+        lighting : Lighting, or array_like of shape ((order+1)^2, 3)
             The light over the real harmonics of world axes, index l(l+1)+m.
 
         Raises
@@ -182,7 +182,7 @@ class MaterialMap(FixedMap):
         ----------
         spec : str
             As `shrm prefilter --window` takes it; ``auto`` leaves no black spots.
-        lighting : array_like, shape ((order+1)^2, 3)
+        lighting : Lighting, or array_like of shape ((order+1)^2, 3)
             As `lit` takes it.
         """
 

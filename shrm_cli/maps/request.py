@@ -13,7 +13,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.library import foreign_modules
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import as_brdf
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
@@ -78,7 +78,7 @@ class Request:
         to = resolved_form(to, given)
         named = {name: value for name, value in given.items() if value is not None}
         check_arguments(to, named)
-        brdf = _material(named.pop("brdf"), probe) if "brdf" in named else None
+        brdf = as_brdf(named.pop("brdf"), probe.chromaticities) if "brdf" in named else None
         named = checked_options(to, named)
         values = {**registry.description(to).defaults, **named}
         shared = {name: values.pop(name) for name in SHARED if name in values}
@@ -178,15 +178,6 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
         raise _not_for(name, chosen, known)
     if chosen.needs_brdf and "brdf" not in given:
         raise ArgumentError("brdf", f"is missing; `to` {to} needs one")
-
-
-def _material(brdf: object, probe: Probe) -> Brdf:
-    """Return a BRDF from itself or from its specification, with the probe's primaries."""
-    if isinstance(brdf, str):
-        return parse_spec(brdf, primaries=probe.chromaticities)
-    if not isinstance(brdf, Brdf):
-        raise ArgumentError("brdf", f"{brdf!r} is neither a BRDF nor the specification of one")
-    return brdf
 
 
 def _not_for(

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli import __release__, vocabulary
 from shrm_cli.arrays import Array
-from shrm_cli.errors import MapError
+from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.files.parts import Part, Storage, StoredPart, prepared, sound_primaries, write_chosen
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
@@ -259,6 +259,12 @@ def store(
     Returns the pixel type written, and the error that it makes. An error beyond ordinary rounding
     is written into the file as well.
     """
+    for name, value, known in (
+        ("orientation", orientation, vocabulary.ORIENTATIONS),
+        ("precision", precision, vocabulary.PRECISIONS),
+    ):
+        if value not in known:
+            raise ArgumentError(name, f"is {value!r}; give one of {', '.join(known)}")
     arrangement = Arrangement(layout, orientation, reflection_map.sampling)
     if layout == "latlong" and reflection_map.turns_with_texels:
         raise MapError(

@@ -39,6 +39,10 @@ WHITE = 1 - 0.5 / (LEVELS - 1)
 _NEARLY = 0.97
 """Above it noise, and what JPEG leaves beside edges, may be all that keeps a number from white: of
 such numbers in long exposures a sun of 35 had holes of 3."""
+_STEP = 1.5 / (LEVELS - 1)
+"""How far means of squares that are white may be from each other."""
+_LEAST_WHITE = 0.6
+"""No program holds white down to less."""
 _FLOODS = 15.0
 """What is white in the shortest exposure has white around it in one that lets in so many times as
 much, four stops: lenses, and making colours of a sensor's, put a fifth of light into the pixels
@@ -71,6 +75,8 @@ class Merged:
     stuck: int
     """Pixels that are white in all exposures and alone in it, as those of a sensor that are stuck.
     They and the eight around each have the median of what is around these."""
+    white: float = 1.0
+    """The number that the camera shows white as; 1 is the largest one."""
     chromaticities: tuple[float, ...] | None = None
     """CIE x and y of red, green, blue and white, where the files tell them."""
 
@@ -110,11 +116,13 @@ def merge_brackets(
     opened, exposures = _in_order(paths, times)
     is_linear = linear or all(each.is_float for each in opened)
     steps = len(opened) * (1 if is_linear else 2)
-    curve, places = None, []
+    curve, places, white = None, [], 1.0
     if not is_linear:
         for done, each in enumerate(opened):
             report(done, steps)
             places.append(_places(each.whole()))
+        white = _white_of(places)
+        places = [np.minimum(each / white, 1) for each in places]
         curve = response(np.stack(places), np.log(exposures))
     total = weights = last = np.zeros((), np.float32)
     was_white = np.zeros((), bool)
@@ -124,7 +132,7 @@ def merge_brackets(
     differences = np.zeros(len(opened))
     for k, (each, exposure) in enumerate(zip(opened, exposures, strict=True)):
         report(steps - len(opened) + k, steps)
-        values = each.whole()
+        values = each.whole() if white == 1 else np.minimum(each.whole() / np.float32(white), 1)
         if is_linear:
             places.append(_places(values))
         if k:
@@ -149,8 +157,23 @@ def merge_brackets(
     names = tuple(str(each.path) for each in opened)
     return Merged(
         pixels, exposures, names, differences, curve, float((clipped & ~stuck).mean()),
-        int(stuck.sum()), opened[0].chromaticities,
+        int(stuck.sum()), white, opened[0].chromaticities,
     )  # fmt: skip
+
+
+def _white_of(places: Sequence[Array]) -> float:
+    """Return the number that white has, of what `_places` returns of each exposure.
+
+    Programs that develop photographs may hold white down, to 240 of 255 for example. It is what the
+    two longest exposures show as the same number, though the light differs, and nothing above it;
+    1 where there is no such number.
+    """
+    before, last = (each[0] for each in places[-2:])
+    if len(last) < 2 * _FEWEST:
+        return 1.0
+    top = float(np.partition(last, -_FEWEST)[-_FEWEST])
+    alike = (before > top - _STEP) & (before < top + _STEP) & (np.abs(last - top) < _STEP)
+    return top if _LEAST_WHITE < top < _NEARLY and alike.sum() >= _FEWEST else 1.0
 
 
 def _is_alone(white: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -20,6 +20,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.color import srgb_to_linear
 from shrm_cli.errors import ProbeError
+from shrm_cli.files.exr_header import MOST_PARTS
 from shrm_cli.files.openimageio import quiet
 from shrm_cli.files.parts import sound_primaries
 from shrm_cli.records import record
@@ -216,7 +217,6 @@ _NO_LIGHT = (
     "uv", "vector", "velocity", "z",
 )  # fmt: skip
 """Names of what is no light, whatever its channels are called."""
-_MOST_PARTS = 256
 _MOST_LISTED = 12
 
 
@@ -268,7 +268,7 @@ def _layers(path: Path, source: Any, part: str | None) -> Iterator[Layer]:
     known, specs = [], []
     any_layer = False
     index = 0
-    while index < _MOST_PARTS and source.seek_subimage(index, 0):
+    while index < MOST_PARTS and source.seek_subimage(index, 0):
         spec = source.spec()
         name = spec.get_string_attribute("oiio:subimagename") if is_exr else ""
         known.append(name or str(index))
@@ -385,4 +385,4 @@ def _listed(names: Iterable[str]) -> str:
     """Names with commas between, not too many."""
     listed = list(names)
     more = len(listed) - _MOST_LISTED
-    return ", ".join(listed[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
+    return ", ".join(listed[:_MOST_LISTED]) + (f" and {more:,} more" if more > 0 else "")

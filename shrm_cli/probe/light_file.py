@@ -37,6 +37,7 @@ from shrm_cli.probe.reader import check_file
 from shrm_cli.probe.series import Series, as_radiance, holds_series, read_series, sum_of
 from shrm_cli.sphere.directions import from_azimuth_elevation
 from shrm_cli.sphere.rotation import transform_coefficients
+from shrm_cli.vocabulary import FACES
 
 if TYPE_CHECKING:
     from shrm_cli.probe.proxy import ProxyBox
@@ -160,7 +161,7 @@ def _term(what: str, path: Path, table: dict[str, Any], opening: Callable[..., P
     file = table.get("file")
     if not isinstance(file, str) or not file:
         raise ProbeError(f"{what}: 'file' must be the name of an image")
-    if not stays_below(file):
+    if not stays_below(file, path.parent):
         raise ProbeError(
             f"{what}: {file!r:.100} leaves the light file's folder; put the image into it"
         )
@@ -189,7 +190,7 @@ def _series(
     try:
         if _only(what, table, "file", "coefficients") == "file":
             name = table["file"]
-            if not isinstance(name, str) or not name or not stays_below(name):
+            if not isinstance(name, str) or not name or not stays_below(name, path.parent):
                 raise ProbeError(f"{what}: 'file' must be a name in the light file's folder")
             name = os.path.join(os.path.dirname(path), name)
             if not holds_series(name):
@@ -218,12 +219,19 @@ def _series(
     return transform_coefficients(values * scale, matrix), content
 
 
-def stays_below(file: str) -> bool:
-    """Whether a name is that of a file of this folder, or of one within it, on every system."""
+def stays_below(file: str, folder: str | os.PathLike[str]) -> bool:
+    """Whether a name is that of a file of a folder, or of one within it, on every system.
+
+    It is not where a link leads out of the folder. A ``%`` stands for each of six faces.
+    """
     windows = PureWindowsPath(file)
-    return not (
-        windows.drive or windows.root or PurePosixPath(file).is_absolute() or ".." in windows.parts
-    )
+    if windows.drive or windows.root or PurePosixPath(file).is_absolute() or ".." in windows.parts:
+        return False
+    real = os.path.realpath(folder)
+    where, name = os.path.split(os.path.join(folder, file))
+    names = {name, *(name.replace("%", face) for face in FACES)}
+    found = [os.path.realpath(os.path.join(where, each)) for each in names if "\0" not in each]
+    return all(os.path.commonpath([each, real]) == real for each in found)
 
 
 def _disc(what: str, table: dict[str, Any], colors: tuple[float, ...] | None) -> Disc:

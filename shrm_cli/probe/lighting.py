@@ -15,6 +15,7 @@ import numpy as np
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array, over_channels, slices
+from shrm_cli.messages import whole
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import Displayed, record
@@ -25,6 +26,7 @@ from shrm_cli.vocabulary import MAX_ORDER_F
 
 if TYPE_CHECKING:
     from shrm_cli.probe.light_sum import LightSum
+    from shrm_cli.probe.open import AnyProbe
     from shrm_cli.probe.shared import SharedProbe
 
 _MOST_ROWS = 32
@@ -44,6 +46,8 @@ _LARGE_ROWS = 16
 of points is off by 11, 2 and .3 %, and beside a lamp by 29, 9 and 1.4 %; of 16 rows by .6 %."""
 _NOTHING = 1e-6
 """The part of the light's energy that is none: .1 % as RMS."""
+_MOST = 4096
+"""The largest order."""
 _FEW = 64
 """Pixels that are not held are projected to this order at least. It takes no longer than to read
 them, and matte surfaces ask for less."""
@@ -190,12 +194,12 @@ class Projection:
         return self._known
 
 
-def project(probe: Probe, order: int) -> Lighting:
+def project(probe: "AnyProbe", order: int) -> Lighting:
     """Project a probe onto the spherical harmonics.
 
     Parameters
     ----------
-    probe : Probe
+    probe : Probe, path-like or array
     order : int
         Largest degree.
 
@@ -223,6 +227,11 @@ def project(probe: Probe, order: int) -> Lighting:
     >>> shrm.project(white, 1).coefficients.shape
     (4, 3)
     """
+    if not isinstance(probe, Probe):
+        from shrm_cli.probe.open import as_probe  # most callers have opened it
+
+        probe = as_probe(probe)
+    order = whole("order", order, 0, _MOST)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
         found = _project(probe, order)
     refuse_overflow(probe.name, found.coefficients)

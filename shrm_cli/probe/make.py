@@ -224,7 +224,10 @@ def _rgb(radiance: ArrayLike) -> Array:
     return np.broadcast_to(values, (3,))
 
 
+_LARGEST = 8192
+
+
 def check_size(size: int) -> None:
-    """Refuse a lat-long of less than two rows."""
-    if size < 2:
-        raise ProbeError(f"a probe of height {size} is too small; give at least 2 pixels")
+    """Refuse a lat-long of less than two rows, or of more than files have."""
+    if not hasattr(size, "__index__") or not 2 <= size <= _LARGEST:
+        raise ProbeError(f"a probe of height {size!r}; give at least 2 pixels, {_LARGEST} at most")

@@ -90,10 +90,10 @@ class ReadOptions:
     at: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
-        _check_name("layout", self.layout, (None, *vocabulary.LAYOUTS))
-        _check_name("orientation", self.orientation, (None, *vocabulary.ORIENTATIONS))
-        _check_name("sampling", self.sampling, (None, *vocabulary.SAMPLINGS))
-        _check_name("up", self.up, _UP)
+        check_name("layout", self.layout, (None, *vocabulary.LAYOUTS))
+        check_name("orientation", self.orientation, (None, *vocabulary.ORIENTATIONS))
+        check_name("sampling", self.sampling, (None, *vocabulary.SAMPLINGS))
+        check_name("up", self.up, _UP)
         _check_flag("mirror", self.mirror)
         _check_flag("linearize", self.linearize)
         _check_numbers("box", self.box, 6)
@@ -170,7 +170,7 @@ def chromaticities_of(
     if value is None:
         return None
     if isinstance(value, str):
-        _check_name(argument, value, tuple(vocabulary.PRIMARIES))
+        check_name(argument, value, tuple(vocabulary.PRIMARIES))
         return vocabulary.PRIMARIES[value]
     try:
         numbers = tuple(float(each) for each in value)
@@ -188,7 +188,8 @@ def chromaticities_of(
     return numbers
 
 
-def _check_name(argument: str, value: object, names: tuple[str | None, ...]) -> None:
+def check_name(argument: str, value: object, names: tuple[str | None, ...]) -> None:
+    """Refuse a name that is none of those that an argument may have."""
     if not (value is None or isinstance(value, str)) or value not in names:
         known = ", ".join(name for name in names if name is not None)
         raise ProbeError(f"`{argument}` {value!r} is not known; give one of {known}")

@@ -26,6 +26,7 @@ from shrm_cli.probe.image import (
 from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.probe.pixels import Block, BlockReader, PixelPolicy, PixelReport
 from shrm_cli.records import Displayed, record
+from shrm_cli.sphere.directions import as_directions
 from shrm_cli.sphere.grid.base import Grid, Sampler
 from shrm_cli.vocabulary import (
     COARSE_ROWS,
@@ -275,7 +276,7 @@ class Probe(Displayed):
 
     def radiance(self, directions: ArrayLike) -> Array:
         """Filtered radiance in world directions, shape (..., 3); the image is read once."""
-        inside = np.asarray(directions) @ self.matrix  # M^-1 d, as rows
+        inside = as_directions("directions", directions) @ self.matrix  # M^-1 d, as rows
         return np.maximum(self._sampler(inside), 0)  # a cubic filter overshoots
 
     @cached_property

@@ -14,7 +14,7 @@ from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import excess
 from shrm_cli.files.openimageio import caught, oiio
 from shrm_cli.files.whole import check_regular, fault_of_name, note
-from shrm_cli.messages import is_url
+from shrm_cli.messages import is_url, shown
 
 _MOST_OPEN = 64
 _open: "WeakValueDictionary[int, Reader]" = WeakValueDictionary()
@@ -84,8 +84,11 @@ def check_file(name: str | os.PathLike[str]) -> Path:
         str(path).encode()  # image libraries take no other names
     except UnicodeEncodeError:
         raise ProbeError(f"{path}: {fault_of_name(path)}, or rename it") from None
-    advice = "shrm batch reads URLs; else fetch it" if is_url(path) else "check its name"
-    status = check_regular(path, ProbeError, "an image file", advice)
+    if is_url(path) and not path.exists():
+        raise ProbeError(
+            f"{shown(os.fspath(name))}: no such file; shrm batch reads URLs; else fetch it"
+        )
+    status = check_regular(path, ProbeError, "an image file", "check its name")
     if not os.access(path, os.R_OK):
         raise ProbeError(f"{path}: no permission to read it; change its mode")
     if status.st_size == 0:

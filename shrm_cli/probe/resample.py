@@ -16,11 +16,20 @@ from numpy.typing import NDArray
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices, over_channels, slices
-from shrm_cli.errors import ProbeError
+from shrm_cli.errors import ArgumentError, ProbeError
 from shrm_cli.probe.image import ArrayImage, arrange_faces
+from shrm_cli.probe.options import check_name
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.grid.base import Grid, grid_class
-from shrm_cli.vocabulary import CUBES, Layout, Orientation, Sampling, default_orientation, grid_name
+from shrm_cli.vocabulary import (
+    CUBES,
+    LAYOUTS,
+    Layout,
+    Orientation,
+    Sampling,
+    default_orientation,
+    grid_name,
+)
 
 LEAST_ROWS = 2048
 """A probe of no more rows is kept as it is: it takes 100 MB as float32. None becomes coarser."""
@@ -114,6 +123,9 @@ def to_layout(
     >>> shrm.to_layout(shrm.open_probe("probes/studio.exr"), "hcross", size=16).shape
     (48, 64, 3)
     """
+    check_name("layout", layout, LAYOUTS)
+    if not isinstance(probe, Probe):
+        raise ArgumentError("probe", "is no Probe; give one, such as open_probe(path)")
     kind = grid_class(grid_name(layout))
     size = default_size(probe, kind) if size is None else size
     image = to_grid(probe, kind(size, sampling))

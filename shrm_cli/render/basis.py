@@ -7,6 +7,7 @@ import numpy as np
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.messages import whole
 from shrm_cli.render.camera import DEFAULT_FOV, Lens, Viewer, aimed
 from shrm_cli.render.mesh import MeshSubject
 from shrm_cli.render.scene import SphereSubject
@@ -15,6 +16,8 @@ from shrm_cli.render.vertex_colors import vertex_colors
 from shrm_cli.transfer.transfer import Transfer
 
 _GREEN, _BLUE = 1, 2
+_MOST = 32
+"""The largest degree."""
 
 
 def basis_names(order: int) -> list[str]:
@@ -33,7 +36,7 @@ def basis_maps(order: int) -> list[Irradiance]:
     >>> len(shrm.basis_maps(2))
     9
     """
-    count = (order + 1) ** 2
+    count = (whole("order", order, 0, _MOST) + 1) ** 2
     info = MapInfo(order, 0, 0.0, 1.0, 0.0)
     found = []
     for index in range(count):

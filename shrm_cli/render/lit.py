@@ -13,7 +13,7 @@ from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.color import conversion, same_primaries, title_of
-from shrm_cli.errors import MapError
+from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap, MaterialMap
@@ -49,12 +49,17 @@ def shown_as(made: Map, surface: Ggx, taps: int | None = None) -> ReflectedLight
     return made.shaded(*numbers, taps)
 
 
-def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color:
+def reflectance(
+    value: str | float | Sequence[float], primaries: tuple[float, ...] | None = None
+) -> Color:
     """Return the linear RGB, each channel within 0 .. 1, that a text such as ``gold`` means.
+
+    One number is that of all channels, and three are those of each.
 
     `primaries` are the chromaticities of the light, which the colors of metals are converted to.
     """
-    return parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
+    text = value if isinstance(value, str) else "/".join(map(str, np.ravel(value).tolist()))
+    return parse_spec(f"ggx:f0={text}", primaries=primaries).color("f0")
 
 
 def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:
@@ -70,7 +75,7 @@ def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:
 
 def surface_of(
     roughness: float | None,
-    f0: str | None,
+    f0: str | float | Sequence[float] | None,
     primaries: tuple[float, ...] | None,
     anisotropy: float | None = None,
 ) -> Ggx:
@@ -80,11 +85,21 @@ def surface_of(
     return ggx_surface(chosen, color, anisotropy)
 
 
+def refuse_surface(maps: Sequence[Map], **given: object) -> None:
+    """Raise an `ArgumentError` for what is given of a surface, not None, if no map needs one."""
+    if not any(each.surface_arguments for each in maps):
+        for name, value in given.items():
+            if value is not None:
+                raise ArgumentError(
+                    name, "applies to split sums and SH exponentials; no map is one"
+                )
+
+
 def shaded_maps(
     maps: Sequence[Map],
     names: Sequence[str],
     roughness: float | None,
-    f0: str | None,
+    f0: str | float | Sequence[float] | None,
     anisotropy: float | None = None,
     taps: int | None = None,
 ) -> tuple[list[ReflectedLight], dict[str, Any], list[str]]:

@@ -3,21 +3,29 @@
 import os
 from collections.abc import Sequence
 
+import numpy as np
+
+from shrm_cli.errors import ArgumentError
 from shrm_cli.files.image import Picture
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import several
+from shrm_cli.messages import refuse_arguments, whole
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.drawing import Film, Lit, on_sphere, on_stage
-from shrm_cli.render.lit import lit_maps
+from shrm_cli.render.image import LARGEST as LARGEST_EXPOSURE
+from shrm_cli.render.lit import lit_maps, refuse_surface
 from shrm_cli.render.moving import Moment
 from shrm_cli.render.scene_file import Shown, is_scene_name, read_scene
 from shrm_cli.render.stage import Stage
 from shrm_cli.rooms.grid import ProbeGrid, as_grid
 from shrm_cli.rooms.lit import open_lit
+
+_MOST = 8192
+"""The largest width or height of a picture, pixels."""
 
 
 def render(
@@ -30,7 +38,7 @@ def render(
     background: AnyProbe | None = None,
     exposure: float = 0.0,
     roughness: float | None = None,
-    f0: str | None = None,
+    f0: str | float | Sequence[float] | None = None,
     anisotropy: float | None = None,
     taps: int | None = None,
     fov: float | None = None,
@@ -85,6 +93,17 @@ def render(
     >>> shrm.render(white, view=(30, 10), size=64).shape
     (64, 64, 3)
     """
+    shape = _shape(size, mesh is None)
+    if np.shape(view) != (2,) or not np.isfinite(view).all():
+        raise ArgumentError("view", f"is {view!r}; give azimuth and elevation, degrees")
+    if not abs(exposure) <= LARGEST_EXPOSURE:
+        raise ArgumentError("exposure", f"is {exposure!r}; give {LARGEST_EXPOSURE:g} stops at most")
+    unused = (
+        {"fov": fov, "target": target, "distance": distance, "no_box": no_box or None}
+        if mesh is None
+        else {"place": place, "radius": radius}
+    )
+    refuse_arguments("a sphere" if mesh is None else "a mesh", **unused)
     given = several(maps)
     names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in given]
     opened = [each if isinstance(each, Map) else open_lit(each) for each in given]
@@ -94,8 +113,8 @@ def render(
         "roughness": roughness, "f0": f0, "anisotropy": anisotropy, "taps": taps,
         "place": place, "radius": radius,
     }  # fmt: skip
-    shape = (size, size) if isinstance(size, int) else size
     if mesh is None:
+        refuse_surface(opened, roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
         drawing = on_sphere(lit, shape[0], surface)
     else:
         name = os.fspath(mesh)
@@ -109,6 +128,14 @@ def render(
     sky = None if background is None else as_probe(background)
     (picture,) = Film(drawing, moments, names, exposure, (sky, None)).pictures(progress)
     return picture
+
+
+def _shape(size: int | tuple[int, int], is_sphere: bool) -> tuple[int, int]:
+    """Return the width and the height of a picture, which are within limits."""
+    both = tuple(np.broadcast_to(size, 2).tolist()) if np.shape(size) in ((), (2,)) else ()
+    if len(both) != 2 or (is_sphere and both[0] != both[1]):
+        raise ArgumentError("size", f"is {size!r}; give {'one number' if is_sphere else 'two'}")
+    return whole("size", both[0], 1, _MOST), whole("size", both[1], 1, _MOST)
 
 
 def _light(probe: AnyProbe | ProbeGrid | None) -> Probe | ProbeGrid | None:

@@ -21,7 +21,7 @@ Tables [[key]] say what moves over the frames: see `shrm_cli.render.moving`.
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -61,7 +61,7 @@ class Shown:
     """By default the map that the picture is of."""
     roughness: float | None = None
     """It replaces that of the mesh's materials."""
-    f0: str | None = None
+    f0: str | float | Sequence[float] | None = None
     """As in a BRDF's specification: ``0.04``, ``1/0.78/0.34`` or ``gold``."""
     irradiance: Map | None = None
     """The light of the diffuse part of the mesh's materials."""
@@ -164,13 +164,13 @@ def _actor(
         wrong = sorted(set(given) - set(_KEYS)) if isinstance(given, dict) else [given]
         raise ValueError(f"{str(wrong[0])[:40]!r} is none of {', '.join(_KEYS)}; correct it")
     folder = Path(name).parent
-    mesh = loaded(str(folder / _text(given, "mesh", True)))
-    own, diffuse = _text(given, "map"), _text(given, "irradiance")
+    mesh = loaded(str(folder / _text(given, folder, "mesh", True)))
+    own, diffuse = _text(given, folder, "map"), _text(given, folder, "irradiance")
     shown = Shown(
         None if not own else opened(str(folder / own)), _number(given, "roughness", MIN_ROUGHNESS),
         _f0(given.get("f0")),
         None if not diffuse else as_irradiance(str(folder / diffuse), opened),
-        _brush(given.get("brush")), _vary(folder, _text(given, "vary")),
+        _brush(given.get("brush")), _vary(folder, _text(given, folder, "vary")),
         _plain(given.get("plain", False)), _number(given, "anisotropy", 0), _taps(given),
     )  # fmt: skip
     if shown.brush == "uv" and mesh.uvs is None:
@@ -200,11 +200,11 @@ def as_irradiance(path: str, opened: Callable[[str], Map] = open_lit) -> Map:
     return found
 
 
-def _text(given: Mapping[str, Any], key: str, required: bool = False) -> str:
+def _text(given: Mapping[str, Any], folder: Path, key: str, required: bool = False) -> str:
     value = given.get(key, "")
     if not isinstance(value, str) or (required and not value) or "\0" in value:
         raise ValueError(f"{key} must be the name of a file; correct it")
-    if not stays_below(value):
+    if not stays_below(value, folder):
         raise ValueError(f"{key}: {value!r:.100} leaves the scene's folder; put the file into it")
     return value
 

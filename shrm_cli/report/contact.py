@@ -23,7 +23,7 @@ from shrm_cli.render.image import suitable_exposure
 from shrm_cli.render.lit import ggx_surface, shown_as
 from shrm_cli.render.sphere import render_sphere
 from shrm_cli.report import pictures, words
-from shrm_cli.report.markup import Html, Part, joined, tag, whole_page
+from shrm_cli.report.markup import Html, Part, joined, spec, tag, whole_page
 from shrm_cli.vocabulary import LUMINANCE
 
 SIZE = 96
@@ -205,7 +205,7 @@ def contact_page(
 
 
 def _heading(brdf: str, form: str) -> Part:
-    return joined(tag("code", brdf), Html("<br>"), form) if brdf else form
+    return joined(spec(brdf), Html("<br>"), form) if brdf else form
 
 
 def _line(

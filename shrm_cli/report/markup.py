@@ -47,6 +47,12 @@ def tag(name: str, *parts: Part, **attributes: str) -> Html:
     return Html(f"<{kind}{words}>{joined(*parts)}</{kind}>")
 
 
+def spec(text: str) -> Html:
+    """Return the specification of a BRDF, which lines may break after its commas."""
+    first, *others = text.split(",")
+    return tag("code", first, [joined(Html(",<wbr>"), each) for each in others])
+
+
 def table(titles: Sequence[Part], rows: Iterable[Sequence[Part]], texts: int = 1) -> Html:
     """Return a table that scrolls by itself where a page is narrow.
 

@@ -12,7 +12,7 @@ from shrm_cli.render.camera import whole_coverage
 from shrm_cli.render.image import suitable_exposure
 from shrm_cli.render.seen import FlipError
 from shrm_cli.report import pictures, words
-from shrm_cli.report.markup import Html, Part, facts, figure, joined, table, tag
+from shrm_cli.report.markup import Html, Part, facts, figure, joined, spec, table, tag
 from shrm_cli.report.measure import Made, Material
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 
@@ -48,7 +48,7 @@ def material_part(
     made = material.maps
     return tag(
         "section",
-        tag("h2", tag("code", material.name), id=f"material-{count}"),
+        tag("h2", spec(material.name), id=f"material-{count}"),
         table(
             ["Map", "Orders", "Texels", "Predicted", "Filtering", *row_titles()],
             [_row(material, index, each) for index, each in enumerate(made)],
@@ -113,7 +113,9 @@ def _texels(said: Mapping[str, Any]) -> str:
 
 
 def _remarks(made: Made, worded: Callable[[str], str]) -> Html:
-    lines: list[tuple[Part, Part]] = [(heading, worded(text)) for heading, text in made.notes]
+    lines: list[tuple[Part, Part]] = [
+        (heading[:1].upper() + heading[1:], worded(text)) for heading, text in made.notes
+    ]
     warnings = [
         tag("p.warning", tag("b", f"{made.form}: "), worded(line)) for line in made.warnings
     ]

@@ -18,7 +18,7 @@ from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.report import words
-from shrm_cli.report.markup import Html, details, facts, joined, table, tag, whole_page
+from shrm_cli.report.markup import Html, details, facts, joined, spec, table, tag, whole_page
 from shrm_cli.report.material_part import exposure_of, material_part, number_cells, row_titles
 from shrm_cli.report.measure import Made, Material, Measured, Plan, measure_maps, names_of
 from shrm_cli.report.probe_part import preview, probe_part
@@ -158,7 +158,7 @@ def _overview(measured: Measured, look: Look) -> Html:
     if not measured.materials:
         return joined(*failed, *warned)
     rows = [
-        [tag("code", material.name), made.form, *number_cells(material, index)]
+        [spec(material.name), made.form, *number_cells(material, index)]
         for material, index, made in names_of(measured.materials)
     ]
     return joined(
@@ -319,7 +319,7 @@ def _meanings() -> Html:
         ("Filtering", "What bilinear look-ups on a GPU add to it, predicted."),
         ("RMS", "Of the difference to the truth over the spheres shown, relative to the truth's. "
                 "A few bright pixels decide it."),
-        ("Median, 95 %", "Of the relative error of the luminance over the pixels."),
+        ("Median, 95\u00a0%", "Of the relative error of the luminance over the pixels."),
         ("> 5 %", "The share of pixels whose luminance is wrong by more than that."),
         ("Negative", "The share of pixels with less than no light."),
         ("FLIP", "Mean HDR-FLIP, 0 to 1: what an observer sees when flipping between the two."),

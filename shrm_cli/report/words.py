@@ -3,6 +3,8 @@
 import math
 from collections.abc import Iterable
 
+from shrm_cli.analysis.facts import seen_channels
+
 
 def percent(value: float | None) -> str:
     """Return a share with three digits; what JSON cannot hold is infinite."""
@@ -36,7 +38,7 @@ def number(value: float) -> str:
 
 def color(values: Iterable[float]) -> str:
     """Return RGB, or one number of what is grey."""
-    found = [number(value) for value in values]
+    found = [number(value) for value in seen_channels(values)]
     return found[0] if len(set(found)) == 1 else " / ".join(found)
 
 

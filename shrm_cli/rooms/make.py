@@ -314,7 +314,7 @@ def _rows(path: Path) -> tuple[Array, list[str]]:
             raise MeshError(f"{path}: line {number} has no three numbers x, y, z") from None
         if not np.isfinite(point).all() or not row["file"]:
             raise MeshError(f"{path}: line {number} has no position or no file")
-        if not stays_below(row["file"]):
+        if not stays_below(row["file"], path.parent):
             raise MeshError(
                 f"{path}: line {number}: {row['file']!r:.100} leaves the table's folder; put the "
                 "probe into it"

@@ -6,10 +6,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
+from shrm_cli.errors import ArgumentError
 from shrm_cli.vocabulary import Center
 
 _GRAZING = 1e-6
 """Length of R + V below which both are taken to be opposite."""
+
+
+def as_directions(argument: str, vectors: ArrayLike) -> Array:
+    """Return vectors as floats of shape (..., 3); raise an `ArgumentError` for anything else."""
+    try:
+        found = np.asarray(vectors, dtype=float)
+    except (TypeError, ValueError):
+        raise ArgumentError(argument, "are no numbers; give vectors, shape (..., 3)") from None
+    if found.shape[-1:] != (3,):
+        raise ArgumentError(argument, f"of shape {found.shape} are no vectors; give (..., 3)")
+    return found
 
 
 def from_angles(theta: ArrayLike, phi: ArrayLike) -> Array:

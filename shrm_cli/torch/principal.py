@@ -20,7 +20,7 @@ from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.directions import central_directions
 from shrm_cli.sphere.harmonics import degrees_and_orders
-from shrm_cli.torch.transforms import CubeSynthesis, DirectionSynthesis, table
+from shrm_cli.torch.transforms import CubeSynthesis, DirectionSynthesis, kept, table
 
 _AT_ONCE = 64
 """Lights whose cubes are computed at a time."""
@@ -77,7 +77,7 @@ class PrincipalLobe(nn.Module):
 
     def series(self, light: Tensor) -> Tensor:
         """Return the series of all cubes, shape ((order+p+1)^2, cubes, 3), of light (n, 3)."""
-        count = (self._highest + 1) ** 2
+        count, light = (self._highest + 1) ** 2, kept(light, self.order)
         parts = [each(light) for each in self._couplings]
         padded = [torch.cat([x, x.new_zeros(count - len(x), *x.shape[1:])]) for x in parts]
         return torch.cat(padded, dim=1)

@@ -25,6 +25,19 @@ def table(values: ArrayLike) -> Tensor:
     return torch.from_numpy(np.array(values, order="C"))
 
 
+def kept(series: Tensor, order: int) -> Tensor:
+    """Return the coefficients up to a degree, shape ((order+1)^2, maps), of as many or more.
+
+    Raises ValueError if there are fewer, or they are not in columns: one map is one column.
+    """
+    count = (order + 1) ** 2
+    if series.ndim != 2 or len(series) < count:
+        raise ValueError(
+            f"coefficients of shape {tuple(series.shape)}, not ({count} or more, maps)"
+        )
+    return series[:count]
+
+
 class Rotation(nn.Module):
     """The rotation of series by one fixed matrix; see `sphere.rotation.transform_coefficients`.
 
@@ -42,8 +55,8 @@ class Rotation(nn.Module):
             self.register_buffer(f"block{degree}", table(block), persistent=False)
 
     def forward(self, series: Tensor) -> Tensor:
-        """Turn series, shape ((order+1)^2, maps)."""
-        parts = series.split([2 * degree + 1 for degree in range(self.order + 1)])
+        """Turn series, shape (>= (order+1)^2, maps); further coefficients are left out."""
+        parts = kept(series, self.order).split([2 * degree + 1 for degree in range(self.order + 1)])
         return torch.cat([self.get_buffer(f"block{k}") @ part for k, part in enumerate(parts)])
 
 
@@ -176,7 +189,7 @@ class DirectionSynthesis(nn.Module):
 
         Further coefficients are left out; `factors`, shape (order+1,), multiply the degrees.
         """
-        series = series[: len(self.degrees)]
+        series = kept(series, self.order)
         if factors is not None:
             series = series * factors[self.degrees, None]
         values = series.T.contiguous() @ self.harmonics
@@ -228,7 +241,7 @@ class CubeSynthesis(nn.Module):
         Tensor, shape (6 size, size, maps) or (levels, 6 size, size, maps)
             Faces in OpenEXR's order and orientation.
         """
-        series = series[: len(self.degrees)]
+        series = kept(series, self.order)
         maps = series.shape[1]
         both = [series, self._rotation(series)]
         if factors is not None:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli import settings
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
 from shrm_cli.geometry.paint import Paint, linear_colors, points_of
 from shrm_cli.geometry.rays import Rays
@@ -32,7 +32,6 @@ from shrm_cli.transfer.work import Work, unfinished
 from shrm_cli.vocabulary import ALBEDO, MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
 
 if TYPE_CHECKING:
-    from shrm_cli.brdf.base import Brdf
     from shrm_cli.geometry.mesh import Mesh
     from shrm_cli.maps.product.product import ProductTexture
 
@@ -188,7 +187,7 @@ def transfer_plan(
     samples: int = 1024,
     matrices: bool = False,
     brush: str | tuple[float, float, float] | None = None,
-    brdf: "Brdf | str | None" = None,
+    brdf: AnyBrdf | None = None,
     texture: int | None = None,
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
@@ -213,8 +212,7 @@ def transfer_plan(
     tangents = None if brush is None else brushed_tangents(found, brush)
     product = None
     if brdf is not None:
-        material = parse_spec(brdf) if isinstance(brdf, str) else brdf
-        product, matrices = cast(ProductTexture, product_texture(material, order).map), True
+        product, matrices = cast(ProductTexture, product_texture(as_brdf(brdf), order).map), True
     return Plan(found, order, bounces, samples, albedo, matrices, tangents, product, texture)
 
 

@@ -4,9 +4,8 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 
-from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.color import same_primaries
 from shrm_cli.errors import BrdfError
 from shrm_cli.geometry.load import load_mesh
@@ -42,13 +41,13 @@ class Shown:
 def view(
     maps: Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str],
     probe: AnyProbe | None = None,
-    brdf: Brdf | str | None = None,
+    brdf: AnyBrdf | None = None,
     *,
     names: Sequence[str] | None = None,
     mesh: str | os.PathLike[str] | None = None,
     views: Sequence[tuple[float, float]] = ((0.0, 0.0),),
     roughness: float | None = None,
-    f0: str | None = None,
+    f0: str | float | Sequence[float] | None = None,
     anisotropy: float | None = None,
     taps: int | None = None,
     brush: str | tuple[float, float, float] | None = None,
@@ -67,7 +66,7 @@ def view(
     maps : sequence of Map or path-like, or one of them
     probe : Probe, path-like or array, optional
         It is shown behind the shape, and is the light of the truth.
-    brdf : Brdf or str, optional
+    brdf : Brdf, str or path-like, optional
         That of the truth; by default the one that all maps were made for.
     names : sequence of str, optional
         What the page calls the maps; by default their files, or their representations.
@@ -122,8 +121,8 @@ def view(
     told: list[str] = []
     if roughness is None and f0 is None and anisotropy is None:
         start, told = _as_beside(start, opened, names)
-    if isinstance(brdf, str):
-        brdf = parse_spec(brdf, primaries=None if light is None else light.chromaticities)
+    if brdf is not None:
+        brdf = as_brdf(brdf, None if light is None else light.chromaticities)
     truth = Truth(brdf, truth_size, source_height, exact)
     shape = None if mesh is None else load_mesh(mesh)
     scene = make_scene(

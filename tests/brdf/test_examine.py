@@ -8,7 +8,7 @@ import pytest
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.examine import difference, directional_albedo, examine
 from shrm_cli.brdf.spec import parse_spec
-from tests.brdf.layered.test_table import gridded
+from tests.brdf.layered.parts.test_table import gridded
 from tests.brute_force import microfacet, sphere_rule
 
 

@@ -95,6 +95,16 @@ def test_what_cannot_be_used_leaves_the_rest_alone():
     assert "broken.exr" in result.err
 
 
+def test_nothing_that_fits_is_a_failure_after_the_table():
+    """A map that was asked for is not there, so that a script must not go on."""
+    result = run("choose", "p.exr", "--brdf", MATTE, "--budget", "10", "--map", "none.exr")
+    assert result.code == 1
+    assert "irradiance" in result.out
+    assert "take " not in result.out
+    assert "no form fits in 10 bytes, the least takes 108 bytes; raise --budget" in result.err
+    assert not Path("none.exr").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "word"),
     [

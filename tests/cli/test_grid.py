@@ -163,6 +163,13 @@ def test_a_table_leads_to_no_file_elsewhere(folder, file):
     assert_refused(run("grid", "below/t.csv"), 1, "t.csv: line 2: ", "leaves the table's folder")
 
 
+def test_links_of_a_table_lead_to_no_file_elsewhere(folder):
+    (folder / "below").mkdir()
+    (folder / "below" / "link.exr").symlink_to(folder / "white.exr")
+    (folder / "below" / "t.csv").write_text("x,y,z,file\n0,0,0,link.exr\n")
+    assert_refused(run("grid", "below/t.csv"), 1, "t.csv: line 2: ", "leaves the table's folder")
+
+
 def test_a_box_behind_surfaces_is_said(folder):
     points, faces, normals = shapes.box([0, 0, 0], [4, 2, 3], inward=False)
     write_gltf(folder / "out.glb", [(points, faces, normals)], [("wall", 0.5, 1)])

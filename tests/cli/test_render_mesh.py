@@ -209,6 +209,13 @@ def test_bad_scenes(folder, text):
     assert said.startswith(("Error: bad.toml: ", "Error: gone.", "Error: a.exr: "))
 
 
+def test_links_of_a_scene_lead_to_no_file_elsewhere(folder):
+    (folder / "in").mkdir()
+    (folder / "in" / "ball.obj").symlink_to(folder / "ball.obj")
+    (folder / "in" / "bad.toml").write_text('[[objects]]\nmesh = "ball.obj"')
+    assert "mesh: 'ball.obj' leaves the scene's folder" in refused("--mesh", "in/bad.toml", "a.exr")
+
+
 def test_a_scene_with_maps_of_its_own_takes_no_other(folder):
     (folder / "own.toml").write_text(BALL + 'map = "red.exr"\n')
     assert "leave MAP out" in refused("a.exr", "--mesh", "own.toml")

@@ -203,6 +203,8 @@ def test_a_web_server_is_read(tmp_path):
         server.shutdown()
     with pytest.raises(RemoteError, match="or its place cannot be reached"):
         fetched_bytes(url, tmp_path)
+    with pytest.raises(RemoteError, match=r"check the URL and the network$"):
+        remote.matching(f"{place}/*.exr")  # of a server that is away, no login is to blame
 
 
 @pytest.mark.parametrize("what", ["a.exr", "*.exr"])

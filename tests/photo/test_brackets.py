@@ -69,6 +69,29 @@ def test_a_sun_that_is_white_in_all_exposures_has_no_holes(tmp_path, scene, lamp
     assert white.min() > 0.9 * white.max()
 
 
+def held_down(light):
+    """The curve of sRGB, by a program that writes white as 240 of 255."""
+    return srgb(light) * 240 / 255
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg"])
+def test_white_may_be_held_down(tmp_path, scene, suffix):
+    made = merge_brackets(taken(tmp_path, scene, held_down, suffix))
+    error, _ = error_of(made.pixels, scene)
+    assert np.median(error) < 0.015
+    assert np.quantile(error, 0.95) < 0.06
+    assert made.white == pytest.approx(240 / 255, abs=0.004)
+    assert np.nanmax(made.differences) < 0.03
+
+
+def test_a_bright_wall_is_not_white(tmp_path, scene):
+    """It is the brightest that the longest exposure shows, and darker in the one before."""
+    scene = np.minimum(scene, 0.8 * 64 / 100 / TIMES[-1])
+    made = merge_brackets(taken(tmp_path, scene, srgb))
+    assert made.white == 1
+    assert np.median(error_of(made.pixels, scene)[0]) < 0.015
+
+
 def blurred(light):
     """Light as a sharp lens and a sensor show it: a quarter in the pixels beside its own."""
     for axis in (0, 1):

@@ -63,6 +63,14 @@ def test_layers(tmp_path, names, chosen):
     assert open_probe(layers(tmp_path, names)).image()[0, 0, 1] == chosen + 1
 
 
+def test_all_of_many_parts_are_counted_and_found(tmp_path):
+    path = parts(tmp_path, [f"p{k}" for k in range(1100)])
+    with pytest.raises(ProbeError, match="part p11 and 1,088 more; give `part`"):
+        open_probe(path)
+    for name in ("p1099", "1099"):
+        assert open_probe(path, part=name).image()[0, 0, 1] == 1100
+
+
 @pytest.mark.parametrize(
     ("names", "chosen"),
     [(["depth", "beauty"], 1), (["albedo", "beauty"], 1), (["depth", "x"], 1), (["x"], 0),

@@ -295,6 +295,26 @@ def test_what_is_not_sound_is_refused_in_one_line(folder, case):
     assert said.startswith(str(path))
 
 
+def test_links_lead_to_no_file_elsewhere(folder, tmp_path_factory):
+    """Of those within the folder each is followed, and the folder itself may be one."""
+    out = tmp_path_factory.mktemp("out")
+    scenes.write(out / "a.exr", np.ones((8, 16, 3)))
+    (out / "white.txt").write_text("1 1 1\n")
+    (folder / "link.exr").symlink_to(out / "a.exr")
+    (folder / "face_+X.exr").symlink_to(out / "a.exr")
+    (folder / "link.txt").symlink_to(out / "white.txt")
+    (folder / "there").symlink_to(out)
+    for name in ("link.exr", "there/a.exr", "face_%.exr"):
+        with pytest.raises(ProbeError, match="leaves the light file's folder; put the image"):
+            open_probe(lights(folder, f'[[probe]]\nfile = "{name}"\n'))
+    with pytest.raises(ProbeError, match="'file' must be a name in the light file's folder"):
+        open_probe(lights(folder, '[[sh]]\nfile = "link.txt"\n'))
+    (folder / "inner.exr").symlink_to(folder / "a.exr")
+    lights(folder, '[[probe]]\nfile = "inner.exr"\n')
+    (out / "project").symlink_to(folder)
+    assert open_probe(out / "project" / "lights.toml").image().shape[2] == 3
+
+
 def test_lights_that_are_too_bright_for_pixels_together(folder):
     bright = 'scale = 1e30\nfile = "a.exr"\n'
     scenes.write(folder / "a.exr", np.full((8, 16, 3), 1e30))

@@ -18,6 +18,7 @@ from tests.torch.setup import has_right_gradients, torch, variable
 from shrm_cli.torch import (  # isort: skip
     CubeSynthesis,
     DirectionSynthesis,
+    Irradiance,
     LatLongProjection,
     Rotation,
 )
@@ -118,3 +119,19 @@ def test_modules_work_on_other_devices():
     levels = CubeSynthesis(5, 8).to("meta")(series, factors)
     assert levels.device.type == "meta"
     assert levels.shape == (2, 48, 8, 3)
+
+
+def test_further_coefficients_are_left_out_and_others_refused(rng):
+    """A vector of one channel would be spread over as many maps as it has coefficients."""
+    series = torch.from_numpy(rng.standard_normal((49, 2)))
+    modules = (
+        Rotation(3, random_rotation(rng)),
+        DirectionSynthesis(3, random_directions(rng, 5)),
+        Irradiance(3, random_directions(rng, 5)),
+        CubeSynthesis(3, 4),
+    )
+    for module in modules:
+        np.testing.assert_array_equal(module(series), module(series[:16]))
+        for wrong in (series[:9], series[:16, 0]):
+            with pytest.raises(ValueError, match=r"coefficients of shape .*, not \(16 or more"):
+                module(wrong)

@@ -10,8 +10,9 @@ from shrm_cli.brdf.environment.file import MEANINGS, Kind, Meaning
 from shrm_cli.brdf.environment.lobe import check_varies
 from shrm_cli.brdf.environment.material_albedo import albedo_table
 from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
+from shrm_cli.messages import whole
 from shrm_cli.records import record
 
 _OF_BRDFS = ("albedo", "brushed")
@@ -48,13 +49,13 @@ class EnvironmentTable:
 
 
 def dfg(
-    brdf: Brdf | str | None = None, *, kind: str | None = None, size: int = 128
+    brdf: AnyBrdf | None = None, *, kind: str | None = None, size: int = 128
 ) -> EnvironmentTable:
     """Make the table that goes with split sums or SH exponentials.
 
     Parameters
     ----------
-    brdf : Brdf or str, optional
+    brdf : Brdf, str or path-like, optional
         A BRDF with a roughness, whose directional albedo is tabulated; of brushed GGX it is scale
         and bias. By default the table is that of GGX.
     kind : str, optional
@@ -80,11 +81,12 @@ def dfg(
     >>> table.texels.shape, table.meaning.channels
     ((8, 8, 2), 'R = scale, G = bias')
     """
+    size = whole("size", size, 2, 1024)
     if kind is not None and (brdf is not None or kind not in MEANINGS or kind in _OF_BRDFS):
         known = ", ".join(each for each in MEANINGS if each not in _OF_BRDFS)
         raise ArgumentError("kind", f"is {kind}; tables of GGX without `brdf` are of {known}")
     if brdf is not None:
-        material = parse_spec(brdf) if isinstance(brdf, str) else brdf
+        material = as_brdf(brdf)
         own = kind_of(material)
         if own == "brushed":
             return EnvironmentTable(brushed_table(cast(Ggx, material), size), own, _named(material))

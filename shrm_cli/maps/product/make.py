@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import cast
 
-from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import Option
@@ -27,7 +26,7 @@ _STEPS = Option("steps", "", "integer", limits=(2, MOST_STEPS))
 
 
 def product(
-    brdf: Brdf | str,
+    brdf: AnyBrdf,
     order: int = DEFAULT_PRODUCT_ORDER,
     size: int = DEFAULT_PRODUCT_SIZE,
     vary: Varied | Sequence[Varied] | None = None,
@@ -39,7 +38,7 @@ def product(
 
     Parameters
     ----------
-    brdf : Brdf or str
+    brdf : Brdf, str or path-like
     order : int
         The largest degree of the light's harmonics.
     size : int
@@ -73,7 +72,7 @@ def product(
 
 
 def product_with_facts(
-    brdf: Brdf | str,
+    brdf: AnyBrdf,
     order: int,
     size: int,
     vary: Varied | Sequence[Varied] | None,
@@ -89,18 +88,29 @@ def product_with_facts(
     """
     order, size = _ORDER.checked(order), _SIZE.checked(size)
     steps = None if steps is None else _STEPS.checked(steps)
-    material = parse_spec(brdf) if isinstance(brdf, str) else brdf
+    material = as_brdf(brdf)
     if vary is None:
         begin(None)
         with using(progress):
             return product_texture(material, order, size)
-    if not len(vary):
-        raise ArgumentError("vary", "names no parameter; leave it out")
-    several = cast(Sequence[Varied], [vary] if isinstance(vary[0], str) else vary)
-    ranges = {name: (low, high) for name, low, high in several}
+    ranges = _ranges(vary)
     with using(work := Rising(progress)):  # nobody knows how many values there will be
         found, points = varying_steps(material, ranges, order, steps)
         begin(found)
         made = varying_texture(material, found, points, order, size)
     work.end()
     return made
+
+
+def _ranges(vary: Varied | Sequence[Varied]) -> dict[str, tuple[float, float]]:
+    """Return the ranges of parameters by their names."""
+    try:
+        if not len(vary):
+            raise ArgumentError("vary", "names no parameter; leave it out")
+        several = cast(Sequence[Varied], [vary] if isinstance(vary[0], str) else vary)
+        found = {name: (float(low), float(high)) for name, low, high in several}
+    except (TypeError, ValueError, LookupError):
+        raise ArgumentError(
+            "vary", f"is {vary!r:.80}; give names with their ranges, such as ('ax', 0.1, 0.5)"
+        ) from None
+    return found

@@ -124,8 +124,14 @@ class ProductMap(_Parabolic, MaterialMap):
 
     def lit(self, lighting: ArrayLike) -> "LitProduct":
         """Return the textures under light, whose degrees beyond `order` do not count."""
-        coefficients = np.asarray(lighting, dtype=float)
         count = (self.order + 1) ** 2
+        try:
+            coefficients = np.asarray(getattr(lighting, "coefficients", lighting), dtype=float)
+        except (TypeError, ValueError):
+            raise MapError(
+                f"{type(lighting).__name__} is no light; give coefficients, {count} x 3, such as "
+                "`project` returns"
+            ) from None
         if coefficients.ndim != 2 or coefficients.shape[1] != 3 or len(coefficients) < count:
             raise MapError(
                 f"light of shape {coefficients.shape} is not {count} coefficients or more, x 3"

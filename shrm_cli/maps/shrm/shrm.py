@@ -184,7 +184,7 @@ class Shrm(CentralMap):
             return self._distant_sampler(views)(centers)
         shape = np.broadcast_shapes(centers.shape, views.shape)
         values = self._sampler(np.broadcast_to(centers, shape))
-        values = values.reshape(*shape[:-1], -1, 3)
+        values = values.reshape(*shape[:-1], (self.order_p + 1) ** 2, 3)
         return np.einsum("...k,...kc->...c", real_harmonics(self.order_p, views), values)
 
     def rough_radiance(self, reflections: Array, views: Array) -> Array:

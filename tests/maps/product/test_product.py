@@ -13,6 +13,7 @@ from shrm_cli.maps.product.make import product
 from shrm_cli.maps.product.prefilter import product_texture
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.prefilter import prefilter as prefilter_any
+from shrm_cli.probe import lighting
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.parabolic import parabolic_directions, project, unproject
 from tests import brute_force, oracles
@@ -369,6 +370,11 @@ def test_light_is_needed_and_of_enough_orders():
         texture.radiance([0.0, 0, 1], [0.0, 0, 1])
     with pytest.raises(MapError, match="9 coefficients"):
         texture.lit(np.zeros((4, 3)))
+    for wrong in ("a", {"a": 1}, [["a", "b", "c"]] * 25):
+        with pytest.raises(MapError, match="is no light; give coefficients, 9 x 3"):
+            texture.lit(wrong)
+    sky = lighting.project(Probe.from_array(np.ones((16, 32, 3))), 5)
+    assert np.array_equal(texture.lit(sky).lighting, sky.coefficients[:9])
     lit = texture.lit(np.ones((25, 3)))
     assert lit.lighting.shape == (9, 3)
 
