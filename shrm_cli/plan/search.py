@@ -93,6 +93,8 @@ def fewest_bytes(
     found: C | None = None
     for row in rows:
         last = row.below(inf if found is None else found.bytes) - 1
+        if len(rows) == 1 and look_near:  # no larger cubes could do instead
+            last = _last_looked_up_well(row, error, last)
         if last >= 0 and _has_at_most(row.candidate(last), error):
             found = row.first(error, last)
     while (
@@ -105,6 +107,19 @@ def fewest_bytes(
         return found, True
     best = min(least_errors(rows), key=lambda each: each.total_error, default=None)
     return None if best is None else (best, False)
+
+
+def _last_looked_up_well(row: Row[C], error: float, last: int) -> int:
+    """Return the index of a candidate with fewer cubes, where only look-ups miss what is asked.
+
+    Few texels hold the first functions well, and those that hardly matter badly.
+    """
+    while last > 0:
+        candidate = row.candidate(last)
+        if candidate.least_error > error or candidate.total_error <= error:
+            break
+        last //= 2
+    return last
 
 
 def _first_near(rows: Iterable[Row[C]], error: float, most: int) -> C | None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shrm_cli.errors import MapError
+from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.kinds import LightMap, MaterialMap, ReflectionMap
 from tests.maps.shader import cases
 
@@ -69,5 +69,8 @@ def test_a_reflectance_may_be_one_number(name):
 
 @pytest.mark.parametrize("taps", [0, 4, 8.5, "5"])
 def test_numbers_of_taps_that_nobody_fitted_are_refused(taps):
-    with pytest.raises(MapError, match="taps must be one of 3, 5, 8, not "):
-        FORMS["splitsum linear"]().shaded(0.5, anisotropy=0.5, taps=taps)
+    made = FORMS["splitsum linear"]()
+    with pytest.raises(ArgumentError, match="with anisotropy give 3, 5 or 8"):
+        made.shaded(0.5, anisotropy=0.5, taps=taps)
+    with pytest.raises(ArgumentError, match="without anisotropy give 1, 2 or 3"):
+        made.shaded(0.5, taps=taps)

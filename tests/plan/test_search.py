@@ -133,6 +133,17 @@ def test_only_those_up_to_the_first_good_one_are_looked_at():
     assert set(asked) == {62, 66, 80, 100}
 
 
+def test_of_one_size_fewer_cubes_are_found_where_the_last_ones_are_looked_up_badly():
+    """Errors rise from the fourth on, and the last one misses what is asked by look-ups alone."""
+    errors = [0.9, 0.5, 0.2, 0.1, 0.15, 0.2, 0.25, 0.3]
+    alone = [row(list(range(1, 9)), errors)]
+    found = fewest_bytes(alone, 0.2)
+    assert found is not None
+    assert (found[0].bytes, found[1]) == (3, True)
+    assert not fewest_bytes(alone, 0.09)[1]
+    assert not fewest_bytes(alone, 0.14)[1]  # functions alone miss more than that in the last one
+
+
 def test_what_a_row_is_mapped_to_is_found_once():
     asked = []
     found = row([10, 20], [0.2, 0.1], asked).mapped(lambda each: Sized(each.bytes, 0.5))
