@@ -12,7 +12,7 @@ from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map, several
 from shrm_cli.maps.info import common_brdf, differing_origins, spec_of
-from shrm_cli.maps.kinds import LightMap
+from shrm_cli.maps.kinds import LightMap, check_tap_count
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
@@ -115,6 +115,8 @@ def view(
     if light is not None:
         infos = {name: each.info for name, each in zip(names, opened, strict=True)}
         notes = [*notes, *differing_origins(infos, light.name, light.digest(), {})]
+    if taps is not None:
+        check_tap_count(taps, is_brushed=True)
     surface = surface_of(roughness, f0, opened[0].info.chromaticities if opened else None)
     first = surface.number("roughness"), surface.color("f0"), anisotropy or 0.0
     start = Start(views, exposure, *first, taps or DEFAULT_TAPS, brush)

@@ -177,6 +177,12 @@ def test_a_small_page_has_a_small_probe_and_no_smaller_maps(folder):
         (["glossy.exr", "--brush", "1,0,0", "-o", "a.html"], 2, "--brush applies to brushed"),
         (["light.exr", "--brush", "uv", "-o", "a.html"], 2, "--brush cannot be uv: the sphere"),
         (["glossy.exr", "-o", "a.html", *["--view", "0,0"] * 9], 2, "--view"),
+        (["light.exr", "--taps", "3", "-o", "a.html"], 2, "--taps applies with --anisotropy"),
+        (
+            ["light.exr", "--anisotropy", "0.5", "--taps", "1", "-o", "a.html"],
+            2,
+            "--taps is 1; with anisotropy give 3, 5 or 8",
+        ),
         ([], 2, "MAP"),
     ],
 )
