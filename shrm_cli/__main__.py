@@ -23,9 +23,7 @@ def main() -> None:
     # Modules are full of objects that stay; looking through them for cycles took a twentieth of a
     # short run.
     gc.set_threshold(_GARBAGE)
-    # Once a block of this size was freed, glibc keeps smaller ones. Before, each array of more than
-    # 128 kB is new pages from the system, which took three quarters of the time of `shrm dfg`.
-    bytes(_KEPT)
+    _keep_memory()
     listens = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if listens:  # a process in the background ignores it
         signal.signal(signal.SIGINT, _leave)
@@ -42,6 +40,15 @@ def main() -> None:
             atexit._run_exitfuncs()
             os._exit(stop.code)
         raise
+
+
+def _keep_memory() -> None:
+    """Let arrays have memory that was used before.
+
+    Once a block of this size was freed, glibc keeps smaller ones. Before, each array of more than
+    128 kB is new pages from the system, which took three quarters of the time of `shrm dfg`.
+    """
+    bytes(_KEPT)
 
 
 def _keep_bytecode() -> None:

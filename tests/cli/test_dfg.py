@@ -1,12 +1,8 @@
 """`shrm dfg`: the table, reopened by OpenEXR and used as its attributes say."""
 
 import json
-import os
-import platform
 import re
 import struct
-import subprocess
-import sys
 
 import numpy as np
 import OpenEXR
@@ -283,14 +279,3 @@ def test_a_table_whose_columns_are_unknown_is_refused(tmp_path):
     pixels = np.stack([planes[each] for each in "RGB"], axis=-1)
     write_exr(target, pixels, **{**header, "shrm:columns": "seven"})
     assert_refused(run("info", target), 1, "shrm:columns is wrong; make it again with shrm dfg")
-
-
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other libraries keep memory")
-def test_memory_is_used_again(tmp_path):
-    """Each array was new pages from the system, 120,000 here, which took most of the time."""
-    command = [sys.executable, "-m", "shrm_cli", "dfg", "--brdf", "ggx:anisotropy=0.6"]
-    running = subprocess.Popen([*command, "--size", "16", "-o", tmp_path / "dfg.exr"])
-    _, status, used = os.wait4(running.pid, 0)
-    running.returncode = status
-    assert status == 0
-    assert used.ru_minflt < 50_000

@@ -1,6 +1,7 @@
 """`shrm` itself: help, versions, exit codes, and what becomes of errors."""
 
 import os
+import platform
 import re
 import signal
 import subprocess
@@ -356,3 +357,29 @@ def test_a_conversion_of_what_stays_as_it_is_loads_few_modules(tmp_path, form):
     result = process("convert", made, "--to", form, "-o", tmp_path / "n.exr", code=COUNTING)
     assert result.code == 0
     assert modules_loaded(result) <= MOST_MODULES
+
+
+FAULTS = """
+import resource, sys
+import numpy as np
+from shrm_cli.__main__ import _keep_memory
+
+def faults():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+
+if len(sys.argv) > 1:
+    _keep_memory()
+before = faults()
+for _ in range(100):
+    [np.ones(25_000) for _ in range(15)]
+print(faults() - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other libraries keep memory")
+def test_memory_is_used_again():
+    """Three megabytes of arrays were new pages from the system each time that they were made."""
+    before, now = (
+        int(subprocess.check_output([sys.executable, "-c", FAULTS, *more])) for more in ([], ["-"])
+    )
+    assert now < before / 10
