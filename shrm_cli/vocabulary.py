@@ -136,6 +136,10 @@ MIN_CUBE_SIZE = 4
 """The least size of the cubes of a map that is made; conversions go down to 1."""
 MAX_SOURCE_HEIGHT = 8192
 """The most rows that a probe is averaged down to for integrals over its pixels."""
+MAX_LATLONG_HEIGHT = 8192
+"""The most rows of a lat-long."""
+MAX_PICTURE_SIZE, MAX_STOPS = 8192, 32
+"""The largest width or height of a picture, pixels, and its largest exposure of either sign."""
 MAX_CUBE_SIZE = 4096
 """The most texels along the edge of a map's face."""
 MAX_PRINCIPAL_MAPS = 128

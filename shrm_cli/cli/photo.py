@@ -14,7 +14,7 @@ from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import CIRCLE, DIRECTION, PATH, RADIANCE, Parsed, flag, option, within
 from shrm_cli.maps.options import counted
 from shrm_cli.progress import using
-from shrm_cli.vocabulary import Precision
+from shrm_cli.vocabulary import MAX_LATLONG_HEIGHT, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.arrays import Array
@@ -145,7 +145,7 @@ def _white_pixels(output: str, made: Merged) -> list[str]:
     help="The part of the light that the ball reflects; chrome has about 0.6.",
 )  # fmt: skip
 @option(
-    "--size", click.IntRange(2, 8192),
+    "--size", click.IntRange(2, MAX_LATLONG_HEIGHT),
     help="Height of the probe in pixels.  [default: as fine as the ball]",
 )  # fmt: skip
 @flag("--linearize", "Decode integers, as sRGB where a file names no curve.")

@@ -13,7 +13,7 @@ from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
 from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, SUN, VECTOR, flag, option
 from shrm_cli.files.whole import check_target
 from shrm_cli.progress import using
-from shrm_cli.vocabulary import LARGEST_HALF, Precision
+from shrm_cli.vocabulary import LARGEST_HALF, MAX_LATLONG_HEIGHT, Precision
 
 if TYPE_CHECKING:
     # The command that runs loads numpy; `shrm --help` must not.
@@ -29,7 +29,7 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
 image_options = options.several(
     option("-o --output", PATH, "OpenEXR file to write.", required=True, callback=_checked),
     option(
-        "--size", click.IntRange(2, 8192), default=256,
+        "--size", click.IntRange(2, MAX_LATLONG_HEIGHT), default=256,
         help="Height in pixels; the image is twice as wide.",
     ),
     options.precision_option,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.maps.options import Option, parse_bytes
-from shrm_cli.vocabulary import MAX_LEVELS, PRIMARIES
+from shrm_cli.vocabulary import MAX_LEVELS, MAX_PICTURE_SIZE, MAX_STOPS, PRIMARIES
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -84,7 +84,7 @@ def within(low: float, high: float) -> Parsed:
 _LARGEST = 1e30
 """The largest coordinate, as meshes have it."""
 
-STOPS = within(-32, 32)
+STOPS = within(-MAX_STOPS, MAX_STOPS)
 """An exposure value, in stops."""
 
 
@@ -220,7 +220,7 @@ def _whole(digits: str) -> int | None:
 @partial(Parsed, "N|WxH")
 def PICTURE_SIZE(text: str) -> tuple[int, int]:
     """A picture's width and height in pixels."""
-    low, high = 16, 8192
+    low, high = 16, MAX_PICTURE_SIZE
     parts = text.split("x")
     if len(parts) > 2 or not all(part.isascii() and part.isdigit() for part in parts):
         raise ValueError(f"{text!r} is not a size in pixels such as 512 or 800x600")

@@ -15,7 +15,7 @@ from shrm_cli.progress import report
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation
 from shrm_cli.sphere.grid.latlong import latlong_coordinates, latlong_directions
-from shrm_cli.vocabulary import LARGEST_HALF
+from shrm_cli.vocabulary import LARGEST_HALF, MAX_LATLONG_HEIGHT
 
 Image = NDArray[np.float32]
 
@@ -224,10 +224,9 @@ def _rgb(radiance: ArrayLike) -> Array:
     return np.broadcast_to(values, (3,))
 
 
-_LARGEST = 8192
-
-
 def check_size(size: int) -> None:
     """Refuse a lat-long of less than two rows, or of more than files have."""
-    if not hasattr(size, "__index__") or not 2 <= size <= _LARGEST:
-        raise ProbeError(f"a probe of height {size!r}; give at least 2 pixels, {_LARGEST} at most")
+    if not hasattr(size, "__index__") or not 2 <= size <= MAX_LATLONG_HEIGHT:
+        raise ProbeError(
+            f"a probe of height {size!r}; give at least 2 pixels, {MAX_LATLONG_HEIGHT} at most"
+        )

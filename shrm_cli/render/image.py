@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.files.image import Picture
-from shrm_cli.vocabulary import LUMINANCE
+from shrm_cli.vocabulary import LUMINANCE, MAX_STOPS
 
 _BRIGHT, _SHOWN_AS = 0.75, 0.4
 """The quantile of the luminance that an exposure is chosen by, and what it becomes."""
 _MOST_STOPS = 30.0
-LARGEST = 32.0
-"""The largest exposure that commands take."""
 _WHITE, _BLACK = 0.1, 0.95
 """A picture of which no more than this share of what is lit is below 1 is all but white; one of
 which this share is below `_SEEN` is all but black. The dim rim of a small ball has 7 % of it."""
@@ -65,7 +63,7 @@ def exposure_advice(path: str, pixels: ArrayLike, exposure: float, label: str = 
     suitable = suitable_exposure(lit)
     better = exposure + suitable
     shows = f"`exposure` {better:g} shows it"
-    if high * 2.0**suitable <= _SEEN or low * 2.0**suitable >= 1 or abs(better) > LARGEST:
+    if high * 2.0**suitable <= _SEEN or low * 2.0**suitable >= 1 or abs(better) > MAX_STOPS:
         shows = "it is beyond what exposures show"
     name = f"{path}, {label}" if label else path
     return [f"{name}: all but {looks} at an exposure of {exposure:g}; {shows}"]

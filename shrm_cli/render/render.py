@@ -16,16 +16,13 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.drawing import Film, Lit, on_sphere, on_stage
-from shrm_cli.render.image import LARGEST as LARGEST_EXPOSURE
 from shrm_cli.render.lit import lit_maps, refuse_surface
 from shrm_cli.render.moving import Moment
 from shrm_cli.render.scene_file import Shown, is_scene_name, read_scene
 from shrm_cli.render.stage import Stage
 from shrm_cli.rooms.grid import ProbeGrid, as_grid
 from shrm_cli.rooms.lit import open_lit
-
-_MOST = 8192
-"""The largest width or height of a picture, pixels."""
+from shrm_cli.vocabulary import MAX_PICTURE_SIZE, MAX_STOPS
 
 
 def render(
@@ -96,8 +93,8 @@ def render(
     shape = _shape(size, mesh is None)
     if np.shape(view) != (2,) or not np.isfinite(view).all():
         raise ArgumentError("view", f"is {view!r}; give azimuth and elevation, degrees")
-    if not abs(exposure) <= LARGEST_EXPOSURE:
-        raise ArgumentError("exposure", f"is {exposure!r}; give {LARGEST_EXPOSURE:g} stops at most")
+    if not abs(exposure) <= MAX_STOPS:
+        raise ArgumentError("exposure", f"is {exposure!r}; give {MAX_STOPS:g} stops at most")
     unused = (
         {"fov": fov, "target": target, "distance": distance, "no_box": no_box or None}
         if mesh is None
@@ -135,7 +132,8 @@ def _shape(size: int | tuple[int, int], is_sphere: bool) -> tuple[int, int]:
     both = tuple(np.broadcast_to(size, 2).tolist()) if np.shape(size) in ((), (2,)) else ()
     if len(both) != 2 or (is_sphere and both[0] != both[1]):
         raise ArgumentError("size", f"is {size!r}; give {'one number' if is_sphere else 'two'}")
-    return whole("size", both[0], 1, _MOST), whole("size", both[1], 1, _MOST)
+    width, height = (whole("size", each, 1, MAX_PICTURE_SIZE) for each in both)
+    return width, height
 
 
 def _light(probe: AnyProbe | ProbeGrid | None) -> Probe | ProbeGrid | None:

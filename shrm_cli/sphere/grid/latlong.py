@@ -19,7 +19,7 @@ from shrm_cli.sphere.double_fourier import harmonics_from_moments
 from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler
 from shrm_cli.sphere.quadrature import cell_edges, colatitude_weights, longitude_weights, nodes
 from shrm_cli.sphere.rotation import transform_coefficients
-from shrm_cli.vocabulary import Sampling
+from shrm_cli.vocabulary import MAX_LATLONG_HEIGHT, Sampling
 
 AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """World axes of a lat-long's own x, y and polar z, as rows: longitude 0 is +Z, 90 degrees +X."""
@@ -39,7 +39,7 @@ class LatLong(Grid):
     proportions = (2, 1)
     half_turn = 1.0
     smallest = 2
-    largest = 8192
+    largest = MAX_LATLONG_HEIGHT
     most_pixels = None
     wraps = True
 
