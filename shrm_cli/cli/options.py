@@ -79,6 +79,13 @@ def command_with_headings(
             ctx.meta["shrm.own"] = _own_options(self, args, ctx.resilient_parsing, wanted)
             return super().parse_args(ctx, args)
 
+        def make_parser(self, ctx: click.Context) -> Any:
+            parser = super().make_parser(ctx)
+            # click looks for -o among long options first, and loads difflib if it is not there.
+            known = vars(parser)
+            known.get("_long_opt", {}).update(known.get("_short_opt", {}))
+            return parser
+
         def get_params(self, ctx: click.Context) -> list[click.Parameter]:
             return [*super().get_params(ctx), *ctx.meta.get("shrm.own", [])]
 

@@ -16,15 +16,11 @@ import OpenEXR
 from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr_header import MOST_CHANNELS, SEAL, UNSEALED, ends_whole, excess, seal
+from shrm_cli.files.exr_header import SEAL, UNSEALED, ends_whole, excess, seal
 from shrm_cli.files.openimageio import oiio, quiet
 from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
 from shrm_cli.files.whole import cut_off, replacing
 from shrm_cli.progress import in_order
-
-# OpenImageIO's default limit would refuse SHRMs of high orders. Whoever reads a file must check
-# that it does not hold too many values to load, as `maps.file.open_map` does.
-oiio.attribute("limits:channels", MOST_CHANNELS)
 
 _ENVMAPS = {"openexr": OpenEXR.ENVMAP_CUBE, "latlong": OpenEXR.ENVMAP_LATLONG}
 
@@ -144,7 +140,7 @@ class ExrPart(StoredPart):
     @quiet
     def read(self, names: Sequence[str]) -> Array:
         self._source.seek_subimage(self._index, 0)
-        pixels = self._source.read_image(self._index, 0, 0, len(self.channel_names), oiio.FLOAT)
+        pixels = self._source.read_image(self._index, 0, 0, len(self.channel_names), "float")
         if pixels is None:
             with suppress(UnicodeDecodeError):
                 self._source.geterror()

@@ -17,7 +17,6 @@ from shrm_cli.files.whole import cut_off, replacing
 from shrm_cli.vocabulary import PixelType, Precision
 
 _TILE = 64
-_FORMATS = {"half": oiio.HALF, "float": oiio.FLOAT}
 
 
 def write_mipmap(
@@ -60,7 +59,7 @@ def _write(
 
 def _spec(level: Array, pixel_type: PixelType, attributes: Mapping[str, Any]) -> Any:
     height, width, _ = level.shape
-    spec = oiio.ImageSpec(width, height, 3, _FORMATS[pixel_type])
+    spec = oiio.ImageSpec(width, height, 3, oiio.TypeDesc(pixel_type))
     spec.tile_width = spec.tile_height = _TILE
     spec.attribute("compression", "zip")
     spec.attribute("DateTime", "")  # the same inputs give the same bytes

@@ -14,12 +14,13 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from functools import wraps
-from typing import NoReturn, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ShrmError
+from shrm_cli.files.exr_header import MOST_CHANNELS
 from shrm_cli.files.whole import scratch_folder
 
 Parameters = ParamSpec("Parameters")
@@ -135,20 +136,28 @@ def undisturbed() -> Iterator[None]:
             signal.raise_signal(number)
 
 
-class _Absent:
-    """Stands for OpenImageIO where there is none, as in browsers: what needs it is refused."""
+class _Library:
+    """OpenImageIO, which is loaded when it is first used: that takes a tenth of a short run.
 
-    def __getattr__(self, name: str) -> NoReturn:
-        raise ShrmError("image files need OpenImageIO, which is not installed; give arrays instead")
+    Where there is none, as in browsers, what needs it is refused.
+    """
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            with undisturbed():
+                import OpenImageIO
+        except ModuleNotFoundError:
+            raise ShrmError(
+                "image files need OpenImageIO, which is not installed; give arrays instead"
+            ) from None
+        # The default would refuse SHRMs of high orders. Whoever reads a file must check that it
+        # does not hold too many values to load, as `maps.file.open_map` does.
+        OpenImageIO.attribute("limits:channels", MOST_CHANNELS)
+        vars(self).update(vars(OpenImageIO))
+        return getattr(OpenImageIO, name)
 
 
-try:
-    with undisturbed():
-        import OpenImageIO as oiio
-except ModuleNotFoundError:
-    oiio = _Absent()  # type: ignore[assignment]
-
-__all__ = ["oiio", "undisturbed"]
+oiio: Any = _Library()
 
 
 @quiet

@@ -10,7 +10,6 @@ Here are made, too, the folders for files that a run writes, reads again, and re
 import atexit
 import contextlib
 import errno
-import filecmp
 import os
 import platform
 import stat
@@ -216,9 +215,11 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         with open(temporary, "rb+") as stream:
             os.fsync(stream.fileno())
-        is_kept = str(target) in _kept.get() and target.exists()
-        if is_kept and not filecmp.cmp(temporary, target, shallow=False):
-            raise kept(target, "other inputs or options made it")
+        if str(target) in _kept.get() and target.exists():
+            import filecmp  # rarely needed
+
+            if not filecmp.cmp(temporary, target, shallow=False):
+                raise kept(target, "other inputs or options made it")
         waiting = _together.get()
         if waiting is None:
             os.replace(temporary, target)

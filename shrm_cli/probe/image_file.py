@@ -228,7 +228,7 @@ class ImageFile:
             pixels = self._repeated.read(start, stop)[..., begin:end]
         else:
             pixels = self._reader.source.read_scanlines(
-                self.layer.index, 0, spec.y + start, spec.y + stop, spec.z, begin, end, oiio.FLOAT
+                self.layer.index, 0, spec.y + start, spec.y + stop, spec.z, begin, end, "float"
             )
         if pixels is None:
             raise ProbeError(f"{self.path}: damaged or truncated; copy or export it again")
@@ -261,7 +261,7 @@ class ImageFile:
             is_half = all(str(spec.channelformat(k)) == "half" for k in range(begin, end))
             pixels = self._reader.source.read_tiles(
                 self.layer.index, 0, spec.x, spec.x + spec.width, spec.y + low, spec.y + high,
-                spec.z, spec.z + 1, begin, end, oiio.HALF if is_half else oiio.FLOAT,
+                spec.z, spec.z + 1, begin, end, "half" if is_half else "float",
             )  # fmt: skip
             if pixels is None:
                 return None
@@ -281,6 +281,8 @@ def file_bytes(path: Path) -> Iterator[bytes]:
 def is_image_name(name: str) -> bool:
     """Whether a name ends as those of images do that OpenImageIO reads, or has no suffix."""
     suffix = Path(name).suffix.lower().removeprefix(".")
+    if suffix == "exr":
+        return True  # without loading OpenImageIO
     formats = oiio.get_string_attribute("extension_list").split(";")
     return not suffix or any(suffix in each.rpartition(":")[2].split(",") for each in formats)
 

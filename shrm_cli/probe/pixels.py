@@ -74,10 +74,9 @@ class PixelPolicy:
         columns) or (rows, 1), are solid angles. `report` is what is added to.
         """
         if pixels.size and pixels.min() < 0:
-            below = pixels < 0
-            report.negative += int(np.count_nonzero(over_channels(np.logical_or, below)))
+            report.negative += int(np.count_nonzero(over_channels(np.minimum, pixels) < 0))
             report.minimum = min(report.minimum, float(pixels.min()))
-            pixels = np.where(below, np.float32(0), pixels)
+            pixels = np.maximum(pixels, 0)
         energy = _energy(pixels, weights)
         report.energy += energy
         if self.clamp is not None:

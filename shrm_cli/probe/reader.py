@@ -13,6 +13,7 @@ from weakref import WeakValueDictionary
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import excess
 from shrm_cli.files.openimageio import caught, oiio
+from shrm_cli.files.plain_exr import PlainExr
 from shrm_cli.files.whole import check_regular, fault_of_name, note
 from shrm_cli.messages import is_url, shown
 
@@ -49,7 +50,7 @@ class Reader:
         Raises ProbeError if the file was closed, and is no more what it was.
         """
         source = self._source
-        if source is None:
+        if source is None or (isinstance(source, PlainExr) and not source.is_decoded):
             source = self._opened()
             if source.spec().to_xml() != self.spec.to_xml():
                 raise self._changed()
@@ -100,7 +101,9 @@ def check_file(name: str | os.PathLike[str]) -> Path:
 
 
 def open_input(path: Path) -> Any:
-    """Return OpenImageIO's reader of a file, None where it has none."""
+    """Return a reader of a file as OpenImageIO has them; None where there is none."""
+    if path.suffix.lower() == ".exr" and (plain := PlainExr.open(path)) is not None:
+        return plain
     hints = oiio.ImageSpec()  # what it leaves as it is, or turns upright
     hints.attribute("oiio:UnassociatedAlpha", 1)  # or color comes multiplied by alpha
     hints.attribute("pnm:pfmflip", 1)  # PFM stores its bottom row first

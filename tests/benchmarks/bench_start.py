@@ -106,7 +106,7 @@ def _floor_row(run: _Run, way: str, bar: float, probe: Path, planes: Path) -> Ro
         subprocess.run(command, check=True, cwd=run.tree, env=run.environment)
 
     return measure(
-        f"whole shrm prefilter 1024x512 {_MADE}, {way}",
+        f"whole shrm prefilter 1024x512 {_MADE} --eps 0.03, {way}",
         run, floor, bar=bar, pairs=_PAIRS,
         note="a process that imports the same, reads the probe, writes the arrays",
     )  # fmt: skip

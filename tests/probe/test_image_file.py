@@ -424,7 +424,7 @@ def test_files_beyond_those_that_may_be_open_are_opened_again(tmp_path, image, m
     monkeypatch.setattr(reader, "_MOST_OPEN", 2)
     files = []
     for k in range(4):
-        scenes.write(tmp_path / f"{k}.exr", image * (k + 1), "float", 0)
+        scenes.write(tmp_path / f"{k}.exr", image * (k + 1), "float", 16)
         files.append(ImageFile.open(tmp_path / f"{k}.exr"))
     (tmp_path / "3.exr").unlink()  # it is still open
     np.testing.assert_array_equal(files[3].read(0, HEIGHT), image * 4)
