@@ -351,7 +351,7 @@ class Theirs:
         pixels = self.mitsuba.Bitmap(np.ascontiguousarray(values, dtype=np.float32))
         return {"type": "bitmap", "bitmap": pixels, "raw": True}
 
-    def picture(self, bsdf, seed, samples=128):
+    def picture(self, bsdf, seed, samples):
         aim, mitsuba = self.aim, self.mitsuba
         look = mitsuba.ScalarTransform4f().look_at(
             origin=aim.eye(VIEW).tolist(), target=aim.target.tolist(), up=[0, 1, 0]
@@ -401,7 +401,8 @@ def test_a_textured_body_looks_as_in_mitsuba(mitsuba, tmp_path, form):
     """Base colour, roughness and gentle bumps: 2 % beyond the noise, and more without the bumps.
 
     Where bumps are steep, Mitsuba cuts off the light below the smooth surface. Metals of split sums
-    are looked up with three taps: about the mirror direction they are off by 6 %.
+    are looked up with three taps: about the mirror direction they are off by 6 %. More samples of
+    them are needed, because noise would hide 2 %.
     """
     size, shape, sky = 96, globe(64, (1.0, 1.2, 0.9)), soft_sky()
     color, packed, normals = textures()
@@ -427,7 +428,11 @@ def test_a_textured_body_looks_as_in_mitsuba(mitsuba, tmp_path, form):
     halves = []
     for half in range(2):
         seen = [
-            theirs.picture({"type": "normalmap", "normalmap": bumps, "bsdf": part}, 2 * half + k)
+            theirs.picture(
+                {"type": "normalmap", "normalmap": bumps, "bsdf": part},
+                2 * half + k,
+                1024 if form == "metal" else 128,
+            )
             for k, part in enumerate(parts)
         ]
         halves.append(sum(each for each, _ in seen))
@@ -442,5 +447,5 @@ def test_a_textured_body_looks_as_in_mitsuba(mitsuba, tmp_path, form):
     wrong = relative_rms(dented, expected, coverage)
     print(f"{form}: {beyond:.2%} beyond {noise:.2%} of noise; {wrong:.2%} with dents for bumps")
     assert noise < 0.04
-    assert beyond < (0.025 if form == "metal" else 0.02)
+    assert beyond < 0.02
     assert wrong > 2 * np.hypot(noise, 0.02)

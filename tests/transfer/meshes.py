@@ -107,6 +107,27 @@ def bumps(count=24):
     return make_mesh("bumps", np.stack([x, y, z], -1).reshape(-1, 3), faces)
 
 
+def curved(mesh):
+    """Each triangle in four, with the middles of its edges where its normals bend them to.
+
+    References: Vlachos et al. 2001, Curved PN Triangles: on an edge from P with the normal N to Q,
+    with M, the cubic's points are ``(2 P + Q - N.(Q - P) N) / 3``, and from Q alike.
+    """
+    points, normals = mesh.vertices[mesh.faces], mesh.normals[mesh.faces]
+    start, end = points, np.roll(points, -1, axis=1)
+    along = end - start
+    first = np.sum(along * normals, axis=-1, keepdims=True) * normals
+    ends = np.roll(normals, -1, axis=1)
+    second = np.sum(along * ends, axis=-1, keepdims=True) * ends
+    middles = (start + end) / 2 + (second - first) / 8
+    corners = np.concatenate([points, middles], axis=1)  # a, b, c, ab, bc, ca
+    order = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+    vertices, faces = np.unique(
+        corners[:, order].reshape(-1, 3).round(6), axis=0, return_inverse=True
+    )
+    return make_mesh("curved", vertices, faces.reshape(-1, 3))
+
+
 def whole_sphere(rows=400):
     """Directions and solid angles of a product rule: Gauss in z, and even steps about it."""
     z, weights = np.polynomial.legendre.leggauss(rows)
