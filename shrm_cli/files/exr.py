@@ -1,13 +1,15 @@
 """The OpenEXR container: files of one or more parts, which are written whole or not at all.
 
-OpenEXR's own library writes them, and OpenImageIO reads them.
+OpenEXR's own library writes them, and reads plain pictures; OpenImageIO reads all others.
 """
 
 import os
 import re
+import threading
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from functools import cached_property
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,8 @@ from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
 from shrm_cli.files.whole import cut_off, replacing
 from shrm_cli.progress import in_order
 
+_printing = threading.Lock()
+"""Held while what is printed goes elsewhere, for all threads."""
 _ENVMAPS = {"openexr": OpenEXR.ENVMAP_CUBE, "latlong": OpenEXR.ENVMAP_LATLONG}
 
 
@@ -65,6 +69,20 @@ def _header(part: Part) -> dict[str, Any]:
     if "envmap" in header:
         header["envmap"] = _ENVMAPS[header["envmap"]]
     return header
+
+
+def decoded(path: str | os.PathLike[str], names: Sequence[str]) -> Array | None:
+    """Return the pixels of a file of one picture, (height, width, channels); None if it is damaged.
+
+    `names` are those of its channels: red, green and blue, and opacity, of one format.
+    """
+    # What the library says of damaged files it prints.
+    with _printing, redirect_stdout(StringIO()), suppress(RuntimeError, ValueError):
+        threads = settings.current().threads or -1
+        channels = OpenEXR.File(os.fspath(path), num_threads=threads).channels()
+        if list(channels) == ["".join(names)]:
+            return np.asarray(channels["".join(names)].pixels)
+    return None
 
 
 def open_file(path: str | os.PathLike[str]) -> "ExrFile | None":

@@ -19,12 +19,19 @@ import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from shrm_cli.vocabulary import MAX_ORDER_P
 
 MAGIC = b"\x76\x2f\x31\x01"
 
+_VERSION, _LONG_NAMES = 2, 0x400
+"""What follows these bytes in a file without tiles, depths and parts."""
+_NUMBERS = {b"int": "<i", b"float": "<f", b"chromaticities": "<8f", b"box2i": "<4i"}
+_WINDOWS = b"dataWindow", b"displayWindow"
+_CHANNEL_VALUES = struct.Struct("<iiii")
+_FORMATS = {1: "half", 2: "float"}
+_COLORS = ["R", "G", "B"], ["R", "G", "B", "A"]
 MOST_ATTRIBUTES = 512
 """The most attributes of a part; files have about thirty."""
 MOST_CHANNELS = 3 * (MAX_ORDER_P + 1) ** 2
@@ -138,6 +145,23 @@ def header_attributes(data: mmap.mmap) -> Iterator[tuple[bytes, bytes, int, int]
     yield from _attributes(data, _BEGIN)
 
 
+def plain_header(
+    path: str | os.PathLike[str],
+) -> tuple[dict[str, Any], dict[str, str]] | None:
+    """Return the header of a file of one picture in scan lines, with red, green and blue.
+
+    Returns its attributes by name, and the formats of its channels, ``half`` or ``float``, all of
+    them the same, in the order R, G, B, A. None for files that are not as plain, or damaged.
+    """
+    with (
+        suppress(OSError, ValueError, IndexError, KeyError, struct.error),
+        open(path, "rb") as stream,
+        mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
+    ):
+        return _plain(data)
+    return None
+
+
 def _end_of_chunks(data: mmap.mmap) -> int:
     """Return the place behind the last chunk, or 0 where the tables of chunks have holes."""
     has_parts, at = _has_parts(data), _end_of_headers(data)
@@ -220,6 +244,46 @@ def _count_channels(data: mmap.mmap, at: int, end: int) -> int:
         at += _CHANNEL
         count += 1
     return count
+
+
+def _plain(data: mmap.mmap) -> tuple[dict[str, Any], dict[str, str]]:
+    """A file's attributes, and the formats of its channels.
+
+    Raises ValueError and other errors if it is no sound file of scan lines with colors.
+    """
+    (version,) = struct.unpack_from("<I", data, len(MAGIC))
+    if version & ~_LONG_NAMES != _VERSION:
+        raise ValueError("another version, tiles, depths or parts")
+    header: dict[str, Any] = {}
+    formats: dict[str, str] = {}
+    for name, kind, begin, size in header_attributes(data):
+        value: Any = data[begin : begin + size]
+        if name in _WINDOWS and kind != b"box2i":
+            raise ValueError("no window")
+        if kind == b"string":
+            value = value.decode()
+        elif kind == b"chlist":
+            formats = dict(_channels(value))
+        elif kind in _NUMBERS:
+            numbers = struct.unpack(_NUMBERS[kind], value)
+            value = numbers if len(numbers) > 1 else numbers[0]
+        header[name.decode()] = value
+    for colors in _COLORS:
+        if sorted(colors) == list(formats) and len(set(formats.values())) == 1:
+            return header, {color: formats[color] for color in colors}
+    raise ValueError("other channels, or of several formats")
+
+
+def _channels(value: bytes) -> Iterator[tuple[str, str]]:
+    """The names and formats of a list of channels; none are integers, or have fewer pixels."""
+    at = 0
+    while value[at] != 0:
+        end = value.index(b"\0", at)
+        kind, _, *sampling = _CHANNEL_VALUES.unpack_from(value, end + 1)
+        if sampling != [1, 1]:
+            raise ValueError("fewer pixels than others")
+        yield value[at:end].decode(), _FORMATS[kind]
+        at = end + 1 + _CHANNEL_VALUES.size
 
 
 def is_output(path: str | os.PathLike[str]) -> bool:

@@ -11,10 +11,10 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.files import plain_exr
-from shrm_cli.files.plain_exr import PlainExr
+from shrm_cli.probe import reader
 from shrm_cli.probe.image_file import ImageFile
 from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.reader import PlainExr
 from tests.probe import scenes
 
 HEIGHT, WIDTH = 24, 48
@@ -149,7 +149,7 @@ def test_a_plain_run_does_not_load_openimageio(tmp_path, image):
     )
     plain = write(tmp_path / "plain.exr", image)
     other = scenes.write(tmp_path / "tiled.exr", image[..., :3], "float", 16)
-    environment = os.environ | {"PYTHONPATH": str(Path(plain_exr.__file__).parents[2])}
+    environment = os.environ | {"PYTHONPATH": str(Path(reader.__file__).parents[2])}
     said = [
         subprocess.run(
             [sys.executable, "-c", program, str(path)], env=environment, capture_output=True,
