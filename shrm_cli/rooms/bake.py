@@ -9,8 +9,10 @@ from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
+from shrm_cli.rooms.brightness import Brightness, Seen
+from shrm_cli.rooms.emitters import Emitters, cosines
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, octahedral_directions
-from shrm_cli.rooms.room import Brightness, Emitters, Room, Seen, cosines
+from shrm_cli.rooms.room import Room
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 

@@ -9,8 +9,9 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.probe import Probe
 from shrm_cli.rooms.bake import Gathering, bake
+from shrm_cli.rooms.brightness import Brightness, Patches
+from shrm_cli.rooms.emitters import Emitters
 from shrm_cli.rooms.grid import Lattice
-from shrm_cli.rooms.room import Brightness, Emitters, Patches
 from tests.rooms import shapes
 
 
