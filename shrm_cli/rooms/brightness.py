@@ -162,7 +162,7 @@ class Brightness:
         own = np.broadcast_to(dense, len(faces))[hit]
         share = own / np.maximum(own + rivals, np.finfo(float).tiny)
         lamps, sky = np.zeros((2, len(faces), 3))
-        lamps[hit] = share[:, None] * self.room.emission_at(faces[hit], barycentric[hit])
+        lamps[hit] = share[:, None] * emitters.sent(faces[hit], barycentric[hit])
         free = np.flatnonzero(faces < 0)
         if len(free):
             sky[free] = self.room.sky_radiance(directions[free])

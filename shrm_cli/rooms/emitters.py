@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
+from shrm_cli.geometry.mesh import Integers
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.disc import Disc, disc_directions
+from shrm_cli.records import record
+from shrm_cli.rooms.lamps import areas
 from shrm_cli.rooms.room import Room
 from shrm_cli.vocabulary import LUMINANCE
 
@@ -30,25 +33,51 @@ def cosines(directions: Array, normals: Array) -> Array:
     return np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0)
 
 
+@record(eq=False)
+class _Looked:
+    """What points see of samples on triangles, in arrays of a row for each point."""
+
+    directions: Array
+    faces: Integers
+    density: Array
+    """Samples in a unit of solid angle; 0 where a triangle shows its back."""
+    is_free: NDArray[np.bool_]
+    sent: Array
+    """Radiance, shape (n, s, 3)."""
+
+
 class Emitters:
     """Triangles that send light, and discs of light outside, as points of equal power.
 
     `rays` meet the same mesh. `samples` is the number of points on lamps that each point looks for.
+    `faces` are the triangles, by default all that send light. `less`, of shape (m, 3), is what does
+    not count of the radiance of each triangle of the room.
     """
 
-    def __init__(self, room: Room, rays: Rays, samples: int) -> None:
-        self._room, self._rays, self._samples = room, rays, samples
-        self._faces = np.flatnonzero(room.emission.any(axis=1))
+    def __init__(
+        self,
+        room: Room,
+        rays: Rays,
+        samples: int,
+        faces: Integers | None = None,
+        less: Array | None = None,
+    ) -> None:
+        self._room, self._rays, self._samples, self._less = room, rays, samples, less
+        self._faces = np.flatnonzero(room.emission.any(axis=1)) if faces is None else faces
         corners = room.mesh.corners(self._faces)
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        areas = np.linalg.norm(across, axis=1) / 2
-        powers = areas * (room.emission[self._faces] @ LUMINANCE)
+        sizes = areas(corners)
+        powers = sizes * (room.emission[self._faces] @ LUMINANCE)
         # A dim lamp may be the only one that a point sees: half of the samples go by area alone.
-        whole = max(powers.sum(), np.finfo(float).tiny), max(areas.sum(), np.finfo(float).tiny)
-        self._shares = (powers / whole[0] + areas / whole[1]) / 2
-        self._ends, self._areas, self._corners = np.cumsum(self._shares), areas, corners
+        whole = max(powers.sum(), np.finfo(float).tiny), max(sizes.sum(), np.finfo(float).tiny)
+        shares = (powers / whole[0] + sizes / whole[1]) / 2
+        self._ends, self._corners = np.cumsum(shares), corners
         self._density = np.zeros(len(room.mesh.faces))
-        self._density[self._faces] = samples * self._shares / np.maximum(areas, 1e-300)
+        self._density[self._faces] = samples * shares / np.maximum(sizes, 1e-300)
+
+    def sent(self, faces: Integers, weights: Array) -> Array:
+        """Return what points of triangles send, shape (n, 3); all is as of `Room.emission_at`."""
+        found = self._room.emission_at(faces, weights)
+        return found if self._less is None else found - self._less[faces]
 
     def density(self, faces: NDArray[np.integer], distance: Array, facing: Array) -> Array:
         """Return how many samples a unit of solid angle gets about directions to triangles.
@@ -81,9 +110,31 @@ class Emitters:
         directions, light = zip(*found, strict=True)
         return np.concatenate(directions, axis=1), np.concatenate(light, axis=1)
 
+    def partly(self, points: Array, number: int) -> tuple[Array, Array, Array]:
+        """Return how much points see of the triangles, and what of their light that leaves out.
+
+        Returns `shares` of shape (n,), parts of their solid angle, -1 where all show their backs;
+        `directions` of shape (n, s, 3); and `light` of shape (n, s, 3), what is seen less a share
+        of what there is, in the mean over each triangle, radiance times solid angle; the sum of
+        what there is, over all channels, is 1.
+        """
+        found = self._looked_for(points, number)
+        solid = np.where(found.density > 0, 1 / np.maximum(found.density, 1e-300), 0)
+        seen, whole = (solid * found.is_free).sum(axis=1), solid.sum(axis=1)
+        shares = np.where(whole > 0, seen / np.maximum(whole, 1e-300), -1)
+        light = solid[..., None] * self._room.emission[found.faces]
+        light /= np.maximum(light.sum(axis=(1, 2), keepdims=True), 1e-300)
+        return shares, found.directions, (found.is_free - shares[:, None])[..., None] * light
+
     def _of_faces(
         self, points: Array, number: int, others: Callable[[Array], Array]
     ) -> tuple[Array, Array]:
+        found = self._looked_for(points, number)
+        dense = found.density + others(found.directions)
+        strength = found.is_free / np.maximum(dense, 1e-300)
+        return found.directions, strength[..., None] * found.sent
+
+    def _looked_for(self, points: Array, number: int) -> _Looked:
         count = self._samples
         # Each point has the same samples, shifted by other amounts.
         shift = np.arange(number, number + len(points))[:, None] * 0.61803398875
@@ -99,18 +150,14 @@ class Emitters:
         directions = ways / np.maximum(distance, np.finfo(float).tiny)[..., None]
         faces = self._faces[chosen]
         facing = -np.einsum("nsv,nsv->ns", directions, self._room.normals[faces])
-        own = self.density(faces, distance, facing)
-        strength = 1 / np.maximum(own + others(directions), 1e-300)
         lit = np.flatnonzero(facing > 0)
         starts = np.repeat(points, count, axis=0)[lit]
         flat, far = directions.reshape(-1, 3)[lit], distance.reshape(-1)[lit]
         met, _, first = self._rays.first_hits(starts, flat)
-        hidden = (met != faces.reshape(-1)[lit]) & (first < far * (1 - _SHORT))
-        seen = np.zeros(facing.size)
-        seen[lit] = ~hidden
-        sent = self._room.emission_at(faces.ravel(), weights.reshape(-1, 3)).reshape(ways.shape)
-        light = (strength * seen.reshape(facing.shape))[..., None] * sent
-        return directions, np.where(facing[..., None] > 0, light, 0)
+        is_free = np.zeros(facing.shape, bool)
+        is_free.flat[lit] = (met == faces.reshape(-1)[lit]) | (first >= far * (1 - _SHORT))
+        sent = self.sent(faces.ravel(), weights.reshape(-1, 3)).reshape(ways.shape)
+        return _Looked(directions, faces, self.density(faces, distance, facing), is_free, sent)
 
     def _of_disc(self, points: Array, disc: Disc) -> tuple[Array, Array]:
         directions = disc_directions(disc, _OF_DISC)

@@ -5,6 +5,7 @@ from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, slices
 from shrm_cli.brdf.base import Color
@@ -109,11 +110,16 @@ class Room:
                     emission[some] = paint.emission(points)
         return emission
 
+    @cached_property
+    def is_uneven(self) -> NDArray[np.bool_]:
+        """Whether a texture has what a triangle sends, shape (m,)."""
+        varying = [k for k, each in self.paints.items() if each.material.emission_map is not None]
+        return np.isin(self.mesh.face_materials, varying)
+
     def _mean_emission(self) -> Array:
         """Return what triangles send in the mean, where textures have it."""
         emission = self.emission.copy()
-        varying = [k for k, each in self.paints.items() if each.material.emission_map is not None]
-        own = np.flatnonzero(np.isin(self.mesh.face_materials, varying))
+        own = np.flatnonzero(self.is_uneven)
         weights = centers_of(np.arange(_EMISSION_CUTS**2), _EMISSION_CUTS)
         for part in slices(len(own), _PAINTED_AT_ONCE // len(weights)):
             faces = np.repeat(own[part], len(weights))
@@ -121,6 +127,13 @@ class Room:
             sent = self.emission_at(faces, places, self.mesh.sides(faces) / _EMISSION_CUTS)
             emission[own[part]] = sent.reshape(-1, len(weights), 3).mean(axis=1)
         return emission
+
+    def fronts(self, faces: Integers) -> Array:
+        """Return the corners of triangles, right-handed about their normals, shape (n, 3, 3)."""
+        corners = self.mesh.corners(faces)
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        is_behind = np.einsum("fv,fv->f", across, self.normals[faces]) < 0
+        return np.where(is_behind[:, None, None], corners[:, ::-1], corners)
 
     @cached_property
     def size(self) -> float:
