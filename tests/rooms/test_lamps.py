@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import shrm_cli as shrm
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.rooms.bake import Gathering, bake
@@ -19,6 +21,8 @@ from shrm_cli.rooms.lamps import (
     polygon_coefficients,
     polygon_irradiance,
 )
+from shrm_cli.rooms.lit import in_grid
+from shrm_cli.sphere.directions import horizontal_tangents
 from tests.oracles import real_harmonics
 from tests.rooms import shapes
 from tests.rooms.test_bake import points_of
@@ -283,3 +287,44 @@ def test_a_crate_shadows_lamps_of_all_kinds(rng, lamp):
     error = off(grid.irradiance(points, normals))
     assert error < 0.11
     assert error < 0.6 * off(replace(grid, lamps=None).irradiance(points, normals))
+
+
+def summed_brdf(gathering, brdf, points, normals, tangents, views):
+    """What surfaces reflect, by sums over directions and over points of lamps."""
+    around, lamps, _ = gathering._of(gathering._look(points), len(points))
+    ways, straight = gathering._arriving(points, 0)
+    even, result = gathering._area * (around + lamps), []
+    for k, normal in enumerate(normals):
+        frame = np.array([tangents[k], np.cross(normal, tangents[k]), normal])
+        result.append(sum(
+            np.sum(brdf.transfer(each @ frame.T, frame @ views[k]) * light, axis=0)
+            for each, light in ((gathering._directions, even[k]), (ways[k], straight[k]))
+        ))  # fmt: skip
+    return np.array(result)
+
+
+def test_product_textures_reflect_the_lamp_beside_them(rng):
+    """A ball just below a lamp, beside sums over all that is seen from its very points."""
+    parts = [shapes.box([0, 0, 0], [4, 3, 4]), LAMPS["panel"]]
+    room = shapes.room(parts, [[0.6] * 3, [0] * 3], [[0] * 3, [10, 10, 10]])
+    grid = bake(room, Lattice(*room.mesh.bounds, (8, 6, 8)), 2, samples=256)
+    gathering = Gathering(Brightness(room, Rays(room.mesh), 0.5), 1, 1024)
+    normals = directions(rng, 2000)
+    normals[:, 2] = np.abs(normals[:, 2])
+    points, views = [2.3, 2.55, 2] + 0.3 * normals, np.tile([0.0, 0, 1], (2000, 1))
+    given = points, normals, horizontal_tangents(normals), views
+    texture = shrm.product("ggx:roughness=0.6", order=4, size=32)
+    lit_by, change = in_grid(texture, grid, "auto")
+    assert change == 0  # the lamp is known to the texture's order, whatever the grid's is
+    some = [each[:80] for each in given]
+    truth = summed_brdf(gathering, parse_spec("ggx:roughness=0.6"), *some)
+    blind, _ = in_grid(texture, replace(grid, lamps=None), "auto")
+    off, before = (
+        np.linalg.norm(each.placed_radiance(*some) - truth) / np.linalg.norm(truth)
+        for each in (lit_by, blind)
+    )
+    assert off < 0.06 < 0.15 < before
+    shiny, change = in_grid(shrm.product("ggx:roughness=0.4", order=4, size=32), grid, "auto")
+    assert change > 0.05
+    black = (shiny.placed_radiance(*given) < 0).any(axis=1)
+    assert black.mean() < 0.01
