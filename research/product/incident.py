@@ -22,9 +22,10 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.stage import transformation
 from shrm_cli.rooms.bake import Gathering, bake
+from shrm_cli.rooms.brightness import Brightness
 from shrm_cli.rooms.grid import Lattice, ProbeGrid
 from shrm_cli.rooms.lit import ProductInGrid
-from shrm_cli.rooms.room import Brightness, Room
+from shrm_cli.rooms.room import Room
 from shrm_cli.sphere.directions import surface_frames
 
 Array = NDArray[np.floating]

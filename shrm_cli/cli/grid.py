@@ -104,7 +104,7 @@ def grid(
     said, bytes_written = found.summary(), Path(target).stat().st_size
     shape = " x ".join(map(str, said["shape"]))
     lines = [f"{target}: {shape} probes, order {found.order}, {bytes_written:,} bytes"]
-    lines += _lines(said, light == "all")
+    lines += _lines(said, suffix, light == "all")
     warnings = [line for plan in planned for line in plan.warnings]
     if said.get("in_walls") == found.lattice.count:
         warnings.append(
@@ -127,22 +127,26 @@ def _target(source: str, output: str | None) -> tuple[str, str]:
     return target, suffix
 
 
-def _lines(said: dict[str, Any], has_all_light: bool) -> list[str]:
+def _lines(said: dict[str, Any], suffix: str, has_all_light: bool) -> list[str]:
     """Return what is known of the errors of a grid that was baked, a line each."""
     from shrm_cli.plan.policy import ERROR
 
     if "error" not in said:
         return []
-    lines = [
-        f"  irradiance between the probes is {said['error']:.1%} off (RMS), and "
-        f"{said['error_reflected']:.1%} without what comes straight from lamps"
-    ]
-    if has_all_light and said["error"] > max(ERROR, 2 * said["error_reflected"]):
+    without, reflected = said.get("error_coefficients", said["error"]), said["error_reflected"]
+    lines = []
+    if suffix == ".npz":
+        lines.append(f"  irradiance between the probes is {said['error']:.1%} off (RMS)")
+    lines.append(
+        f"  in engines, which do not know the lamps, it is {without:.1%} off, and {reflected:.1%} "
+        "without what comes straight from lamps"
+    )
+    if suffix != ".npz" and has_all_light and without > max(ERROR, 2 * reflected):
         lines.append(
             "  what comes straight from lamps changes faster than the probes lie; leave it to "
             "lights of the engine (--light reflected)"
         )
-    if said["error_reflected"] > ERROR:
+    if reflected > ERROR:
         twice = ",".join(str(2 * each) for each in said["shape"])
         lines.append(
             f"  light of surfaces and of the sky, too, changes faster than the probes lie; --size "

@@ -108,25 +108,25 @@ class Rays:
         # Each component is an array of its own: numpy is slow along axes of three.
         corner, first, second = self._sides[:, :, faces]
         way, origin = along.T, self._scaled(start).T
-        from_corner = origin + np.maximum(-_dot(origin, way) - 2, 0) * way - corner
-        p, q = _cross(way, second), _cross(from_corner, first)
-        determinant = _dot(first, p)
+        from_corner = origin + np.maximum(-dot(origin, way) - 2, 0) * way - corner
+        p, q = cross(way, second), cross(from_corner, first)
+        determinant = dot(first, p)
         is_flat = determinant == 0
         scale = 1 / np.where(is_flat, 1, determinant)
-        u, v = _dot(from_corner, p) * scale, _dot(way, q) * scale
+        u, v = dot(from_corner, p) * scale, dot(way, q) * scale
         weights = np.clip(np.stack([1 - u - v, u, v]), 0, 1)
         weights /= weights[0] + weights[1] + weights[2]
         weights[:, is_flat] = 1 / 3
         reached = corner + weights[1] * first + weights[2] * second - origin
-        return weights.T, _dot(reached, way) * self._radius
+        return weights.T, dot(reached, way) * self._radius
 
 
-def _dot(one: Array, other: Array) -> Array:
+def dot(one: Array, other: Array) -> Array:
     """Return the scalar products of vectors, shape (3, k) each."""
     return np.asarray(one[0] * other[0] + one[1] * other[1] + one[2] * other[2])
 
 
-def _cross(one: Array, other: Array) -> Array:
+def cross(one: Array, other: Array) -> Array:
     """Return the vector products of vectors, shape (3, k) each."""
     (a, b, c), (x, y, z) = one, other
     return np.stack([b * z - c * y, c * x - a * z, a * y - b * x])

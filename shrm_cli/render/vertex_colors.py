@@ -339,7 +339,7 @@ def vertex_colors(
     """
     if isinstance(light, InGrid):
         # Rows look at the probes that are on the side from which light reaches them.
-        own = light.grid.light(transfer.positions(mesh), transfer.bent_normals())
+        own = light.light(transfer.positions(mesh), transfer.bent_normals(), transfer.order)
         made = light.product if isinstance(light, ProductInGrid) else None
         follows = variation if made is not None and made.varies else None
         return VertexColors(mesh, transfer, own, made, None, follows)

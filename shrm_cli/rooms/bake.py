@@ -9,8 +9,11 @@ from shrm_cli.arrays import Array, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
+from shrm_cli.rooms.brightness import Brightness, Seen
+from shrm_cli.rooms.emitters import Emitters, cosines
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, octahedral_directions
-from shrm_cli.rooms.room import Brightness, Emitters, Room, Seen, cosines
+from shrm_cli.rooms.lamps import SeenLamps, joined, lamps_of
+from shrm_cli.rooms.room import Room
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 
@@ -18,6 +21,8 @@ SAMPLES = 1024
 """Directions along which a probe looks."""
 _OF_LAMPS = 256
 """Points on lamps that a probe looks for."""
+_OF_LAMP = 8
+"""At least so many of each lamp."""
 IN_WALLS = 0.25
 """The share of directions in which a probe within a wall sees triangles from behind."""
 _SHARPNESS = 50
@@ -26,6 +31,8 @@ _SLANT = 2.0
 """The most by which the plane that a ray meets may be nearer or farther along a texel's middle."""
 _PLANE = 1.02
 """How much nearer than what a ray meets a plane is, at least, where its surface has ended."""
+_TOUCHING = 1e-5
+"""Surfaces are no nearer than so much of a cell's diagonal, for probes that lie on them."""
 _PATCHES = 2.0
 """Patches along the least spacing of the probes."""
 _RAYS_AT_ONCE = 2**18
@@ -42,8 +49,9 @@ def bake(
 ) -> ProbeGrid:
     """Find the light at the probes of a lattice, and how far it is off between them.
 
-    The facts of the result have the relative RMS errors of the irradiance at random points,
-    ``error`` of all light and ``error_reflected`` of that which does not come straight from lamps.
+    The facts of the result have the relative RMS errors of the irradiance at random points:
+    ``error`` of all light, ``error_coefficients`` where no lamps are known, but coefficients alone,
+    and ``error_reflected`` of the light that does not come straight from lamps.
     """
     stages = Stages(progress, 3)
     rays = Rays(room.mesh)
@@ -57,11 +65,12 @@ def bake(
         found.append(gathering.probe(points[part], part.start, longest))
         stages.within(part.stop, len(points))
     stages.done(2, 3)
-    reflected, direct, walls, behind = (
-        np.concatenate(each)
-        for each in zip(*((e.reflected, e.direct, e.walls, e.behind) for e in found), strict=True)
+    parts = ((e.reflected, e.direct, e.others, e.seen, e.walls, e.behind) for e in found)
+    reflected, direct, others, seen, walls, behind = (
+        np.concatenate(each) for each in zip(*parts, strict=True)
     )
-    grid = ProbeGrid(lattice, reflected, direct, walls, behind <= IN_WALLS)
+    lamps = SeenLamps(joined(gathering.groups), seen, others) if gathering.groups else None
+    grid = ProbeGrid(lattice, reflected, direct, walls, behind <= IN_WALLS, lamps=lamps)
     return replace(grid, facts=_proven(grid, gathering, stages))
 
 
@@ -79,10 +88,12 @@ def _proven(grid: ProbeGrid, gathering: "Gathering", stages: Stages) -> dict[str
     reflected, direct, behind = (np.concatenate(each) for each in zip(*truths, strict=True))
     free = behind < IN_WALLS
     found = {}
-    for name, truth, is_direct in (
-        ("error", reflected + direct, True), ("error_reflected", reflected, False),
-    ):  # fmt: skip
-        missed = grid.irradiance(points, normals, is_direct) - truth
+    for name, of, truth, is_direct in (
+        ("error", grid, reflected + direct, True),
+        ("error_coefficients", replace(grid, lamps=None), reflected + direct, True),
+        ("error_reflected", grid, reflected, False),
+    ):
+        missed = of.irradiance(points, normals, is_direct) - truth
         whole = max(float((truth[free] ** 2).sum()), np.finfo(float).tiny)
         found[name] = float(np.sqrt((missed[free] ** 2).sum() / whole))
     return found
@@ -90,12 +101,15 @@ def _proven(grid: ProbeGrid, gathering: "Gathering", stages: Stages) -> dict[str
 
 @record(eq=False)
 class Looked:
-    """What some probes see; see `ProbeGrid`. `behind` are the shares of back faces, shape (n,)."""
+    """What some probes see; see `ProbeGrid` and `SeenLamps`."""
 
     reflected: Array
     direct: Array
+    others: Array
+    seen: Array
     walls: Array
     behind: Array
+    """The shares of back faces, shape (n,)."""
 
 
 class Gathering:
@@ -103,7 +117,17 @@ class Gathering:
 
     def __init__(self, brightness: Brightness, order: int, samples: int) -> None:
         self._brightness, self._order = brightness, order
-        self._emitters = Emitters(brightness.room, brightness.rays, _OF_LAMPS)
+        room, rays = brightness.room, brightness.rays
+        faces = np.flatnonzero(room.emission.any(axis=1))
+        self.groups = lamps_of(room.fronts(faces), room.emission[faces])
+        each = max(_OF_LAMP, _OF_LAMPS // max(len(self.groups), 1))
+        self._lamps = [Emitters(room, rays, each, faces[group.rows]) for group in self.groups]
+        known = np.zeros_like(room.emission)
+        for group in self.groups:
+            known[faces[group.rows]] = room.emission[faces[group.rows]]
+        others = np.flatnonzero((known != room.emission).any(axis=1) | room.is_uneven)
+        self._emitters = Emitters(room, rays, _OF_LAMPS)
+        self._others = Emitters(room, rays, _OF_LAMPS, others, known)
         self._directions = spiral_directions(samples)
         self._area = 4 * np.pi / samples
         self._harmonics = real_harmonics(order, self._directions) * self._area
@@ -111,22 +135,38 @@ class Gathering:
 
     def probe(self, points: Array, number: int, longest: float) -> Looked:
         """Return what probes see, of walls up to `longest`; `number` is the first one's."""
-        seen = self._look(points)
+        seen = self._look(points, self._others)
         reflected, lamps, behind = self._of(seen, len(points))
-        directions, light = self._arriving(points, number)
-        harmonics = real_harmonics(self._order, directions)
-        direct = np.einsum("dj,ndc->njc", self._harmonics, lamps)
-        direct += np.einsum("nsj,nsc->njc", harmonics, light, optimize=True)
+        directions, light = self._arriving(points, number, self._others)
+        others = np.einsum("dj,ndc->njc", self._harmonics, lamps) + self._sum(directions, light)
+        direct, shares = np.zeros(others.shape), np.zeros((len(points), len(self.groups)))
+        for share, group, emitters in zip(shares.T, self.groups, self._lamps, strict=True):
+            whole = group.lamps.coefficients(points, self._order, np.ones((len(points), 1)))
+            share[:], directions, light = emitters.partly(points, number)
+            strength = whole[:, 0].sum(axis=1) * np.sqrt(4 * np.pi)
+            others += strength[:, None, None] * self._sum(directions, light)
+            direct += np.maximum(share, 0)[:, None, None] * whole
         faces, distance = self._met(points, seen)
         walls = self._texels.walls(
-            np.minimum(distance, 2 * longest), self._brightness.room.normals[faces], longest
+            np.clip(distance, _TOUCHING * longest, 2 * longest),
+            self._brightness.room.normals[faces],
+            longest,
         )
+        reflected = np.einsum("dj,ndc->njc", self._harmonics, reflected)
+        direct += others
         return Looked(
-            np.einsum("dj,ndc->njc", self._harmonics, reflected).astype(np.float32),
+            reflected.astype(np.float32),
             direct.astype(np.float32),
+            others.astype(np.float32),
+            shares.astype(np.float32),
             walls.astype(np.float32),
             behind.mean(axis=1),
         )
+
+    def _sum(self, directions: Array, light: Array) -> Array:
+        """Return the coefficients of light from directions, each of shape (n, s, 3)."""
+        harmonics = real_harmonics(self._order, directions)
+        return np.asarray(np.einsum("nsj,nsc->njc", harmonics, light, optimize=True))
 
     def irradiance(
         self, points: Array, normals: Array, number: int = 0
@@ -139,9 +179,11 @@ class Gathering:
         direct = np.einsum("nd,ndc->nc", facing, lamps) + np.einsum("ns,nsc->nc", others, light)
         return np.einsum("nd,ndc->nc", facing, reflected), direct, behind.mean(axis=1)
 
-    def _arriving(self, points: Array, number: int) -> tuple[Array, Array]:
+    def _arriving(
+        self, points: Array, number: int, emitters: Emitters | None = None
+    ) -> tuple[Array, Array]:
         """Return the light of lamps that is looked for, as `Emitters.arriving` does."""
-        return self._emitters.arriving(
+        return (emitters or self._emitters).arriving(
             points, number, lambda directions: np.full(directions.shape[:-1], 1 / self._area)
         )
 
@@ -155,11 +197,11 @@ class Gathering:
             np.hstack([distance.reshape(count, -1), seen.distance.reshape(count, -1)]),
         )
 
-    def _look(self, points: Array) -> Seen:
+    def _look(self, points: Array, emitters: Emitters | None = None) -> Seen:
         """Return what is seen from points along all directions, one point after the other."""
         starts = np.repeat(points, len(self._directions), axis=0)
         ways = np.tile(self._directions, (len(points), 1))
-        return self._brightness.look(starts, ways, self._emitters, 1 / self._area)
+        return self._brightness.look(starts, ways, emitters or self._emitters, 1 / self._area)
 
     def _of(self, seen: Seen, points: int) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Return radiance of surfaces and sky and of lamps, and which faces are back, by points."""

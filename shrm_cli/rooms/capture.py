@@ -12,7 +12,9 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages, in_order
 from shrm_cli.records import record
-from shrm_cli.rooms.room import LIFT, Brightness, Emitters, Room, cosines
+from shrm_cli.rooms.brightness import LIFT, Brightness
+from shrm_cli.rooms.emitters import Emitters, cosines
+from shrm_cli.rooms.room import Room
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.grid.latlong import LatLong, latlong_points
 from shrm_cli.sphere.quadrature import spiral_directions

@@ -8,8 +8,10 @@ tell a thin wall that is seen at a slant from what lies just behind it.
 
 A file is an archive of numpy (.npz) of the arrays ``reflected``, ``direct``, ``alive`` (1 or 0)
 and, where walls are known, ``walls`` of a `ProbeGrid`, the corners of the box as ``box`` (2 x 3),
-and ``settings``: one text, a JSON object with ``version`` (2), ``shape`` and ``facts``. It may come
-from anywhere. docs/grid.md has it all.
+and ``settings``: one text, a JSON object with ``version`` (2), ``shape`` and ``facts``. Where lamps
+are known, there are ``lamps``, the corners and the radiance of their triangles (k x 4 x 3),
+``seen`` and ``others`` of `SeenLamps`, and in the settings ``lamps``, how many triangles each has.
+It may come from anywhere. docs/grid.md has it all.
 
 References: Majercik, Guertin, Nowrouzezahrai and McGuire 2019, Dynamic Diffuse Global Illumination
 with Ray-Traced Irradiance Fields, Journal of Computer Graphics Techniques 8(2), section 5; the
@@ -35,7 +37,9 @@ from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import sound_primaries
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.records import record
+from shrm_cli.rooms.lamps import MOST_TRIANGLES, Lamps, SeenLamps
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
+from shrm_cli.transfer.transfer import fitted
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 
 MOST = 2**20
@@ -123,6 +127,8 @@ class ProbeGrid:
     """Whether a probe counts; those within walls do not, shape (n,)."""
     facts: Mapping[str, Any] = field(default_factory=dict)
     """What made it, as JSON has it."""
+    lamps: SeenLamps | None = None
+    """Lamps whose light is not interpolated; of `direct` it is what their `others` are not."""
 
     @property
     def order(self) -> int:
@@ -150,6 +156,7 @@ class ProbeGrid:
             "order": self.order,
             "walls": self.walls is not None,
             "in_walls": int((~self.alive).sum()),
+            "lamps": 0 if self.lamps is None else self.lamps.seen.shape[1],
             **{name: fact for name, fact in self.facts.items() if name != "made"},
         }
 
@@ -159,22 +166,43 @@ class ProbeGrid:
         `points` and `normals`, each of shape (n, 3), are in world axes; normals are unit vectors.
         `direct` tells whether light counts that comes straight from lamps.
         """
-        normals = np.asarray(normals, dtype=float)
-        light = self.light(points, normals, direct)
-        shares = lambert_factors(self.order)[degrees(self.order)]
-        values = np.einsum("nj,njc->nc", shares * real_harmonics(self.order, normals), light)
-        return np.maximum(values, 0)
-
-    def light(self, points: ArrayLike, normals: ArrayLike, direct: bool = True) -> Array:
-        """Return the light of surfaces, interpolated between the probes about them.
-
-        The parameters are those of `irradiance`. The result, of shape (n, (order+1)^2, 3), has
-        coefficients over the harmonics of world axes, index l(l+1)+m.
-        """
         points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
         probes, weights = self.weights(points, normals)
-        held = self.coefficients if direct else self.reflected
+        shares = lambert_factors(self.order)[degrees(self.order)]
+        light = self._between(probes, weights, direct)
+        values = np.einsum("nj,njc->nc", shares * real_harmonics(self.order, normals), light)
+        if direct and self.lamps is not None:
+            seen = self.lamps.shares(probes, weights)
+            values += self.lamps.lamps.irradiance(points, normals, seen)
+        return np.maximum(values, 0)
+
+    def light(self, points: ArrayLike, normals: ArrayLike, order: int | None = None) -> Array:
+        """Return the light of surfaces: of lamps where they are, else between the probes about.
+
+        `points` and `normals` are those of `irradiance`. `order` is the largest degree; that of the
+        grid by default. What is interpolated has none above that.
+
+        Returns coefficients over the harmonics of world axes, index l(l+1)+m, of shape (n,
+        (order+1)^2, 3).
+        """
+        points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
+        order = self.order if order is None else order
+        probes, weights = self.weights(points, normals)
+        light = fitted(self._between(probes, weights, direct=True), (order + 1) ** 2)
+        if self.lamps is not None:
+            seen = self.lamps.shares(probes, weights)
+            light += self.lamps.lamps.coefficients(points, order, seen)
+        return light
+
+    def _between(self, probes: Array, weights: Array, direct: bool) -> Array:
+        """Return coefficients of what is interpolated of the light, shape (n, j, 3)."""
+        held = self._interpolated if direct else self.reflected
         return np.einsum("nk,nkjc->njc", weights, held[probes])
+
+    @cached_property
+    def _interpolated(self) -> Array:
+        """Coefficients of all light but that of lamps that are added."""
+        return self.coefficients if self.lamps is None else self.reflected + self.lamps.others
 
     def weights(self, points: Array, normals: Array) -> tuple[Array, Array]:
         """Return the probes about points, and how much each of them counts, shapes (n, 8)."""
@@ -256,7 +284,10 @@ def _texels(directions: Array) -> tuple[Array, Array]:
 
 
 _VERSION = 2
-_DIMENSIONS = {"reflected": 3, "direct": 3, "alive": 1, "walls": 3, "moments": 3, "box": 2}
+_DIMENSIONS = {
+    "reflected": 3, "direct": 3, "alive": 1, "walls": 3, "moments": 3, "box": 2,
+    "lamps": 3, "seen": 2, "others": 3,
+}  # fmt: skip
 
 
 def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
@@ -271,6 +302,13 @@ def write_grid(path: str | os.PathLike[str], grid: ProbeGrid) -> None:
     if grid.walls is not None:
         arrays["walls"] = grid.walls.astype("<f4")
     settings = {"version": _VERSION, "shape": list(lattice.shape), "facts": dict(grid.facts)}
+    if grid.lamps is not None:
+        lamps = grid.lamps.lamps
+        both = np.concatenate([lamps.corners, lamps.radiance[:, None]], axis=1)
+        arrays["lamps"] = both.astype("<f4")
+        arrays["seen"] = grid.lamps.seen.astype("<f4")
+        arrays["others"] = grid.lamps.others.astype("<f4")
+        settings["lamps"] = np.bincount(lamps.of).tolist()
     npz.write_npz(path, {**arrays, "settings": json.dumps(settings)})
 
 
@@ -327,16 +365,31 @@ def _grid(arrays: dict[str, Array], settings: object) -> ProbeGrid:
         "direct": (count, (order + 1) ** 2, 3),
         "alive": (count,),
         "walls": (count, EDGE**2, 4),
+        "others": (count, (order + 1) ** 2, 3),
     }
     if "moments" in arrays:  # the first version has distances and their squares in place of planes
         arrays["walls"] = _spheres(arrays.pop("moments"))
     for name, wanted in expected.items():
         if name in arrays and arrays[name].shape != wanted:
             raise ValueError(f"{name} of shape {arrays[name].shape} in a grid of {shape}")
+    lamps = _lamps(arrays, settings.get("lamps"), count) if "lamps" in arrays else None
     return ProbeGrid(
         lattice, arrays["reflected"], arrays["direct"], arrays.get("walls"),
-        arrays["alive"] > 0.5, settings["facts"],
+        arrays["alive"] > 0.5, settings["facts"], lamps,
     )  # fmt: skip
+
+
+def _lamps(arrays: dict[str, Array], counts: object, probes: int) -> SeenLamps:
+    """Return lamps whose arrays fit each other and so many probes."""
+    held = arrays["lamps"].astype(float)
+    if not isinstance(counts, list) or not all(type(each) is int and each > 0 for each in counts):
+        raise ValueError("its settings have no numbers of triangles of lamps")
+    if held.shape != (sum(counts), 4, 3) or len(held) > MOST_TRIANGLES:
+        raise ValueError(f"lamps of shape {held.shape}")
+    if not {"seen", "others"} <= arrays.keys() or arrays["seen"].shape != (probes, len(counts)):
+        raise ValueError("lamps without what probes see of each")
+    of = np.repeat(np.arange(len(counts)), counts)
+    return SeenLamps(Lamps(held[:, :3], held[:, 3], of), arrays["seen"], arrays["others"])
 
 
 def _spheres(moments: Array) -> Array:

@@ -10,7 +10,7 @@ at various points around the object".
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -31,13 +31,18 @@ from shrm_cli.records import record
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, as_grid
 from shrm_cli.sphere.directions import horizontal_tangents
 from shrm_cli.sphere.harmonics import degrees
-from shrm_cli.transfer.transfer import fitted
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
 _POINTS_AT_ONCE = 2**14
 """Points whose light is interpolated at a time."""
 _WINDOWS = 3
-"""Along each axis of a grid, the most places for whose light a window is sought."""
+"""Along each axis of a grid, the most parts for whose light a window is sought."""
+_WITHIN = 0.5 + 1e-9
+"""How many edges of such a part its points are away from its middle."""
+_DARK = 1e-30
+
+
+_UP = np.array([0.0, 1, 0])
 
 
 STAYS = (
@@ -118,6 +123,10 @@ class InGrid(FixedMap, ReflectionMap):
             result[part] = self._of_points(point, normal, tangent, view, own)
         return result.reshape(places.shape)
 
+    def light(self, points: Array, normals: Array, order: int) -> Array:
+        """Return the coefficients of the light of surfaces, as `ProbeGrid.light` does."""
+        return self.grid.light(points, normals, order)
+
     def _of_points(
         self, points: Array, normals: Array, tangents: Array, views: Array, shares: Array
     ) -> Array:
@@ -130,6 +139,9 @@ class ProductInGrid(InGrid):
     """What surfaces of a product texture reflect in a grid of probes."""
 
     product: ProductMap
+    windows: tuple[Lattice, Array] | None = None
+    """Some places, and by what the light there is multiplied, degree by degree, shape (places,
+    order+1)."""
 
     representation = "product"
     is_white: ClassVar[bool] = False
@@ -152,19 +164,30 @@ class ProductInGrid(InGrid):
     def with_values(self, values: Mapping[str, float]) -> "ProductInGrid":
         return replace(self, product=self.product.at(self.shares(values)))
 
+    def light(self, points: Array, normals: Array, order: int) -> Array:
+        """Return windowed coefficients of the light, at most to the product texture's order."""
+        order = min(order, self.product.order)
+        light = self.grid.light(points, normals, order)
+        if self.windows is None:
+            return light
+        lattice, factors = self.windows
+        places, shares = lattice.corners(points)
+        by_degree = np.einsum("nk,nkl->nl", shares, factors[places])
+        return light * by_degree[:, degrees(order), None]
+
     def _of_points(
         self, points: Array, normals: Array, tangents: Array, views: Array, shares: Array
     ) -> Array:
-        count = (self.product.order + 1) ** 2
-        light = fitted(self.grid.light(points, normals), count)
+        light = self.light(points, normals, self.product.order)
         return self.product.reflected(light, (normals, tangents, views), shares)
 
 
 def in_grid(material: MaterialMap, grid: ProbeGrid, window: str) -> tuple[ProductInGrid, float]:
     """Return a product texture under the light of a grid, windowed as `shrm render --window` says.
 
-    A window of each probe's own would take a tenth of a second. So windows are sought for the light
-    of a few probes, evenly spread, and between these their factors are interpolated.
+    A window for each point's own light would take a tenth of a second. So windows are sought for
+    the light of a few probes, of which each part of the grid has one, and between these their
+    factors are interpolated.
 
     The second result is by how much a window changes what is reflected, RMS, at most.
     """
@@ -172,29 +195,33 @@ def in_grid(material: MaterialMap, grid: ProbeGrid, window: str) -> tuple[Produc
     product = None if black is None else black.product
     if product is None:
         raise MapError(f"{material.what} has no coefficients for the light of a grid of probes")
-    lattice, order = grid.lattice, min(grid.order, product.order)
+    lattice, order = grid.lattice, product.order
     few = Lattice(lattice.low, lattice.high, tuple(min(n, _WINDOWS) for n in lattice.shape))  # type: ignore[arg-type]
-    places, living = lattice.points(), np.flatnonzero(grid.alive)
+    places = lattice.points()
     factors, change = np.ones((few.count, order + 1)), 0.0
-    for own, point in zip(factors, few.points(), strict=True):
-        if not len(living):
-            break
-        probe = living[np.argmin(np.linalg.norm(places[living] - point, axis=1))]
-        series = fitted(grid.coefficients[probe], (product.order + 1) ** 2)
+    for own, probe in zip(factors, _most_directed(grid, few), strict=False):
+        (series,) = grid.light(places[probe][None], _UP[None], order)
         found = product.window(window, series)
-        own[:] = found.factors[: order + 1] or 1.0
+        own[:] = found.factors or 1.0
         change = max(change, found.change)
-    if change == 0:
-        return ProductInGrid(grid, product.info.probe, product), change
-    probes, shares = few.corners(places)
-    by_degree = np.einsum("nk,nkl->nl", shares, factors[probes])
-    by_index = by_degree[:, degrees(order), None]
-    reflected, direct = (
-        (each[:, : (order + 1) ** 2] * by_index).astype(np.float32)
-        for each in (grid.reflected, grid.direct)
-    )
-    windowed = replace(grid, reflected=reflected, direct=direct)
-    return ProductInGrid(windowed, product.info.probe, product), change
+    windows = (few, factors) if change else None
+    return ProductInGrid(grid, product.info.probe, product, windows), change
+
+
+def _most_directed(grid: ProbeGrid, few: Lattice) -> Iterator[int]:
+    """Yield the probe in each cell of another lattice whose light is the least even.
+
+    It needs the strongest window. Of a cell without probes that count, the nearest one is meant.
+    """
+    living = np.flatnonzero(grid.alive)
+    if not len(living):
+        return
+    places, light = grid.lattice.points()[living], grid.coefficients[living].sum(axis=2)
+    directed = np.linalg.norm(light[:, 1:4], axis=1) / np.maximum(light[:, 0], _DARK)
+    for middle in few.points():
+        away = np.abs((places - middle) / few.spacing).max(axis=1)
+        within = away <= max(_WITHIN, away.min())
+        yield int(living[np.argmax(np.where(within, directed, -1))])
 
 
 def open_lit(path: str | os.PathLike[str]) -> Map:

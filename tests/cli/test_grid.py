@@ -85,7 +85,8 @@ def test_a_room_is_baked(folder):
     said = json.loads(done("grid", "room.glb", *SMALL, "--json"))
     assert said["file"] == "room.grid.npz"
     assert said["shape"] == [4, 2, 3]
-    assert said["error_reflected"] < said["error"]
+    assert said["lamps"] == 1
+    assert said["error"] < said["error_coefficients"] / 3
     found = read_grid("room.grid.npz")
     assert found.lattice.low == pytest.approx([0, 0, 0])
     assert found.lattice.high == pytest.approx([4, 2, 3])
@@ -213,7 +214,7 @@ def test_a_mesh_stands_in_the_light_of_a_grid(folder):
         corners = [(x - 0.2, 0.5, 1.3), (x - 0.2, 0.5, 1.7), (x + 0.2, 0.5, 1.7)]
         lines = [f"v {a} {b} {c}" for a, b, c in corners]
         (folder / f"{name}.obj").write_text("\n".join([*lines, "f 1 2 3"]))
-    done("product", "lambertian", "--order", "2", "--size", "8", "-o", "p.exr")
+    done("product", "lambertian", "--order", "8", "--size", "8", "-o", "p.exr")
     means = {}
     for name in ("below", "beside"):
         for kind, arguments in (
@@ -243,15 +244,17 @@ def test_what_shadows_itself_stands_in_the_light_of_a_grid(folder):
     done("grid", "room.glb", *SMALL)
     lines = ["v 1.95 0.5 1.45", "v 1.95 0.5 1.55", "v 2.05 0.5 1.55", "f 1 2 3"]
     (folder / "leaf.obj").write_text("\n".join(lines))
-    run("transfer", "leaf.obj", "--matrices", "--albedo", "1", "-o", "t.npz")
-    done("product", "ggx:roughness=0.6", "--order", "2", "--size", "16", "-o", "p.exr")
-    view = ("--mesh", "leaf.obj", "--view", "0,60", "--size", "32x32", "--exposure", "0")
+    run("transfer", "leaf.obj", "--matrices", "--albedo", "1", "--order", "8", "-o", "t.npz")
+    done("product", "ggx:roughness=0.6", "--order", "4", "--size", "16", "-o", "p.exr")
+    # From afar: between the corners, what they reflect towards their own views is interpolated.
+    look = ("--view", "0,60", "--fov", "5", "--size", "32x32", "--exposure", "0")
+    view = ("--mesh", "leaf.obj", *look)
     for given in (["room.grid.npz"], ["p.exr", "--probe", "room.grid.npz"]):
         means = []
         for baked in ([], ["--transfer", "t.npz"]):
             assert run("render", *given, *baked, *view, "-o", "x.exr").code == 0
             means.append(read_exr("x.exr")[1]["G"].max())
-        assert means[1] == pytest.approx(means[0], rel=0.04)
+        assert means[1] == pytest.approx(means[0], rel=0.01)
     alone = run("render", "--probe", "room.grid.npz", "--transfer", "t.npz", *view, "-o", "y.exr")
     assert (alone.code, alone.err) == (0, "")
     turned = run("render", "room.grid.npz", "--transfer", "t.npz", *view, "--turn-light", "y:20")

@@ -197,7 +197,10 @@ _TRANSFER = (
     "render sound.product.exr --probe sound.exr --mesh sound.obj --transfer FILE --size 16 "
     "-o OUT.exr",
 )
-_GRID = ("info FILE", "info FILE --json", "grid FILE -o OUT.exr", "grid FILE -o OUT.json")
+_GRID = (
+    "info FILE", "info FILE --json", "grid FILE -o OUT.exr", "grid FILE -o OUT.json",
+    "render FILE --place 0,0,2 --radius 0.5 --size 16 -o OUT.png",
+)  # fmt: skip
 _TABLE = ("info FILE", "info FILE --json", "render FILE --size 16 -o OUT.png")
 
 
@@ -670,10 +673,12 @@ def _transfers(folder: Path) -> list[str]:
 
 
 def _grid(folder: Path) -> str:
-    """A grid of probes around the mesh: its name."""
+    """A grid of probes around the mesh, which is a lamp: its name."""
     with contextlib.chdir(folder):
+        Path("lamp.mtl").write_text("newmtl lamp\nKe 2 2 2\n")
+        Path("lamp.obj").write_text("mtllib lamp.mtl\nusemtl lamp\n" + Path(MESH).read_text())
         size = ("--size", "2,1,2", "--samples", "16", "--order", "1")
-        _shrm("grid", MESH, "--probe", SOUND, *size, "-o", "small.grid.npz")
+        _shrm("grid", "lamp.obj", "--probe", SOUND, *size, "-o", "small.grid.npz")
     return "small.grid.npz"
 
 
