@@ -17,13 +17,14 @@ are turned in this plane, each view's by an angle of its own.
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import cache
 from hashlib import blake2b
 from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, Memo
+from shrm_cli.arrays import Array, Indices, Memo
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, from_angles, local_frame, normalize
 from shrm_cli.sphere.harmonics import complex_from_real, degrees
@@ -207,11 +208,12 @@ def sample_tangents(count: int) -> Array:
     return np.asarray(2 * np.pi * ((np.arange(count) + 0.5) * (np.sqrt(5) - 1) / 2 % 1))
 
 
+@cache
 def points(center: Center) -> tuple[Array, Array]:
     """Return the points at which lobes about the mirror direction or the normal are `lit`.
 
     Returns `normals` and `views`, each of shape (directions, views, azimuths, 3), unit vectors in
-    world axes.
+    world axes; read-only.
     """
     theta = np.arccos(1 - (2 * np.arange(_RINGS) + 1) / _RINGS)[:, None]
     phi = _TURNS[:, None] + 2 * np.pi / _AROUND * np.arange(_AROUND)
@@ -220,18 +222,23 @@ def points(center: Center) -> tuple[Array, Array]:
     local = from_angles(sample_views(center)[0][:, None], azimuths)
     views = np.einsum("...ij,...j->...i", frames, local)
     centers = np.broadcast_to(frames[..., 2], views.shape)
-    return (bisector(centers, views) if center == "reflection" else centers), views
+    normals = bisector(centers, views) if center == "reflection" else centers.copy()
+    for each in (normals, views):
+        each.setflags(write=False)
+    return normals, views
 
 
-def tangents(center: Center) -> Array:
-    """Return the tangents of surfaces at the `points`, shape (directions, views, azimuths, 3).
+def tangents(center: Center, at: tuple[Indices, ...]) -> Array:
+    """Return the tangents of surfaces at some of the `points`, shape (..., 3).
 
-    The azimuths of the views from them are those of `sample_tangents`.
+    `at` are the indices of their directions, views and azimuths, each of shape (...). The azimuths
+    of the views from the tangents are those of `sample_tangents`.
     """
-    normals, views = points(center)
+    count = points(center)[1].shape[1]
+    normals, views = (each[at] for each in points(center))
     heights = np.sum(normals * views, axis=-1, keepdims=True)
     towards = normalize(views - heights * normals)
-    azimuth = sample_tangents(views.shape[1])[:, None, None]
+    azimuth = sample_tangents(count)[at[1], None]
     return np.asarray(np.cos(azimuth) * towards - np.sin(azimuth) * np.cross(normals, towards))
 
 

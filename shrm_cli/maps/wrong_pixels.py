@@ -102,9 +102,8 @@ class LampsLit:
         """Return the luminance of it at some of the `points` about a center, as lobes tell it."""
         known = center, at[0].tobytes()
         if known not in self._known:
-            normals, views = points(center)
-            normals, views = np.broadcast_to(normals, views.shape)[at], views[at]
-            light = self.radiance(normals, tangents(center)[at], views)
+            normals, views = (each[at] for each in points(center))
+            light = self.radiance(normals, tangents(center, at), views)
             self._known[known] = 2 * np.pi * light @ LUMINANCE
         return self._known[known]
 

@@ -20,18 +20,20 @@ misses of given functions is found between its texels.
 
 import numpy as np
 
-from shrm_cli.arrays import Array, Memo, kept_order
+from shrm_cli.arrays import Array, Memo
 from shrm_cli.sphere.cube import cube_solid_angles, face_axes, nearest_texels
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import linear_matrix, nodes
-from shrm_cli.sphere.synthesis import synthesize_cube
+from shrm_cli.sphere.synthesis import CubeSeries, synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
 _POSITIONS = 8
 """Places over half a face along each of its axes."""
 _DIRECTIONS = 8
 """Directions of waves, over half a turn."""
+_STEP = 64
+"""Errors are found to orders that are multiples of this. A search of maps asks for many orders."""
 _known_errors = Memo(2**22)
 """The errors at each place, of some orders and sizes; those of order 128 take 66 kB."""
 _PLACES_SIZE = 16
@@ -54,7 +56,7 @@ def bilinear_errors(
     """
     if places is None:
         places = energy_places(np.ones((1, 12 * _POSITIONS, 2 * _POSITIONS)))
-    key = kept_order(order), size, sampling, len(places)
+    key = -(-order // _STEP) * _STEP, size, sampling, len(places)
     errors = _known_errors.get(key, lambda: _errors_at(*key))
     return np.asarray(places.reshape(-1) @ errors[:, : order + 1])
 
@@ -166,8 +168,9 @@ def lost_between_texels(series: Array, size: int, sampling: Sampling = "center")
     many, few = _FINER
     finer = many if size <= _SMALL or 6 * (many * size) ** 2 * series.shape[1] <= _MANY else few
     places = finer * size
-    exact = synthesize_cube(series, places, dtype=np.float32)
-    texels = synthesize_cube(series, size, sampling, np.float32)
+    cubes = CubeSeries(series)
+    exact = cubes.planes(places, dtype=np.float32)
+    texels = cubes.planes(size, sampling, np.float32)
     missed = exact.reshape(-1, 6, places, places) - _between(texels, places, sampling)
     squares = np.einsum("kfts,kfts,ts->k", missed, missed, cube_solid_angles(places))
     return np.asarray(squares / (_exaggeration(finer) if sampling == "center" else 1.0))

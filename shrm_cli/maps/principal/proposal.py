@@ -351,11 +351,12 @@ def _lobes(planner: Planner, form: Form) -> Lobes:
     beyond = planner.visible_beyond(energies)
     order = last_visible(beyond)
     between = BetweenNodes.of(transfer, spectrum.center)
-    factors = form.band.factors
-    orders = range(transfer.max_q + 1)
-    rest = [spectrum.rest(q, form.counts, factors, between.nodes) for q in orders]
-    return Lobes.of(
-        between(transfer.values[:, : order + 1, between.nodes]),
-        between(np.stack([each[: order + 1] for each in rest])),
-        spectrum.center,
-    ).ended(beyond, spectrum.light, planner.aside)
+    whole = between(transfer.values[:, : order + 1, between.nodes])
+    error, factors = whole.copy(), form.band.factors[: order + 1]
+    for q, used in enumerate(form.counts):
+        functions = between(spectrum.looked_up(q, used)[:, between.nodes])
+        parts = spectrum.scaled_parts(q, used, factors)
+        held = parts.transpose(2, 1, 0) @ functions.transpose(2, 0, 1)
+        error[q, : len(factors)] -= 2 * np.pi * held.transpose(1, 2, 0)
+    lobes = Lobes.of(whole, error, spectrum.center)
+    return lobes.ended(beyond, spectrum.light, planner.aside)
