@@ -14,7 +14,7 @@ the view lie in one plane, so that lobes about one direction become lobes about 
 are turned in this plane, each view's by an angle of its own.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -79,6 +79,8 @@ class Lobes:
     `sample_tangents`."""
     center: Center = "reflection"
     """What the lobes are about."""
+    known_as: Hashable = None
+    """What tells `whole` from that of all other lobes, where that is known without its values."""
 
     @classmethod
     def of(cls, whole: Array, error: Array, center: Center) -> "Lobes":
@@ -300,7 +302,8 @@ def _about_own(light: Array, lobes: Lobes) -> Array:
     if kept is None:
         whole = _reflected(local, lobes.whole)
     else:  # the maps that are compared have the same whole lobes, and errors of their own
-        whole = kept.get((known, _identity(lobes.whole)), lambda: _reflected(local, lobes.whole))
+        own = lobes.known_as or _identity(lobes.whole)
+        whole = kept.get((known, own), lambda: _reflected(local, lobes.whole))
     return np.stack([whole, _reflected(local, lobes.error)])
 
 
@@ -320,8 +323,10 @@ def _reflected(local: Sequence[Array], lobes: Array) -> Array:
     for light, orders in zip(local, _together(max_q), strict=True):
         some = flat[orders.start : orders.stop]
         if np.iscomplexobj(some):
-            product = some @ (light[0] + 1j * light[1])
-            parts.append(np.stack([product.real, product.imag]))
+            both = np.concatenate([some.real, some.imag], axis=1)
+            of_real, of_imaginary = both @ light[0], both @ light[1]
+            real = of_real[:, :views] - of_imaginary[:, views:]
+            parts.append(np.stack([real, of_imaginary[:, :views] + of_real[:, views:]]))
         else:
             parts.append(some @ light)
     by_q = np.concatenate(parts, axis=1).reshape(2 * (max_q + 1), -1)

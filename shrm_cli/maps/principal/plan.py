@@ -26,6 +26,7 @@ from shrm_cli.maps.size import (
     supported_order,
     total_error,
 )
+from shrm_cli.maps.view_lobes import SeenLobes
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import ROUNDING, Row, fewest_bytes, least_errors
 from shrm_cli.probe.lighting import Lighting
@@ -101,6 +102,12 @@ class Planner:
     def aside(self) -> float:
         """The energy in higher azimuthal orders than the known ones, relative to that in these."""
         return self.spectrum.visible * self._beyond[1] / max(self.spectrum.whole(), 1e-300)
+
+    @cached_property
+    def seen(self) -> SeenLobes:
+        """The lobes of which maps leave something out."""
+        beyond = self.visible_beyond(np.sum(self.spectrum.light * self.spectrum.known, axis=1))
+        return SeenLobes.of(self.spectrum.transfer, self.spectrum.center, beyond)
 
     @cached_property
     def choices(self) -> list[Counts]:
