@@ -71,8 +71,12 @@ def _errors_at(order: int, size: int, sampling: Sampling, count: int) -> Array:
     degree = np.arange(order + 1)
     wave = np.where(degree > 0, degree + 0.5, 0.0) * step
     a, b = along_s.reshape(-1, _DIRECTIONS, 1) * wave, along_t.reshape(-1, _DIRECTIONS, 1) * wave
-    correlation = (np.sinc(a / (2 * np.pi)) * np.sinc(b / (2 * np.pi))) ** 2
-    square = (2 + np.cos(a)) * (2 + np.cos(b)) / 9
+    # With s = sin(a/2), sinc(a/2) is 2s/a, and cos a is 1 - 2s^2.
+    squares = [np.sin(each / 2) ** 2 for each in (a, b)]
+    correlation = np.divide(
+        16 * squares[0] * squares[1], (a * b) ** 2, out=np.ones_like(a), where=wave > 0
+    )
+    square = (3 - 2 * squares[0]) * (3 - 2 * squares[1]) / 9
     errors = np.mean(1 - 2 * correlation + square, axis=1)
     if sampling == "center":
         # Within half a texel of the edge at t = 1, and of the one at s = 1, which has as much.
