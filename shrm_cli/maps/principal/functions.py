@@ -292,10 +292,12 @@ class Spectrum:
         seen = self.weights > 0
         nodes, values = self.transfer.theta_o[seen], self.transfer.values[:, :, seen]
         look_up, own = linear_matrix(angles, nodes), np.eye(len(nodes))
-        total = 0.0
+        scale, total = np.sqrt(self.weights[seen])[:, None], 0.0
         for q, sign in enumerate(both_signs(self.transfer.max_q)):
-            rest = (own - look_up @ _to_entries(q, nodes, angles)) @ values[q]
-            squares = np.einsum("loc,loc,o->lc", rest, rest, self.weights[seen])
+            matrix = scale * (own - look_up @ _to_entries(q, nodes, angles))
+            # A single product takes half the time of one for each degree.
+            rest = matrix @ values[q].transpose(1, 0, 2).reshape(len(nodes), -1)
+            squares = np.einsum("on,on->n", rest, rest).reshape(self.light.shape)
             total += float(sign * np.sum(self.light * squares)) / (2 * np.pi)
         return total
 

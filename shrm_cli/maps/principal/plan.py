@@ -1,9 +1,9 @@
 """How many functions and texels a map gets: from a tolerance, an error or a number of cubes."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field
 from functools import cache, cached_property, partial
-from math import sqrt
+from math import inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -394,15 +394,14 @@ class Sharing:
         found: list[tuple[Form, ...]] = [()]
         costs, squares = np.zeros(1, dtype=np.int64), np.zeros(1)
         for planner, part in zip(self.planners, self.shares, strict=True):
-            forms = [form for row in planner.rows(max_size, sizes) for form in row.every()]
+            forms = _best(form for row in planner.rows(max_size, sizes) for form in row.every())
             own_costs = np.array([form.bytes for form in forms], dtype=np.int64)
             own_squares = np.square([part * form.total_error for form in forms])
-            best = _undominated(own_costs, own_squares)
-            costs = np.add.outer(costs, own_costs[best]).ravel()
-            squares = np.add.outer(squares, own_squares[best]).ravel()
+            costs = np.add.outer(costs, own_costs).ravel()
+            squares = np.add.outer(squares, own_squares).ravel()
             kept = _undominated(costs, squares)
             kept = kept[costs[kept] <= max_size]
-            found = [(*found[k // len(best)], forms[best[k % len(best)]]) for k in kept]
+            found = [(*found[k // len(forms)], forms[k % len(forms)]) for k in kept]
             costs, squares = costs[kept], squares[kept]
         return [Joint(forms, self.shares) for forms in found]
 
@@ -439,6 +438,22 @@ class Sharing:
                 break
             allowed = 0.999 * sqrt(left)
         return exact, is_met and exact.total_error <= error * ROUNDING
+
+
+def _best(forms: Iterable[Form]) -> list[Form]:
+    """Return the forms that have less error than all of fewer bytes, by rising bytes.
+
+    What look-ups miss is found of those alone that might be among them.
+    """
+    found: list[Form] = []
+    for form in sorted(forms, key=lambda form: (form.bytes, form.least_error)):
+        least = found[-1].total_error if found else inf
+        if form.least_error >= least or form.total_error >= least:
+            continue
+        if found and found[-1].bytes == form.bytes:
+            found.pop()
+        found.append(form)
+    return found
 
 
 def _undominated(costs: NDArray[np.int64], squares: Array) -> NDArray[np.intp]:
