@@ -400,7 +400,8 @@ def _make_local_light(light: Array, order: int, orders: range) -> Array:
     q = np.array(orders)[:, None]
     twists = np.exp(1j * q * _TWISTS).astype(np.complex64).reshape(-1, 1, 1, _RINGS, _AROUND)
     result = np.empty((2, len(orders), order + 1, channels, _RINGS, _AROUND), np.float32)
-    first = 0
+    first = _first_degree(orders)
+    result[:, :, :first] = 0.0
     for functions in _ring_functions(order, orders):
         count, *_, blocks = functions.shape
         some = slice(first, first + count)
@@ -426,8 +427,15 @@ def _ring_functions(order: int, orders: range) -> Iterable[Array]:
     return made if order > _KEPT_ORDER else _known_rings.get((order, orders), lambda: list(made))
 
 
+def _first_degree(orders: range) -> int:
+    """Return the first of the degrees that are computed together, below which no q is."""
+    return orders[0] // _AT_ONCE * _AT_ONCE
+
+
 def _make_ring_functions(order: int, orders: range) -> Iterator[Array]:
     """Yield ``d^l_mq(theta)`` on the northern rings, for some degrees at a time.
+
+    They begin with the `_first_degree`.
 
     Yields arrays of single precision, of shape (degrees, `_AROUND`, rings / 2, orders q, blocks),
     with ``m = k + _AROUND (b - blocks // 2)`` at k and b, zero where ``|m|`` or q are beyond the
@@ -435,6 +443,7 @@ def _make_ring_functions(order: int, orders: range) -> Iterator[Array]:
     """
     theta = np.arccos(1 - (2 * np.arange(_RINGS // 2) + 1) / _RINGS)
     degrees = small_d_degrees(order, theta, orders[-1], orders[0])
+    degrees = islice(degrees, _first_degree(orders), None)
     while some := list(islice(degrees, _AT_ONCE)):
         half = -(-some[-1][0] // _AROUND)
         middle, blocks = half * _AROUND, 2 * half + 1
