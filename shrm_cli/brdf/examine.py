@@ -186,7 +186,7 @@ def _sphere_rule(theta: float, count: int, block: slice) -> tuple[Array, Array]:
     return light, np.broadcast_to(weights, light.shape[:-1])
 
 
-def _random_pairs(brdf: Brdf, rng: np.random.Generator) -> tuple[Array, Array]:
+def _random_pairs(brdf: Brdf, rng: "np.random.Generator") -> tuple[Array, Array]:
     """Light and view, shape (n, 3). Half of the pairs are independent, half near the mirror."""
     if brdf.center == "tangent":
         directions = normalize(rng.normal(size=(2, _PAIRS, 3)))

@@ -7,16 +7,18 @@ space is near on the sphere.
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, Indices
+from shrm_cli.arrays import Array, Indices, slices
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.base import Grid
 
 _KEYS = 2**21
 """Little cubes of space along an axis, at most: three numbers below it make one of 63 bits."""
-_HALF_OF_THE_NEIGHBOURS = [
-    (x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)
-]
+_HALF_OF_THE_NEIGHBOURS = np.array(
+    [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)]
+)
+_CUBES_AT_ONCE = 2**17
+"""The neighbours of cubes that are looked for together."""
 
 
 @record
@@ -94,11 +96,12 @@ def clusters(points: Array, reach: float) -> Indices:
     keys = _keys(points, reach)
     cubes, place = np.unique(keys, return_inverse=True)
     pairs = []
-    for x, y, z in _HALF_OF_THE_NEIGHBOURS:
+    for some in slices(len(_HALF_OF_THE_NEIGHBOURS), _CUBES_AT_ONCE // len(cubes)):
+        x, y, z = _HALF_OF_THE_NEIGHBOURS[some].T[..., None]
         wanted = cubes + (x * _KEYS + y) * _KEYS + z
         at = np.minimum(np.searchsorted(cubes, wanted), len(cubes) - 1)
-        here = np.flatnonzero(cubes[at] == wanted)
-        pairs.append(np.stack([here, at[here]]))
+        neighbour, here = np.nonzero(cubes[at] == wanted)
+        pairs.append(np.stack([here, at[neighbour, here]]))
     first, second = np.concatenate(pairs, axis=1)
     # Each cube takes the least number among its neighbours', and that one's own, till none changes.
     labels = np.arange(len(cubes))

@@ -14,16 +14,17 @@ the view lie in one plane, so that lobes about one direction become lobes about 
 are turned in this plane, each view's by an angle of its own.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import cache
 from hashlib import blake2b
 from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, Memo
+from shrm_cli.arrays import Array, Indices, Memo
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, from_angles, local_frame, normalize
 from shrm_cli.sphere.harmonics import complex_from_real, degrees
@@ -78,6 +79,8 @@ class Lobes:
     `sample_tangents`."""
     center: Center = "reflection"
     """What the lobes are about."""
+    known_as: Hashable = None
+    """What tells `whole` from that of all other lobes, where that is known without its values."""
 
     @classmethod
     def of(cls, whole: Array, error: Array, center: Center) -> "Lobes":
@@ -207,11 +210,12 @@ def sample_tangents(count: int) -> Array:
     return np.asarray(2 * np.pi * ((np.arange(count) + 0.5) * (np.sqrt(5) - 1) / 2 % 1))
 
 
+@cache
 def points(center: Center) -> tuple[Array, Array]:
     """Return the points at which lobes about the mirror direction or the normal are `lit`.
 
     Returns `normals` and `views`, each of shape (directions, views, azimuths, 3), unit vectors in
-    world axes.
+    world axes; read-only.
     """
     theta = np.arccos(1 - (2 * np.arange(_RINGS) + 1) / _RINGS)[:, None]
     phi = _TURNS[:, None] + 2 * np.pi / _AROUND * np.arange(_AROUND)
@@ -220,18 +224,23 @@ def points(center: Center) -> tuple[Array, Array]:
     local = from_angles(sample_views(center)[0][:, None], azimuths)
     views = np.einsum("...ij,...j->...i", frames, local)
     centers = np.broadcast_to(frames[..., 2], views.shape)
-    return (bisector(centers, views) if center == "reflection" else centers), views
+    normals = bisector(centers, views) if center == "reflection" else centers.copy()
+    for each in (normals, views):
+        each.setflags(write=False)
+    return normals, views
 
 
-def tangents(center: Center) -> Array:
-    """Return the tangents of surfaces at the `points`, shape (directions, views, azimuths, 3).
+def tangents(center: Center, at: tuple[Indices, ...]) -> Array:
+    """Return the tangents of surfaces at some of the `points`, shape (..., 3).
 
-    The azimuths of the views from them are those of `sample_tangents`.
+    `at` are the indices of their directions, views and azimuths, each of shape (...). The azimuths
+    of the views from the tangents are those of `sample_tangents`.
     """
-    normals, views = points(center)
+    count = points(center)[1].shape[1]
+    normals, views = (each[at] for each in points(center))
     heights = np.sum(normals * views, axis=-1, keepdims=True)
     towards = normalize(views - heights * normals)
-    azimuth = sample_tangents(views.shape[1])[:, None, None]
+    azimuth = sample_tangents(count)[at[1], None]
     return np.asarray(np.cos(azimuth) * towards - np.sin(azimuth) * np.cross(normals, towards))
 
 
@@ -293,7 +302,8 @@ def _about_own(light: Array, lobes: Lobes) -> Array:
     if kept is None:
         whole = _reflected(local, lobes.whole)
     else:  # the maps that are compared have the same whole lobes, and errors of their own
-        whole = kept.get((known, _identity(lobes.whole)), lambda: _reflected(local, lobes.whole))
+        own = lobes.known_as or _identity(lobes.whole)
+        whole = kept.get((known, own), lambda: _reflected(local, lobes.whole))
     return np.stack([whole, _reflected(local, lobes.error)])
 
 
@@ -313,8 +323,10 @@ def _reflected(local: Sequence[Array], lobes: Array) -> Array:
     for light, orders in zip(local, _together(max_q), strict=True):
         some = flat[orders.start : orders.stop]
         if np.iscomplexobj(some):
-            product = some @ (light[0] + 1j * light[1])
-            parts.append(np.stack([product.real, product.imag]))
+            both = np.concatenate([some.real, some.imag], axis=1)
+            of_real, of_imaginary = both @ light[0], both @ light[1]
+            real = of_real[:, :views] - of_imaginary[:, views:]
+            parts.append(np.stack([real, of_imaginary[:, :views] + of_real[:, views:]]))
         else:
             parts.append(some @ light)
     by_q = np.concatenate(parts, axis=1).reshape(2 * (max_q + 1), -1)
@@ -388,7 +400,8 @@ def _make_local_light(light: Array, order: int, orders: range) -> Array:
     q = np.array(orders)[:, None]
     twists = np.exp(1j * q * _TWISTS).astype(np.complex64).reshape(-1, 1, 1, _RINGS, _AROUND)
     result = np.empty((2, len(orders), order + 1, channels, _RINGS, _AROUND), np.float32)
-    first = 0
+    first = _first_degree(orders)
+    result[:, :, :first] = 0.0
     for functions in _ring_functions(order, orders):
         count, *_, blocks = functions.shape
         some = slice(first, first + count)
@@ -414,8 +427,15 @@ def _ring_functions(order: int, orders: range) -> Iterable[Array]:
     return made if order > _KEPT_ORDER else _known_rings.get((order, orders), lambda: list(made))
 
 
+def _first_degree(orders: range) -> int:
+    """Return the first of the degrees that are computed together, below which no q is."""
+    return orders[0] // _AT_ONCE * _AT_ONCE
+
+
 def _make_ring_functions(order: int, orders: range) -> Iterator[Array]:
     """Yield ``d^l_mq(theta)`` on the northern rings, for some degrees at a time.
+
+    They begin with the `_first_degree`.
 
     Yields arrays of single precision, of shape (degrees, `_AROUND`, rings / 2, orders q, blocks),
     with ``m = k + _AROUND (b - blocks // 2)`` at k and b, zero where ``|m|`` or q are beyond the
@@ -423,6 +443,7 @@ def _make_ring_functions(order: int, orders: range) -> Iterator[Array]:
     """
     theta = np.arccos(1 - (2 * np.arange(_RINGS // 2) + 1) / _RINGS)
     degrees = small_d_degrees(order, theta, orders[-1], orders[0])
+    degrees = islice(degrees, _first_degree(orders), None)
     while some := list(islice(degrees, _AT_ONCE)):
         half = -(-some[-1][0] // _AROUND)
         middle, blocks = half * _AROUND, 2 * half + 1

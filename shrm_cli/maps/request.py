@@ -328,12 +328,14 @@ def negative_share(map_: Map, truth: Truth | None = None) -> float:
 
     mirrored, views = visible_pairs()
     shown = map_.shaded().rough_radiance(mirrored, views) @ LUMINANCE
-    if (lamps := lamps_beside.get()) is not None:
-        shown = shown + lamps.lit.visible
     dark = np.flatnonzero(shown < 0)
+    if (lamps := lamps_beside.get()) is not None:  # which make nothing darker
+        dark = dark[shown[dark] + lamps.lit.visible_at(dark) < 0]
     share = len(dark) / len(shown)
     if truth is None or share <= NEGATIVE_SHARE:
         return share
+    if lamps is not None:
+        shown = shown + lamps.lit.visible_at(np.arange(len(shown)))
     dark = dark[:: -(-len(dark) // _DARK_PAIRS)]
     light = truth(bisector(mirrored[dark], views[dark]), views[dark]) @ LUMINANCE
     seen = WRONG * SEEN_FLOOR * float(np.maximum(shown, 0).mean())

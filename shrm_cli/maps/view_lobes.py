@@ -8,6 +8,7 @@ from shrm_cli.brdf.brushed_transfer import azimuths_of
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views
 from shrm_cli.records import record
+from shrm_cli.reflected import last_visible
 from shrm_cli.vocabulary import Center
 
 
@@ -80,3 +81,21 @@ def whole_lobes(transfer: TransferFunctions, center: Center) -> Lobes:
     between = BetweenNodes.of(transfer, center)
     whole = between(transfer.values[:, :, between.nodes])
     return Lobes.of(whole, np.zeros_like(whole), center)
+
+
+@record(eq=False)
+class SeenLobes:
+    """The visible part of the lobes of transfer functions, of which maps leave something out."""
+
+    between: BetweenNodes
+    whole: Array
+    """The lobes themselves, as those of `Lobes`."""
+    beyond: Array
+    """The RMS of what truncation after each degree leaves out, relative to the mean light."""
+
+    @classmethod
+    def of(cls, transfer: TransferFunctions, center: Center, beyond: Array) -> "SeenLobes":
+        """Take the lobes about a central direction up to the last visible degree."""
+        between = BetweenNodes.of(transfer, center)
+        values = transfer.values[:, : last_visible(beyond) + 1, between.nodes]
+        return cls(between, between(values), beyond)

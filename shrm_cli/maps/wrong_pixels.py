@@ -102,18 +102,27 @@ class LampsLit:
         """Return the luminance of it at some of the `points` about a center, as lobes tell it."""
         known = center, at[0].tobytes()
         if known not in self._known:
-            normals, views = points(center)
-            normals, views = np.broadcast_to(normals, views.shape)[at], views[at]
-            light = self.radiance(normals, tangents(center)[at], views)
+            normals, views = (each[at] for each in points(center))
+            light = self.radiance(normals, tangents(center, at), views)
             self._known[known] = 2 * np.pi * light @ LUMINANCE
         return self._known[known]
 
     @cached_property
-    def visible(self) -> Array:
-        """The luminance of it at all `visible_pairs`, shape (n,)."""
-        mirrored, views = visible_pairs()
-        normals = bisector(mirrored, views)
-        return self.radiance(normals, horizontal_tangents(normals), views) @ LUMINANCE
+    def _visible(self) -> Array:
+        return np.full(_PAIRS, np.nan)
+
+    def visible_at(self, pairs: Indices) -> Array:
+        """Return the luminance of it at some of the `visible_pairs`, by their indices, shape (n,).
+
+        Each of them is found once.
+        """
+        new = pairs[np.isnan(self._visible[pairs])]
+        if len(new):
+            mirrored, views = (each[new] for each in visible_pairs())
+            normals = bisector(mirrored, views)
+            light = self.radiance(normals, horizontal_tangents(normals), views)
+            self._visible[new] = light @ LUMINANCE
+        return self._visible[pairs]
 
 
 @record(eq=False)

@@ -20,18 +20,20 @@ misses of given functions is found between its texels.
 
 import numpy as np
 
-from shrm_cli.arrays import Array, Memo, kept_order
+from shrm_cli.arrays import Array, Memo
 from shrm_cli.sphere.cube import cube_solid_angles, face_axes, nearest_texels
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import linear_matrix, nodes
-from shrm_cli.sphere.synthesis import synthesize_cube
+from shrm_cli.sphere.synthesis import CubeSeries, synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
 _POSITIONS = 8
 """Places over half a face along each of its axes."""
 _DIRECTIONS = 8
 """Directions of waves, over half a turn."""
+_STEP = 64
+"""Errors are found to orders that are multiples of this. A search of maps asks for many orders."""
 _known_errors = Memo(2**22)
 """The errors at each place, of some orders and sizes; those of order 128 take 66 kB."""
 _PLACES_SIZE = 16
@@ -54,7 +56,7 @@ def bilinear_errors(
     """
     if places is None:
         places = energy_places(np.ones((1, 12 * _POSITIONS, 2 * _POSITIONS)))
-    key = kept_order(order), size, sampling, len(places)
+    key = -(-order // _STEP) * _STEP, size, sampling, len(places)
     errors = _known_errors.get(key, lambda: _errors_at(*key))
     return np.asarray(places.reshape(-1) @ errors[:, : order + 1])
 
@@ -69,8 +71,12 @@ def _errors_at(order: int, size: int, sampling: Sampling, count: int) -> Array:
     degree = np.arange(order + 1)
     wave = np.where(degree > 0, degree + 0.5, 0.0) * step
     a, b = along_s.reshape(-1, _DIRECTIONS, 1) * wave, along_t.reshape(-1, _DIRECTIONS, 1) * wave
-    correlation = (np.sinc(a / (2 * np.pi)) * np.sinc(b / (2 * np.pi))) ** 2
-    square = (2 + np.cos(a)) * (2 + np.cos(b)) / 9
+    # With s = sin(a/2), sinc(a/2) is 2s/a, and cos a is 1 - 2s^2.
+    squares = [np.sin(each / 2) ** 2 for each in (a, b)]
+    correlation = np.divide(
+        16 * squares[0] * squares[1], (a * b) ** 2, out=np.ones_like(a), where=wave > 0
+    )
+    square = (3 - 2 * squares[0]) * (3 - 2 * squares[1]) / 9
     errors = np.mean(1 - 2 * correlation + square, axis=1)
     if sampling == "center":
         # Within half a texel of the edge at t = 1, and of the one at s = 1, which has as much.
@@ -166,8 +172,9 @@ def lost_between_texels(series: Array, size: int, sampling: Sampling = "center")
     many, few = _FINER
     finer = many if size <= _SMALL or 6 * (many * size) ** 2 * series.shape[1] <= _MANY else few
     places = finer * size
-    exact = synthesize_cube(series, places, dtype=np.float32)
-    texels = synthesize_cube(series, size, sampling, np.float32)
+    cubes = CubeSeries(series)
+    exact = cubes.planes(places, dtype=np.float32)
+    texels = cubes.planes(size, sampling, np.float32)
     missed = exact.reshape(-1, 6, places, places) - _between(texels, places, sampling)
     squares = np.einsum("kfts,kfts,ts->k", missed, missed, cube_solid_angles(places))
     return np.asarray(squares / (_exaggeration(finer) if sampling == "center" else 1.0))

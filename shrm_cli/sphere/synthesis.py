@@ -77,7 +77,8 @@ def synthesize_cube(
 class CubeSeries:
     """Series that are synthesized on several cubes, each with its own factors of their degrees.
 
-    They are turned once, because turning does not mix degrees.
+    They are turned once, because turning does not mix degrees, and their double Fourier sums are
+    found once where the degrees are as they are, and the series are not too many.
 
     `coefficients`, of shape ((order+1)^2, maps), are one series a column, index l(l+1)+m.
     """
@@ -94,6 +95,10 @@ class CubeSeries:
     def _both(self) -> Array:
         """The series as they are, and turned, shape ((order+1)^2, 2, maps)."""
         return np.stack([self._series, rotated_again(self._series, X_POLAR)], axis=1)
+
+    @cached_property
+    def _fourier(self) -> list[Array]:
+        return _double_fourier(self._both)
 
     def planes(
         self,
@@ -121,7 +126,8 @@ class CubeSeries:
         result: Array = np.empty((maps, 6, size, size), dtype=dtype)
         map_bytes = np.dtype(dtype).itemsize * 16 * min(size, count) * count
         for part in slices(maps, _BLOCK_BYTES // map_bytes):
-            fourier = _double_fourier(both[:, :, part])
+            is_whole = factors is None and len(result[part]) == maps
+            fourier = self._fourier if is_whole else _double_fourier(both[:, :, part])
             _fill_faces(fourier, nodes(size, sampling), result[part])
         return result.reshape(maps, 6 * size, size)
 

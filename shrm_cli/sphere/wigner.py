@@ -10,6 +10,7 @@ exp(-i m a) d^l_mn(b) exp(-i n c)`` rotates complex harmonics with Condon-Shortl
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -183,7 +184,8 @@ def _set_edges(current: Array, edge: Array, degree: int, lowest: int) -> None:
 
 
 _known_couplings = Memo(2**25)
-"""What `zonal_coupling` returned. That of F = 512 and p = 32 takes 4.5 MB."""
+"""What `zonal_coupling` returns, for so many degrees at once. F = 512 and p = 32 take 4.5 MB."""
+_DEGREES_AT_ONCE = 32
 
 _FACTORIALS = np.array([math.factorial(number) for number in range(27)], dtype=float)
 """Factorials, to that of 26, which degrees p to 13 need."""
@@ -265,14 +267,18 @@ def zonal_coupling(order: int, p: int) -> Array:
     References: Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2 for the vectors, 8.5.2
     (32) for their sign.
     """
-    kept = kept_order(order)
-    return _known_couplings.get((kept, p), lambda: _zonal_coupling(kept, p))[: order + 1]
+    blocks = [
+        _known_couplings.get((first, p), partial(_zonal_coupling, first, p))
+        for first in range(0, order + 1, _DEGREES_AT_ONCE)
+    ]
+    return np.concatenate(blocks)[: order + 1]
 
 
-def _zonal_coupling(order: int, p: int) -> Array:
-    degree, q = np.arange(order + 1)[:, None], np.arange(p + 1)
+def _zonal_coupling(first: int, p: int) -> Array:
+    """Compute what `zonal_coupling` returns for some degrees from a first one on."""
+    degree, q = np.arange(first, first + _DEGREES_AT_ONCE)[:, None], np.arange(p + 1)
     # The basis is |l 0, p 0> and the normalized even sums (|l q, p -q> + |l -q, p q>) / sqrt(2).
-    square = np.zeros((order + 1, p + 1, p + 1))
+    square = np.zeros((len(degree), p + 1, p + 1))
     low, small = degree * (degree + 1), p * (p + 1)
     # Where q > l there is no such state. These rows have eigenvalues of their own below all others.
     square[:, q, q] = np.where(q <= degree, low + small - 2 * q**2, -small - 1 - q)

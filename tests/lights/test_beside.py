@@ -184,8 +184,8 @@ def measured(found):
     rng, brdf = np.random.default_rng(5), found.brdf
     of_views = rng.integers(8, 16, 300)  # the middle ones of `sample_views`
     at = rng.integers(0, 480, 300), of_views, rng.integers(0, 4, 300)
-    normals, views = (each[at] for each in np.broadcast_arrays(*points(brdf.center)))
-    where = normals, tangents(brdf.center)[at], views
+    normals, views = (each[at] for each in points(brdf.center))
+    where = normals, tangents(brdf.center, at), views
     truth, rest = (Reference(each, brdf).brushed_radiance(*where)
                    for each in (found.split.probe, found.split.residual_probe))  # fmt: skip
     lit = LitDiscs(brdf, found.split.discs).brushed_radiance(*where)

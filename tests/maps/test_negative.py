@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.maps.request import negative_share
+from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps, visible_pairs
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.cube import nearest_texels
@@ -88,3 +89,20 @@ def test_what_is_black_in_truth_may_be_black(to):
     assert not made.warnings
     if to == "auto":
         assert made.map.representation == "shrm"
+
+
+def test_lamps_are_looked_up_where_the_map_alone_is_negative(lamp):
+    """All pairs are evaluated only if the lamps leave so much dark that the truth has to tell."""
+    made = make(lamp).map
+    asked = []
+
+    def bright(normals, tangents, views):
+        asked.append(len(normals))
+        return np.ones(normals.shape)
+
+    alone = negative_share(made)
+    with beside_lamps(LampsBeside(LampsLit(np.ones(3), bright), np.zeros((1, 3)), None)):
+        assert negative_share(made) == 0
+        assert negative_share(made) == 0
+    assert asked == [round(alone * len(visible_pairs()[0]))]
+    assert asked[0] > 0

@@ -23,7 +23,6 @@ from dataclasses import field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.brushed_transfer import Azimuths, Waves, azimuths_of, wave_energies, wave_values
@@ -150,14 +149,14 @@ class BrushedSpectrum(Spectrum):
         tables[:, ~is_odd] = even @ amplitudes[:, ~is_odd]
         return tables.reshape(len(functions), -1, 3)
 
-    def _looked_up(self, tables: Array, nodes: NDArray[np.intp]) -> Array:
+    def _looked_up(self, tables: Array) -> Array:
         transfer = self.transfer
-        values = wave_values(self.waves, transfer.azimuths[nodes])
-        parts = np.where(nodes < len(transfer.theta_o) // 2, values.real, values.imag)
-        theta_o, place = np.unique(transfer.theta_o[nodes], return_inverse=True)
+        values, count = wave_values(self.waves, transfer.azimuths), len(transfer.theta_o)
+        parts = np.where(np.arange(count) < count // 2, values.real, values.imag)
+        theta_o, place = np.unique(transfer.theta_o, return_inverse=True)
         by_wave = tables.reshape(len(tables), len(self.waves), self.entries, 3)
         amplitudes = linear_matrix(self.angles(), theta_o) @ by_wave
-        found = np.zeros((len(tables), len(nodes), 3))
+        found = np.zeros((len(tables), count, 3))
         for part, amplitude in zip(parts, amplitudes.swapaxes(0, 1), strict=True):
             found += part[:, None] * amplitude[:, place]
         return found

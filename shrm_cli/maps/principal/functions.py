@@ -19,7 +19,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import both_signs
@@ -37,8 +36,6 @@ BENT = 0.01
 which fall steeply beside the horizon, miss 2 to 5 % between whole degrees, others .01 to .6 %."""
 MAX_Q = 12
 """The largest azimuthal order q that maps hold."""
-_MOST_FUNCTIONS = MAX_PRINCIPAL_MAPS
-"""The most functions of an azimuthal order that a map may hold."""
 _EVENNESS = 0.25
 """The power of the directional albedo relative to which functions keep errors small: 0 would be the
 least RMS error, and 1 the least relative to each view's light. This one costs half a percent of
@@ -46,6 +43,8 @@ the RMS error, of plastics with many functions up to four, and takes up to an ei
 that are seen in dark places."""
 
 
+_AT_ONCE = 4
+"""The functions of an azimuthal order that are looked up in tables together."""
 _FEW_NODES = 400
 """The most nodes over which singular vectors are found directly; isotropic BRDFs have no more."""
 _NOTHING = 1e-13
@@ -78,9 +77,9 @@ def _right_vectors(rows: Array, count: int) -> Array:
     if rows.shape[1] <= _FEW_NODES:
         return _with_sign(np.linalg.eigh(rows.T @ rows)[1])[:, ::-1][:, :count]
     squares, basis = np.linalg.eigh(rows @ rows.T)
-    strong = squares > _NOTHING * squares[-1]
+    strong = np.flatnonzero(squares > _NOTHING * squares[-1])[-count:]
     basis = rows.T @ basis[:, strong] / np.sqrt(squares[strong])
-    return _with_sign(basis)[:, ::-1][:, :count]
+    return _with_sign(basis)[:, ::-1]
 
 
 @record(eq=False)
@@ -126,11 +125,13 @@ class Spectrum:
         return np.asarray(directional_albedo(self.transfer) ** _EVENNESS)
 
     @cached_property
-    def vectors(self) -> Array:
-        """The singular vectors at the nodes, shape (Q+1, k, n, 3), the strongest first.
+    def vectors(self) -> list[Array]:
+        """The singular vectors at the nodes, for each q: (k, n, 3), the strongest first.
 
-        Their squares integrate to ``1 / (2 pi)`` over ``sin(theta_o) dtheta_o``, as those of the
-        Legendre functions do. They are in units of `unit`.
+        There are as many as a map may hold, which has as many of all lower orders, and two cubes
+        for each of an order that is not 0. Their squares integrate to ``1 / (2 pi)`` over
+        ``sin(theta_o) dtheta_o``, as those of the Legendre functions do. They are in units of
+        `unit`.
         """
         transfer = self.transfer
         # Dark places beside lamps are lit by the broad parts of lobes, which a plain RMS would
@@ -139,17 +140,18 @@ class Spectrum:
         # Only seen views take part: others would only make vectors that are nowhere seen.
         seen = self.weights > 0
         scale = np.sqrt(2 * np.pi * self.weights[seen])
-        count = min(len(self.light), len(scale), _MOST_FUNCTIONS)
-        orders = min(transfer.max_q, MAX_Q) + 1
-        vectors = np.zeros((orders, count, len(self.weights), 3))
-        for q in range(orders):
+        found: list[Array] = []
+        for q in range(min(transfer.max_q, MAX_Q) + 1):
+            count = min(len(self.light), len(scale), MAX_PRINCIPAL_MAPS // (2 * q + 1))
+            vectors = np.zeros((count, len(self.weights), 3))
             for channel in range(3):
                 values = transfer.values[q, q:, seen, channel].T
                 rows = np.sqrt(emphasis[q:, channel])[:, None] * values
                 rows = rows * (scale / self.unit[seen, channel])
                 basis = _right_vectors(rows, count)
-                vectors[q, : basis.shape[1], seen, channel] = basis / scale[:, None]
-        return vectors
+                vectors[: basis.shape[1], seen, channel] = (basis / scale[:, None]).T
+            found.append(vectors)
+        return found
 
     @property
     def functions(self) -> Iterator[Array]:
@@ -158,8 +160,12 @@ class Spectrum:
 
     @cached_property
     def energies(self) -> Array:
-        """The energy of the reflected light in each function, [q, k], both signs of q together."""
-        return np.array([np.diff(each[:, -1]) for each in self._reflected])
+        """The energy of the reflected light in each function, [q, k], both signs of q together.
+
+        It is 0 where there is no function.
+        """
+        found = [np.diff(each[:, -1]) for each in self._reflected]
+        return np.array([np.pad(each, (0, len(found[0]) - len(each))) for each in found])
 
     @cached_property
     def _reflected(self) -> list[Array]:
@@ -195,12 +201,10 @@ class Spectrum:
         return found
 
     @cached_property
-    def _products(self) -> Array:
-        """The integrals of two functions' product, times 2 pi: [q, channel, k, k]."""
+    def _products(self) -> list[Array]:
+        """The integrals of two functions' product, times 2 pi, for each q: [channel, k, k]."""
         by_channel = (each.transpose(2, 0, 1) for each in self.functions)
-        return np.array(
-            [2 * np.pi * (each * self.weights) @ each.swapaxes(-1, -2) for each in by_channel]
-        )
+        return [2 * np.pi * (each * self.weights) @ each.swapaxes(-1, -2) for each in by_channel]
 
     @staticmethod
     def _sums(energies: Array, q: int) -> Array:
@@ -249,7 +253,7 @@ class Spectrum:
 
     def table(self, q: int, first: int, last: int) -> Array:
         """Return functions of an order q at even angles, shape (last - first, entries, 3)."""
-        stored = self.vectors[q, first:last]
+        stored = self.vectors[q][first:last]
         if self.albedo is None:
             stored = stored * self.unit
         # Views that nobody sees have no value, and must not take part.
@@ -260,9 +264,9 @@ class Spectrum:
         nodes = self.transfer.theta_o[self.weights > 0]
         return np.einsum("to,koc->ktc", _to_entries(q, nodes, self.angles()), functions)
 
-    def _looked_up(self, tables: Array, nodes: NDArray[np.intp]) -> Array:
-        """Functions at nodes, (k, n, 3), as renderers read them from tables, (k, m, 3)."""
-        matrix = linear_matrix(self.angles(), self.transfer.theta_o[nodes])
+    def _looked_up(self, tables: Array) -> Array:
+        """Functions at the nodes, (k, n, 3), as renderers read them from tables, (k, m, 3)."""
+        matrix = linear_matrix(self.angles(), self.transfer.theta_o)
         return np.einsum("ot,ktc->koc", matrix, tables)
 
     def albedo_table(self) -> Array | None:
@@ -288,18 +292,12 @@ class Spectrum:
         seen = self.weights > 0
         nodes, values = self.transfer.theta_o[seen], self.transfer.values[:, :, seen]
         look_up, own = linear_matrix(angles, nodes), np.eye(len(nodes))
-        lost = (own - look_up @ _to_entries(q, nodes, angles) for q in range(len(values)))
-        rests = (matrix @ each for matrix, each in zip(lost, values, strict=True))
-        return self._missed(rests, self.weights[seen])
-
-    def _missed(self, rests: Iterable[Array], weights: Array) -> float:
-        """Integrate the squared error over visible views, of what is left out of each order q.
-
-        `rests` are of shape (F+1, n, 3), and `weights` those of their nodes.
-        """
-        total = 0.0
-        for sign, rest in zip(both_signs(self.transfer.max_q), rests, strict=True):
-            squares = np.einsum("loc,loc,o->lc", rest, rest, weights)
+        scale, total = np.sqrt(self.weights[seen])[:, None], 0.0
+        for q, sign in enumerate(both_signs(self.transfer.max_q)):
+            matrix = scale * (own - look_up @ _to_entries(q, nodes, angles))
+            # A single product takes half the time of one for each degree.
+            rest = matrix @ values[q].transpose(1, 0, 2).reshape(len(nodes), -1)
+            squares = np.einsum("on,on->n", rest, rest).reshape(self.light.shape)
             total += float(sign * np.sum(self.light * squares)) / (2 * np.pi)
         return total
 
@@ -312,35 +310,61 @@ class Spectrum:
         Returns the integral of the squared error over visible views, from tables as renderers read
         them, for the degrees that the transfer functions have.
         """
-        orders = range(self.transfer.max_q + 1)
-        return self._missed((self.rest(q, counts, factors) for q in orders), self.weights)
+        light, held = self.light[: len(factors)].T, 0.0
+        for q, used in enumerate(counts):
+            parts = self.scaled_parts(q, used, factors).transpose(2, 0, 1)
+            projected, products = self._held(q, used)
+            gains = parts * (2 * projected[..., : len(factors)] - products @ parts)
+            held += (2 if q else 1) * float(np.sum(light * gains.sum(axis=1)))
+        return self.whole() - held
 
-    def rest(
-        self,
-        q: int,
-        counts: Counts,
-        factors: Array,
-        nodes: NDArray[np.intp] | None = None,
-    ) -> Array:
-        """Return what some of the functions leave out of the transfer functions of an order q.
+    def scaled_parts(self, q: int, used: int, factors: Array) -> Array:
+        """Return `parts` of the first functions of an order q, times factors of their degrees."""
+        return self.parts[q][:used, : len(factors)] * factors[:, None]
 
-        `nodes`, of shape (n,), are the nodes of the transfer functions; all of them by default.
+    def looked_up(self, q: int, used: int) -> Array:
+        """Return the first functions of an order q at the nodes, as renderers look them up.
 
-        Returns an array of shape (F+1, n, 3), in the units of the transfer functions, at the nodes.
+        Returns an array of shape (used, n, 3), in the units of the transfer functions.
         """
-        at = np.arange(len(self.weights)) if nodes is None else nodes
-        rest = self.transfer.values[q][:, at].astype(float)
-        used = counts[q] if q < len(counts) else 0
-        if not used:
-            return rest
-        albedo = self.albedo_table()
-        parts = self.parts[q][:used, : len(factors)] * factors[:, None]
-        functions = self._looked_up(self.table(q, 0, used), at)
-        if albedo is not None:
-            functions = functions * self._looked_up(albedo[None], at)
-        held = parts.transpose(2, 1, 0) @ functions.transpose(2, 0, 1)
-        rest[: len(factors)] -= 2 * np.pi * held.transpose(1, 2, 0)
-        return rest
+        known = self._known_look_ups.get(q)
+        count = 0 if known is None else len(known)
+        if count < used:
+            # Maps of ever less error use a few more each.
+            last = min(-(-used // _AT_ONCE) * _AT_ONCE, len(self.vectors[q]))
+            more = self._looked_up(self.table(q, count, last))
+            if (albedo := self.albedo_table()) is not None:
+                more = more * self._looked_up(albedo[None])
+            known = more if known is None else np.concatenate([known, more])
+            self._known_look_ups[q] = known
+        assert known is not None
+        return known[:used]
+
+    @cached_property
+    def _known_look_ups(self) -> dict[int, Array]:
+        return {}
+
+    def _held(self, q: int, used: int) -> tuple[Array, Array]:
+        """Return what tells the error of functions of an order q that are read from tables.
+
+        Returns the projections of the transfer functions on them, shape (3, used, F+1); and their
+        products as `_products` has them, shape (3, used, used).
+        """
+        known = self._known_held.get(q)
+        if known is None or known[0].shape[1] < used:
+            self.looked_up(q, used)
+            by_channel = self._known_look_ups[q].transpose(2, 0, 1)
+            weighted = by_channel * self.weights
+            known = (
+                weighted @ self.transfer.values[q].transpose(2, 1, 0),
+                2 * np.pi * weighted @ by_channel.swapaxes(1, 2),
+            )
+            self._known_held[q] = known
+        return known[0][:, :used], known[1][:, :used, :used]
+
+    @cached_property
+    def _known_held(self) -> dict[int, tuple[Array, Array]]:
+        return {}
 
     @cached_property
     def known(self) -> Array:

@@ -1,9 +1,9 @@
 """How many functions and texels a map gets: from a tolerance, an error or a number of cubes."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field
 from functools import cache, cached_property, partial
-from math import sqrt
+from math import inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from shrm_cli.maps.size import (
     supported_order,
     total_error,
 )
+from shrm_cli.maps.view_lobes import SeenLobes
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import ROUNDING, Row, fewest_bytes, least_errors
 from shrm_cli.probe.lighting import Lighting
@@ -101,6 +102,12 @@ class Planner:
     def aside(self) -> float:
         """The energy in higher azimuthal orders than the known ones, relative to that in these."""
         return self.spectrum.visible * self._beyond[1] / max(self.spectrum.whole(), 1e-300)
+
+    @cached_property
+    def seen(self) -> SeenLobes:
+        """The lobes of which maps leave something out."""
+        beyond = self.visible_beyond(np.sum(self.spectrum.light * self.spectrum.known, axis=1))
+        return SeenLobes.of(self.spectrum.transfer, self.spectrum.center, beyond)
 
     @cached_property
     def choices(self) -> list[Counts]:
@@ -387,15 +394,14 @@ class Sharing:
         found: list[tuple[Form, ...]] = [()]
         costs, squares = np.zeros(1, dtype=np.int64), np.zeros(1)
         for planner, part in zip(self.planners, self.shares, strict=True):
-            forms = [form for row in planner.rows(max_size, sizes) for form in row.every()]
+            forms = _best(form for row in planner.rows(max_size, sizes) for form in row.every())
             own_costs = np.array([form.bytes for form in forms], dtype=np.int64)
             own_squares = np.square([part * form.total_error for form in forms])
-            best = _undominated(own_costs, own_squares)
-            costs = np.add.outer(costs, own_costs[best]).ravel()
-            squares = np.add.outer(squares, own_squares[best]).ravel()
+            costs = np.add.outer(costs, own_costs).ravel()
+            squares = np.add.outer(squares, own_squares).ravel()
             kept = _undominated(costs, squares)
             kept = kept[costs[kept] <= max_size]
-            found = [(*found[k // len(best)], forms[best[k % len(best)]]) for k in kept]
+            found = [(*found[k // len(forms)], forms[k % len(forms)]) for k in kept]
             costs, squares = costs[kept], squares[kept]
         return [Joint(forms, self.shares) for forms in found]
 
@@ -432,6 +438,22 @@ class Sharing:
                 break
             allowed = 0.999 * sqrt(left)
         return exact, is_met and exact.total_error <= error * ROUNDING
+
+
+def _best(forms: Iterable[Form]) -> list[Form]:
+    """Return the forms that have less error than all of fewer bytes, by rising bytes.
+
+    What look-ups miss is found of those alone that might be among them.
+    """
+    found: list[Form] = []
+    for form in sorted(forms, key=lambda form: (form.bytes, form.least_error)):
+        least = found[-1].total_error if found else inf
+        if form.least_error >= least or form.total_error >= least:
+            continue
+        if found and found[-1].bytes == form.bytes:
+            found.pop()
+        found.append(form)
+    return found
 
 
 def _undominated(costs: NDArray[np.int64], squares: Array) -> NDArray[np.intp]:

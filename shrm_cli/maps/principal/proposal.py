@@ -41,14 +41,12 @@ from shrm_cli.maps.principal.terms import (
 )
 from shrm_cli.maps.request import Notes, Prefiltered, Request
 from shrm_cli.maps.size import sizes_of, total_error
-from shrm_cli.maps.view_lobes import BetweenNodes
 from shrm_cli.maps.wrong_pixels import wrong_share
 from shrm_cli.orders import Orders
 from shrm_cli.plan.search import Candidate, Rough, Row
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
-from shrm_cli.reflected import last_visible
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
@@ -345,17 +343,13 @@ def predicted_wrong_share(terms: Sequence[tuple[Planner, Form]]) -> float:
 
 def _lobes(planner: Planner, form: Form) -> Lobes:
     """Take the lobes of some views, and what the map leaves out of them, as far as is visible."""
-    spectrum = planner.spectrum
-    transfer = spectrum.transfer
-    energies = np.sum(spectrum.light * spectrum.known, axis=1)
-    beyond = planner.visible_beyond(energies)
-    order = last_visible(beyond)
-    between = BetweenNodes.of(transfer, spectrum.center)
-    factors = form.band.factors
-    orders = range(transfer.max_q + 1)
-    rest = [spectrum.rest(q, form.counts, factors, between.nodes) for q in orders]
-    return Lobes.of(
-        between(transfer.values[:, : order + 1, between.nodes]),
-        between(np.stack([each[: order + 1] for each in rest])),
-        spectrum.center,
-    ).ended(beyond, spectrum.light, planner.aside)
+    spectrum, seen = planner.spectrum, planner.seen
+    error, factors = seen.whole.copy(), form.band.factors[: seen.whole.shape[1]]
+    for q, used in enumerate(form.counts):
+        functions = seen.between(spectrum.looked_up(q, used)[:, seen.between.nodes])
+        parts = spectrum.scaled_parts(q, used, factors)
+        held = parts.transpose(2, 1, 0) @ functions.transpose(2, 0, 1)
+        error[q, : len(factors)] -= 2 * np.pi * held.transpose(1, 2, 0)
+    lobes = Lobes.of(seen.whole, error, spectrum.center)
+    lobes = lobes.ended(seen.beyond, spectrum.light, planner.aside)
+    return replace(lobes, known_as=(seen, lobes.whole.shape[-1]))

@@ -5,6 +5,7 @@ import pytest
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.lamps import rule
 from shrm_cli.maps.lamps.rule import DiscRule, LitDiscs
 from shrm_cli.probe.disc import Disc
 from tests import brute_force, ggx
@@ -177,3 +178,14 @@ def test_vectors_that_rotations_left_off_unit_length(roughness, degrees):
             for length in (1 + 1e-7, 1 + 2e-8, 1 - 2e-8):
                 found = LitDiscs(brdf, (disc,)).radiance(length * normal, length * normal)
                 np.testing.assert_allclose(found, expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize("radius", [0.02, 0.15])
+@pytest.mark.parametrize(
+    "spec", ["ggx:roughness=0.3", "phong:exponent=60", "oren-nayar", "ward:ax=0.1,ay=0.3"]
+)
+def test_rules_are_those_that_many_steps_choose(monkeypatch, spec, radius):
+    """Of smooth lobes, as of the first two, they are compared with fewer."""
+    chosen = DiscRule.of(parse_spec(spec), radius)
+    monkeypatch.setattr(rule, "_SURE", -1.0)
+    assert DiscRule.of(parse_spec(spec), radius) == chosen

@@ -185,7 +185,7 @@ def integrated_energy(spectrum, counts):
     total = 0.0
     for q, count in enumerate(counts):
         parts = spectrum.parts[q][:count]
-        functions = spectrum.vectors[q, :count] * spectrum.unit
+        functions = spectrum.vectors[q][:count] * spectrum.unit
         shown = 2 * np.pi * np.einsum("klc,koc->loc", parts, functions)
         squares = np.einsum("loc,o->lc", shown**2, spectrum.weights) / (2 * np.pi)
         total += (2 if q else 1) * np.sum(spectrum.light * squares)
