@@ -1,9 +1,9 @@
 """Maps of what is left of a probe without its lamps, and these beside it: `sun` split."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import compress
 from typing import Any
 
@@ -16,6 +16,7 @@ from shrm_cli.brdf.cache import cached_transfer
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.lamp import Lamp
+from shrm_cli.lights.shape import Change, of_pixels
 from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.info import probe_name
@@ -30,18 +31,14 @@ from shrm_cli.maps.view_lobes import whole_lobes
 from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps, share_of_points
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Goal
-from shrm_cli.probe.coarse import fine_probe
-from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
+from shrm_cli.probe.disc import disc_coefficients
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.shared import SharedProbe, shared
+from shrm_cli.probe.shared import SharedProbe
 from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.reflected import reflected_rms
-from shrm_cli.sphere.grid.latlong import AXES
-from shrm_cli.sphere.harmonics import degrees, order_of
-from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import LUMINANCE
 
 _ORDERS = 192, 8
@@ -49,8 +46,8 @@ _ORDERS = 192, 8
 beyond is estimated."""
 _ACCURACY = 1e-3
 _LAMPS = "lamps"
-_LARGEST = 0.3
-"""The largest lamp in sr: a soft box of 34 x 28 degrees. As lights of engines such boxes would cast
+_LARGEST = 1.0
+"""The largest lamp in sr: a soft box of 60 x 55 degrees. As lights of engines such boxes would cast
 sharp shadows, but discs beside a map are as large as they are. In a dark studio of three boxes gold
 of roughness .25 has 26 % of wrong pixels in 14 MB, and brown rims, and 4 % in 3.8 MB beside them.
 """
@@ -97,6 +94,9 @@ class Beside:
         return table_bytes(self.brdf)
 
 
+_PARTS = 1, 1 / 2, 1 / 4
+"""How far discs may change the light, in parts of what may be wrong beside a map, while too many
+pixels are wrong."""
 ANY = Goal(math.inf, None)
 """What a map keeps that is made of pixels, and cannot hold what discs differ by from lamps."""
 
@@ -116,7 +116,8 @@ def split_for(probe: Probe, brdf: Brdf, goal: Goal) -> Beside:
 def splits_for(probe: Probe, brdf: Brdf, goal: Goal) -> Iterator[Beside]:
     """Yield what `split_for` returns, and the same with discs alone where a map may not hold more.
 
-    What discs differ by from soft boxes may need so many functions that nothing is won.
+    Lamps have as many discs as suffice. Where none do, a map may hold what these, or the fewest
+    discs, change. Of soft boxes that may need so many functions that nothing is won.
     """
     if brdf.center == "tangent":
         raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")
@@ -128,10 +129,17 @@ def splits_for(probe: Probe, brdf: Brdf, goal: Goal) -> Iterator[Beside]:
     if lit.whole == 0:
         yield Beside(split, split.residual_probe, 1.0, 0.0, brdf)
         return
-    found = lit.beside(goal)
-    yield found
-    if found.is_held:
-        yield lit.beside(ANY)
+    fine = lit
+    for part in _PARTS:
+        if fine.suffices(0, goal):
+            yield fine.beside(goal)
+            return
+        fine = lit.finer(part * policy.BESIDE * goal.error)
+    finest, fewest = fine.beside(goal), lit.beside(goal)
+    ways = [finest, fewest] if fewest.is_held else [finest]
+    yield from sorted(ways, key=lambda each: each.error > policy.BESIDE * goal.error)
+    if finest.is_held:
+        yield fine.beside(ANY)
 
 
 def _transfer(brdf: Brdf) -> TransferFunctions:
@@ -164,7 +172,7 @@ def _is_like_discs(lamp: Lamp) -> bool:
 
     A ring of light is not like any few discs, which may give its irradiance.
     """
-    own = _of_pixels([lamp], _SHAPE)
+    own = of_pixels(lamp, _SHAPE)
     return bool(np.linalg.norm(own - disc_coefficients(lamp.discs, _SHAPE)) < np.linalg.norm(own))
 
 
@@ -177,7 +185,7 @@ class _Reflected:
     transfer: TransferFunctions
     lobes: Lobes
     """Those of the transfer functions."""
-    change: "_Change"
+    change: "Change"
     brdf: Brdf
     """What reflects the discs: the BRDF, or a table of it."""
     whole: float
@@ -198,7 +206,11 @@ class _Reflected:
             energy = np.sum([disc.energy for disc in split.discs], axis=0)
             lit = Lighting(disc_coefficients(split.discs, order), energy)
             error = shown.error(brdf) * reflected_rms(lit, transfer) / whole
-        return cls(light, transfer, lobes, _Change(split, order), shown, whole, error)
+        return cls(light, transfer, lobes, Change.of(split, order), shown, whole, error)
+
+    def finer(self, most: float) -> "_Reflected":
+        """Return the same for more discs, which change no more than a part of it if they can."""
+        return replace(self, change=self.change.finer(self.transfer, most * self.whole))
 
     @cached_property
     def _lamps(self) -> LampsLit:
@@ -248,7 +260,7 @@ class _Reflected:
         It is 0 where a map holds nothing of it: because discs are good enough, or because what they
         change is finer than all degrees that are tried.
         """
-        enough = next((last for last in _HELD if self._suffices(last, goal)), None)
+        enough = next((last for last in _HELD if self.suffices(last, goal)), None)
         if enough is None and self.missed(_HELD[-1]) > _FINER * self.missed(0):
             return 0
         return enough
@@ -260,7 +272,7 @@ class _Reflected:
         beyond = reflected_rms(self.change.beyond(last), self.transfer) / self.whole
         return math.hypot(self.of_table, beyond)
 
-    def _suffices(self, last: int, goal: Goal) -> bool:
+    def suffices(self, last: int, goal: Goal) -> bool:
         """Tell whether these lamps leave enough of what may be wrong to the map."""
         if self.missed(last) > policy.BESIDE * goal.error:
             return False
@@ -282,95 +294,6 @@ class _Reflected:
     def _seen(self) -> Array:
         """The luminance of what is reflected of all light."""
         return reflected(self.lobes, self.light.coefficients, self.lobes.center)
-
-
-class _Change:
-    """What discs in place of the lamps' pixels change, and the rest of the light with some of it.
-
-    A soft box has corners, and a lamp a bright middle. What discs lack of them shows in sharp
-    lobes. It is light of its own, partly negative, and a map holds its degrees like all others.
-    Degrees that end where those of the map would end rather fade out before, because they ring
-    around lamps, where much of the light is dark.
-    """
-
-    def __init__(self, split: LampSplit, order: int) -> None:
-        self.split = split
-        self.whole = shared(fine_probe(split.probe))
-        self.pixels = shared(fine_probe(split.residual_probe))
-        self.energy = sum(map(_changed_energy, split.lamps), np.zeros(3))
-        self.known = _of_pixels(split.lamps, order) - disc_coefficients(split.discs, order)
-
-    def beyond(self, last: int) -> Lighting:
-        """Return what a rest that holds its degrees up to the last one lacks."""
-        left = self.known * (1 - _fading(order_of(len(self.known)), last))
-        # What is beyond these degrees shows in sharp lobes: discs and pixels differ most at rims.
-        unknown = np.maximum(self.energy - (self.known**2).sum(axis=0), 0.0)
-        return Lighting(left, unknown + (left**2).sum(axis=0))
-
-    def rest(self, last: int | None) -> Probe:
-        """Return the light without discs, and with the degrees of this up to the last one, or all.
-
-        Its pixels are those of the residual.
-        """
-        if last == 0:
-            return self.pixels
-        lit = self._with_all if last is None else partial(self._with_degrees, last)
-        return SharedProbe.of(self.pixels, lit)
-
-    def _with_all(self, order: int) -> Lighting:
-        """Return the light without discs. Lamps of many pixels are as good as points."""
-        whole = project(self.whole, order)
-        series = whole.coefficients.copy()
-        discs = disc_coefficients(self.split.discs, whole.resolved_order)
-        series[: len(discs)] -= discs
-        energy = project(self.pixels, 0).energy + self.energy
-        return Lighting(series, np.maximum(energy, (series**2).sum(axis=0)))
-
-    def _with_degrees(self, last: int, order: int) -> Lighting:
-        """Return the light of the residual, with what fades out up to the last degree."""
-        pixels = project(self.pixels, order)
-        held = self.known[: (min(order, last) + 1) ** 2]
-        held = held * _fading(order_of(len(held)), last)
-        series = pixels.coefficients.copy()
-        series[: len(held)] += held
-        return Lighting(series, pixels.energy + (held**2).sum(axis=0))
-
-
-def _of_pixels(lamps: Sequence[Lamp], order: int) -> Array:
-    """Return the coefficients of the light of lamps, world axes, shape ((order+1)^2, 3).
-
-    Pixels are discs of their areas, so that a lamp of a single pixel is right, to degrees that are
-    finer than pixels, too: light that ends at the degrees of coarse ones rings around its lamps.
-    Discs are expanded in the axes of a lat-long, about whose pole those of a row are alike.
-    """
-    pixels = [
-        Disc(direction, radius_of(area), radiance)
-        for light in (lamp.light for lamp in lamps)
-        for direction, area, radiance in zip(
-            light.directions @ AXES.T, light.areas, light.radiance, strict=True
-        )
-    ]
-    return transform_coefficients(disc_coefficients(pixels, order), AXES.T)
-
-
-def _fading(order: int, last: int) -> Array:
-    """Return factors of coefficients that fade out up to a degree, shape ((order+1)^2, 1)."""
-    part = np.minimum(degrees(order) / max(last, 1), 1.0)
-    return np.asarray(np.cos(np.pi / 2 * part)[:, None] ** 2) if last else np.zeros((1, 1))
-
-
-def _changed_energy(lamp: Lamp) -> Array:
-    """Return the energy of a lamp's pixels without its discs at all degrees, shape (3,).
-
-    Each pixel is as its middle is; what discs have outside of all pixels counts, too.
-    """
-    light, rest = lamp.light, lamp.light.radiance.copy()
-    outside = np.zeros(3)
-    for disc in lamp.discs:
-        inside = light.directions @ disc.direction >= np.cos(disc.radius)
-        rest[inside] -= disc.radiance
-        outside += disc.radiance**2 * max(disc.solid_angle - float(light.areas[inside].sum()), 0.0)
-    return np.asarray(light.areas @ rest**2 + outside)
 
 
 def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:

@@ -160,20 +160,25 @@ class _Candidate:
 
     def divide(self, count: int, radius: float | None) -> None:
         """Make a number of discs of the light, cutting the part with the most error in two."""
-        if not self.parts:
-            self._set([self.light], radius)
-        while len(self.parts) < count:
-            pairs = zip(self.parts, self.discs, strict=True)
-            wrongs = [_wrong(part, [disc], self.order) for part, disc in pairs]
-            at = int(np.argmax([irradiance_rms(each) for each in wrongs]))
-            pieces = _halves(self.parts[at])
-            if len(pieces) < 2:
-                return
-            self._set(self.parts[:at] + pieces + self.parts[at + 1 :], radius)
-
-    def _set(self, parts: list[Light], radius: float | None) -> None:
-        self.parts, self.discs = parts, [disc_of(part, radius) for part in parts]
+        self.parts = cut(self.parts or [self.light], count, self.order, radius)
+        self.discs = [disc_of(part, radius) for part in self.parts]
         self.wrong = _wrong(self.light, self.discs, self.order)
+
+
+def cut(parts: list[Light], count: int, order: int, radius: float | None = None) -> list[Light]:
+    """Cut the part whose disc errs most in two, until there are so many or none can be cut.
+
+    What is counted are the degrees of the irradiance up to `order`. `radius` is that of all discs,
+    radians; by default each has its own.
+    """
+    while len(parts) < count:
+        wrongs = [_wrong(part, [disc_of(part, radius)], order) for part in parts]
+        at = int(np.argmax([irradiance_rms(each) for each in wrongs]))
+        pieces = _halves(parts[at])
+        if len(pieces) < 2:
+            break
+        parts = parts[:at] + pieces + parts[at + 1 :]
+    return parts
 
 
 def split_lamps(

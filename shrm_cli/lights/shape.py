@@ -1,0 +1,184 @@
+"""What discs in place of the lamps' pixels change, and more discs where that shows in a material.
+
+The irradiance tells how many discs a lamp needs as a light of an engine. In the highlights of sharp
+lobes its shape shows: the corners of a soft box, the bright middle of a bulb. A lamp that is cut
+into more discs is nearer to it, and takes some bytes where a map of the difference takes megabytes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Self
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.transfer import TransferFunctions
+from shrm_cli.lights.lamp import Lamp, disc_of
+from shrm_cli.lights.split import ORDER, LampSplit, cut
+from shrm_cli.probe.coarse import fine_probe
+from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
+from shrm_cli.probe.lighting import Lighting, project
+from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.shared import SharedProbe, shared
+from shrm_cli.records import record
+from shrm_cli.reflected import reflected_rms
+from shrm_cli.sphere.grid.latlong import AXES
+from shrm_cli.sphere.harmonics import degrees, order_of
+from shrm_cli.sphere.rotation import transform_coefficients
+
+_COUNTS = 2, 4, 8, 16
+"""The discs that are tried for a lamp."""
+MOST_DISCS = 64
+"""The most discs beside a map, which pictures and shaders integrate one by one."""
+
+
+@record(eq=False)
+class _Shape:
+    """A lamp of some discs, and what these change."""
+
+    lamp: Lamp
+    error: float
+    """The RMS of what is reflected of it."""
+
+    @classmethod
+    def of(cls, lamp: Lamp, pixels: Array, transfer: TransferFunctions) -> Self:
+        """Return the shape of a lamp whose pixels have these coefficients."""
+        known = pixels - disc_coefficients(lamp.discs, transfer.order_f)
+        energy = np.maximum(_changed_energy(lamp), (known**2).sum(axis=0))
+        return cls(lamp, reflected_rms(Lighting(known, energy), transfer))
+
+    @property
+    def count(self) -> int:
+        return len(self.lamp.discs)
+
+
+class Change:
+    """What discs in place of the lamps' pixels change, and the rest of the light with some of it.
+
+    A soft box has corners, and a lamp a bright middle. What discs lack of them shows in sharp
+    lobes. It is light of its own, partly negative, and a map holds its degrees like all others.
+    Degrees that end where those of the map would end rather fade out before, because they ring
+    around lamps, where much of the light is dark.
+    """
+
+    def __init__(self, split: LampSplit, of_lamps: Sequence[Array]) -> None:
+        self.split, self._of_lamps = split, of_lamps
+        self.whole = shared(fine_probe(split.probe))
+        self.pixels = shared(fine_probe(split.residual_probe))
+        self.energy = sum(map(_changed_energy, split.lamps), np.zeros(3))
+        order = order_of(len(of_lamps[0]))
+        self.known = np.sum(of_lamps, axis=0) - disc_coefficients(split.discs, order)
+
+    @classmethod
+    def of(cls, split: LampSplit, order: int) -> Self:
+        """Return what the discs of some lamps change, to an order."""
+        return cls(split, [of_pixels(lamp, order) for lamp in split.lamps])
+
+    def finer(self, transfer: TransferFunctions, most: float) -> Self:
+        """Return the same for more discs, until they change no more than allowed if they can.
+
+        `transfer` are the transfer functions, to this order, of what reflects the light. `most` is
+        the RMS of what is reflected of what discs change. In each step that lamp takes more discs
+        of which each one takes away the most.
+        """
+        offers = [self._offers(index, transfer, most) for index in range(len(self._of_lamps))]
+        taken = [shapes[0] for shapes in offers]
+        while sum(each.error**2 for each in taken) > most**2:
+            room = MOST_DISCS - sum(each.count for each in taken)
+            steps = [
+                ((now.error**2 - each.error**2) / (each.count - now.count), index, each)
+                for index, now in enumerate(taken)
+                for each in offers[index]
+                if each.error < now.error and 0 < each.count - now.count <= room
+            ]
+            if not steps:
+                break
+            _, index, better = max(steps, key=lambda step: step[0])
+            taken[index] = better
+        lamps = tuple(each.lamp for each in taken)
+        return type(self)(replace(self.split, lamps=lamps), self._of_lamps)
+
+    def _offers(self, index: int, transfer: TransferFunctions, most: float) -> list[_Shape]:
+        """Return a lamp as it is, and with more discs if it alone changes a part of what may be."""
+        lamp, pixels = self.split.lamps[index], self._of_lamps[index]
+        shapes, parts = [_Shape.of(lamp, pixels, transfer)], [lamp.light]
+        if shapes[0].error <= most / len(self._of_lamps):
+            return shapes
+        for count in _COUNTS:
+            parts = cut(parts, count, ORDER)
+            discs = tuple(disc_of(part) for part in parts)
+            shapes.append(_Shape.of(replace(lamp, discs=discs), pixels, transfer))
+        return shapes
+
+    def beyond(self, last: int) -> Lighting:
+        """Return what a rest that holds its degrees up to the last one lacks."""
+        left = self.known * (1 - _fading(order_of(len(self.known)), last))
+        # What is beyond these degrees shows in sharp lobes: discs and pixels differ most at rims.
+        unknown = np.maximum(self.energy - (self.known**2).sum(axis=0), 0.0)
+        return Lighting(left, unknown + (left**2).sum(axis=0))
+
+    def rest(self, last: int | None) -> Probe:
+        """Return the light without discs, and with the degrees of this up to the last one, or all.
+
+        Its pixels are those of the residual.
+        """
+        if last == 0:
+            return self.pixels
+        lit = self._with_all if last is None else partial(self._with_degrees, last)
+        return SharedProbe.of(self.pixels, lit)
+
+    def _with_all(self, order: int) -> Lighting:
+        """Return the light without discs. Lamps of many pixels are as good as points."""
+        whole = project(self.whole, order)
+        series = whole.coefficients.copy()
+        discs = disc_coefficients(self.split.discs, whole.resolved_order)
+        series[: len(discs)] -= discs
+        energy = project(self.pixels, 0).energy + self.energy
+        return Lighting(series, np.maximum(energy, (series**2).sum(axis=0)))
+
+    def _with_degrees(self, last: int, order: int) -> Lighting:
+        """Return the light of the residual, with what fades out up to the last degree."""
+        pixels = project(self.pixels, order)
+        held = self.known[: (min(order, last) + 1) ** 2]
+        held = held * _fading(order_of(len(held)), last)
+        series = pixels.coefficients.copy()
+        series[: len(held)] += held
+        return Lighting(series, pixels.energy + (held**2).sum(axis=0))
+
+
+def of_pixels(lamp: Lamp, order: int) -> Array:
+    """Return the coefficients of the light of a lamp, world axes, shape ((order+1)^2, 3).
+
+    Pixels are discs of their areas, so that a lamp of a single pixel is right, to degrees that are
+    finer than pixels, too: light that ends at the degrees of coarse ones rings around its lamps.
+    Discs are expanded in the axes of a lat-long, about whose pole those of a row are alike.
+    """
+    light = lamp.light
+    pixels = [
+        Disc(direction, radius_of(area), radiance)
+        for direction, area, radiance in zip(
+            light.directions @ AXES.T, light.areas, light.radiance, strict=True
+        )
+    ]
+    return transform_coefficients(disc_coefficients(pixels, order), AXES.T)
+
+
+def _fading(order: int, last: int) -> Array:
+    """Return factors of coefficients that fade out up to a degree, shape ((order+1)^2, 1)."""
+    part = np.minimum(degrees(order) / max(last, 1), 1.0)
+    return np.asarray(np.cos(np.pi / 2 * part)[:, None] ** 2) if last else np.zeros((1, 1))
+
+
+def _changed_energy(lamp: Lamp) -> Array:
+    """Return the energy of a lamp's pixels without its discs at all degrees, shape (3,).
+
+    Each pixel is as its middle is; what discs have outside of all pixels counts, too.
+    """
+    light, rest = lamp.light, lamp.light.radiance.copy()
+    outside = np.zeros(3)
+    for disc in lamp.discs:
+        inside = light.directions @ disc.direction >= np.cos(disc.radius)
+        rest[inside] -= disc.radiance
+        outside += disc.radiance**2 * max(disc.solid_angle - float(light.areas[inside].sum()), 0.0)
+    return np.asarray(light.areas @ rest**2 + outside)
