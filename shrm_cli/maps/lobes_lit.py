@@ -124,10 +124,10 @@ class Lobes:
         octave = np.log2((np.arange(self.max_q + 1) + 0.5) * 2 / (self.max_q + 1))
         added = whole * np.where(octave > 0, np.sin(np.pi * octave) ** 2, 0.0)[:, None, None, None]
         square = _energy(added, added, light)
-        if not square.any():
+        last_two = _energy(whole, whole, light, self.max_q - 1)
+        if not (square.any() and last_two.any()):  # no degree has as many orders as are known
             return Lobes(whole, error, self.center)
         shares = sample_views(self.center, whole.shape[2])[1]
-        last_two = _energy(whole, whole, light, self.max_q - 1)
         more = last_two * aside * (_energy(whole, whole, light) @ shares) / (last_two @ shares)
         # What is added is partly there: both together have the energy of what is missing.
         both = _energy(error, added, light)

@@ -173,6 +173,14 @@ def test_unknown_azimuthal_orders_are_an_error():
         np.testing.assert_array_equal(Lobes(whole, before).ended(beyond, power).error, before)
 
 
+def test_degrees_without_the_last_azimuthal_orders_have_none_that_are_unknown():
+    """Of smooth light few degrees are seen, and all orders of these are known."""
+    whole, beyond = np.zeros((7, 6, 24, 1)), np.zeros(6)
+    whole[:5, :5] = 1
+    ended = Lobes(whole, 0.1 * whole).ended(beyond, np.ones((6, 3)), 0.01)
+    np.testing.assert_array_equal(ended.error, 0.1 * whole)
+
+
 def test_the_dark_half_of_a_ball_under_a_bare_sun_counts():
     """Of degrees that no cube of its size holds, which are known all the same."""
     sun = np.full((128, 256, 3), 0.01, np.float32)

@@ -121,7 +121,8 @@ def test_what_no_map_keeps_is_sampled_coarsely_and_once(light, monkeypatch):
         return compute(brdf, order, max_q, accuracy)
 
     monkeypatch.setattr(terms, "cached_transfer", sampled)
-    made = prefilter_with_facts(light.probe, "auto", {"brdf": BRUSHED, "max_size": LITTLE})
+    given = {"brdf": BRUSHED, "max_size": LITTLE, "sun": "keep"}
+    made = prefilter_with_facts(light.probe, "auto", given)
     assert [accuracy for *_, accuracy in asked] == [1e-3]
     (line,) = [each for each in made.warnings if each.startswith("no map keeps")]
     assert "raise `max_size`" in line
