@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import compress
 from typing import Any
 
@@ -192,6 +192,14 @@ class _Reflected:
     """The RMS of what is reflected of all light."""
     of_table: float
     """What a table makes wrong of the lamps' light, in parts of that."""
+    seen: Callable[[], Array]
+    """Returns the luminance of what is reflected of all light; found once."""
+    pixels: LampsLit | None
+    """The lamps' pixels, if the BRDF is brushed.
+
+    Its lobes have more azimuthal orders than are known here, without which dark places are not
+    dark: of brushed metal between two soft boxes 14 % seemed wrong, and 2 % are.
+    """
 
     @classmethod
     def of(cls, split: LampSplit, brdf: Brdf) -> "_Reflected":
@@ -206,38 +214,26 @@ class _Reflected:
             energy = np.sum([disc.energy for disc in split.discs], axis=0)
             lit = Lighting(disc_coefficients(split.discs, order), energy)
             error = shown.error(brdf) * reflected_rms(lit, transfer) / whole
-        return cls(light, transfer, lobes, Change.of(split, order), shown, whole, error)
+
+        def radiance(*points: Array) -> Array:
+            with using(None):
+                return Reference(split.lamps_probe, shown).brushed_radiance(*points)
+
+        return cls(
+            light, transfer, lobes, Change.of(split, transfer), shown, whole, error,
+            cache(lambda: reflected(lobes, light.coefficients, lobes.center)),
+            None if shown.isotropic else LampsLit(_flux(split), radiance),
+        )  # fmt: skip
 
     def finer(self, most: float) -> "_Reflected":
         """Return the same for more discs, which change no more than a part of it if they can."""
-        return replace(self, change=self.change.finer(self.transfer, most * self.whole))
+        return replace(self, change=self.change.finer(most * self.whole))
 
     @cached_property
     def _lamps(self) -> LampsLit:
         """The discs, whose light is the same however much of what they change a map holds."""
         split = self.change.split
-        return LampsLit(self._flux, LitDiscs(self.brdf, split.discs).brushed_radiance)
-
-    @cached_property
-    def _pixels(self) -> LampsLit | None:
-        """The lamps' pixels, if the BRDF is brushed.
-
-        Its lobes have more azimuthal orders than are known here, without which dark places are not
-        dark: of brushed metal between two soft boxes 14 % seemed wrong, and 2 % are.
-        """
-        if self.brdf.isotropic:
-            return None
-
-        def radiance(*points: Array) -> Array:
-            with using(None):
-                truth = Reference(self.change.split.lamps_probe, self.brdf)
-                return truth.brushed_radiance(*points)
-
-        return LampsLit(self._flux, radiance)
-
-    @property
-    def _flux(self) -> Array:
-        return np.sum([lamp.light.flux for lamp in self.change.split.lamps], axis=0)
+        return LampsLit(_flux(split), LitDiscs(self.brdf, split.discs).brushed_radiance)
 
     def beside(self, goal: Goal) -> Beside:
         """Return the lamps beside a map, and what the map is made of to keep a goal with them."""
@@ -252,7 +248,7 @@ class _Reflected:
     def _lamps_beside(self, last: int | None) -> LampsBeside:
         """Return the lamps beside a map that holds the degrees up to the last one."""
         wrong = np.zeros((1, 3)) if last is None else self.change.beyond(last).coefficients
-        return LampsBeside(self._lamps, wrong, self.lobes, self._pixels if last == 0 else None)
+        return LampsBeside(self._lamps, wrong, self.lobes, self.pixels if last == 0 else None)
 
     def degrees(self, goal: Goal) -> int | None:
         """Return the last degree of what discs change that a map has to hold; None means all.
@@ -280,20 +276,25 @@ class _Reflected:
             return True
         return self._wrong_share(last) <= policy.WRONG_BESIDE * goal.wrong_share
 
-    def _wrong_share(self, last: int) -> float:
+    @cached_property
+    def _wrong_share(self) -> Callable[[int], float]:
+        """From a last degree to what `_find_wrong_share` returns; found once."""
+        return cache(self._find_wrong_share)
+
+    def _find_wrong_share(self, last: int) -> float:
         """Return the share of pixels that is wrong beside a perfect map of these degrees."""
-        if last == 0 and self._pixels is not None:
+        if last == 0 and self.pixels is not None:
             rest = project(self.change.pixels, self.lobes.order)
             seen = reflected(self.lobes, rest.coefficients, self.lobes.center)
             with beside_lamps(self._lamps_beside(last)):
                 return share_of_points(rest, [self.lobes], seen, np.zeros_like(seen))
         wrong = reflected(self.lobes, self.change.beyond(last).coefficients, self.lobes.center)
-        return share_of_points(self.light, [self.lobes], self._seen, wrong)
+        return share_of_points(self.light, [self.lobes], self.seen(), wrong)
 
-    @cached_property
-    def _seen(self) -> Array:
-        """The luminance of what is reflected of all light."""
-        return reflected(self.lobes, self.light.coefficients, self.lobes.center)
+
+def _flux(split: LampSplit) -> Array:
+    """Return the integral of the radiance of all lamps, shape (3,)."""
+    return np.sum([lamp.light.flux for lamp in split.lamps], axis=0)
 
 
 def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:

@@ -5,9 +5,9 @@ lobes its shape shows: the corners of a soft box, the bright middle of a bulb. A
 into more discs is nearer to it, and takes some bytes where a map of the difference takes megabytes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, cached_property, partial
 from typing import Self
 
 import numpy as np
@@ -62,28 +62,38 @@ class Change:
     around lamps, where much of the light is dark.
     """
 
-    def __init__(self, split: LampSplit, of_lamps: Sequence[Array]) -> None:
-        self.split, self._of_lamps = split, of_lamps
-        self.whole = shared(fine_probe(split.probe))
-        self.pixels = shared(fine_probe(split.residual_probe))
+    def __init__(
+        self,
+        split: LampSplit,
+        transfer: TransferFunctions,
+        of_lamps: Sequence[Array],
+        whole: Probe,
+        pixels: Probe,
+    ) -> None:
+        self.split, self.whole, self.pixels = split, whole, pixels
+        self._transfer, self._of_lamps = transfer, of_lamps
         self.energy = sum(map(_changed_energy, split.lamps), np.zeros(3))
-        order = order_of(len(of_lamps[0]))
-        self.known = np.sum(of_lamps, axis=0) - disc_coefficients(split.discs, order)
+        self.known = np.sum(of_lamps, axis=0) - disc_coefficients(split.discs, transfer.order_f)
 
     @classmethod
-    def of(cls, split: LampSplit, order: int) -> Self:
-        """Return what the discs of some lamps change, to an order."""
-        return cls(split, [of_pixels(lamp, order) for lamp in split.lamps])
+    def of(cls, split: LampSplit, transfer: TransferFunctions) -> Self:
+        """Return what the discs of some lamps change, to the order of what reflects them."""
+        of_lamps = [of_pixels(lamp, transfer.order_f) for lamp in split.lamps]
+        whole, pixels = (shared(fine_probe(each)) for each in (split.probe, split.residual_probe))
+        return cls(split, transfer, of_lamps, whole, pixels)
 
-    def finer(self, transfer: TransferFunctions, most: float) -> Self:
+    def finer(self, most: float) -> Self:
         """Return the same for more discs, until they change no more than allowed if they can.
 
-        `transfer` are the transfer functions, to this order, of what reflects the light. `most` is
-        the RMS of what is reflected of what discs change. In each step that lamp takes more discs
-        of which each one takes away the most.
+        `most` is the RMS of what is reflected of what discs change. In each step that lamp takes
+        more discs of which each one takes away the most.
         """
-        offers = [self._offers(index, transfer, most) for index in range(len(self._of_lamps))]
-        taken = [shapes[0] for shapes in offers]
+        enough = most / len(self._shapes)
+        offers = [
+            [first] if first.error <= enough else [first, *self._more(index)]
+            for index, first in enumerate(self._shapes)
+        ]
+        taken = list(self._shapes)
         while sum(each.error**2 for each in taken) > most**2:
             room = MOST_DISCS - sum(each.count for each in taken)
             steps = [
@@ -96,20 +106,29 @@ class Change:
                 break
             _, index, better = max(steps, key=lambda step: step[0])
             taken[index] = better
-        lamps = tuple(each.lamp for each in taken)
-        return type(self)(replace(self.split, lamps=lamps), self._of_lamps)
+        split = replace(self.split, lamps=tuple(each.lamp for each in taken))
+        return type(self)(split, self._transfer, self._of_lamps, self.whole, self.pixels)
 
-    def _offers(self, index: int, transfer: TransferFunctions, most: float) -> list[_Shape]:
-        """Return a lamp as it is, and with more discs if it alone changes a part of what may be."""
-        lamp, pixels = self.split.lamps[index], self._of_lamps[index]
-        shapes, parts = [_Shape.of(lamp, pixels, transfer)], [lamp.light]
-        if shapes[0].error <= most / len(self._of_lamps):
-            return shapes
-        for count in _COUNTS:
-            parts = cut(parts, count, ORDER)
-            discs = tuple(disc_of(part) for part in parts)
-            shapes.append(_Shape.of(replace(lamp, discs=discs), pixels, transfer))
-        return shapes
+    @cached_property
+    def _shapes(self) -> list[_Shape]:
+        """The lamps as they are."""
+        pairs = zip(self.split.lamps, self._of_lamps, strict=True)
+        return [_Shape.of(lamp, pixels, self._transfer) for lamp, pixels in pairs]
+
+    @cached_property
+    def _more(self) -> Callable[[int], list[_Shape]]:
+        """From the index of a lamp to the same of more discs; found once."""
+
+        def more(index: int) -> list[_Shape]:
+            lamp, pixels = self.split.lamps[index], self._of_lamps[index]
+            parts, found = [lamp.light], []
+            for count in _COUNTS:
+                parts = cut(parts, count, ORDER)
+                discs = tuple(disc_of(part) for part in parts)
+                found.append(_Shape.of(replace(lamp, discs=discs), pixels, self._transfer))
+            return found
+
+        return cache(more)
 
     def beyond(self, last: int) -> Lighting:
         """Return what a rest that holds its degrees up to the last one lacks."""

@@ -258,8 +258,8 @@ def test_the_lamp_that_wins_most_takes_the_discs():
     pixels[(down - 30) ** 2 + (right - 200) ** 2 < 12] = 60
     change = split_of(pixels, 0.2, 1.0).split
     transfer = beside._transfer(shrm.parse_spec("ggx:roughness=0.2"))
-    few = shape.Change.of(change, transfer.order_f)
-    made = [few.finer(transfer, most) for most in (20, 7, 5, 0)]
+    few = shape.Change.of(change, transfer)
+    made = [few.finer(most) for most in (20, 7, 5, 0)]
     counts = [[len(lamp.discs) for lamp in each.split.lamps] for each in made]
     assert counts[:3] == [[2, 1], [8, 1], [16, 1]]
     assert sum(counts[3]) <= shape.MOST_DISCS
@@ -270,9 +270,9 @@ def test_the_lamp_that_wins_most_takes_the_discs():
 def test_so_many_discs_are_enough(monkeypatch):
     """No more are made than pictures and shaders can hold."""
     monkeypatch.setattr(shape, "MOST_DISCS", 5)
-    change = shape.Change.of(split_of(soft_box(), 0.2, 1.0).split, 64)
     transfer = compute_transfer(shrm.parse_spec("ggx:roughness=0.2"), 64, 0, 1e-3)
-    assert len(change.finer(transfer, 0).split.discs) == 4
+    change = shape.Change.of(split_of(soft_box(), 0.2, 1.0).split, transfer)
+    assert len(change.finer(0).split.discs) == 4
 
 
 @pytest.mark.proof
