@@ -18,7 +18,7 @@ from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.source import Source
 from shrm_cli.render.camera import Viewer
 from shrm_cli.sphere.directions import surface_frames
-from shrm_cli.vocabulary import EVEN_TAP_COUNTS, LUMINANCE, SEEN_FLOOR, TAP_COUNTS
+from shrm_cli.vocabulary import EVEN_TAP_COUNTS, LUMINANCE, NO_TAPS, SEEN_FLOOR, TAP_COUNTS
 
 ROUGHNESS = 0.3, 0.5, 0.7
 ANISOTROPY = 0.3, 0.6, 0.9
@@ -121,7 +121,7 @@ def measured(
                     1 - (1 - anisotropy * (1 - roughness)) ** 4,
                 )
                 for file, made, known, plain in zip(files, maps, lit, own, strict=True):
-                    even = made.shaded(roughness, WHITE)
+                    even = made.shaded(roughness, WHITE, taps=NO_TAPS)
                     bends = [
                         errors(even.radiance(bent(normals, marks, views, share), views), known)
                         for share in shares
@@ -163,7 +163,7 @@ def even_table(files: Sequence[Path], **options: object) -> list[str]:
         rows = []
         for made, known in zip(maps, lit, strict=True):
             ways = [
-                made.shaded(roughness),
+                made.shaded(roughness, taps=NO_TAPS),
                 *(made.shaded(roughness, taps=n) for n in EVEN_TAP_COUNTS),
             ]
             first, *others = (each.radiance(normals, views) for each in ways)

@@ -166,6 +166,7 @@ def compare(
         report.append(_picture(target, compared.comparison, labels, settings))
         exposed = expose(compared.comparison.baseline, exposure)
         warnings += exposure_advice(target, exposed, exposure)
+    report += shading.told_of_taps(opened, shown["taps"], shown["anisotropy"])
     conclude(result, report, warnings + _too_large(result))
 
 

@@ -159,17 +159,11 @@ def render(
 def _of_surfaces(
     mesh: str | None, drawing: Drawing, maps: Sequence[Map], values: dict[str, Any]
 ) -> list[str]:
-    """Say which materials were drawn, and where more look-ups of a split sum are nearer to them."""
+    """Say which materials were drawn, and how split sums were looked up for them."""
     lines = []
     if count := drawing.said.get("materials"):
         lines.append(f"{mesh}: with its own materials, {count}; --plain leaves them out")
-    is_tapped = values["taps"] is not None or values["anisotropy"]
-    if not is_tapped and any("anisotropy" in each.surface_arguments for each in maps):
-        lines.append(
-            "split sums were looked up once, about the mirror direction, as engines do; --taps 3 "
-            "misses half as much of rough surfaces"
-        )
-    return lines
+    return lines + shading.told_of_taps(maps, values["taps"], values["anisotropy"])
 
 
 def _refuse_no_map(mesh: str | None, probe: str | None) -> None:

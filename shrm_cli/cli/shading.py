@@ -10,10 +10,12 @@ import click
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.types import BRUSH, Parsed, option, within
 from shrm_cli.vocabulary import (
+    DEFAULT_EVEN_TAPS,
     DEFAULT_ROUGHNESS,
     DEFAULT_TAPS,
     EVEN_TAP_COUNTS,
     MIN_ROUGHNESS,
+    NO_TAPS,
     TAP_COUNTS,
 )
 
@@ -56,10 +58,11 @@ brushed_options = options.several(
         "the tangents, which run around +Y on spheres.  [default: 0]",
     ),
     option(
-        "--taps", click.Choice([str(n) for n in sorted({*EVEN_TAP_COUNTS, *TAP_COUNTS})]),
+        "--taps", click.Choice([str(n) for n in sorted({NO_TAPS, *EVEN_TAP_COUNTS, *TAP_COUNTS})]),
         callback=_as_number,
         help="Look-ups of a split sum where the lobe lies: 1, 2 or 3, or with --anisotropy 3, 5 or "
-        f"8.  [default: one about the mirror direction, as engines do; with it {DEFAULT_TAPS}]",
+        "8; 0 for one about the mirror direction, as engines do.  [default: "
+        f"{DEFAULT_EVEN_TAPS}; with --anisotropy {DEFAULT_TAPS}]",
     ),
 )  # fmt: skip
 
@@ -87,6 +90,17 @@ def brushed_rules(maps: Sequence[Map]) -> dict[str, usage.Applies]:
         ),
         "taps": usage.Applies(holds, "to split sums of GGX"),
     }
+
+
+def told_of_taps(maps: Sequence[Map], taps: int | None, anisotropy: float | None) -> list[str]:
+    """Say how split sums were looked up where nobody asked, which engines do otherwise."""
+    is_asked = taps is not None or anisotropy
+    if is_asked or all("anisotropy" not in each.surface_arguments for each in maps):
+        return []
+    return [
+        f"split sums were looked up {DEFAULT_EVEN_TAPS} times, where the lobe lies; engines do it "
+        "once, about the mirror direction: --taps 0 shows that"
+    ]
 
 
 def refuse_surface(maps: Sequence[Map]) -> None:

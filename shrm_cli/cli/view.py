@@ -107,8 +107,7 @@ def view(
         files = [*maps, *([mesh] if mesh else [])]
         usage.check_outputs([output], files=files, specs=[brdf], suffixes=usage.PAGES)
     opened = [shrm.open_map(path) for path in maps]
-    is_brushed = usage.Applies("anisotropy" in usage.given_options(), "with --anisotropy")
-    usage.refuse_inapplicable({**surface_rules(opened), "taps": is_brushed})
+    usage.refuse_inapplicable(surface_rules(opened))
     with progress_bar("integrating") as progress:
         shown = shrm.view(
             opened, light, brdf, names=maps, mesh=mesh, **shown_as,

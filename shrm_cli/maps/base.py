@@ -208,9 +208,9 @@ class Map(Displayed, ABC):
             Reflectance at normal incidence, grey or linear RGB, in 0 .. 1.
         anisotropy : float
             That of glTF, in 0 .. 1, which split sums of GGX show.
-        taps : {1, 2, 3} or, with anisotropy, {3, 5, 8}, optional
-            How many directions a split sum of GGX is looked up in, where the lobe lies. By default
-            it is one about the mirror direction, as engines do, or 5 of a brushed surface.
+        taps : {0, 1, 2, 3} or, with anisotropy, {3, 5, 8}, optional
+            How many directions a split sum of GGX is looked up in, where the lobe lies; 0 for one
+            about the mirror direction, as engines do. By default 3, or 5 of a brushed surface.
 
         Returns
         -------

@@ -22,8 +22,8 @@ class Setting:
     arguments: Mapping[str, Any]
     """Those of `shrm_cli.prefilter.prefilter`, without the form and the BRDF."""
     taps: Sequence[int] = ()
-    """How many look-ups a brushed surface takes: each number is a look-up of its own. One of 3, 5
-    and 8."""
+    """How often a split sum is looked up, as `Map.shaded` takes it: each number is an offer of its
+    own."""
 
 
 @record

@@ -32,7 +32,14 @@ from shrm_cli.render.lit import reflectance
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.shapes import described_shapes
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS
+from shrm_cli.vocabulary import (
+    DEFAULT_EVEN_TAPS,
+    DEFAULT_ROUGHNESS,
+    DEFAULT_TAPS,
+    EVEN_TAP_COUNTS,
+    NO_TAPS,
+    TAP_COUNTS,
+)
 
 SKY_ROWS = 512
 """The most rows of the probe behind the shape."""
@@ -63,12 +70,18 @@ class Start:
     """Its reflectance at normal incidence."""
     anisotropy: float = 0.0
     """That of glTF; only split sums of GGX are shown with one."""
-    taps: int = DEFAULT_TAPS
-    """How many directions their light is looked up in, where they are brushed. One of 3, 5 and
-    8."""
+    taps: int | None = None
+    """How many directions their light is looked up in, as `Map.shaded` takes it."""
     brush: str | tuple[float, float, float] | None = None
     """What the tangents of brushed surfaces follow: the texture coordinates of a mesh, or a
     direction of any length. By default they run around +Y. It is "uv" or a direction."""
+
+    @property
+    def tap_counts(self) -> tuple[int, int]:
+        """The look-ups of even surfaces and of brushed ones, between which the page goes."""
+        is_even = self.taps in (NO_TAPS, *EVEN_TAP_COUNTS)
+        even = self.taps if self.taps is not None and is_even else DEFAULT_EVEN_TAPS
+        return even, self.taps if self.taps in TAP_COUNTS else DEFAULT_TAPS
 
 
 @record
@@ -122,7 +135,7 @@ def make_scene(
         raise ArgumentError("view", f"is given {len(start.views)} times; give 1 to {MOST_VIEWS}")
     blocks, names = Blocks(is_rounded), _names(files)
     described = [
-        described_map(each, name, Path(file).name, blocks, start.taps)
+        described_map(each, name, Path(file).name, blocks, start.tap_counts)
         for each, name, file in zip(maps, names, files, strict=True)
     ]
     ways = _ways(described)
@@ -178,9 +191,7 @@ def _add_truth(
     progress: Progress | None,
 ) -> None:
     """Add pictures of the truth, if the maps are of one BRDF."""
-    taps = start.taps if start.anisotropy else None
-    surface = start.roughness, start.f0, start.anisotropy, taps
-    shown = [each.shaded(*surface) for each in maps]
+    shown = [each.shaded(start.roughness, start.f0, start.anisotropy) for each in maps]
     brdf = truth.brdf
     if brdf is None:
         infos = {file: each.info for file, each in zip(files, shown, strict=True)}
@@ -351,18 +362,18 @@ bits."""
 
 
 def described_map(
-    made: Map, name: str, file: str, blocks: Blocks, taps: int = DEFAULT_TAPS
+    made: Map, name: str, file: str, blocks: Blocks, taps: tuple[int, int] = Start().tap_counts
 ) -> dict[str, Any]:
     """Describe a map for the page, as `viewer.js` knows it, and keep its textures.
 
-    `file` is the name of its file, without a folder. Its textures are added to `blocks`. `taps`,
-    one of 3, 5, 8, are how many look-ups the light of brushed surfaces takes.
+    `file` is the name of its file, without a folder. Its textures are added to `blocks`. `taps` are
+    the look-ups of a split sum for surfaces that are not brushed, and for those that are.
     """
     if isinstance(made, MaterialMap):
         raise MapError(f"{file}: a product texture that holds no light; give `probe`")
-    brushed = taps if "anisotropy" in made.surface_arguments else None
+    even, brushed = taps if "anisotropy" in made.surface_arguments else (None, None)
     try:
-        code = written_code(made, "glsl", "layers", brushed)
+        code = written_code(made, "glsl", "layers", brushed, even or None)
         textures = pack(made)
     except MapError as error:
         raise MapError(
@@ -380,9 +391,10 @@ def described_map(
         "name": name,
         "file": file,
         "code": code.text,
-        "call": _call(made, code),
-        "boxed_call": _call(made, code, ", p") if code.is_boxed and not made.varies else None,
+        "call": _call(made, code, even),
+        "boxed_call": _call(made, code, even, ", p") if code.is_boxed and not made.varies else None,
         "surface": isinstance(made, LightMap),
+        "even": even,
         "brushed": brushed,
         "tangents": code.takes_tangent or brushed is not None,
         "roughness": list(made.roughness_range),
@@ -394,15 +406,16 @@ def described_map(
     }
 
 
-def _call(made: Map, code: Code, point: str = "") -> str:
+def _call(made: Map, code: Code, taps: int | None, point: str = "") -> str:
     """Return the expression of the radiance at a normal n and a view v, in linear Rec.709.
 
-    Of brushed maps the code takes the tangent besides. With a point it is looked up in the box of
+    Of brushed maps the code takes the tangent besides. A split sum of GGX is looked up with `taps`
+    where the surface is not brushed. With a point it is looked up in the box of
     the map's probe, unless the surface is brushed by many look-ups, whose code knows of none.
     """
     at = "_at" if point else ""
     own = [f", view_{name}" for name in ("roughness", "f0") if name in made.surface_arguments]
-    call = f"shrm_radiance{at}(n, v{point}{''.join(own)})"
+    call = f"shrm_{'even' if taps else 'radiance'}{at}(n, v{point}{''.join(own)})"
     if code.takes_tangent:
         call = f"shrm_brushed_radiance{at}(n, view_tangent(n), v{point})"
     if made.varies:

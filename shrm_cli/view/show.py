@@ -20,7 +20,6 @@ from shrm_cli.render.boxed import outside
 from shrm_cli.render.lit import lit_maps, surface_of
 from shrm_cli.view.page import page
 from shrm_cli.view.scene import TRUTH_SIZE, Scene, Start, Truth, make_scene
-from shrm_cli.vocabulary import DEFAULT_TAPS
 
 
 @record(eq=False)
@@ -116,10 +115,10 @@ def view(
         infos = {name: each.info for name, each in zip(names, opened, strict=True)}
         notes = [*notes, *differing_origins(infos, light.name, light.digest(), {})]
     if taps is not None:
-        check_tap_count(taps, is_brushed=True)
+        check_tap_count(taps, bool(anisotropy))
     surface = surface_of(roughness, f0, opened[0].info.chromaticities if opened else None)
     first = surface.number("roughness"), surface.color("f0"), anisotropy or 0.0
-    start = Start(views, exposure, *first, taps or DEFAULT_TAPS, brush)
+    start = Start(views, exposure, *first, taps, brush)
     told: list[str] = []
     if roughness is None and f0 is None and anisotropy is None:
         start, told = _as_beside(start, opened, names)

@@ -185,7 +185,7 @@ BAD = {
     BALL + "anisotropy = 0.5": "split sums of GGX",
     BALL + 'map = "split.exr"\nanisotropy = 2': "within 0 .. 1",
     BALL + 'map = "split.exr"\nanisotropy = 0.5\ntaps = 4': "3, 5 or 8",
-    BALL + 'map = "split.exr"\ntaps = 5': "taps are 1, 2 or 3",
+    BALL + 'map = "split.exr"\ntaps = 5': "taps are 0, 1, 2 or 3",
     BALL + "scale = 0": "scale",
     BALL + "scale = inf": "scale",
     BALL + "scale = [1, 1, 1" + "0" * 400 + "]": "scale",

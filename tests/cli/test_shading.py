@@ -11,7 +11,7 @@ import pytest
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap
-from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
+from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum, ShadedSplitSum
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.lit import shaded_maps
 from shrm_cli.render.sphere import render_sphere
@@ -75,12 +75,15 @@ def test_brushed_surfaces_are_drawn(splits):
     for name, more in {
         "even": [], "none": ["--anisotropy", 0], "five": ["--anisotropy", 0.6],
         "eight": ["--anisotropy", 0.6, "--taps", 8], "two": ["--taps", 2],
+        "three": ["--taps", 3], "once": ["--taps", 0],
     }.items():  # fmt: skip
-        done(
+        told = done(
             "render", "linear.exr", "--size", 32, "--precision", "float", *more, "-o", f"{name}.exr"
         )
+        assert ("--taps 0 shows that" in told) == (name in ("even", "none"))
         drawn[name] = np.stack([read_exr(f"{name}.exr")[1][c] for c in "RGB"], axis=-1)
     np.testing.assert_array_equal(drawn["even"], drawn["none"])
+    np.testing.assert_array_equal(drawn["even"], drawn["three"])
     assert np.abs(drawn["five"] - drawn["even"]).max() > 0.01
     assert np.abs(drawn["five"] - drawn["eight"]).max() > 0.001
     made = open_map("linear.exr")
@@ -89,6 +92,8 @@ def test_brushed_surfaces_are_drawn(splits):
     shown = made.shaded(0.5, taps=2)
     np.testing.assert_allclose(drawn["two"], render_sphere(shown, Viewer(0, 0), 32), atol=1e-6)
     assert np.abs(drawn["two"] - drawn["even"]).max() > 0.01
+    engine = ShadedSplitSum(made, 0.5, (1.0, 1.0, 1.0))
+    np.testing.assert_allclose(drawn["once"], render_sphere(engine, Viewer(0, 0), 32), atol=1e-6)
 
 
 def test_brushed_surfaces_are_compared_with_their_own_truth(splits):
@@ -105,7 +110,7 @@ def test_brushed_surfaces_are_compared_with_their_own_truth(splits):
     [
         (["shrm.exr", "--anisotropy", 0.6], "--anisotropy applies to split sums of GGX"),
         (["cloth.exr", "--anisotropy", 0.6], "--anisotropy applies to split sums of GGX"),
-        (["linear.exr", "--taps", 5], "--taps is 5; without anisotropy give 1, 2 or 3"),
+        (["linear.exr", "--taps", 5], "--taps is 5; without anisotropy give 0, 1, 2 or 3"),
         (["linear.exr", "--anisotropy", 0.6, "--taps", 1], "with anisotropy give 3, 5 or 8"),
         (["cloth.exr", "--taps", 1], "--taps applies to split sums of GGX"),
         (["linear.exr", "--anisotropy", 1.1], "--anisotropy"),

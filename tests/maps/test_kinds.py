@@ -67,10 +67,15 @@ def test_a_reflectance_may_be_one_number(name):
             made.shaded(0.5, wrong)
 
 
-@pytest.mark.parametrize("taps", [0, 4, 8.5, "5"])
+@pytest.mark.parametrize("taps", [-1, 4, 8.5, "5"])
 def test_numbers_of_taps_that_nobody_fitted_are_refused(taps):
     made = FORMS["splitsum linear"]()
     with pytest.raises(ArgumentError, match="with anisotropy give 3, 5 or 8"):
         made.shaded(0.5, anisotropy=0.5, taps=taps)
-    with pytest.raises(ArgumentError, match="without anisotropy give 1, 2 or 3"):
+    with pytest.raises(ArgumentError, match="without anisotropy give 0, 1, 2 or 3"):
         made.shaded(0.5, taps=taps)
+
+
+def test_no_taps_are_of_surfaces_that_are_not_brushed():
+    with pytest.raises(ArgumentError, match="with anisotropy give 3, 5 or 8"):
+        FORMS["splitsum linear"]().shaded(0.5, anisotropy=0.5, taps=0)

@@ -401,8 +401,7 @@ def test_a_textured_body_looks_as_in_mitsuba(mitsuba, tmp_path, form):
     """Base colour, roughness and gentle bumps: 2 % beyond the noise, and more without the bumps.
 
     Where bumps are steep, Mitsuba cuts off the light below the smooth surface. Metals of split sums
-    are looked up with three taps: about the mirror direction they are off by 6 %. More samples of
-    them are needed, because noise would hide 2 %.
+    need more samples, because noise would hide 2 %.
     """
     size, shape, sky = 96, globe(64, (1.0, 1.2, 0.9)), soft_sky()
     color, packed, normals = textures()
@@ -418,7 +417,7 @@ def test_a_textured_body_looks_as_in_mitsuba(mitsuba, tmp_path, form):
         probe, "ggx:roughness=0.6,f0=1" if form == "ggx" else None,
         **({"eps": 0.003} if form == "ggx" else {"to": "splitsum" if form == "metal" else form}),
     )  # fmt: skip
-    shown = Shown(irradiance=diffuse, taps=3 if form == "metal" else None)
+    shown = Shown(irradiance=diffuse)
     ours, subject = picture(tmp_path / "a.glb", light, size, VIEW, shown, fov=30.0)
     theirs = Theirs(mitsuba, shape, sky, subject.aim, size, tmp_path)
     slope = (normals / 127.5 - 1) * [0.4, 0.4, 1]

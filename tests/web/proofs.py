@@ -24,7 +24,7 @@ from shrm_cli.probe.resample import to_grid
 from shrm_cli.reference import Reference
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.grid.latlong import LatLong
-from shrm_cli.vocabulary import DEFAULT_TAPS
+from shrm_cli.vocabulary import DEFAULT_TAPS, NO_TAPS
 from tests.web import ball
 from tests.web.browser import HERE, MODULES, Page, bundle
 from tests.web.glb import ball_file
@@ -445,7 +445,8 @@ def compare(title, page, light, mapping, pictures, normals, used, ours=None):
             if ours is not None:
                 to_shrm = relative(found[used], documented(ours)[used])
             elif not what.startswith("diffuse"):
-                radiance = split.shaded(float(what), WHITE).radiance(normals[used], view)
+                shown = split.shaded(float(what), WHITE, taps=NO_TAPS)
+                radiance = shown.radiance(normals[used], view)
                 to_shrm = relative(found[used], radiance)
         rms = relative(found[used], want[used])
         turned = min(relative(found[used], each[used]) for each in wrong) / rms

@@ -30,7 +30,7 @@ from shrm_cli.view.page import page as make_page
 from shrm_cli.view.scene import Start, Truth, make_scene
 from shrm_cli.view.serve import PageServer
 from shrm_cli.view.shapes import figure
-from shrm_cli.vocabulary import PRIMARIES
+from shrm_cli.vocabulary import DEFAULT_EVEN_TAPS, PRIMARIES
 from tests.cli.helpers import write_exr
 from tests.maps.scenes import make_info
 from tests.maps.shader import cases
@@ -63,7 +63,8 @@ class Shaded:
     def radiance(self, normals, views):
         normals = normals.reshape(-1, 3)
         views = np.broadcast_to(views, normals.shape)
-        return cases.expected(self.made, normals, views, self.roughness, self.f0)
+        taps = DEFAULT_EVEN_TAPS
+        return cases.expected(self.made, normals, views, self.roughness, self.f0, taps)
 
 
 def opened(watched, html, tmp_path, size=(700, 500), **options):

@@ -37,6 +37,8 @@ def boxed_functions(
 ) -> list[str]:
     """Write the function ``shrm_radiance_at``, which takes a point as well.
 
+    Where there is ``shrm_even``, ``shrm_even_at`` takes the point after v, too.
+
     Where the surface is brushed, it is ``shrm_brushed_radiance_at(n, t, v, p)``, and that with the
     tangent of ``shrm_tangent``.
 
@@ -84,10 +86,24 @@ def boxed_functions(
             f"    {language.grow('total', turned)}",
         ]
     lines += ["    return total;", "}"]
+    if "vec3 shrm_even(" in text:
+        lines += _even_at(language)
     if takes_tangent:
         lines += ["vec3 shrm_radiance_at(vec3 n, vec3 v, vec3 p)", "{"]
         lines += ["    return shrm_brushed_radiance_at(n, shrm_tangent(n), v, p);", "}"]
     return lines
+
+
+def _even_at(language: Language) -> list[str]:
+    """Write the function of split sums that are looked up where their lobe lies."""
+    return [
+        "vec3 shrm_even_at(vec3 n, vec3 v, vec3 p, float roughness, vec3 f0)",
+        "{",
+        f"    vec3 c = {central_direction('reflection', language)};",
+        "    vec3 d = shrm_box(p, c);",
+        "    return shrm_even(shrm_carried(n, c, d), shrm_carried(v, c, d), roughness, f0);",
+        "}",
+    ]
 
 
 def box_function(box: ProxyBox, language: Language) -> list[str]:

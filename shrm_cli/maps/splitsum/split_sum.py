@@ -28,7 +28,15 @@ from shrm_cli.maps.splitsum.roughness import blend, level_numbers
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import CubeSampler
 from shrm_cli.sphere.directions import central_directions, horizontal_tangents, surface_frames
-from shrm_cli.vocabulary import DEFAULT_TAPS, LEVEL_MAPPINGS, Center, LevelMapping, Sampling
+from shrm_cli.vocabulary import (
+    DEFAULT_EVEN_TAPS,
+    DEFAULT_TAPS,
+    LEVEL_MAPPINGS,
+    NO_TAPS,
+    Center,
+    LevelMapping,
+    Sampling,
+)
 
 
 @record(eq=False)
@@ -205,9 +213,10 @@ class SplitSum(LightMap):
         if anisotropy:
             brush = anisotropy, taps or DEFAULT_TAPS
             return BrushedSplitSum(self, roughness, (red, green, blue), *brush)
-        if taps is not None:
-            return TappedSplitSum(self, float(roughness), (red, green, blue), taps)
-        return ShadedSplitSum(self, float(roughness), (red, green, blue))
+        count = DEFAULT_EVEN_TAPS if taps is None else taps
+        if count == NO_TAPS:
+            return ShadedSplitSum(self, float(roughness), (red, green, blue))
+        return TappedSplitSum(self, float(roughness), (red, green, blue), count)
 
     def sampled(self, level: int, directions: ArrayLike) -> Array:
         """Return the light of a level, filtered between its texels, in directions (..., 3)."""
@@ -250,7 +259,7 @@ class TappedSplitSum(ShadedSplitSum):
     A lobe leans towards the normal, the more the rougher it is and the more its view grazes.
     """
 
-    taps: int = 1
+    taps: int = DEFAULT_EVEN_TAPS
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         from shrm_cli.brdf.environment.taps import even_taps

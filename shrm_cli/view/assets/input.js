@@ -36,8 +36,9 @@ function renderCommand(viewer) {
   if (map.surface) {
     words.push("--roughness", String(Number(state.roughness.toFixed(4))));
     words.push("--f0", state.f0.map(function (x) { return Number(x.toFixed(4)); }).join("/"));
-    if (map.brushed && state.anisotropy)
-      words.push("--anisotropy", String(Number(state.anisotropy.toFixed(4))), "--taps", String(map.brushed));
+    var isBrushed = map.brushed && state.anisotropy;
+    if (isBrushed) words.push("--anisotropy", String(Number(state.anisotropy.toFixed(4))));
+    if (map.brushed) words.push("--taps", String(isBrushed ? map.brushed : map.even));
   }
   if (map.lighting && !map.probe && scene.sky) words.push("--probe", quoted(scene.sky.file));
   map.ways.forEach(function (way) {

@@ -32,6 +32,7 @@ from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.splitsum import split_sum
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.disc import Disc
+from shrm_cli.vocabulary import NO_TAPS
 from tests.brute_force import unit
 from tests.maps.scenes import EXPLICIT, make_info, make_shrm
 
@@ -308,7 +309,7 @@ def points(count, seed=3):
     return normals, views
 
 
-def expected(made, normals, views, roughness=0.5, f0=(1.0, 1.0, 1.0)):
+def expected(made, normals, views, roughness=0.5, f0=(1.0, 1.0, 1.0), taps=NO_TAPS):
     """The radiance with cubes filtered bilinearly; call `filter_bilinearly` before it."""
     if made.representation == "splitsum" and not made.is_ggx:
         mirror = 2 * np.sum(normals * views, axis=1)[:, None] * normals - views
@@ -318,7 +319,11 @@ def expected(made, normals, views, roughness=0.5, f0=(1.0, 1.0, 1.0)):
     if made.representation == "splitsum":
         mirror = 2 * np.sum(normals * views, axis=1)[:, None] * normals - views
         table = _filtered(tables()[0], normals, views, roughness)
-        return made.prefiltered(roughness, mirror) * (f0 * table[:, :1] + table[:, 1:])
+        light = made.prefiltered(roughness, mirror)
+        if taps != NO_TAPS:
+            shown = made.shaded(roughness, taps=taps)
+            light = shown.radiance(normals, views) / shown._albedo(np.sum(normals * views, axis=1))
+        return light * (f0 * table[:, :1] + table[:, 1:])
     if made.representation == "she":
         across = np.sum(normals * views, axis=1)[:, None] * normals - views
         moments = _filtered(tables()[1], normals, views, roughness).reshape(-1, 2, 3)

@@ -8,11 +8,21 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
+from shrm_cli.render.boxed import reflected
 from shrm_cli.vocabulary import EVEN_TAP_COUNTS, TAP_COUNTS
 from tests.brute_force import unit
 from tests.maps.lamps.test_discs import disc_rule
 from tests.maps.shader import cases
-from tests.maps.shader.test_code import C_MAIN, HEADS, STRICT, compiled, compiler_of_c, run
+from tests.maps.shader.test_code import (
+    C_MAIN,
+    HEADS,
+    PLACES,
+    STRICT,
+    boxed,
+    compiled,
+    compiler_of_c,
+    run,
+)
 
 SURFACES = (0.62, 0.5, (0.9, 0.5, 0.04)), (0.3, 0.9, (1.0, 1.0, 1.0)), (0.9, 0.1, (0.04,) * 3)
 CALL = (
@@ -85,6 +95,21 @@ def test_c_computes_what_the_map_does_for_even_surfaces(tmp_path, monkeypatch, t
         ):
             found = in_c(tmp_path, made, points, call, None, (roughness, *f0), taps)
             np.testing.assert_allclose(found, expected, rtol=0, atol=most * expected.max())
+
+
+def test_c_has_the_parallax_of_pictures_for_even_surfaces(tmp_path, monkeypatch):
+    cases.filter_bilinearly(monkeypatch)
+    made, points = boxed(cases.FORMS["splitsum linear"]()), frames(60)
+    shown, vectors = made.shaded(0.62, (0.9, 0.5, 0.04)), (points[0], points[2], None)
+    plain = shown.radiance(points[0], points[2])
+    for place in PLACES:
+        there = f"shrm_vec({', '.join(map(str, place))})"
+        color = "shrm_vec(0.9, 0.5, 0.04)"
+        call = f"shrm_even_at(shrm_vec(a, b, c), shrm_vec(g, h, i), {there}, 0.62, {color})"
+        found = in_c(tmp_path, made, points, call, even=3)
+        expected = reflected(made, shown, vectors, np.array(place))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-3 * expected.max())
+        assert np.abs(expected - plain).max() > 0.1 * plain.max()
 
 
 @pytest.mark.parametrize(("language", "textures"), HEADS)

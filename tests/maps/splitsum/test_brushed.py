@@ -8,7 +8,7 @@ from shrm_cli.brdf.environment.taps import taps
 from shrm_cli.maps.splitsum.roughness import blend, level_numbers, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum, equal_roughness
 from shrm_cli.probe.probe import Probe
-from shrm_cli.vocabulary import LEVEL_MAPPINGS, TAP_COUNTS
+from shrm_cli.vocabulary import LEVEL_MAPPINGS, NO_TAPS, TAP_COUNTS
 from tests import brushed_ggx
 from tests.brute_force import unit
 from tests.makers import prefilter_split_sum
@@ -100,33 +100,57 @@ def lit():
     )
 
 
-@pytest.mark.parametrize(
-    ("roughness", "anisotropy", "bars"),
-    [(0.5, 0.3, (0.09, 0.08, 0.07)), (0.5, 0.6, (0.1, 0.08, 0.07)), (0.7, 0.9, (0.12, 0.12, 0.1))],
-)
-def test_taps_are_far_nearer_to_the_truth_than_an_even_surface(lit, roughness, anisotropy, bars):
-    made, light, radiance = lit
+F0 = np.array([0.9, 0.5, 0.1])
+
+
+def surfaces():
+    """Normals, tangents and views at generic angles, none grazing."""
     rng = np.random.default_rng(2)
     normals, views = unit(rng, 80), unit(rng, 80)
     views *= np.sign(np.sum(normals * views, axis=1))[:, None]
     keep = np.sum(normals * views, axis=1) > 0.1
     normals, views = normals[keep], views[keep]
     tangents = np.cross(normals, unit(rng, len(normals)))
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    f0 = np.array([0.9, 0.5, 0.1])
-    truth = np.empty(normals.shape)
-    for k, (n, t, v) in enumerate(zip(normals, tangents, views, strict=True)):
-        frame = np.stack([t, np.cross(n, t), n])
-        value, tail = brushed_ggx.lobe(alphas_of(roughness, anisotropy), frame, v, light)
-        truth[k] = f0 * (value @ radiance) + (1 - f0) * ((value * tail) @ radiance)
+    return normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True), views
 
-    def error(found):
-        return np.sqrt(np.mean((found - truth) ** 2) / np.mean(truth**2))
 
-    even = error(made.shaded(roughness, f0).radiance(normals, views))
+def brute_force(lit, alphas, points):
+    """What GGX of some alphas reflects: sums over the light's directions."""
+    _, light, radiance = lit
+    truth = np.empty(points[0].shape)
+    for k, (n, t, v) in enumerate(zip(*points, strict=True)):
+        value, tail = brushed_ggx.lobe(alphas, np.stack([t, np.cross(n, t), n]), v, light)
+        truth[k] = F0 * (value @ radiance) + (1 - F0) * ((value * tail) @ radiance)
+    return truth
+
+
+def relative(found, truth):
+    return np.sqrt(np.mean((found - truth) ** 2) / np.mean(truth**2))
+
+
+@pytest.mark.parametrize(
+    ("roughness", "anisotropy", "bars"),
+    [(0.5, 0.3, (0.09, 0.08, 0.07)), (0.5, 0.6, (0.1, 0.08, 0.07)), (0.7, 0.9, (0.12, 0.12, 0.1))],
+)
+def test_taps_are_far_nearer_to_the_truth_than_an_even_surface(lit, roughness, anisotropy, bars):
+    made, points = lit[0], surfaces()
+    truth = brute_force(lit, alphas_of(roughness, anisotropy), points)
+    even = made.shaded(roughness, F0, taps=NO_TAPS)
+    ignored = relative(even.radiance(points[0], points[2]), truth)
     for count, bar in zip(TAP_COUNTS, bars, strict=True):
-        shown = BrushedSplitSum(made, roughness, tuple(f0), anisotropy, count)
-        assert error(shown.brushed_radiance(normals, tangents, views)) < min(bar, even / 2)
+        shown = BrushedSplitSum(made, roughness, tuple(F0), anisotropy, count)
+        assert relative(shown.brushed_radiance(*points), truth) < min(bar, ignored / 2)
+
+
+@pytest.mark.parametrize(("roughness", "bar"), [(0.3, 0.08), (0.5, 0.055), (0.8, 0.045)])
+def test_surfaces_that_are_not_brushed_are_looked_up_where_their_lobes_lie(lit, roughness, bar):
+    made, points = lit[0], surfaces()
+    truth = brute_force(lit, alphas_of(roughness, 0), points)
+    engine, found = (
+        relative(made.shaded(roughness, F0, taps=taps).radiance(points[0], points[2]), truth)
+        for taps in (NO_TAPS, None)
+    )
+    assert found < min(bar, engine / 2)
 
 
 def test_tangents_run_around_the_vertical_by_default(lit):
