@@ -1,7 +1,7 @@
 """Maps of what is left of a probe without its lamps, and these beside it: `sun` split."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 from itertools import compress
@@ -157,7 +157,7 @@ def split_of(probe: Probe) -> LampSplit:
     kept = probe.kept if isinstance(probe, SharedProbe) else {}
     if _LAMPS not in kept:
         found = split_lamps(probe, largest=_LARGEST)
-        of_discs = [_is_like_discs(lamp) for lamp in found.lamps]
+        of_discs = _are_like_discs(found.lamps)
         kept[_LAMPS] = replace(
             found, lamps=tuple(compress(found.lamps, of_discs)),
             fills=tuple(compress(found.fills, of_discs)),
@@ -167,13 +167,16 @@ def split_of(probe: Probe) -> LampSplit:
     return split
 
 
-def _is_like_discs(lamp: Lamp) -> bool:
-    """Tell whether the discs of a lamp are nearer to it than darkness is.
+def _are_like_discs(lamps: Sequence[Lamp]) -> list[bool]:
+    """Tell of each lamp whether its discs are nearer to it than darkness is.
 
     A ring of light is not like any few discs, which may give its irradiance.
     """
-    own = of_pixels(lamp, _SHAPE)
-    return bool(np.linalg.norm(own - disc_coefficients(lamp.discs, _SHAPE)) < np.linalg.norm(own))
+    lit = zip(lamps, of_pixels(lamps, _SHAPE), strict=True)
+    return [
+        bool(np.linalg.norm(own - disc_coefficients(lamp.discs, _SHAPE)) < np.linalg.norm(own))
+        for lamp, own in lit
+    ]
 
 
 @record(eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.transfer import TransferFunctions
-from shrm_cli.lights.lamp import Lamp, disc_of
+from shrm_cli.lights.lamp import Lamp, Light, disc_of
 from shrm_cli.lights.split import ORDER, LampSplit, cut
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
@@ -78,7 +78,7 @@ class Change:
     @classmethod
     def of(cls, split: LampSplit, transfer: TransferFunctions) -> Self:
         """Return what the discs of some lamps change, to the order of what reflects them."""
-        of_lamps = [of_pixels(lamp, transfer.order_f) for lamp in split.lamps]
+        of_lamps = of_pixels(split.lamps, transfer.order_f)
         whole, pixels = (shared(fine_probe(each)) for each in (split.probe, split.residual_probe))
         return cls(split, transfer, of_lamps, whole, pixels)
 
@@ -166,21 +166,28 @@ class Change:
         return Lighting(series, pixels.energy + (held**2).sum(axis=0))
 
 
-def of_pixels(lamp: Lamp, order: int) -> Array:
-    """Return the coefficients of the light of a lamp, world axes, shape ((order+1)^2, 3).
+def of_pixels(lamps: Sequence[Lamp], order: int) -> list[Array]:
+    """Return the coefficients of the light of each lamp, world axes, shape ((order+1)^2, 3).
 
     Pixels are discs of their areas, so that a lamp of a single pixel is right, to degrees that are
     finer than pixels, too: light that ends at the degrees of coarse ones rings around its lamps.
     Discs are expanded in the axes of a lat-long, about whose pole those of a row are alike.
     """
-    light = lamp.light
-    pixels = [
+    if not lamps:
+        return []
+    own = [disc_coefficients(_pixels_as_discs(lamp.light), order) for lamp in lamps]
+    # To turn all lamps together takes hardly more time than to turn one.
+    return np.split(transform_coefficients(np.concatenate(own, axis=1), AXES.T), len(own), axis=1)
+
+
+def _pixels_as_discs(light: Light) -> list[Disc]:
+    """Return discs in the place of the pixels of a lamp, in the axes of a lat-long."""
+    return [
         Disc(direction, radius_of(area), radiance)
         for direction, area, radiance in zip(
             light.directions @ AXES.T, light.areas, light.radiance, strict=True
         )
     ]
-    return transform_coefficients(disc_coefficients(pixels, order), AXES.T)
 
 
 def _fading(order: int, last: int) -> Array:
