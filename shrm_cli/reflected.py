@@ -358,6 +358,16 @@ def weighted_power(lighting: Lighting, order: int) -> Array:
     return _convolution_measure(order)[:, None] * lighting.power()[: order + 1]
 
 
+def blur_amplitudes(coefficients: BrdfCoefficients | TransferFunctions) -> Array:
+    """Return what a zonal filter multiplies degrees with that leaves light as much energy, (F+1,).
+
+    The energy is that of the reflected light, as `reflected_rms` has it, with the mean BRDF of the
+    channels.
+    """
+    own = coefficients.degree_energy.mean(axis=-1)
+    return np.sqrt(np.maximum(_convolution_measure(len(own) - 1) * own, 0.0))
+
+
 def _convolution_measure(order: int) -> Array:
     """Return ``Lambda_l^2 = 4 pi / (2l+1)`` of eq. 5.7 for each l, shape (order+1,)."""
     return 4 * np.pi / (2 * np.arange(order + 1) + 1)

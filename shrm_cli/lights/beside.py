@@ -94,7 +94,7 @@ class Beside:
         return table_bytes(self.brdf)
 
 
-_PARTS = 1, 1 / 2, 1 / 4
+_PARTS = 1 / 2, 1 / 4, 1 / 8
 """How far discs may change the light, in parts of what may be wrong beside a map, while too many
 pixels are wrong."""
 ANY = Goal(math.inf, None)

@@ -5,30 +5,31 @@ lobes its shape shows: the corners of a soft box, the bright middle of a bulb. A
 into more discs is nearer to it, and takes some bytes where a map of the difference takes megabytes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.transfer import TransferFunctions
-from shrm_cli.lights.lamp import Lamp, Light, disc_of
-from shrm_cli.lights.split import ORDER, LampSplit, cut
+from shrm_cli.lights.fit import fitted_discs
+from shrm_cli.lights.lamp import Lamp, Light
+from shrm_cli.lights.split import LampSplit
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import SharedProbe, shared
 from shrm_cli.records import record
-from shrm_cli.reflected import reflected_rms
+from shrm_cli.reflected import blur_amplitudes, reflected_rms
 from shrm_cli.sphere.grid.latlong import AXES
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.rotation import transform_coefficients
 
-_COUNTS = 2, 4, 8, 16
-"""The discs that are tried for a lamp."""
+MOST_OF_LAMP = 16
+"""The most discs of a lamp."""
 MOST_DISCS = 64
 """The most discs beside a map, which pictures and shaders integrate one by one."""
 
@@ -88,19 +89,16 @@ class Change:
         `most` is the RMS of what is reflected of what discs change. In each step that lamp takes
         more discs of which each one takes away the most.
         """
-        enough = most / len(self._shapes)
-        offers = [
-            [first] if first.error <= enough else [first, *self._more(index)]
-            for index, first in enumerate(self._shapes)
-        ]
-        taken = list(self._shapes)
+        enough = most / len(self._fits)
+        offers = [self._until(index, enough) for index in range(len(self._fits))]
+        taken = [shapes[0] for shapes, _ in self._fits]
         while sum(each.error**2 for each in taken) > most**2:
             room = MOST_DISCS - sum(each.count for each in taken)
             steps = [
-                ((now.error**2 - each.error**2) / (each.count - now.count), index, each)
+                ((now.error**2 - each.error**2) / max(each.count - now.count, 0.5), index, each)
                 for index, now in enumerate(taken)
                 for each in offers[index]
-                if each.error < now.error and 0 < each.count - now.count <= room
+                if each.error < now.error and each.count - now.count <= room
             ]
             if not steps:
                 break
@@ -110,25 +108,27 @@ class Change:
         return type(self)(split, self._transfer, self._of_lamps, self.whole, self.pixels)
 
     @cached_property
-    def _shapes(self) -> list[_Shape]:
-        """The lamps as they are."""
-        pairs = zip(self.split.lamps, self._of_lamps, strict=True)
-        return [_Shape.of(lamp, pixels, self._transfer) for lamp, pixels in pairs]
+    def _fits(self) -> list[tuple[list[_Shape], Iterator[tuple[Disc, ...]]]]:
+        """The lamps as they are and with more discs, as far as found; and further discs."""
+        amplitudes = blur_amplitudes(self._transfer)
+        return [
+            (
+                [_Shape.of(lamp, pixels, self._transfer)],
+                fitted_discs(lamp.light, amplitudes, MOST_OF_LAMP),
+            )
+            for lamp, pixels in zip(self.split.lamps, self._of_lamps, strict=True)
+        ]
 
-    @cached_property
-    def _more(self) -> Callable[[int], list[_Shape]]:
-        """From the index of a lamp to the same of more discs; found once."""
-
-        def more(index: int) -> list[_Shape]:
-            lamp, pixels = self.split.lamps[index], self._of_lamps[index]
-            parts, found = [lamp.light], []
-            for count in _COUNTS:
-                parts = cut(parts, count, ORDER)
-                discs = tuple(disc_of(part) for part in parts)
-                found.append(_Shape.of(replace(lamp, discs=discs), pixels, self._transfer))
-            return found
-
-        return cache(more)
+    def _until(self, index: int, enough: float) -> list[_Shape]:
+        """Return a lamp as it is, and with ever more discs until these change little enough."""
+        found, further = self._fits[index]
+        lamp, pixels = self.split.lamps[index], self._of_lamps[index]
+        while min(each.error for each in found) > enough:
+            discs = next(further, None)
+            if discs is None:
+                break
+            found.append(_Shape.of(replace(lamp, discs=discs), pixels, self._transfer))
+        return found
 
     def beyond(self, last: int) -> Lighting:
         """Return what a rest that holds its degrees up to the last one lacks."""

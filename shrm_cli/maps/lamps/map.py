@@ -235,7 +235,7 @@ def _disc(values: object) -> Disc:
     direction, radiance = (_triple(values[name]) for name in ("direction", "radiance"))
     (radius,) = _numbers([values["radius"]])
     is_unit = abs(math.hypot(*direction) - 1) <= _OFF_UNIT
-    is_lit = all(0 <= channel <= BRIGHTEST for channel in radiance)
+    is_lit = all(abs(channel) <= BRIGHTEST for channel in radiance)
     if not (is_unit and is_lit and 0 < radius <= _MOST_RADIUS):
         raise ValueError("beyond its range")
     return Disc(normalize(direction), math.radians(radius), np.array(radiance))

@@ -1,0 +1,278 @@
+"""Discs in the place of a lamp that differ least from it in what a material reflects.
+
+A soft box is a bright middle in a dim rim, and a tube is long: two or three discs that overlap show
+either in glossy lobes, where many discs beside each other still show gaps. So all discs of a lamp
+are moved, widened and lit together. Lobes blur light as a zonal filter does, which makes a disc a
+profile over the angle from its middle, and a lamp a picture of a few hundred points. Given middles
+and radii the radiances follow by linear least squares. Some may be negative, as of a ring, which is
+a disc without its middle.
+
+References: Golub & Pereyra 1973, The differentiation of pseudo-inverses and nonlinear least squares
+problems whose variables separate (variable projection); Kaufman 1975, for its Jacobian.
+"""
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.lights.lamp import Light, disc_of
+from shrm_cli.probe.disc import Disc, disc_directions, radius_of
+from shrm_cli.sphere.directions import horizontal_tangents, normalize, surface_frames
+from shrm_cli.sphere.harmonics import legendre_degrees
+
+_MARGIN = 0.1
+"""Radians around a lamp that its blurred light is compared in."""
+_LEAST_SAMPLES, _MOST_SAMPLES = 500, 2000
+_MOST_CELLS = 2**14
+"""The cells that hold the pixels of a lamp, of which it may have hundreds of thousands."""
+_RADII, _ANGLES = 48, 2048
+"""The radii and angles of the table of blurred discs, between which it is interpolated."""
+_START_RADII = 7
+"""The radii of discs that may be added."""
+_FLUX = 3.0
+"""How much more than all of the picture the flux of the lamp weighs, which has to stay."""
+_STEPS, _DAMPINGS = 12, 5
+"""The most steps with so many discs, and the most dampings that are tried for one."""
+_GAIN = 1e-3
+"""The part of the squared error that a step takes away at least, or it is the last one."""
+_SHIFT, _GROWTH = 2e-3, 5e-3
+"""How far discs are moved for derivatives, in radii of the lamp, and widened, in parts of them."""
+_NEW = 0.05
+"""The part of a disc that others do not hold, in their measure, below which it is not added."""
+
+
+def fitted_discs(light: Light, amplitudes: Array, most: int) -> Iterator[tuple[Disc, ...]]:
+    """Yield one disc for a lamp, then two, three and so on, as long as more discs may be nearer.
+
+    Parameters
+    ----------
+    light : Light
+    amplitudes : array of shape (order+1,)
+        What the blur by a material multiplies each degree of light with, as far as its energy tells
+        that.
+    most : int
+        The most discs.
+
+    Yields
+    ------
+    tuple of Disc
+        In world axes. Their flux is that of the light, to a thousandth or so. Radiances may be
+        negative.
+    """
+    picture = _Picture(light, amplitudes)
+    shape = picture.first()
+    for count in range(1, most + 1):
+        shape = picture.refined(shape)
+        yield picture.discs(shape)
+        further = picture.with_one_more(shape) if count < most else None
+        if further is None:
+            return
+        shape = further
+
+
+class _Picture:
+    """A lamp as it looks blurred, at points around it, and discs beside it.
+
+    Discs are rows x, y and log r: their middle ``(x, y, 1)`` in the frame of the lamp, which is not
+    of unit length, and their radius in radians.
+    """
+
+    def __init__(self, light: Light, amplitudes: Array) -> None:
+        self._light, self._amplitudes = light, amplitudes
+        axis = light.axis[None]
+        self._frame = surface_frames(axis, horizontal_tangents(axis))[0]
+        angles = np.arccos(np.clip(light.directions @ axis[0], -1, 1))
+        self._least = radius_of(float(light.areas.mean()))
+        self._reach = max(float(angles.max()), self._least)
+        around = Disc(axis[0], min(self._reach + _MARGIN, np.pi), np.ones(3))
+        wanted = around.solid_angle * (len(amplitudes) / (1.2 * np.pi)) ** 2
+        count = int(min(max(wanted, _LEAST_SAMPLES), _MOST_SAMPLES))
+        self._log_radii = float(np.log(self._least)), float(np.log(1.2 * self._reach))
+        self._samples = disc_directions(around, count)
+        self._scale = np.sqrt(around.solid_angle / count)
+        self._table = self._blurred_discs()
+        seen = self._of_pixels()
+        flux = max(float(np.linalg.norm(light.flux)), 1e-300)
+        self._flux_weight = _FLUX * float(np.linalg.norm(seen)) / flux
+        self._target = np.vstack([seen, light.flux * self._flux_weight])
+
+    def first(self) -> Array:
+        """Return the disc of the same flux, typical brightness and mean direction."""
+        return np.array([[0.0, 0.0, np.log(max(disc_of(self._light).radius, self._least))]])
+
+    def discs(self, shape: Array) -> tuple[Disc, ...]:
+        """Return discs in world axes, with the radiances that suit them."""
+        _, radiances, _ = self._solved(shape)
+        rows = zip(self._directions(shape), np.exp(shape[:, 2]).tolist(), radiances, strict=True)
+        return tuple(Disc(*row) for row in rows)
+
+    def refined(self, shape: Array) -> Array:
+        """Move and widen discs until the squared error falls no more: Levenberg and Marquardt."""
+        damping = 1e-2
+        columns, radiances, left = self._solved(shape)
+        error = np.sum(left**2)
+        for _ in range(_STEPS):
+            matrix, slope, scale = self._normal_equations(shape, columns, radiances, left)
+            for _ in range(_DAMPINGS):
+                damped = matrix + damping * np.diag(np.diag(matrix) + 1e-12 * np.trace(matrix))
+                step = (np.linalg.solve(damped, slope) * scale).reshape(3, -1).T
+                moved = self._bounded(shape + step)
+                found = self._solved(moved)
+                new = np.sum(found[2] ** 2)
+                if new < error:
+                    break
+                damping *= 6
+            else:
+                return shape
+            gain, error = 1 - new / error, new
+            shape, (columns, radiances, left) = moved, found
+            damping = max(damping / 5, 1e-6)
+            if gain < _GAIN:
+                return shape
+        return shape
+
+    def with_one_more(self, shape: Array) -> Array | None:
+        """Add the disc that takes away most of what is left; None where all are there."""
+        columns, _, left = self._solved(shape)
+        choices, own = self._choices
+        held = np.linalg.qr(columns)[0]
+        new = own - held @ (held.T @ own)
+        sizes = np.linalg.norm(new, axis=0)
+        gains = np.sum((new.T @ left) ** 2, axis=1) / np.maximum(sizes, 1e-300) ** 2
+        gains[sizes < _NEW * np.linalg.norm(own, axis=0)] = 0
+        best = int(np.argmax(gains))
+        return np.vstack([shape, choices[best]]) if gains[best] > 0 else None
+
+    @cached_property
+    def _choices(self) -> tuple[Array, Array]:
+        """Discs of some radii all over the lamp, and what they look like."""
+        found, whole = [], Disc(self._frame[2], min(self._reach, 1.2), np.ones(3))
+        least = min(max(self._reach / 10, 1.5 * self._least), self._reach)
+        for radius in np.geomspace(least, self._reach, _START_RADII):
+            count = int((whole.radius / (0.6 * radius)) ** 2) + 1
+            local = disc_directions(whole, count) @ self._frame.T
+            middles = np.vstack([[0.0, 0.0], local[:, :2] / local[:, 2:]])
+            found.append(np.column_stack([middles, np.full(len(middles), np.log(radius))]))
+        choices = self._bounded(np.vstack(found))
+        return choices, self._columns(choices)
+
+    def _normal_equations(
+        self, shape: Array, columns: Array, radiances: Array, left: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return Gauss and Newton's matrix and right side, and the units of their unknowns.
+
+        The unknowns are all x, then all y, then all log r. As radiances follow, only what changes
+        beside the span of the columns counts.
+        """
+        held = np.linalg.qr(columns)[0]
+        moves = []
+        for unknown, step in enumerate((_SHIFT * self._reach, _SHIFT * self._reach, _GROWTH)):
+            moved = shape.copy()
+            moved[:, unknown] += step
+            moves.append((self._columns(moved) - columns) / step)
+        change = np.concatenate(moves, axis=1)
+        change -= held @ (held.T @ change)
+        scale = np.repeat([self._reach, self._reach, 1.0], len(shape))
+        change *= scale
+        lit = np.tile(radiances, (3, 1))
+        matrix = (change.T @ change) * (lit @ lit.T)
+        return matrix, np.sum((change.T @ left) * lit, axis=1), scale
+
+    def _solved(self, shape: Array) -> tuple[Array, Array, Array]:
+        """Return the columns of discs, their best radiances, and what is left of the picture."""
+        columns = self._columns(shape)
+        radiances = np.linalg.lstsq(columns, self._target, rcond=1e-6)[0]
+        return columns, radiances, self._target - columns @ radiances
+
+    def _columns(self, shape: Array) -> Array:
+        """Return what discs of radiance 1 look like, and their weighted solid angles below."""
+        angles = np.arccos(np.clip(self._samples @ self._directions(shape).T, -1, 1))
+        blurred = self._looked_up(angles, shape[:, 2]) * self._scale
+        solid_angles = 4 * np.pi * np.sin(np.exp(shape[:, 2]) / 2) ** 2
+        return np.vstack([blurred, solid_angles * self._flux_weight])
+
+    def _directions(self, shape: Array) -> Array:
+        middles = np.column_stack([shape[:, :2], np.ones(len(shape))])
+        return normalize(middles) @ self._frame
+
+    def _bounded(self, shape: Array) -> Array:
+        """Return discs whose middles are on the lamp, and that are no larger than it."""
+        size = np.hypot(shape[:, 0], shape[:, 1])[:, None]
+        most = np.tan(min(self._reach, 1.4))
+        inner = shape[:, :2] * np.minimum(1.0, most / np.maximum(size, 1e-300))
+        radii = np.clip(shape[:, 2:], np.log(self._least), np.log(1.2 * self._reach))
+        return np.hstack([inner, radii])
+
+    @property
+    def _farthest(self) -> float:
+        """The largest angle of the table: between a sample and a disc on the other side."""
+        return min(2 * self._reach + _MARGIN, np.pi)
+
+    def _blurred_discs(self) -> Array:
+        """Return profiles of blurred discs of radiance 1, shape (radii, angles)."""
+        radii = np.exp(np.linspace(*self._log_radii, _RADII))
+        order = len(self._amplitudes) - 1
+        at = np.cos(np.linspace(0, self._farthest, _ANGLES))
+        edges = legendre_degrees(order, np.cos(radii), max_m=1, sine=np.sin(radii))
+        result = np.zeros((_RADII, _ANGLES))
+        for (degree, here), (_, edge) in zip(
+            legendre_degrees(order, at, max_m=0), edges, strict=True
+        ):
+            zonal = _zonal(degree, radii, edge) * self._amplitudes[degree]
+            result += zonal[:, None] * here[0]
+        return result
+
+    def _looked_up(self, angles: Array, log_radii: Array) -> Array:
+        """Return profiles at angles (n, discs), each of its own radius, interpolated."""
+        low, high = self._log_radii
+        row, down = _split((log_radii - low) / (high - low) * (_RADII - 1), _RADII)
+        column, across = _split(angles / self._farthest * (_ANGLES - 1), _ANGLES)
+        flat, at = self._table.ravel(), row * _ANGLES + column
+        above = (1 - across) * flat[at] + across * flat[at + 1]
+        below = (1 - across) * flat[at + _ANGLES] + across * flat[at + _ANGLES + 1]
+        return np.asarray((1 - down) * above + down * below)
+
+    def _of_pixels(self) -> Array:
+        """Return the blurred lamp at the samples, shape (samples, 3)."""
+        directions, fluxes = self._cells()
+        small = np.full(1, self._log_radii[0])
+        scale = self._scale / (4 * np.pi * np.sin(np.exp(small[0]) / 2) ** 2)
+        seen = np.zeros((len(self._samples), 3))
+        step = max(2**20 // len(self._samples), 1)
+        for start in range(0, len(directions), step):
+            part = slice(start, start + step)
+            angles = np.arccos(np.clip(self._samples @ directions[part].T, -1, 1))
+            seen += self._looked_up(angles, small) @ fluxes[part]
+        return seen * scale
+
+    def _cells(self) -> tuple[Array, Array]:
+        """Return directions and fluxes of the pixels, of many small ones together."""
+        light = self._light
+        fluxes = light.radiance * light.areas[:, None]
+        if len(fluxes) <= _MOST_CELLS:
+            return light.directions, fluxes
+        local = light.directions @ self._frame.T
+        places = local[:, :2] / np.maximum(local[:, 2:], 1e-3)
+        edge = int(np.sqrt(_MOST_CELLS))
+        low, size = places.min(axis=0), np.ptp(places, axis=0)
+        across, down = np.minimum((places - low) / size * edge, edge - 1).astype(int).T
+        _, cell = np.unique(across * edge + down, return_inverse=True)
+        sums = np.zeros((cell.max() + 1, 6))
+        np.add.at(sums, cell, np.hstack([fluxes, light.directions * light.areas[:, None]]))
+        return normalize(sums[:, 3:]), sums[:, :3]
+
+
+def _zonal(degree: int, radii: Array, edge: Array) -> Array:
+    """Return the coefficients of discs about their own axes; see `disc_coefficients`."""
+    if degree == 0:
+        return np.asarray(4 * np.pi * np.sin(radii / 2) ** 2 / np.sqrt(4 * np.pi))
+    return np.asarray(2 * np.pi * np.sin(radii) * edge[1] / np.sqrt(degree * (degree + 1)))
+
+
+def _split(place: Array, count: int) -> tuple[NDArray[np.intp], Array]:
+    """Return the index of the node before a place in a table, and how far behind it that is."""
+    index = np.clip(place.astype(np.intp), 0, count - 2)
+    return index, place - index
