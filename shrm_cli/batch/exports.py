@@ -14,7 +14,9 @@ from typing import Any
 from shrm_cli.batch.job import Job
 from shrm_cli.batch.made import DAMAGED, MISSING, Difference, differing
 from shrm_cli.errors import ArgumentError, OutputError
+from shrm_cli.export.cubes import LARGE
 from shrm_cli.export.engine import engine as engine_of
+from shrm_cli.export.ktx import can_compress
 from shrm_cli.export.make import Asked, Source, check, export, made_folder, write
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.whole import check_target, write_bytes
@@ -22,6 +24,7 @@ from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.options import Option, Representation
 from shrm_cli.naming import probe_stem
 from shrm_cli.probe.probe import Probe
+from shrm_cli.sources import EXPORTS, fingerprint
 from shrm_cli.vocabulary import ENGINES, EXPORT, TEXEL_FORMATS
 
 OPTIONS = (
@@ -42,6 +45,8 @@ DESCRIPTION = Representation(
 
 _RECORD = "_export.json"
 _MOST_RECORD = 2**20
+_LACKED = "zstandard"
+"""The package without which files are larger than they could be."""
 
 
 def checked(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,7 +60,7 @@ def checked(given: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
+def difference(job: Job, probe: Probe) -> Difference | None:
     """Say in what a job's folder differs from what this program would write, or return None."""
     folder = Path(job.output)
     if not os.path.lexists(folder):
@@ -78,12 +83,14 @@ def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
     words = differing(options if isinstance(options, dict) else {}, _options(job, probe))
     if words:
         return Difference(f"it was made with other options ({words})")
-    if held.get("sources") != sources:
+    if held.get("sources") != fingerprint(EXPORTS):
         return Difference("another version or state of shrm made it")
+    if held.get("lacks") == _LACKED and can_compress():
+        return Difference(f"it was made without the package {_LACKED}")
     return _changed(folder, held["files"])
 
 
-def made(job: Job, probe: Probe, sources: str) -> dict[str, Any]:
+def made(job: Job, probe: Probe) -> dict[str, Any]:
     """Make the folder of a job, and return what its record tells of it."""
     folder, arguments = Path(job.output), job.recipe.arguments
     source = Source(probe_stem(job.probe), probe_name(probe), probe)
@@ -97,7 +104,8 @@ def made(job: Job, probe: Probe, sources: str) -> dict[str, Any]:
         "probe": probe_name(probe),
         "probe_sha256": probe.digest(),
         "options": _options(job, probe),
-        "sources": sources,
+        "sources": fingerprint(EXPORTS),
+        **({"lacks": _LACKED} if LARGE in package.told else {}),
     }
     with made_folder(folder):
         # A run that ends between the files leaves a folder that the next one may finish.

@@ -5,6 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from shrm_cli import sources
+from shrm_cli.batch import exports
+from shrm_cli.export import cubes
 from tests.batch.helpers import work_here
 from tests.cli.helpers import assert_refused, done, run, write_exr
 
@@ -72,6 +75,41 @@ def test_what_is_there_and_whole_is_kept(folder):
     _, found = statuses(folder, *BOTH[:-1], "32")
     assert set(found.values()) == {"made"}
     assert "`size` 16 there, 32 here" in records(folder)[0]["why"]
+
+
+def test_what_another_state_of_the_packing_made_is_made_anew(folder, monkeypatch):
+    command = ("batch", "a.exr", "--for", "three", "--size", "16")
+    done(*command)
+    real = sources._folder_digest
+
+    def changed(name, root):
+        return b"changed" if name == "export" else real(name, root)
+
+    monkeypatch.setattr(sources, "_folder_digest", changed)
+    sources.fingerprint.cache_clear()
+    try:
+        _, found = statuses(folder, *command)
+    finally:
+        sources.fingerprint.cache_clear()
+    assert found == {"a.three": "made"}
+    assert "state of shrm" in records(folder)[0]["why"]
+
+
+def test_what_a_missing_package_left_large_is_made_anew_with_it(folder, monkeypatch):
+    command = ("batch", "a.exr", "--for", "bevy", "--size", "64")
+    path = folder / "a.bevy" / "a_specular.ktx2"
+    monkeypatch.setattr(cubes, "can_compress", lambda: False)
+    monkeypatch.setattr(exports, "can_compress", lambda: False)
+    done(*command)
+    large = path.stat().st_size
+    assert statuses(folder, *command)[1] == {"a.bevy": "skipped"}
+    monkeypatch.undo()
+    monkeypatch.chdir(folder)
+    work_here(monkeypatch)
+    assert statuses(folder, *command)[1] == {"a.bevy": "made"}
+    assert "without the package zstandard" in records(folder)[0]["why"]
+    assert path.stat().st_size < large
+    assert statuses(folder, *command)[1] == {"a.bevy": "skipped"}
 
 
 def test_a_run_that_ended_between_files_is_finished(folder):
