@@ -7,7 +7,7 @@ probe, the program and the files. By it a later run knows what is there already 
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from shrm_cli.export.engine import engine as engine_of
 from shrm_cli.export.ktx import can_compress
 from shrm_cli.export.make import Asked, Source, check, export, made_folder, write
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.whole import check_target, write_bytes
+from shrm_cli.files.whole import check_target, kept, write_bytes
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.options import Option, Representation
 from shrm_cli.naming import probe_stem
@@ -45,6 +45,8 @@ DESCRIPTION = Representation(
 
 _RECORD = "_export.json"
 _MOST_RECORD = 2**20
+_HEAD = 256
+"""The bytes by which a file that was cut is told from one that was made smaller."""
 _LACKED = "zstandard"
 """The package without which files are larger than they could be."""
 
@@ -79,6 +81,9 @@ def difference(job: Job, probe: Probe) -> Difference | None:
         return Difference("another probe made it, or another version of this one", is_ours=is_ours)
     if held.get("files") is None:
         return Difference("it is unfinished")
+    changed = _changed(folder, held["files"])
+    if changed is not None and not changed.is_ours:
+        return changed
     options = held.get("options")
     words = differing(options if isinstance(options, dict) else {}, _options(job, probe))
     if words:
@@ -87,11 +92,14 @@ def difference(job: Job, probe: Probe) -> Difference | None:
         return Difference("another version or state of shrm made it")
     if held.get("lacks") == _LACKED and can_compress():
         return Difference(f"it was made without the package {_LACKED}")
-    return _changed(folder, held["files"])
+    return changed
 
 
-def made(job: Job, probe: Probe) -> dict[str, Any]:
-    """Make the folder of a job, and return what its record tells of it."""
+def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
+    """Make the folder of a job, and return what its record tells of it.
+
+    `force` tells whether files that no batch made are replaced, too.
+    """
     folder, arguments = Path(job.output), job.recipe.arguments
     source = Source(probe_stem(job.probe), probe_name(probe), probe)
     asked = _asked(arguments, keeps_primaries=job.reading.get("working") is not None)
@@ -99,7 +107,12 @@ def made(job: Job, probe: Probe) -> dict[str, Any]:
     check_target(path if folder.is_dir() else folder, makes_folder=True)  # before the work
     package = export(source, engine_of(arguments["engine"]), asked)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    before = (_read(path) or {}).get("files")
+    held = _read(path) or {}
+    before = held.get("files")
+    names = [each.name for each in package.files]
+    ours = _named(before) | _named(held.get("begun"))
+    if ours and not force:
+        _refuse_foreign(folder, {*names} - ours)
     facts = {
         "probe": probe_name(probe),
         "probe_sha256": probe.digest(),
@@ -109,16 +122,16 @@ def made(job: Job, probe: Probe) -> dict[str, Any]:
     }
     with made_folder(folder):
         # A run that ends between the files leaves a folder that the next one may finish.
-        _write(path, facts)
+        _write(path, {**facts, "begun": names})
         try:
             paths = write(package, folder, kept=False)
         except OutputError:
             path.unlink(missing_ok=True)
             raise
-        files = {each.name: [each.stat().st_size, _digest(each)] for each in paths}
+        files = {each.name: _facts(each) for each in paths}
         _remove_stale(folder, before, files)
         _write(path, {**facts, "files": files})
-    return {"bytes": sum(size for size, _ in files.values()), "warnings": package.warnings}
+    return {"bytes": sum(size for size, *_ in files.values()), "warnings": package.warnings}
 
 
 def _asked(arguments: Mapping[str, Any], keeps_primaries: bool = False) -> Asked:
@@ -154,6 +167,19 @@ def _write(path: Path, held: Mapping[str, Any]) -> None:
     write_bytes(path, (json.dumps({"shrm": EXPORT, **held}, indent=1) + "\n").encode())
 
 
+def _named(files: object) -> set[str]:
+    """The names in a record; none where it is damaged."""
+    names = set(map(str, files)) if isinstance(files, dict | list) else set()
+    return names if all(Path(name).name == name for name in names) else set()
+
+
+def _refuse_foreign(folder: Path, names: Iterable[str]) -> None:
+    """Refuse to replace files that no run of a batch has made or begun."""
+    for name in sorted(names):
+        if os.path.lexists(folder / name):
+            raise kept(folder / name, "no batch made it")
+
+
 def _remove_stale(folder: Path, before: object, files: Mapping[str, Any]) -> None:
     """Remove what an earlier run made, and this one did not, unless somebody changed it."""
     for name, facts in (before if isinstance(before, dict) else {}).items():
@@ -167,16 +193,27 @@ def _changed(folder: Path, files: object) -> Difference | None:
         return Difference(DAMAGED)
     for name, facts in files.items():
         path = folder / name
-        if Path(name).name != name or not isinstance(facts, list) or len(facts) != 2:
+        if Path(name).name != name or not isinstance(facts, list) or len(facts) != 3:
             return Difference(DAMAGED)
-        if not path.is_file() or path.stat().st_size < facts[0]:
+        size, digest, head = facts
+        if not path.is_file():
             return Difference(DAMAGED)
-        if path.stat().st_size > facts[0] or _digest(path) != facts[1]:
+        is_cut = path.stat().st_size < size and _digest(path, _HEAD) == head
+        if is_cut or not path.stat().st_size:
+            return Difference(DAMAGED)
+        if path.stat().st_size != size or _digest(path) != digest:
             return Difference(f"{name} was changed since shrm made it", is_ours=False)
     return None
 
 
-def _digest(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal digits."""
+def _facts(path: Path) -> list[Any]:
+    """What is recorded of a file: its bytes, their digest, and that of the first of them."""
+    return [path.stat().st_size, _digest(path), _digest(path, _HEAD)]
+
+
+def _digest(path: Path, count: int = -1) -> str:
+    """SHA-256 of the first bytes of a file, or of all of them, in hexadecimal digits."""
     with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+        if count < 0:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return hashlib.sha256(stream.read(count)).hexdigest()

@@ -167,7 +167,7 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     if request is None:
         from shrm_cli.batch.exports import made as exported  # plain batches export nothing
 
-        told = exported(job, probe)
+        told = exported(job, probe, terms.force)
         warnings = [*probe.report.warnings(), *told["warnings"]]
         return {"status": "made", "why": found.why, **told, "warnings": warnings}
     is_local = not messages.is_remote(job.output)

@@ -46,7 +46,7 @@ def test_a_batch_makes_what_shrm_export_makes(folder):
         made = {each.name: each.read_bytes() for each in (folder / f"a.{engine}").iterdir()}
         record = json.loads(made.pop("a_export.json"))
         assert made == alone
-        assert {name: size for name, (size, _) in record["files"].items()} == {
+        assert {name: size for name, (size, *_) in record["files"].items()} == {
             name: len(data) for name, data in alone.items()
         }
     told = {(each["to"], each["engine"]) for each in records(folder)}
@@ -110,6 +110,23 @@ def test_what_a_missing_package_left_large_is_made_anew_with_it(folder, monkeypa
     assert "without the package zstandard" in records(folder)[0]["why"]
     assert path.stat().st_size < large
     assert statuses(folder, *command)[1] == {"a.bevy": "skipped"}
+
+
+@pytest.mark.parametrize("change", ["edited", "own"])
+def test_what_is_not_ours_stays_whatever_else_is_asked_for(folder, change):
+    command = ("batch", "a.exr", "--for", "filament", "--size", "32", "--skybox")
+    done(*command, "0")
+    path = folder / "a.filament" / ("a_README.md" if change == "edited" else "a_skybox.ktx")
+    # What is shorter is not cut where it begins with something else.
+    path.write_text("mine")
+    said, found = statuses(folder, *command, "16")
+    assert found == {"a.filament": "failed"}
+    assert "--force" in said.err
+    assert path.name in said.err
+    assert path.read_text() == "mine"
+    assert statuses(folder, *command, "16", "--force")[1] == {"a.filament": "made"}
+    assert path.read_bytes() != b"mine"
+    assert statuses(folder, *command, "16")[1] == {"a.filament": "skipped"}
 
 
 def test_a_run_that_ended_between_files_is_finished(folder):
