@@ -362,9 +362,18 @@ def without_outputs(names: Iterable[str]) -> tuple[list[str], list[str]]:
             folder, last = os.path.split(name)
             if folder not in exported:
                 exported[folder] = _exported(folder)
-            is_made = lower.endswith(_NO_PROBES) or last in exported[folder] or is_output(name)
+            is_made = lower.endswith(_NO_PROBES) or last in exported[folder] or _is_made(name)
         (outputs if is_made else probes).append(name)
     return probes, outputs
+
+
+def _is_made(name: str) -> bool:
+    """Whether a file says that it is a map, a table or a picture that `shrm` made."""
+    if name.lower().endswith(".png"):
+        from shrm_cli.files.png import is_ours
+
+        return is_ours(name)
+    return is_output(name)
 
 
 def _exported(folder: str) -> frozenset[str]:
