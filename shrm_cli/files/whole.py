@@ -19,6 +19,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from shrm_cli.errors import OutputError, ShrmError
+from shrm_cli.messages import shown
 
 Files = set[tuple[int, int]]
 """Devices and numbers of files; links share those of their file."""
@@ -116,13 +117,13 @@ def check_regular(
     try:
         status = os.stat(path)
     except FileNotFoundError:
-        raise error(f"{path}: no such file; {missing or f'name {what}'}") from None
+        raise error(f"{shown(path)}: no such file; {missing or f'name {what}'}") from None
     except (OSError, ValueError) as problem:  # such as a name too long, or with a null
         reason = getattr(problem, "strerror", None) or "a name that no file can have"
-        raise error(f"{path}: cannot be opened ({reason}); check its name") from None
+        raise error(f"{shown(path)}: cannot be opened ({reason}); check its name") from None
     if not stat.S_ISREG(status.st_mode):
         kind = "a directory" if stat.S_ISDIR(status.st_mode) else "not a regular file"
-        raise error(f"{path}: {kind}; name {what}")
+        raise error(f"{shown(path)}: {kind}; name {what}")
     return status
 
 
