@@ -114,16 +114,17 @@ def check_regular(
 
     Raises `error`, in a line that says to name `what`, or else what to do where it is `missing`.
     """
+    said = shown(str(path))
     try:
         status = os.stat(path)
     except FileNotFoundError:
-        raise error(f"{shown(path)}: no such file; {missing or f'name {what}'}") from None
+        raise error(f"{said}: no such file; {missing or f'name {what}'}") from None
     except (OSError, ValueError) as problem:  # such as a name too long, or with a null
         reason = getattr(problem, "strerror", None) or "a name that no file can have"
-        raise error(f"{shown(path)}: cannot be opened ({reason}); check its name") from None
+        raise error(f"{said}: cannot be opened ({reason}); check its name") from None
     if not stat.S_ISREG(status.st_mode):
         kind = "a directory" if stat.S_ISDIR(status.st_mode) else "not a regular file"
-        raise error(f"{shown(path)}: {kind}; name {what}")
+        raise error(f"{said}: {kind}; name {what}")
     return status
 
 
