@@ -7,7 +7,7 @@ probe, the program and the files. By it a later run knows what is there already 
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from shrm_cli.export.cubes import LARGE
 from shrm_cli.export.engine import engine as engine_of
 from shrm_cli.export.ktx import can_compress
 from shrm_cli.export.make import Asked, Source, check, export, made_folder, write
+from shrm_cli.files.exr_header import holds_nothing
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.whole import check_target, kept, write_bytes
 from shrm_cli.maps.info import probe_name
@@ -45,6 +46,8 @@ DESCRIPTION = Representation(
 
 _RECORD = "_export.json"
 _MOST_RECORD = 2**20
+_NO_END = 64
+"""So many zeros at its end, which others stood for, show that a file was not written whole."""
 _HEAD = 256
 """The bytes by which a file that was cut is told from one that was made smaller."""
 _LACKED = "zstandard"
@@ -195,15 +198,29 @@ def _changed(folder: Path, files: object) -> Difference | None:
         path = folder / name
         if Path(name).name != name or not isinstance(facts, list) or len(facts) != 3:
             return Difference(DAMAGED)
-        size, digest, head = facts
         if not path.is_file():
             return Difference(DAMAGED)
-        is_cut = path.stat().st_size < size and _digest(path, _HEAD) == head
-        if is_cut or not path.stat().st_size:
-            return Difference(DAMAGED)
-        if path.stat().st_size != size or _digest(path) != digest:
+        found = _facts(path)
+        if found[:2] != facts[:2]:
+            if _is_damage(path, found, facts):
+                return Difference(DAMAGED)
             return Difference(f"{name} was changed since shrm made it", is_ours=False)
     return None
+
+
+def _is_damage(path: Path, there: Sequence[Any], made: Sequence[Any]) -> bool:
+    """Whether a file that has changed was cut, or ends in zeros as after a power cut.
+
+    `there` and `made` are its `_facts`. One that begins with something else was made anew by
+    somebody, such as one that was compressed.
+    """
+    if holds_nothing(path):
+        return True
+    if there[0] > made[0] or there[2] != made[2]:
+        return False
+    with open(path, "rb") as stream:
+        stream.seek(-min(_NO_END, there[0]), os.SEEK_END)
+        return there[0] < made[0] or not stream.read().strip(b"\0")
 
 
 def _facts(path: Path) -> list[Any]:

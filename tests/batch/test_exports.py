@@ -112,6 +112,19 @@ def test_what_a_missing_package_left_large_is_made_anew_with_it(folder, monkeypa
     assert statuses(folder, *command)[1] == {"a.bevy": "skipped"}
 
 
+@pytest.mark.parametrize("left", [slice(0, 3000), slice(0, -300), slice(0, 0), slice(9, 9)])
+def test_what_was_not_written_whole_is_made_anew(folder, left):
+    """Cut off, with zeros in place of its end, empty, or with nothing but zeros."""
+    command = ("batch", "a.exr", "--for", "bevy", "--size", "64")
+    done(*command)
+    path = folder / "a.bevy" / "a_diffuse.ktx2"
+    whole = path.read_bytes()
+    path.write_bytes(whole[left].ljust(len(whole) if left.stop in (-300, 9) else 0, b"\0"))
+    assert statuses(folder, *command)[1] == {"a.bevy": "made"}
+    assert "damaged" in records(folder)[0]["why"]
+    assert path.read_bytes() == whole
+
+
 @pytest.mark.parametrize("change", ["edited", "own"])
 def test_what_is_not_ours_stays_whatever_else_is_asked_for(folder, change):
     command = ("batch", "a.exr", "--for", "filament", "--size", "32", "--skybox")
