@@ -196,9 +196,8 @@ def _changed(folder: Path, files: object) -> Difference | None:
         return Difference(DAMAGED)
     for name, facts in files.items():
         path = folder / name
-        if Path(name).name != name or not isinstance(facts, list) or len(facts) != 3:
-            return Difference(DAMAGED)
-        if not path.is_file():
+        is_sound = isinstance(facts, list) and len(facts) == 3 and type(facts[0]) is int
+        if Path(name).name != name or not is_sound or not path.is_file():
             return Difference(DAMAGED)
         found = _facts(path)
         if found[:2] != facts[:2]:

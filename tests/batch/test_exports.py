@@ -194,7 +194,17 @@ def test_what_others_made_is_not_replaced(folder, change):
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"files": {"../x": [1, "0"]}}', "9" * 2**21])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{",
+        '{"files": {"../x": [1, "0"]}}',
+        '{"files": {"a.ktx2": ["x", 1, 2]}}',
+        "9" * 2**21,
+    ],
+)
 def test_damaged_records_are_made_anew(folder, text):
     done("batch", "a.exr", "--for", "cesium", "--size", "16")
     path = folder / "a.cesium" / "a_export.json"
