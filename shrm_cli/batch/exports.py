@@ -172,8 +172,16 @@ def _write(path: Path, held: Mapping[str, Any]) -> None:
 
 def _named(files: object) -> set[str]:
     """The names in a record; none where it is damaged."""
-    names = set(map(str, files)) if isinstance(files, dict | list) else set()
+    if isinstance(files, dict):
+        return set(files) if all(_is_sound(name, facts) for name, facts in files.items()) else set()
+    names = set(map(str, files)) if isinstance(files, list) else set()
     return names if all(Path(name).name == name for name in names) else set()
+
+
+def _is_sound(name: str, facts: object) -> bool:
+    """Whether a record may say so of a file."""
+    is_known = isinstance(facts, list) and len(facts) == 3 and type(facts[0]) is int
+    return is_known and Path(name).name == name
 
 
 def _refuse_foreign(folder: Path, names: Iterable[str]) -> None:
@@ -191,20 +199,23 @@ def _remove_stale(folder: Path, before: object, files: Mapping[str, Any]) -> Non
 
 
 def _changed(folder: Path, files: object) -> Difference | None:
-    """Say how the files of a folder were changed since they were written; None if not."""
+    """Say how the files of a folder were changed since they were written; None if not.
+
+    What somebody edited counts before what is damaged, which a run replaces.
+    """
     if not isinstance(files, dict):
         return Difference(DAMAGED)
+    found = None
     for name, facts in files.items():
         path = folder / name
-        is_sound = isinstance(facts, list) and len(facts) == 3 and type(facts[0]) is int
-        if Path(name).name != name or not is_sound or not path.is_file():
+        if not _is_sound(name, facts):
             return Difference(DAMAGED)
-        found = _facts(path)
-        if found[:2] != facts[:2]:
-            if _is_damage(path, found, facts):
-                return Difference(DAMAGED)
+        there = _facts(path) if path.is_file() else None
+        if there is None or (there[:2] != facts[:2] and _is_damage(path, there, facts)):
+            found = Difference(DAMAGED)
+        elif there[:2] != facts[:2]:
             return Difference(f"{name} was changed since shrm made it", is_ours=False)
-    return None
+    return found
 
 
 def _is_damage(path: Path, there: Sequence[Any], made: Sequence[Any]) -> bool:

@@ -137,6 +137,9 @@ def test_what_is_not_ours_stays_whatever_else_is_asked_for(folder, change):
     assert "--force" in said.err
     assert path.name in said.err
     assert path.read_text() == "mine"
+    (folder / "a.filament" / "a_ibl.ktx").unlink()
+    assert statuses(folder, *command, "16")[1] == {"a.filament": "failed"}
+    assert path.read_text() == "mine"
     assert statuses(folder, *command, "16", "--force")[1] == {"a.filament": "made"}
     assert path.read_bytes() != b"mine"
     assert statuses(folder, *command, "16")[1] == {"a.filament": "skipped"}
