@@ -206,13 +206,20 @@ def keep_other_map(target: str, probe: Probe, request: Request, precision: Preci
             raise kept(target, found.why)
 
 
-def keep_edited(target: str) -> None:
-    """Refuse to replace what `shrm` wrote and somebody has edited since."""
-    from shrm_cli.batch.made import change_of
+def keep_edited(target: str) -> bool:
+    """Refuse to replace what `shrm` wrote and somebody has edited since.
 
-    found = change_of(target) if os.path.isfile(target) else None
+    Returns whether the file is damaged, so that nothing of it is worth keeping.
+    """
+    from shrm_cli.batch.made import change_of
+    from shrm_cli.files.exr_header import holds_nothing
+
+    if not os.path.isfile(target):
+        return False
+    found = change_of(target)
     if found is not None and not found.is_damage:
         raise kept(target, found.why)
+    return found is not None or holds_nothing(target)
 
 
 def readable_map(path: str) -> Map | None:
@@ -231,7 +238,8 @@ def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
 
     if not os.path.lexists(target):
         return
-    keep_edited(target)
+    if keep_edited(target):
+        return
     stored = peek(target)
     text = "" if stored is None else stored.first.text("shrm:recipe")
     if text != json.dumps(recipe):
