@@ -13,6 +13,7 @@ from typing import Any
 
 from shrm_cli.batch.job import Job
 from shrm_cli.batch.made import DAMAGED, MISSING, Difference, differing
+from shrm_cli.batch.outputs import RECORD
 from shrm_cli.errors import ArgumentError, OutputError
 from shrm_cli.export.cubes import LARGE
 from shrm_cli.export.engine import engine as engine_of
@@ -44,7 +45,6 @@ DESCRIPTION = Representation(
 )
 """What a batch needs to know of exports, as of a representation."""
 
-_RECORD = "_export.json"
 _MOST_RECORD = 2**20
 _NO_END = 64
 """So many zeros at its end, which others stood for, show that a file was not written whole."""
@@ -152,7 +152,7 @@ def _options(job: Job, probe: Probe) -> dict[str, Any]:
 
 
 def _record_name(job: Job) -> str:
-    return probe_stem(job.probe) + _RECORD
+    return probe_stem(job.probe) + RECORD
 
 
 def _read(path: Path) -> dict[str, Any] | None:
