@@ -17,12 +17,14 @@ _ROOT = os.path.dirname(os.path.abspath(__file__))
 MAPS = ("", "brdf", "files", "lights", "maps", "plan", "probe", "sphere")
 """The folders of the package whose code decides what maps hold. The empty name stands for the
 modules that lie in no folder; with the others go all folders below them."""
+EXPORTS = (*MAPS, "export")
+"""The folders whose code decides the files of engines."""
 COEFFICIENTS = ("brdf", "sphere")
 """The folders whose code decides the coefficients of BRDFs."""
 TRANSFER = ("", "files", "geometry", "sphere", "transfer")
 """The folders whose code decides the transfer of meshes."""
-_SUFFIXES = (".py", ".csv")
-"""The suffixes of modules, and of tables that they read."""
+_SUFFIXES = (".py", ".csv", ".js")
+"""The suffixes of modules, and of tables and scripts that they read."""
 _BUILT = ("_version.py",)
 """What is written when the package is built: two builds of the same code are the same program."""
 
@@ -31,7 +33,7 @@ _BUILT = ("_version.py",)
 def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
     """Return a digest of the modules in some folders of the package: their names and contents.
 
-    Tables beside the modules, which they read, count as well.
+    Tables and scripts beside the modules, which they read, count as well.
 
     `root` is the folder of the package. Returns 16 hexadecimal digits. It takes about 2 ms, once a
     process. Where there are no files, as in a package that is run from an archive, it is a digest

@@ -2,6 +2,8 @@
 
 import pytest
 
+from shrm_cli.errors import MapError
+from shrm_cli.maps.file import open_map
 from shrm_cli.messages import has_secret, shown, shown_reason, shown_values, without_query
 
 SECRET = "hUnTeR2%2Fx+y"
@@ -82,3 +84,8 @@ def test_hiding_takes_no_longer_than_the_text():
     for text in ("a:/", "?", "x://@", "a:", "http://", "x://:", "://?=", "'sig", "a", "x://#", "]"):
         shown_reason(text * 30_000)
         shown_reason(f"http://{text * 30_000}@")
+
+
+def test_a_map_that_is_no_file_is_named_without_its_secrets():
+    with pytest.raises(MapError, match=r"^https://\*\*\*@host/a.exr\?\.\.\.: no such file"):
+        open_map("https://me:hunter2@host/a.exr?sig=hunter2")

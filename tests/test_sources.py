@@ -9,7 +9,7 @@ import pytest
 
 import shrm_cli
 from shrm_cli import sources
-from shrm_cli.sources import COEFFICIENTS, MAPS, fingerprint
+from shrm_cli.sources import COEFFICIENTS, EXPORTS, MAPS, fingerprint
 
 PACKAGE = Path(shrm_cli.__file__).parent
 
@@ -27,7 +27,7 @@ def below(folder):
     return {name for name in names if not name.endswith((".pyc", "py.typed"))} - {"_version.py"}
 
 
-@pytest.mark.parametrize("folders", [MAPS, COEFFICIENTS])
+@pytest.mark.parametrize("folders", [MAPS, COEFFICIENTS, EXPORTS])
 def test_all_modules_of_the_folders_count(folders):
     names = [name for folder in folders for name in sources._modules(str(PACKAGE), folder)]
     assert set(names) == set().union(*map(below, folders))
@@ -81,6 +81,24 @@ def test_all_that_makes_maps_counts():
     loaded = {name.split(".")[1] for name in told.stdout.split()}
     assert {"maps", "brdf", "orders"} <= loaded
     assert {name for name in loaded if (PACKAGE / name).is_dir()} <= set(MAPS)
+
+
+def test_all_that_makes_files_of_engines_counts():
+    """Every module that any engine loads is in one of the folders."""
+    code = (
+        "import sys, shrm_cli.batch.exports\n"
+        "from shrm_cli.export.engine import engine\n"
+        "from shrm_cli.vocabulary import ENGINES\n"
+        "all(engine(name) for name in ENGINES)\n"
+        "print(*(name for name in sys.modules if name.startswith('shrm_cli.')))\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, check=True
+    )
+    loaded = {name.split(".")[1] for name in told.stdout.split()}
+    assert "export" in loaded
+    # A batch decides what is made, and not what it holds.
+    assert {name for name in loaded if (PACKAGE / name).is_dir()} <= {*EXPORTS, "batch"}
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.choose.offer import Choice
+from shrm_cli.files.png import SOFTWARE
 from shrm_cli.files.whole import replacing
 from shrm_cli.maps.registry import description
 
@@ -248,4 +249,4 @@ def _frequency_axis(axes: Any, order_f: int) -> None:
 
 def _save(figure: Any, path: str | os.PathLike[str]) -> None:
     with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", metadata={"Software": None})
+        figure.savefig(temporary, format="png", metadata={"Software": SOFTWARE})

@@ -4,12 +4,12 @@ import glob
 import os
 import re
 from collections.abc import Container, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import field, replace
 from pathlib import PurePath
 from typing import Any
 
 from shrm_cli.batch.job import Chunk, Job, Recipe
+from shrm_cli.batch.outputs import without_outputs
 from shrm_cli.brdf.spec import named_files, names_file, parse_spec
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
 from shrm_cli.files.exr_header import holds_nothing, is_output
@@ -31,14 +31,6 @@ FIELDS = ("probe", "folder", "brdf", "to", "engine")
 """What the names of outputs may hold in braces."""
 _FIELD = re.compile(r"([-._/ ]?)\{([^{}]*)\}")
 _SEPARATORS = "-._/ "
-_NO_PROBES = (
-    ".json", ".jsonl", ".npz", ".parquet", ".html", ".htm", ".ktx", ".ktx2", ".env", ".usda", ".md",
-    ".bsdf", ".binary",
-)  # fmt: skip
-"""Suffixes of other files that commands write or read, and that no probe has."""
-_README = "_README.md"
-_MOST_README = 2**16
-_NAMED = re.compile(r"`([^`\n]+)`")
 
 
 @record
@@ -326,7 +318,7 @@ def found_probes(
             raise ProbeError(f"{shown(pattern)}: matches no file; quote and correct the pattern")
         for name in names:
             _check_listed(name, _below(name, pattern), pattern)
-        probes, made = without_outputs(names)
+        probes, made = without_outputs(names, pattern)
         if not probes:
             raise ProbeError(
                 f"{shown(pattern)}: matches no probe, only {counted(len(names), 'file')} that shrm "
@@ -338,48 +330,6 @@ def found_probes(
     if left_out is not None:
         left_out += [name for name in outputs if name not in found]
     return list(found.items())
-
-
-def without_outputs(names: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Divide files into those that may be probes, and those that `shrm` wrote.
-
-    On disk a map, a table or a picture says what it is at its beginning, and of what an engine's
-    export wrote, the README beside it names the files. Of a listing from elsewhere nothing is known
-    but names.
-
-    Returns the probes, and the outputs, in the order of the names.
-    """
-    exported: dict[str, frozenset[str]] = {}
-    maps: tuple[str, ...] = ()  # what their default names end in
-    probes: list[str] = []
-    outputs: list[str] = []
-    for name in names:
-        lower = name.lower()
-        if is_remote(name):
-            maps = maps or tuple(f".{to}.exr" for to in registry.names())
-            is_made = lower.endswith((*_NO_PROBES, *maps))
-        else:
-            folder, last = os.path.split(name)
-            if folder not in exported:
-                exported[folder] = _exported(folder)
-            is_made = lower.endswith(_NO_PROBES) or last in exported[folder] or is_output(name)
-        (outputs if is_made else probes).append(name)
-    return probes, outputs
-
-
-def _exported(folder: str) -> frozenset[str]:
-    """Return the names of the files that exports have written into a folder."""
-    found: set[str] = set()
-    with suppress(OSError, ValueError):
-        for name in os.listdir(folder or "."):
-            if not name.endswith(_README):
-                continue
-            with open(os.path.join(folder, name), encoding="utf-8", errors="replace") as stream:
-                text = stream.read(_MOST_README)
-            title, _, files = text.partition("\nFiles: ")
-            if ", by shrm " in title:
-                found |= {name, *_NAMED.findall(files.partition("\n")[0])}
-    return frozenset(found)
 
 
 def _check_listed(name: str, folder: str, pattern: str) -> None:

@@ -7,21 +7,26 @@ probe, the program and the files. By it a later run knows what is there already 
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from shrm_cli.batch.job import Job
 from shrm_cli.batch.made import DAMAGED, MISSING, Difference, differing
+from shrm_cli.batch.outputs import RECORD
 from shrm_cli.errors import ArgumentError, OutputError
+from shrm_cli.export.cubes import LARGE
 from shrm_cli.export.engine import engine as engine_of
+from shrm_cli.export.ktx import can_compress
 from shrm_cli.export.make import Asked, Source, check, export, made_folder, write
+from shrm_cli.files.exr_header import holds_nothing
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.whole import check_target, write_bytes
+from shrm_cli.files.whole import check_target, kept, write_bytes
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.options import Option, Representation
 from shrm_cli.naming import probe_stem
 from shrm_cli.probe.probe import Probe
+from shrm_cli.sources import EXPORTS, fingerprint
 from shrm_cli.vocabulary import ENGINES, EXPORT, TEXEL_FORMATS
 
 OPTIONS = (
@@ -40,8 +45,13 @@ DESCRIPTION = Representation(
 )
 """What a batch needs to know of exports, as of a representation."""
 
-_RECORD = "_export.json"
 _MOST_RECORD = 2**20
+_NO_END = 64
+"""So many zeros at its end, which others stood for, show that a file was not written whole."""
+_HEAD = 256
+"""The bytes by which a file that was cut is told from one that was made smaller."""
+_LACKED = "zstandard"
+"""The package without which files are larger than they could be."""
 
 
 def checked(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,7 +65,7 @@ def checked(given: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
+def difference(job: Job, probe: Probe) -> Difference | None:
     """Say in what a job's folder differs from what this program would write, or return None."""
     folder = Path(job.output)
     if not os.path.lexists(folder):
@@ -74,17 +84,25 @@ def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
         return Difference("another probe made it, or another version of this one", is_ours=is_ours)
     if held.get("files") is None:
         return Difference("it is unfinished")
+    changed = _changed(folder, held["files"])
+    if changed is not None and not changed.is_ours:
+        return changed
     options = held.get("options")
     words = differing(options if isinstance(options, dict) else {}, _options(job, probe))
     if words:
         return Difference(f"it was made with other options ({words})")
-    if held.get("sources") != sources:
+    if held.get("sources") != fingerprint(EXPORTS):
         return Difference("another version or state of shrm made it")
-    return _changed(folder, held["files"])
+    if held.get("lacks") == _LACKED and can_compress():
+        return Difference(f"it was made without the package {_LACKED}")
+    return changed
 
 
-def made(job: Job, probe: Probe, sources: str) -> dict[str, Any]:
-    """Make the folder of a job, and return what its record tells of it."""
+def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
+    """Make the folder of a job, and return what its record tells of it.
+
+    `force` tells whether files that no batch made are replaced, too.
+    """
     folder, arguments = Path(job.output), job.recipe.arguments
     source = Source(probe_stem(job.probe), probe_name(probe), probe)
     asked = _asked(arguments, keeps_primaries=job.reading.get("working") is not None)
@@ -92,25 +110,31 @@ def made(job: Job, probe: Probe, sources: str) -> dict[str, Any]:
     check_target(path if folder.is_dir() else folder, makes_folder=True)  # before the work
     package = export(source, engine_of(arguments["engine"]), asked)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    before = (_read(path) or {}).get("files")
+    held = _read(path) or {}
+    before = held.get("files")
+    names = [each.name for each in package.files]
+    ours = _named(before) | _named(held.get("begun"))
+    if ours and not force:
+        _refuse_foreign(folder, {*names} - ours)
     facts = {
         "probe": probe_name(probe),
         "probe_sha256": probe.digest(),
         "options": _options(job, probe),
-        "sources": sources,
+        "sources": fingerprint(EXPORTS),
+        **({"lacks": _LACKED} if LARGE in package.told else {}),
     }
     with made_folder(folder):
         # A run that ends between the files leaves a folder that the next one may finish.
-        _write(path, facts)
+        _write(path, {**facts, "begun": names})
         try:
             paths = write(package, folder, kept=False)
         except OutputError:
             path.unlink(missing_ok=True)
             raise
-        files = {each.name: [each.stat().st_size, _digest(each)] for each in paths}
+        files = {each.name: _facts(each) for each in paths}
         _remove_stale(folder, before, files)
         _write(path, {**facts, "files": files})
-    return {"bytes": sum(size for size, _ in files.values()), "warnings": package.warnings}
+    return {"bytes": sum(size for size, *_ in files.values()), "warnings": package.warnings}
 
 
 def _asked(arguments: Mapping[str, Any], keeps_primaries: bool = False) -> Asked:
@@ -128,7 +152,7 @@ def _options(job: Job, probe: Probe) -> dict[str, Any]:
 
 
 def _record_name(job: Job) -> str:
-    return probe_stem(job.probe) + _RECORD
+    return probe_stem(job.probe) + RECORD
 
 
 def _read(path: Path) -> dict[str, Any] | None:
@@ -146,6 +170,27 @@ def _write(path: Path, held: Mapping[str, Any]) -> None:
     write_bytes(path, (json.dumps({"shrm": EXPORT, **held}, indent=1) + "\n").encode())
 
 
+def _named(files: object) -> set[str]:
+    """The names in a record; none where it is damaged."""
+    if isinstance(files, dict):
+        return set(files) if all(_is_sound(name, facts) for name, facts in files.items()) else set()
+    names = set(map(str, files)) if isinstance(files, list) else set()
+    return names if all(Path(name).name == name for name in names) else set()
+
+
+def _is_sound(name: str, facts: object) -> bool:
+    """Whether a record may say so of a file."""
+    is_known = isinstance(facts, list) and len(facts) == 3 and type(facts[0]) is int
+    return is_known and Path(name).name == name
+
+
+def _refuse_foreign(folder: Path, names: Iterable[str]) -> None:
+    """Refuse to replace files that no run of a batch has made or begun."""
+    for name in sorted(names):
+        if os.path.lexists(folder / name):
+            raise kept(folder / name, "no batch made it")
+
+
 def _remove_stale(folder: Path, before: object, files: Mapping[str, Any]) -> None:
     """Remove what an earlier run made, and this one did not, unless somebody changed it."""
     for name, facts in (before if isinstance(before, dict) else {}).items():
@@ -154,21 +199,48 @@ def _remove_stale(folder: Path, before: object, files: Mapping[str, Any]) -> Non
 
 
 def _changed(folder: Path, files: object) -> Difference | None:
-    """Say how the files of a folder were changed since they were written; None if not."""
+    """Say how the files of a folder were changed since they were written; None if not.
+
+    What somebody edited counts before what is damaged, which a run replaces.
+    """
     if not isinstance(files, dict):
         return Difference(DAMAGED)
+    found = None
     for name, facts in files.items():
         path = folder / name
-        if Path(name).name != name or not isinstance(facts, list) or len(facts) != 2:
+        if not _is_sound(name, facts):
             return Difference(DAMAGED)
-        if not path.is_file() or path.stat().st_size < facts[0]:
-            return Difference(DAMAGED)
-        if path.stat().st_size > facts[0] or _digest(path) != facts[1]:
+        there = _facts(path) if path.is_file() else None
+        if there is None or (there[:2] != facts[:2] and _is_damage(path, there, facts)):
+            found = Difference(DAMAGED)
+        elif there[:2] != facts[:2]:
             return Difference(f"{name} was changed since shrm made it", is_ours=False)
-    return None
+    return found
 
 
-def _digest(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal digits."""
+def _is_damage(path: Path, there: Sequence[Any], made: Sequence[Any]) -> bool:
+    """Whether a file that has changed was cut, or ends in zeros as after a power cut.
+
+    `there` and `made` are its `_facts`. One that begins with something else was made anew by
+    somebody, such as one that was compressed.
+    """
+    if holds_nothing(path):
+        return True
+    if there[0] > made[0] or there[2] != made[2]:
+        return False
     with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+        stream.seek(-min(_NO_END, there[0]), os.SEEK_END)
+        return there[0] < made[0] or not stream.read().strip(b"\0")
+
+
+def _facts(path: Path) -> list[Any]:
+    """What is recorded of a file: its bytes, their digest, and that of the first of them."""
+    return [path.stat().st_size, _digest(path), _digest(path, _HEAD)]
+
+
+def _digest(path: Path, count: int = -1) -> str:
+    """SHA-256 of the first bytes of a file, or of all of them, in hexadecimal digits."""
+    with open(path, "rb") as stream:
+        if count < 0:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return hashlib.sha256(stream.read(count)).hexdigest()

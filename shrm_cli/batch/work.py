@@ -32,7 +32,6 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import held
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
-from shrm_cli.sources import fingerprint
 from shrm_cli.vocabulary import EXPORT
 
 Record = dict[str, Any]
@@ -168,7 +167,7 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     if request is None:
         from shrm_cli.batch.exports import made as exported  # plain batches export nothing
 
-        told = exported(job, probe, fingerprint())
+        told = exported(job, probe, terms.force)
         warnings = [*probe.report.warnings(), *told["warnings"]]
         return {"status": "made", "why": found.why, **told, "warnings": warnings}
     is_local = not messages.is_remote(job.output)
@@ -197,7 +196,7 @@ def _difference(job: Job, probe: Probe, request: Request | None) -> Difference |
     if request is None:
         from shrm_cli.batch.exports import difference as difference_of_export
 
-        return difference_of_export(job, probe, fingerprint())
+        return difference_of_export(job, probe)
     output, recipe = job.output, job.recipe
     is_there = remote.exists(output) if messages.is_remote(output) else os.path.lexists(output)
     if not is_there:

@@ -125,7 +125,7 @@ def analyze(
     kinds = {"energy": can_plot(), "accuracy": can_plot() and source, "pictures": source}
     prefix = _prefix(output, probe, brdf_label(spec))
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
-    usage.check_outputs(targets.values(), specs=[spec])
+    usage.check_outputs(targets.values(), specs=[spec], draws=True)
     with progress_bar("analysing") as progress:
         found = shrm.analyze(
             spec, source, tolerances=tolerances, order_f=order_f, order_p=order_p,
@@ -193,7 +193,7 @@ def _analyze_materials(
     target = None
     if can_plot() and not no_plots:
         target = f"{_stem(output or 'materials')}.energy.png"
-        usage.check_outputs([target], specs=specs)
+        usage.check_outputs([target], specs=specs, draws=True)
     brdfs = [parse_spec(spec) for spec in specs]
     f, p = MATERIAL_F if order_f is None else order_f, MATERIAL_P if order_p is None else order_p
     with progress_bar("integrating") as progress:

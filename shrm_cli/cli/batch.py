@@ -166,7 +166,7 @@ def batch(
     if commands or openjd:
         write_farm_files(options.words_of_call(), commands, openjd, len(chunks), chunk)
         return
-    chunks = named_parts(chunks, share)
+    chunks = named_parts(chunks, share, [collect, contact_page])
     terms = Terms(force, dry_run, settings.current().cache, gathering)
     if gathering is not None:
         chunks = [replace(chunk, collects=True) for chunk in chunks]

@@ -140,7 +140,7 @@ def compare(
     target = None if no_picture else output or "compare.png"
     if target is not None:
         file_type(target)
-        usage.check_outputs([target], files=maps, specs=[spec])
+        usage.check_outputs([target], files=maps, specs=[spec], draws=True)
         count = len(maps) - (source is None)
         # It raises if the sheet is too large.
         comparison_layout(count, len(shown["views"]), shown["size"])

@@ -11,7 +11,7 @@ from shrm_cli.cli import usage
 from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo, echo_message
 from shrm_cli.cli.types import FILE, Parsed, option
-from shrm_cli.messages import has_secret
+from shrm_cli.messages import has_secret, shown
 
 if TYPE_CHECKING:
     from shrm_cli.batch.job import Chunk
@@ -94,13 +94,23 @@ def write_farm_files(
         echo(told, err=printed is not None)
 
 
-def named_parts(chunks: list[Chunk], share: tuple[int, int, int] | None) -> list[Chunk]:
-    """Return the chunks that belong to the parts that --share names; all of them without it."""
+def named_parts(
+    chunks: list[Chunk], share: tuple[int, int, int] | None, gathered: Sequence[str | None] = ()
+) -> list[Chunk]:
+    """Return the chunks that belong to the parts that --share names; all of them without it.
+
+    Of files that hold all probes together, `gathered`, it says that they will hold these parts.
+    """
     if share is None:
         return chunks
     from shrm_cli.batch.farm import part_of
 
     first, last, count = share
+    for name in (each for each in gathered if each is not None and last - first + 1 < count):
+        echo_message(
+            f"Warning: {shown(name)}: it will hold this part alone, and each part writes it anew; "
+            "gather without --share, or name one for each part"
+        )
     return [chunk for chunk in chunks if first <= part_of(chunk.probe, count) <= last]
 
 

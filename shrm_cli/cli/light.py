@@ -183,7 +183,7 @@ def basis(
     from shrm_cli.transfer.file import read_transfer
 
     file_type(output)
-    usage.check_outputs([output], files=[path for path in (mesh, transfer) if path])
+    usage.check_outputs([output], files=[each for each in (mesh, transfer) if each], draws=True)
     usage.refuse_inapplicable({"transfer": usage.Applies(mesh is not None, "to a mesh")})
     viewer, names = shrm.Viewer(*view), basis_names(order)
     loaded = None if mesh is None else load_mesh(mesh)

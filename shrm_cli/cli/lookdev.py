@@ -101,7 +101,7 @@ def lookdev(
     check_arguments(to, [*given, "brdf"])
     reading = options.make_read_options(values)
     note(*(path for path in probes if "%" not in path))
-    usage.check_outputs(targets, specs=specs, suffixes=_PICTURES)
+    usage.check_outputs(targets, specs=specs, suffixes=_PICTURES, draws=True)
     _check_sheet(Grid(len(specs), len(probes), size), output, steps, max_memory)
     with progress_bar("prefiltering") as progress:
         made = shrm.lookdev(

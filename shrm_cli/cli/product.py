@@ -135,7 +135,8 @@ def _keep_other_texture(
 
     if not os.path.lexists(target):
         return
-    usage.keep_edited(target)
+    if usage.keep_edited(target):
+        return
     found = usage.readable_map(target)
     if not isinstance(found, ProductMap):
         raise kept(target, "it is no product texture without light that can be read")

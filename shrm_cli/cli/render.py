@@ -135,7 +135,7 @@ def render(
     reading = options.make_read_options(values)
     probes = {path: shrm.open_probe(path, reading) for path in named if path is not None}
     skies = probes.get(background or ""), probes.get(values["background_to"] or "")
-    usage.check_outputs(targets, files=_files(maps, mesh, values))
+    usage.check_outputs(targets, files=_files(maps, mesh, values), draws=True)
     light = grid or probes.get(probe or "")
     lit, baked, told = _lit(maps, light, transfer, window, values["blend_to"])
     if mesh is None:

@@ -126,7 +126,7 @@ def transfer(
             WRITERS[suffix](target, found, baked)
         return baked.summary()
 
-    kept = [] if force or output else [target]
+    kept = [] if force else [*beside, *([] if output else [target])]
     with progress_bar("tracing") as progress, keeping(*kept):
         said = bake(plan, keep=target, use=write, progress=progress)
     kinds = "vectors and matrices" if matrices else "vectors"

@@ -2,7 +2,8 @@
 
 A file of a name which a command chooses itself is replaced if the same inputs and options made it,
 or if the user says --force. What others made is kept, and the user is told before the work begins.
-Names that the user gives by -o are written without asking, and so are pictures to look at.
+Pictures to look at are drawn anew where shrm drew them, whatever they show. Names that the user
+gives by -o are written without asking.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.files.whole import check_target, kept, note
 from shrm_cli.messages import ARGUMENT
 from shrm_cli.naming import probe_stem
@@ -168,19 +169,31 @@ def check_outputs(
     files: Iterable[str] = (),
     specs: Iterable[str | None] = (),
     suffixes: Iterable[str] = (),
+    draws: bool = False,
 ) -> None:
     """Check, before work begins, that outputs can be written and overwrite no input.
 
     `files` are paths of inputs that have not been opened yet; all others are known, see
     `files.whole`. `specs` are specifications of BRDFs, which may name files that have not been
     opened yet. `suffixes` are the suffixes that the targets' names may have, in lower case; by
-    default any.
+    default any. `draws` tells whether the targets are pictures: under names that the user has not
+    given, others are kept.
     """
     from shrm_cli.brdf.spec import named_files
 
     note(*files, *(path for spec in specs if spec is not None for path in named_files(spec)))
     for target in targets:
         check_target(target, tuple(suffixes))
+        if draws and "output" not in given_options():
+            _keep_foreign(target)
+
+
+def _keep_foreign(target: str) -> None:
+    """Refuse to draw over a picture that `shrm` did not draw."""
+    from shrm_cli.files.png import is_ours
+
+    if os.path.isfile(target) and os.path.getsize(target) and not is_ours(target):
+        raise OutputError(f"{target}: exists, and shrm did not draw it; name it, or another, by -o")
 
 
 def keep_other_map(target: str, probe: Probe, request: Request, precision: Precision) -> None:
@@ -193,13 +206,20 @@ def keep_other_map(target: str, probe: Probe, request: Request, precision: Preci
             raise kept(target, found.why)
 
 
-def keep_edited(target: str) -> None:
-    """Refuse to replace what `shrm` wrote and somebody has edited since."""
-    from shrm_cli.batch.made import change_of
+def keep_edited(target: str) -> bool:
+    """Refuse to replace what `shrm` wrote and somebody has edited since.
 
-    found = change_of(target) if os.path.isfile(target) else None
+    Returns whether the file is damaged, so that nothing of it is worth keeping.
+    """
+    from shrm_cli.batch.made import change_of
+    from shrm_cli.files.exr_header import holds_nothing
+
+    if not os.path.isfile(target):
+        return False
+    found = change_of(target)
     if found is not None and not found.is_damage:
         raise kept(target, found.why)
+    return found is not None or holds_nothing(target)
 
 
 def readable_map(path: str) -> Map | None:
@@ -218,7 +238,8 @@ def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
 
     if not os.path.lexists(target):
         return
-    keep_edited(target)
+    if keep_edited(target):
+        return
     stored = peek(target)
     text = "" if stored is None else stored.first.text("shrm:recipe")
     if text != json.dumps(recipe):

@@ -27,7 +27,8 @@ from shrm_cli.vocabulary import FACES
 
 DIFFUSE_SIZE = 64
 """Texels along an edge of a cube of E / pi, which is smooth."""
-_LARGE = f"not compressed, for want of the package zstandard: {install('export')}"
+LARGE = f"not compressed, for want of the package zstandard: {install('export')}"
+"""What is told of a file that could be smaller."""
 
 
 def mirrored(*signs: int) -> Array:
@@ -89,8 +90,8 @@ def ktx2_file(
     """
     packed = packed_levels(made, name, levels, texels, lookup)
     compress = reads_zstd and can_compress()
-    if reads_zstd and not compress and _LARGE not in made.told:
-        made.told.append(_LARGE)
+    if reads_zstd and not compress and LARGE not in made.told:
+        made.told.append(LARGE)
     size = levels[0].shape[1]
     made.add_bytes(name, ktx2(packed, (size, size, 0), texels, compress, faces=6))
 

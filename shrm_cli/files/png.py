@@ -3,6 +3,7 @@
 import os
 import struct
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.files.openimageio import oiio
 from shrm_cli.files.whole import cut_off, replacing
 
+SOFTWARE = "shrm"
+"""What files say of the program that wrote them."""
+_SAYS = b"tEXtSoftware\0" + SOFTWARE.encode()
+_MOST_MARKS = 4096
+"""The bytes among which a file of ours says it; others may have a long profile before."""
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 """The empty IEND chunk with which every whole PNG file ends."""
 
@@ -76,6 +82,7 @@ def _write_png(path: Path, pixels: NDArray[np.uint8 | np.uint16]) -> None:
     is_srgb = pixels.dtype == np.uint8
     spec = oiio.ImageSpec(width, height, 3, oiio.UINT8 if is_srgb else oiio.UINT16)
     spec.attribute("oiio:ColorSpace", "sRGB" if is_srgb else "linear")
+    spec.attribute("Software", SOFTWARE)
     path.touch()  # raises the system's error, which OpenImageIO would not report
     target = oiio.ImageOutput.create("png")
     # Calling write_image after a failed open would be a segmentation fault.
@@ -86,6 +93,14 @@ def _write_png(path: Path, pixels: NDArray[np.uint8 | np.uint16]) -> None:
     # last block fails, which closing the file writes: then the end of the file is missing.
     if not written or target.has_error or not _ends_whole(path):
         raise cut_off()
+
+
+def is_ours(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a PNG that says that `shrm` wrote it."""
+    with suppress(OSError), open(path, "rb") as stream:
+        begun = stream.read(_MOST_MARKS)
+        return begun.startswith(b"\x89PNG") and _SAYS in begun.partition(b"IDAT")[0]
+    return False
 
 
 def _ends_whole(path: Path) -> bool:

@@ -19,6 +19,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from shrm_cli.errors import OutputError, ShrmError
+from shrm_cli.messages import shown
 
 Files = set[tuple[int, int]]
 """Devices and numbers of files; links share those of their file."""
@@ -35,6 +36,8 @@ _FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 """What the system says of a write for which there is no room; it names no file then."""
 _STEM = 40
 """The most characters of the target's name in a temporary file's name, which may have 255 bytes."""
+_BLOCK = 2**20
+"""The bytes of a file that are looked at together."""
 _mine: dict[Path, int] = {}
 """The temporary files and folders that there may be, with the processes that make them."""
 
@@ -93,7 +96,8 @@ _kept: ContextVar[frozenset[str]] = ContextVar("shrm_cli.kept", default=frozense
 def keeping(*targets: str | os.PathLike[str]) -> Iterator[None]:
     """Within this context, files that exist are replaced by files of the same bytes only.
 
-    The same inputs and options give the same bytes, so that what others have made stays.
+    The same inputs and options give the same bytes, so that what others have made stays. What is
+    cut off, or ends in zeros, is the same file if it begins so.
     """
     before = _kept.set(_kept.get() | {os.fspath(target) for target in targets})
     try:
@@ -113,16 +117,17 @@ def check_regular(
 
     Raises `error`, in a line that says to name `what`, or else what to do where it is `missing`.
     """
+    said = shown(str(path))
     try:
         status = os.stat(path)
     except FileNotFoundError:
-        raise error(f"{path}: no such file; {missing or f'name {what}'}") from None
+        raise error(f"{said}: no such file; {missing or f'name {what}'}") from None
     except (OSError, ValueError) as problem:  # such as a name too long, or with a null
         reason = getattr(problem, "strerror", None) or "a name that no file can have"
-        raise error(f"{path}: cannot be opened ({reason}); check its name") from None
+        raise error(f"{said}: cannot be opened ({reason}); check its name") from None
     if not stat.S_ISREG(status.st_mode):
         kind = "a directory" if stat.S_ISDIR(status.st_mode) else "not a regular file"
-        raise error(f"{path}: {kind}; name {what}")
+        raise error(f"{said}: {kind}; name {what}")
     return status
 
 
@@ -201,8 +206,8 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     temporary file behind; the next process that writes the same target removes it.
 
     Raises OutputError if the target is not a regular file or is an input, if it is kept (see
-    `keeping`) and the new file differs from it, or if the block raises an OSError, such as for a
-    full disk.
+    `keeping`) and is neither the new file nor a part of it, or if the block raises an OSError, such
+    as for a full disk.
     """
     target = Path(target)
     prefix = own_prefix(target.stem[:_STEM])
@@ -218,7 +223,8 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         if str(target) in _kept.get() and target.exists():
             import filecmp  # rarely needed
 
-            if not filecmp.cmp(temporary, target, shallow=False):
+            is_same = filecmp.cmp(temporary, target, shallow=False)
+            if not is_same and not _is_cut(target, temporary):
                 raise kept(target, "other inputs or options made it")
         waiting = _together.get()
         if waiting is None:
@@ -235,6 +241,23 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         if (temporary, target) not in (_together.get() or ()):
             discard(temporary)
+
+
+def _is_cut(target: Path, whole: Path) -> bool:
+    """Whether a file is the beginning of another one, or that with zeros for the rest.
+
+    Full disks and power cuts leave such files, of which nothing is lost with them.
+    """
+    if target.stat().st_size > whole.stat().st_size:
+        return False
+    with open(target, "rb") as cut, open(whole, "rb") as stream:
+        while block := cut.read(_BLOCK):
+            wanted = stream.read(len(block))
+            if block != wanted:
+                begun = block.rstrip(b"\0")
+                rest = iter(lambda: cut.read(_BLOCK), b"")
+                return wanted.startswith(begun) and not any(each.strip(b"\0") for each in rest)
+    return True
 
 
 def write_bytes(target: str | os.PathLike[str], data: bytes) -> None:

@@ -309,7 +309,12 @@ def _found_again(
 
     name = measured["file"]
     places = dict.fromkeys(Path(other).parent / name for other in beside)
-    there = [place for place in places if place.is_file()]
+    # A link may lead to files that whoever sent the map must learn nothing of.
+    there = [
+        place
+        for place in places
+        if place.is_file() and place.resolve().parent == place.parent.resolve()
+    ]
     for place in there:
         if file_values(place) == measured:
             return open_measured(place)

@@ -82,6 +82,21 @@ def test_patterns_pass_over_what_shrm_wrote(tmp_path, monkeypatch):
     assert named == ("sky.irradiance.exr", "")
 
 
+@pytest.mark.parametrize("suffix", ["usda", "json", "USDA"])
+def test_patterns_that_name_the_suffix_of_stages_and_coefficients_take_them(
+    tmp_path, monkeypatch, suffix
+):
+    """Others pass over them, as over what else they match and is no probe."""
+    monkeypatch.chdir(tmp_path)
+    for name in (f"mine.{suffix}", f"a.{suffix}", "a.gif", "a.mp4", "a.glb", "a_export.json"):
+        (tmp_path / name).write_text("x")
+    exported = "Light of a.exr for USD, by shrm 0.2.0. Linear RGB.\nFiles: `a.{}`.\n"
+    (tmp_path / "a_README.md").write_text(exported.format(suffix))
+    assert found_probes([f"*.{suffix}"]) == [(f"mine.{suffix}", "")]
+    (tmp_path / "b.exr").write_text("x")
+    assert found_probes(["*"]) == [("b.exr", "")]
+
+
 def test_a_pattern_that_matches_nothing_is_refused(folder):
     with pytest.raises(ProbeError, match=r"none/\*\.exr: matches no file"):
         Entry(("none/*.exr",), (), ("irradiance",)).jobs()

@@ -5,6 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from shrm_cli import sources
+from shrm_cli.batch import exports
+from shrm_cli.export import cubes
 from tests.batch.helpers import work_here
 from tests.cli.helpers import assert_refused, done, run, write_exr
 
@@ -43,7 +46,7 @@ def test_a_batch_makes_what_shrm_export_makes(folder):
         made = {each.name: each.read_bytes() for each in (folder / f"a.{engine}").iterdir()}
         record = json.loads(made.pop("a_export.json"))
         assert made == alone
-        assert {name: size for name, (size, _) in record["files"].items()} == {
+        assert {name: size for name, (size, *_) in record["files"].items()} == {
             name: len(data) for name, data in alone.items()
         }
     told = {(each["to"], each["engine"]) for each in records(folder)}
@@ -72,6 +75,74 @@ def test_what_is_there_and_whole_is_kept(folder):
     _, found = statuses(folder, *BOTH[:-1], "32")
     assert set(found.values()) == {"made"}
     assert "`size` 16 there, 32 here" in records(folder)[0]["why"]
+
+
+def test_what_another_state_of_the_packing_made_is_made_anew(folder, monkeypatch):
+    command = ("batch", "a.exr", "--for", "three", "--size", "16")
+    done(*command)
+    real = sources._folder_digest
+
+    def changed(name, root):
+        return b"changed" if name == "export" else real(name, root)
+
+    monkeypatch.setattr(sources, "_folder_digest", changed)
+    sources.fingerprint.cache_clear()
+    try:
+        _, found = statuses(folder, *command)
+    finally:
+        sources.fingerprint.cache_clear()
+    assert found == {"a.three": "made"}
+    assert "state of shrm" in records(folder)[0]["why"]
+
+
+def test_what_a_missing_package_left_large_is_made_anew_with_it(folder, monkeypatch):
+    command = ("batch", "a.exr", "--for", "bevy", "--size", "64")
+    path = folder / "a.bevy" / "a_specular.ktx2"
+    monkeypatch.setattr(cubes, "can_compress", lambda: False)
+    monkeypatch.setattr(exports, "can_compress", lambda: False)
+    done(*command)
+    large = path.stat().st_size
+    assert statuses(folder, *command)[1] == {"a.bevy": "skipped"}
+    monkeypatch.undo()
+    monkeypatch.chdir(folder)
+    work_here(monkeypatch)
+    assert statuses(folder, *command)[1] == {"a.bevy": "made"}
+    assert "without the package zstandard" in records(folder)[0]["why"]
+    assert path.stat().st_size < large
+    assert statuses(folder, *command)[1] == {"a.bevy": "skipped"}
+
+
+@pytest.mark.parametrize("left", [slice(0, 3000), slice(0, -300), slice(0, 0), slice(9, 9)])
+def test_what_was_not_written_whole_is_made_anew(folder, left):
+    """Cut off, with zeros in place of its end, empty, or with nothing but zeros."""
+    command = ("batch", "a.exr", "--for", "bevy", "--size", "64")
+    done(*command)
+    path = folder / "a.bevy" / "a_diffuse.ktx2"
+    whole = path.read_bytes()
+    path.write_bytes(whole[left].ljust(len(whole) if left.stop in (-300, 9) else 0, b"\0"))
+    assert statuses(folder, *command)[1] == {"a.bevy": "made"}
+    assert "damaged" in records(folder)[0]["why"]
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize("change", ["edited", "own"])
+def test_what_is_not_ours_stays_whatever_else_is_asked_for(folder, change):
+    command = ("batch", "a.exr", "--for", "filament", "--size", "32", "--skybox")
+    done(*command, "0")
+    path = folder / "a.filament" / ("a_README.md" if change == "edited" else "a_skybox.ktx")
+    # What is shorter is not cut where it begins with something else.
+    path.write_text("mine")
+    said, found = statuses(folder, *command, "16")
+    assert found == {"a.filament": "failed"}
+    assert "--force" in said.err
+    assert path.name in said.err
+    assert path.read_text() == "mine"
+    (folder / "a.filament" / "a_ibl.ktx").unlink()
+    assert statuses(folder, *command, "16")[1] == {"a.filament": "failed"}
+    assert path.read_text() == "mine"
+    assert statuses(folder, *command, "16", "--force")[1] == {"a.filament": "made"}
+    assert path.read_bytes() != b"mine"
+    assert statuses(folder, *command, "16")[1] == {"a.filament": "skipped"}
 
 
 def test_a_run_that_ended_between_files_is_finished(folder):
@@ -126,7 +197,17 @@ def test_what_others_made_is_not_replaced(folder, change):
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"files": {"../x": [1, "0"]}}', "9" * 2**21])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{",
+        '{"files": {"../x": [1, "0"]}}',
+        '{"files": {"a.ktx2": ["x", 1, 2]}}',
+        "9" * 2**21,
+    ],
+)
 def test_damaged_records_are_made_anew(folder, text):
     done("batch", "a.exr", "--for", "cesium", "--size", "16")
     path = folder / "a.cesium" / "a_export.json"

@@ -171,6 +171,12 @@ def test_gathered_coefficients(made):
 
 
 @pytest.mark.slow
+def test_what_holds_all_probes_holds_one_part_with_shares(folder, here):
+    line = (*IRRADIANCE[:2], "--jobs", "1", "--collect", "l.npz")
+    assert "it will hold this part alone" in run(*line, "--share", "1/3").err
+    assert "part alone" not in run(*line, "--share", "1-3/3").err + run(*line).err
+
+
 def test_shares_are_all_of_a_batch(folder, here):
     found = []
     for share in ("1/3", "2-3/3"):

@@ -128,15 +128,15 @@ def test_an_edited_map_is_kept_and_a_damaged_one_is_not(folder):
     assert path.read_bytes() == whole
 
 
-@pytest.mark.parametrize(
-    ("command", "name"),
-    [
-        (REFERENCE, "probe.phong.reference.exr"),
-        (["product", "phong", "--size", "8", "--order", "1"], "phong.product.exr"),
-        (["dfg", "--size", "4"], "dfg.exr"),
-        (["convert", "probe.exr", "--to", "strip"], "probe.strip.exr"),
-    ],
-)
+BY_COMMAND = [
+    (REFERENCE, "probe.phong.reference.exr"),
+    (["product", "phong", "--size", "8", "--order", "1"], "phong.product.exr"),
+    (["dfg", "--size", "4"], "dfg.exr"),
+    (["convert", "probe.exr", "--to", "strip"], "probe.strip.exr"),
+]
+
+
+@pytest.mark.parametrize(("command", "name"), BY_COMMAND)
 def test_what_was_edited_is_kept_by_every_command(folder, command, name):
     done(*command)
     edit(name)
@@ -181,3 +181,14 @@ def test_maps_of_the_library_are_recognised(folder):
     prefilter("probe.exr", "phong", to="shrm").save("again.exr")
     assert (folder / "again.exr").read_bytes() == (folder / "probe.phong.shrm.exr").read_bytes()
     assert_refused(run(*PREFILTER, "--size", "16"), 1, "--size by default there, 16 here")
+
+
+@pytest.mark.parametrize(("command", "name"), BY_COMMAND)
+@pytest.mark.parametrize("left", [0, 200, -100])
+def test_what_was_cut_is_made_anew_by_every_command(folder, command, name, left):
+    done(*command)
+    path = folder / name
+    whole = path.read_bytes()
+    path.write_bytes(whole[:left])
+    done(*command)
+    assert path.read_bytes() == whole

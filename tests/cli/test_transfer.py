@@ -57,6 +57,18 @@ def test_a_file_of_the_default_name_is_kept(folder):
     assert not (folder / "bumps.transfer.npz.part").exists()
 
 
+def test_faces_of_another_mesh_are_kept(folder):
+    """Their name is PIFu's, whatever the output is called."""
+    line = ("transfer", "bumps.obj", "--samples", "16", "--order", "2", "-o", "a.txt")
+    (folder / "face.npy").write_text("mine")
+    assert_refused(run(*line), 1, "face.npy", "exists", "--force")
+    assert (folder / "face.npy").read_text() == "mine"
+    assert not (folder / "a.txt").exists()
+    done(*line, "--force")
+    assert (folder / "face.npy").read_bytes() != b"mine"
+    done(*line[:-1], "b.txt")
+
+
 @pytest.mark.parametrize("name", ["a.glb", "a.ply", "bounce0.txt"])
 def test_other_formats(folder, name):
     done("transfer", "bumps.obj", "--samples", "16", "--order", "2", "-o", name)

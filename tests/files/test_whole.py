@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from shrm_cli.errors import OutputError
-from shrm_cli.files.whole import check_target, note, protecting, replacing, together
+from shrm_cli.files.whole import check_target, keeping, note, protecting, replacing, together
 from tests.cli.helpers import environment
 
 HOST = platform.node()
@@ -272,3 +272,40 @@ def test_a_file_that_nobody_may_write_stays(tmp_path):
             attempt(target)
     assert target.read_text() == "old"
     assert names(tmp_path) == ["a.exr"]
+
+
+WHOLE = bytes(range(1, 256)) * 9000
+"""More bytes than are looked at together."""
+
+
+@pytest.mark.parametrize(
+    ("there", "is_replaced"),
+    [
+        (WHOLE, True),
+        (WHOLE[:100], True),
+        (WHOLE[:-1], True),
+        (b"", True),
+        (WHOLE[:2_000_000].ljust(len(WHOLE), b"\0"), True),
+        (bytes(len(WHOLE)), True),
+        (WHOLE[:100] + b"x", False),
+        (WHOLE[:100] + bytes(50) + b"x", False),
+        (WHOLE[:1_100_000] + b"x" + bytes(500), False),
+        (WHOLE + b"\0", False),
+        (b"x" + WHOLE[1:], False),
+    ],
+)
+def test_what_is_kept_is_replaced_where_it_is_the_same_or_was_cut(tmp_path, there, is_replaced):
+    path = tmp_path / "a.bin"
+    path.write_bytes(there)
+
+    def write():
+        with keeping(path), replacing(path) as temporary:
+            temporary.write_bytes(WHOLE)
+
+    if is_replaced:
+        write()
+        assert path.read_bytes() == WHOLE
+        return
+    with pytest.raises(OutputError, match="other inputs or options made it"):
+        write()
+    assert path.read_bytes() == there

@@ -188,6 +188,17 @@ def test_measured_files_that_are_gone_or_others_are_asked_for(measured):
         common_brdf({str(folder / "a.exr"): info(other)})
 
 
+def test_measured_files_are_found_through_no_links(measured):
+    record, folder = measured
+    (folder / "library").mkdir()
+    (folder / "paint.csv").rename(folder / "library" / "paint.csv")
+    (folder / "paint.csv").symlink_to(folder / "library" / "paint.csv")
+    with pytest.raises(BrdfError, match=r"paint.csv does not lie beside it; put"):
+        common_brdf({str(folder / "a.exr"): info(record)})
+    (folder / "linked").symlink_to(folder / "library")
+    assert common_brdf({str(folder / "linked" / "a.exr"): info(record)}) is not None
+
+
 @pytest.mark.parametrize("name", ["paints/paint.csv", "../paint.csv", "..", "", "a\0b", 3])
 def test_names_of_measured_files_lead_nowhere_else(measured, name):
     record, _ = measured
