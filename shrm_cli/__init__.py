@@ -38,7 +38,7 @@ _NAMES = {
     "brdf.environment.dfg": "dfg",
     "lights.edit": "edit_light Edit Dimming",
     "brdf.examine": "examine",
-    "export.export": "export",
+    "export.make": "export Asked",
     "rooms.make": "capture grid",
     "photo.brackets": "merge_brackets",
     "photo.ball": "unwrap_balls",
@@ -58,7 +58,6 @@ _NAMES = {
     "cli.bar": "progress_bar",
     "brdf.cache": "cache_usage clear_cache",
     "choose.offer": "Choice Offer",
-    "export.make": "Asked",
     "batch.entry": "Entry",
     "batch.work": "Terms",
     "render.camera": "Viewer",
@@ -113,8 +112,8 @@ if TYPE_CHECKING:
     from shrm_cli.errors import ProbeError as ProbeError
     from shrm_cli.errors import ShrmError as ShrmError
     from shrm_cli.errors import ShrmWarning as ShrmWarning
-    from shrm_cli.export.export import export as export
     from shrm_cli.export.make import Asked as Asked
+    from shrm_cli.export.make import export as export
     from shrm_cli.lights.edit import Dimming as Dimming
     from shrm_cli.lights.edit import Edit as Edit
     from shrm_cli.lights.edit import edit_light as edit_light

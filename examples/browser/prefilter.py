@@ -11,7 +11,7 @@ import numpy as np
 
 from shrm_cli.errors import ShrmError
 from shrm_cli.export.engine import engine
-from shrm_cli.export.make import Asked, Source, export, write
+from shrm_cli.export.make import Asked, Source, packaged, write
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import ENGINES
 
@@ -35,7 +35,7 @@ def made(name, image, width, height, target, size, report):
         pixels = np.asarray(image.to_py(), dtype=np.float32).reshape(height, width, -1)[..., :3]
         probe = Probe.from_array(pixels, name=name)
         source = Source(Path(name).stem, name, probe)
-        package = export(
+        package = packaged(
             source, engine(target), Asked(size=size, texels=TEXELS.get(target)), report
         )
         with tempfile.TemporaryDirectory() as folder:

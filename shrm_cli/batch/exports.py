@@ -18,7 +18,7 @@ from shrm_cli.errors import ArgumentError, OutputError
 from shrm_cli.export.cubes import LARGE
 from shrm_cli.export.engine import engine as engine_of
 from shrm_cli.export.ktx import can_compress
-from shrm_cli.export.make import Asked, Source, check, export, made_folder, write
+from shrm_cli.export.make import Asked, Source, check, made_folder, packaged, write
 from shrm_cli.files.exr_header import holds_nothing
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.whole import check_target, kept, write_bytes
@@ -108,7 +108,7 @@ def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
     asked = _asked(arguments, keeps_primaries=job.reading.get("working") is not None)
     path = folder / _record_name(job)
     check_target(path if folder.is_dir() else folder, makes_folder=True)  # before the work
-    package = export(source, engine_of(arguments["engine"]), asked)
+    package = packaged(source, engine_of(arguments["engine"]), asked)
     folder.parent.mkdir(parents=True, exist_ok=True)
     held = _read(path) or {}
     before = held.get("files")

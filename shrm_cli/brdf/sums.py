@@ -172,15 +172,7 @@ def split(brdf: Brdf) -> list[Brdf]:
 
 def weighted_terms(brdf: Brdf) -> list[tuple[float, Brdf]]:
     """Return the terms of a sum with their weights; of any other BRDF, itself."""
-    if isinstance(brdf, Sum):
-        given = brdf.terms
-    elif isinstance(brdf, _Weighted):
-        given = ((brdf.weight, brdf.term),)
-    else:
-        return [(1.0, brdf)]
-    return [
-        (weight * factor, term) for weight, each in given for factor, term in weighted_terms(each)
-    ]
+    return list(flat_terms([(1.0, brdf)]))
 
 
 class _Weighted(Brdf):

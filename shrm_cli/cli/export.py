@@ -178,11 +178,11 @@ def _exported(
     source: Source, engine: Engine, folder: Path, asked: Asked, force: bool
 ) -> tuple[dict[str, Any], list[str], list[str]]:
     """Make the files of one engine; return what is told as JSON, its lines, and warnings."""
-    from shrm_cli.export.make import export, write
+    from shrm_cli.export.make import packaged, write
 
     usage.check_outputs([str(folder / source.name) if folder.is_dir() else str(folder)])
     with usage.renamed(texels="format"), progress_bar(f"exporting for {engine.name}") as progress:
-        made = export(source, engine, asked, progress)
+        made = packaged(source, engine, asked, progress)
     if folder.is_dir():
         usage.check_outputs([str(folder / file.name) for file in made.files])
     paths = write(made, folder, kept=not force)

@@ -1,8 +1,7 @@
 """Wigner's small-d matrices, and Clebsch-Gordan coefficients.
 
 The matrices are made by recurrences that are stable to order 512: in the degree, and for right
-angles in m. The coefficients are made by a sum where one of the degrees is small, and else from
-J^2.
+angles in m. The coefficients are eigenvectors of J^2.
 
 Convention: ``d^1_10(b) = -sin(b) / sqrt(2)``, so that ``D^l_mn(a, b, c) =
 exp(-i m a) d^l_mn(b) exp(-i n c)`` rotates complex harmonics with Condon-Shortley phase.
@@ -10,7 +9,6 @@ exp(-i m a) d^l_mn(b) exp(-i n c)`` rotates complex harmonics with Condon-Shortl
 
 import math
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -184,110 +182,70 @@ def _set_edges(current: Array, edge: Array, degree: int, lowest: int) -> None:
 
 
 _known_couplings = Memo(2**25)
-"""What `zonal_coupling` returns, for so many degrees at once. F = 512 and p = 32 take 4.5 MB."""
-_DEGREES_AT_ONCE = 32
-
-_FACTORIALS = np.array([math.factorial(number) for number in range(27)], dtype=float)
-"""Factorials, to that of 26, which degrees p to 13 need."""
+"""What `zonal_coupling` returns. F = 512 and p = 32 take 4.5 MB."""
 
 
-def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: int) -> Array:
-    """Return ``<l m p s | l+shift m+s>`` for arrays of l and m.
+def clebsch_gordan(degree: ArrayLike, order: ArrayLike, small: int, total: ArrayLike) -> Array:
+    """Return ``<l M+s p -s | J M>`` for all orders s = -p .. p.
 
-    The factorials of large numbers occur as ratios, which are products of few numbers. Each depends
-    on l, on l+m or on l-m alone, and is looked up in a table of it.
+    They are an eigenvector of J^2, the square of the sum of both angular momenta, whose matrix is
+    tridiagonal in s and whose eigenvalue J (J + 1) is known. Its rows are a recurrence, which is
+    stable from both ends to where the vector is large. The last of its components that are not 0
+    is positive.
 
-    `degree` and `m`, broadcastable, are the degree l and the order m, of any sign. `small` and `s`
-    are the degree p, at most 12, for which the sums keep ten digits, and its order. `shift` is how
-    far the coupled degree J is above l.
+    `degree`, `order` and `total`, broadcastable, are l, M and J, and `small` is p.
 
-    Returns an array, zero where an order is larger than its degree, or the degrees make no
-    triangle.
+    Returns an array of shape (2p+1, ...), zero where an order is larger than its degree, or the
+    degrees make no triangle.
 
-    References: Varshalovich, Moskalev and Khersonskii 1988, 8.2.1 (3).
+    References: Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2 for the vectors, 8.5.2
+    (32) for their sign.
     """
-    low, m = np.asarray(degree, dtype=np.intp), np.asarray(m, dtype=np.intp)
-    total, up, down = low + shift, low + m, low - m
-    lowest = small - shift  # l + p - J, which is small as p is
-    if not 0 <= lowest <= 2 * small or abs(s) > small:
-        return np.zeros(up.shape)
-    # 1 / (l-m-k)! and 1 / (J-p+m+k)! are falling factorials over (l-m)! and (l+m)!.
-    k = np.arange(max(0, s - shift), min(lowest, small + s) + 1)
-    numbers = np.arange(2.0 * low.max(initial=0) + 1)
-    of_up, of_down = np.clip(up, 0, len(numbers) - 1), np.clip(down, 0, len(numbers) - 1)
-    factorials = _FACTORIALS[[k, lowest - k, small + s - k, shift - s + k]].prod(axis=0)
-    falling = _falling(numbers, lowest)
-    first = falling[k] * ((-1.0) ** k / factorials)[:, None]
-    result = np.einsum(
-        "k...,k...->...", first.take(of_down, axis=1), falling[lowest - k].take(of_up, axis=1)
-    )
-    factor = _FACTORIALS[[lowest, small + shift, small + s, small - s]].prod()
-    front = factor * (2 * (numbers + shift) + 1)
-    front /= _rising(2 * numbers + shift - small, 2 * small + 1)  # (l+J-p)! / (l+J+p+1)!
-    result *= np.sqrt(np.maximum(front, 0.0))[low]
-    # (J+M)! / (l+m)! and (J-M)! / (l-m)!
-    result *= np.sqrt(_ratio(numbers, shift + s))[of_up]
-    result *= np.sqrt(_ratio(numbers, shift - s))[of_down]
-    is_triangle = (total >= 0) & (total >= abs(low - small))
-    is_valid = is_triangle & (up >= 0) & (down >= 0) & (abs(m + s) <= total)
-    return np.where(is_valid, result, 0.0)
-
-
-def _falling(number: Array, most: int) -> Array:
-    """Return ``n! / (n-k)!`` for k = 0 .. most, which is 0 where k > n, shape (most+1, n)."""
-    factors = np.ones((most + 1, len(number)))
-    factors[1:] = number - np.arange(most)[:, None]
-    return np.cumprod(factors, axis=0)
-
-
-def _rising(number: Array, count: int) -> Array:
-    """Return ``(n+1) .. (n+count)``, without factors that are not positive."""
-    return np.asarray(np.maximum(number + np.arange(1, count + 1)[:, None], 1.0).prod(axis=0))
-
-
-def _ratio(number: Array, difference: int) -> Array:
-    """Return ``(n + difference)! / n!``, or something positive where either does not exist."""
-    if difference < 0:
-        return 1 / _rising(number + difference, -difference)
-    return _rising(number, difference)
+    low, over, total = np.broadcast_arrays(*(np.asarray(x, float) for x in (degree, order, total)))
+    s = np.arange(-small, small + 1.0).reshape(-1, *[1] * low.ndim)
+    m = over + s
+    is_state = abs(m) <= low
+    own = low * (low + 1) + small * (small + 1) - total * (total + 1) - 2 * s * m
+    beside = np.maximum((low - m) * (low + m + 1), 0) * ((small - s) * (small + s + 1))
+    np.sqrt(beside, out=beside)
+    up, down = is_state.astype(float), is_state.astype(float)
+    with np.errstate(all="ignore"):  # of what is no state, or no triangle
+        for k in range(2 * small):
+            grown = own[k] * up[k] + (beside[k - 1] * up[k - 1] if k else 0.0)
+            np.copyto(up[k + 1, ...], grown / -beside[k], where=is_state[k] & is_state[k + 1])
+        for k in range(2 * small, 0, -1):
+            grown = own[k] * down[k] + (beside[k] * down[k + 1] if k < 2 * small else 0.0)
+            np.copyto(down[k - 1, ...], grown / -beside[k - 1], where=is_state[k - 1] & is_state[k])
+        # Both have the same ratios where the rows oscillate most.
+        width = beside - abs(own)
+        width[1:] += beside[:-1]
+        place = np.argmax(np.where(is_state, width, -np.inf), axis=0)[None]
+        nearby = np.concatenate([place, np.minimum(place + 1, 2 * small)])
+        ups, downs = (np.take_along_axis(each, nearby, axis=0) for each in (up, down))
+        up *= (ups * downs).sum(axis=0) / (ups * ups).sum(axis=0)
+        found = np.where(s + small <= place, up, down)
+        found /= np.sqrt((found * found).sum(axis=0))
+    is_triangle = (abs(low - small) <= total) & (total <= low + small) & (abs(over) <= total)
+    return np.where(is_state & is_triangle, found, 0.0)
 
 
 def zonal_coupling(order: int, p: int) -> Array:
     """Return ``(-1)^q (<l q p -q | J 0> + <l -q p q | J 0>)`` for all l up to an order.
 
-    The coefficients are eigenvectors of J^2, the square of the sum of both angular momenta, whose
-    matrix is tridiagonal in q and whose eigenvalues J (J + 1) lie far apart. Found so, they are as
-    exact for large p as for small ones. The sum of both terms is 0 where J - l - p is odd.
+    The sum is 0 where J - l - p is odd.
 
     `order` and `p` are the largest degree l, and the other degree.
 
     Returns an array of shape (order+1, p+1, p+1), indexed [l, q, j] with ``J = l - p + 2 j``; one
     term where q = 0. Zero where q > l, or where no such J >= |l - p| exists.
-
-    References: Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2 for the vectors, 8.5.2
-    (32) for their sign.
     """
-    blocks = [
-        _known_couplings.get((first, p), partial(_zonal_coupling, first, p))
-        for first in range(0, order + 1, _DEGREES_AT_ONCE)
-    ]
-    return np.concatenate(blocks)[: order + 1]
+    kept = kept_order(order)
+    return _known_couplings.get((kept, p), lambda: _zonal_coupling(kept, p))[: order + 1]
 
 
-def _zonal_coupling(first: int, p: int) -> Array:
-    """Compute what `zonal_coupling` returns for some degrees from a first one on."""
-    degree, q = np.arange(first, first + _DEGREES_AT_ONCE)[:, None], np.arange(p + 1)
-    # The basis is |l 0, p 0> and the normalized even sums (|l q, p -q> + |l -q, p q>) / sqrt(2).
-    square = np.zeros((len(degree), p + 1, p + 1))
-    low, small = degree * (degree + 1), p * (p + 1)
-    # Where q > l there is no such state. These rows have eigenvalues of their own below all others.
-    square[:, q, q] = np.where(q <= degree, low + small - 2 * q**2, -small - 1 - q)
-    up = q[:-1]
-    beside = (low - up * (up + 1)).clip(0) * (small - up * (up + 1))
-    beside = -np.sqrt(np.where(up == 0, 2, 1) * beside)  # the sign is that of (-1)^q
-    square[:, up + 1, up] = square[:, up, up + 1] = beside
-    vectors = np.linalg.eigh(square)[1]
-    vectors[:, 1:] *= np.sqrt(2)
-    j = q
-    vectors *= ((-1.0) ** (p - j) * np.copysign(1.0, vectors[:, 0]))[:, None]
-    return np.where((q <= degree)[:, :, None], vectors, 0.0)
+def _zonal_coupling(order: int, p: int) -> Array:
+    """Compute what `zonal_coupling` returns."""
+    degree, q = np.arange(order + 1)[:, None], np.arange(p + 1)
+    both = clebsch_gordan(degree, 0, p, degree - p + 2 * q)
+    signs = np.where(q > 0, (-1.0) ** q, 0.5)[:, None, None]
+    return np.moveaxis((both[p:] + both[p::-1]) * signs, 0, 1)

@@ -11,7 +11,7 @@ import trimesh
 from shrm_cli.errors import ArgumentError, MapError, MeshError
 from shrm_cli.export import engine as engines
 from shrm_cli.export.asset import EXTENSION
-from shrm_cli.export.make import Asked, Source, export, write
+from shrm_cli.export.make import Asked, Source, packaged, write
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import ENGINES
 from tests.web.glb import ball_file
@@ -46,7 +46,7 @@ def parts(data):
 def put_into(path, probe, folder):
     """Export into a file; return the package, and the bytes of all of its files by their names."""
     source = Source("sky", "sky.exr", probe)
-    made = export(source, engines.engine("gltf"), Asked(size=32, into=str(path)))
+    made = packaged(source, engines.engine("gltf"), Asked(size=32, into=str(path)))
     write(made, folder)
     return made, {file.name: (folder / file.name).read_bytes() for file in made.files}
 
@@ -62,7 +62,7 @@ def test_a_glb_gets_the_light_of_a_gltf(probe, tmp_path):
     made, files = put_into(tmp_path / "ball.glb", probe, tmp_path / "out")
     assert set(files) == {"sky_ball.glb", "sky_README.md"}
     assert "sky_ball.glb" in "\n".join(made.loading)
-    alone = export(Source("sky", "sky.exr", probe), engines.engine("gltf"), Asked(size=32))
+    alone = packaged(Source("sky", "sky.exr", probe), engines.engine("gltf"), Asked(size=32))
     write(alone, tmp_path / "alone")
     wanted = json.loads((tmp_path / "alone" / "sky.gltf").read_text())
     tree, chunk = parts(files["sky_ball.glb"])
@@ -172,4 +172,4 @@ def test_what_cannot_hold_a_light_is_refused(probe, tmp_path, change):
 @pytest.mark.parametrize("name", sorted(set(ENGINES) - {"gltf"}))
 def test_other_engines_take_no_asset(probe, name):
     with pytest.raises(ArgumentError, match="does not apply"):
-        export(Source("sky", "sky.exr", probe), engines.engine(name), Asked(into="ball.glb"))
+        packaged(Source("sky", "sky.exr", probe), engines.engine(name), Asked(into="ball.glb"))

@@ -16,7 +16,7 @@ import pytest
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export import engine as engines
 from shrm_cli.export import ktx, make
-from shrm_cli.export.make import Asked, Source, export, write
+from shrm_cli.export.make import Asked, Source, packaged, write
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import ENGINES
 from tests.brute_force import latlong_samples, unit
@@ -55,7 +55,7 @@ def probe():
 
 def exported(probe, name, folder, **asked):
     """Export a probe, and return the package and the folder."""
-    made = export(Source("sky", "sky.exr", probe), engines.engine(name), Asked(**asked))
+    made = packaged(Source("sky", "sky.exr", probe), engines.engine(name), Asked(**asked))
     write(made, folder)
     return made
 
@@ -298,7 +298,7 @@ def test_unreal(probe, tmp_path, rng):
 def test_a_split_sum_that_fits_gives_the_same_levels(probe, tmp_path):
     split = split_sum_of(probe, levels=3, mapping="filament", size=64).map
     source = Source.of_maps("sky", [("sky.splitsum.exr", split)])
-    made = export(source, engines.engine("filament"), Asked(skybox=0))
+    made = packaged(source, engines.engine("filament"), Asked(skybox=0))
     write(made, tmp_path)
     other = tmp_path / "probe"
     exported(probe, "filament", other, size=64, skybox=0)
@@ -325,7 +325,7 @@ def test_a_split_sum_that_does_not_fit_is_refused(probe, levels, mapping, size, 
     split = split_sum_of(probe, levels=levels, mapping=mapping, size=size).map
     source = Source.of_maps("sky", [("sky.splitsum.exr", split)])
     with pytest.raises(MapError, match=why):
-        export(source, engines.engine("filament"), Asked(**asked))
+        packaged(source, engines.engine("filament"), Asked(**asked))
 
 
 def test_an_irradiance_map_gives_coefficients_and_cubes(probe, samples, tmp_path):
@@ -335,12 +335,12 @@ def test_an_irradiance_map_gives_coefficients_and_cubes(probe, samples, tmp_path
         ("filament", {"sh.txt", "sky_README.md"}),
         ("bevy", {"sky_diffuse.ktx2", "sky_README.md"}),
     ):
-        made = export(source, engines.engine(name), Asked())
+        made = packaged(source, engines.engine(name), Asked())
         assert {file.name for file in made.files} == wanted
         named = re.findall(r"\w+\.(?:ktx2?|txt)", "\n".join(made.loading))
         assert set(named) == wanted - {"sky_README.md"}
     with pytest.raises(MapError, match="nothing in it is what Godot reads"):
-        export(source, engines.engine("godot"), Asked())
+        packaged(source, engines.engine("godot"), Asked())
 
 
 def test_maps_that_engines_do_not_read_are_refused(probe):
@@ -385,7 +385,7 @@ def test_a_map_of_bright_light_is_to_be_made_anew():
     image[5, 9] = 1e6
     split = split_sum_of(Probe.from_array(image), levels=3, mapping="linear", size=32).map
     source = Source.of_maps("sun", [("sun.splitsum.exr", split)])
-    (line,) = export(source, engines.engine("directx"), Asked()).warnings
+    (line,) = packaged(source, engines.engine("directx"), Asked()).warnings
     assert "; make the map anew, and dim them with `clamp` there" in line
 
 
@@ -393,11 +393,11 @@ def test_coefficients_that_would_be_negative_are_windowed_and_it_is_told():
     pixels = np.full((32, 64, 3), 0.05, np.float32)
     pixels[8, 20] = 2000
     source = Source("sun", "sun.exr", Probe.from_array(pixels))
-    auto = export(source, engines.engine("json"), Asked())
+    auto = packaged(source, engines.engine("json"), Asked())
     (line,) = [each for each in auto.told if "windowed" in each]
     assert "RMS" in line
     assert not any("irradiance falls" in each for each in auto.warnings)
-    plain = export(source, engines.engine("json"), Asked(window="none"))
+    plain = packaged(source, engines.engine("json"), Asked(window="none"))
     assert not any("windowed" in each for each in plain.told)
     assert any("irradiance falls to -" in each for each in plain.warnings)
 
@@ -419,7 +419,7 @@ def test_coefficients_that_would_be_negative_are_windowed_and_it_is_told():
 )
 def test_what_an_engine_has_not_is_refused(probe, name, asked, argument):
     with pytest.raises(ArgumentError) as caught:
-        export(Source("sky", "sky.exr", probe), engines.engine(name), Asked(**asked))
+        packaged(Source("sky", "sky.exr", probe), engines.engine(name), Asked(**asked))
     assert caught.value.argument == argument
 
 
@@ -436,7 +436,7 @@ def test_ktx2_without_zstandard_is_larger_and_says_so(probe, tmp_path, monkeypat
 
 
 def test_files_appear_together_or_not_at_all(probe, tmp_path):
-    made = export(Source("sky", "sky.exr", probe), engines.engine("godot"), Asked())
+    made = packaged(Source("sky", "sky.exr", probe), engines.engine("godot"), Asked())
 
     def fails(path):
         raise OutputError(f"{path}: no room")

@@ -11,7 +11,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.export import engine as engines
 from shrm_cli.export.engine import Package
 from shrm_cli.export.lamps import better_cures
-from shrm_cli.export.make import Asked, Source, export, gather
+from shrm_cli.export.make import Asked, Source, gather, packaged
 from shrm_cli.export.pixels import CURE
 from shrm_cli.probe import pixels
 from shrm_cli.probe.probe import Probe
@@ -48,7 +48,7 @@ def lamps_of(made):
 def test_surfaces_get_the_same_light(lit, name, tmp_path, rng):
     """What is left and the lamps of the list, beside sums over the pixels of the probe."""
     engine = engines.engine(name)
-    made = export(source(lit), engine, SPLIT)
+    made = packaged(source(lit), engine, SPLIT)
     file = lamps_of(made)
     file.write(tmp_path / file.name)
     lamps = json.loads((tmp_path / file.name).read_text())["lamps"]
@@ -86,7 +86,7 @@ def test_levels_are_smooth_without_their_lamps(lit, name):
 @pytest.mark.parametrize(("name", "word"), [("filament", "const float"), ("bevy", "let")])
 def test_lines_say_by_what_lamps_are_scaled_before_they_are(lit, name, word):
     """The engine's own intensity of the environment; without a value the lines did not compile."""
-    code = "\n".join(export(source(lit), engines.engine(name), SPLIT).loading)
+    code = "\n".join(packaged(source(lit), engines.engine(name), SPLIT).loading)
     given = re.search(rf"{word} scale = ([0-9.]+)f?;", code)
     assert given
     assert given.end() < code.index("* scale")
@@ -96,8 +96,8 @@ def test_lines_say_by_what_lamps_are_scaled_before_they_are(lit, name, word):
 
 def test_light_without_lamps_is_left_alone():
     image = np.ones((ROWS, 2 * ROWS, 3))
-    made = export(source(image), engines.engine("three"), SPLIT)
-    plain = export(source(image), engines.engine("three"), Asked(size=32))
+    made = packaged(source(image), engines.engine("three"), SPLIT)
+    plain = packaged(source(image), engines.engine("three"), Asked(size=32))
     assert [each.name for each in made.files] == [each.name for each in plain.files]
     assert made.loading == plain.loading
     assert "lamps: none was found" in made.told
@@ -138,7 +138,7 @@ def test_clipped_lamps_are_better_taken_out_than_dimmed(name, words):
     image = np.ones((ROWS, 2 * ROWS, 3))
     image[30, 40] = 1e6
     asked = Asked(size=32)
-    (line, *_) = export(source(image), engines.engine(name), asked).warnings
+    (line, *_) = packaged(source(image), engines.engine(name), asked).warnings
     limit = 65216 if name == "three" else 65504
     _, areas = (np.asarray(each).reshape(ROWS, -1) for each in latlong_samples(ROWS))
     lost = (1e6 - limit) * areas[30, 40] / (image[..., 0] * areas).sum()
@@ -147,13 +147,13 @@ def test_clipped_lamps_are_better_taken_out_than_dimmed(name, words):
         100 * lost, abs=0.1
     )
     image[:20] = 7e4  # a sky, which is no lamp, is clipped, too, and would be lost by `clamp`
-    (line, *_) = export(source(image), engines.engine(name), asked).warnings
+    (line, *_) = packaged(source(image), engines.engine(name), asked).warnings
     assert "scale the light by 1e-4" in line
 
 
 def test_what_has_no_lights_is_refused(lit):
     with pytest.raises(ArgumentError, match="lamps are not made for Unity"):
-        export(source(lit), engines.engine("unity"), SPLIT)
+        packaged(source(lit), engines.engine("unity"), SPLIT)
 
 
 def test_what_is_told_of_lamps_of_a_large_probe_takes_little_memory(monkeypatch):

@@ -5,7 +5,7 @@ import pytest
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export import engine as engines
-from shrm_cli.export.make import Asked, Source, export, write
+from shrm_cli.export.make import Asked, Source, packaged, write
 from shrm_cli.export.tamed import tamed
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import ENGINES
@@ -81,7 +81,7 @@ def test_filters_with_many_samples_make_what_the_lobe_makes():
 def test_an_export_is_told_and_smaller(tmp_path):
     image, areas = lit(1024)
     source = Source("sky", "sky.exr", Probe.from_array(image, "latlong"))
-    made = export(source, engines.engine("godot"), Asked(safe=True))
+    made = packaged(source, engines.engine("godot"), Asked(safe=True))
     write(made, tmp_path)
     found = latlong(tmp_path, "sky_panorama.exr")
     assert found.shape == (512, 1024, 3)  # its cube of 256 skips nothing
@@ -97,4 +97,4 @@ def test_an_export_is_told_and_smaller(tmp_path):
 def test_other_engines_are_refused(name):
     source = Source("sky", "sky.exr", Probe.from_array(np.ones((16, 32, 3)), "latlong"))
     with pytest.raises(ArgumentError, match="does not apply"):
-        export(source, engines.engine(name), Asked(safe=True))
+        packaged(source, engines.engine(name), Asked(safe=True))

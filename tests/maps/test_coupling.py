@@ -1,10 +1,11 @@
-"""Bundles of one degree, against the SHRM's own way over rings, and against sums of products."""
+"""Bundles of one degree, against sums over rings, and against sums of products."""
 
 import numpy as np
 import pytest
 
-from shrm_cli.maps.coupling import bundle_coefficients, over_rings
+from shrm_cli.maps.coupling import bundle_coefficients
 from tests import oracles
+from tests.maps.rings import over_rings
 
 
 def parts_of(rng, order_f, degree, bundles):

@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 
 from shrm_cli.export.engine import engine
-from shrm_cli.export.make import Asked, Source, export, write
+from shrm_cli.export.make import Asked, Source, packaged, write
 from tests.web import ball, proofs
 from tests.web.browser import MODULES, Page
 from tests.web.glb import ball_file
@@ -22,7 +22,7 @@ def lit(folder):
     (folder / "ball.glb").write_bytes(ball_file(1.0, 0.2, rows=16))
     for name, into in (("asset", str(folder / "ball.glb")), ("alone", None)):
         source = Source("light", "light.exr", probe)
-        write(export(source, engine("gltf"), Asked(size=64, into=into)), folder / name)
+        write(packaged(source, engine("gltf"), Asked(size=64, into=into)), folder / name)
     return folder / "asset" / "light_ball.glb", folder / "alone" / "light.gltf"
 
 

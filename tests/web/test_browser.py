@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.export.engine import engine
-from shrm_cli.export.make import Asked, Source, export, write
+from shrm_cli.export.make import Asked, Source, packaged, write
 from shrm_cli.probe.open import open_probe
 from tests.cli.helpers import ROOT
 from tests.probe import scenes
@@ -51,7 +51,9 @@ def test_texels_are_those_of_a_process(watched, built, tmp_path, suffix):
     path = tmp_path / f"light.{suffix}"
     scenes.write(path, proofs.made_probe(128).image())
     found = chosen(watched, built, path, "directx")
-    made = export(Source("light", path.name, open_probe(path)), engine("directx"), Asked(size=SIZE))
+    made = packaged(
+        Source("light", path.name, open_probe(path)), engine("directx"), Asked(size=SIZE)
+    )
     paths = write(made, tmp_path / "made")
     assert sorted(found) == sorted(each.name for each in paths)
     texels = np.frombuffer(bytes(found["light.dds"]), np.float16, offset=HEADER)

@@ -14,7 +14,7 @@ from shrm_cli.export.blocks import uastc
 from shrm_cli.export.cubes import to_lookup
 from shrm_cli.export.engine import engine
 from shrm_cli.export.engines.three import LOOKUP
-from shrm_cli.export.make import Asked, Source, export, write
+from shrm_cli.export.make import Asked, Source, packaged, write
 from shrm_cli.export.packing import ALL
 from shrm_cli.export.pixels import encoded
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
@@ -138,7 +138,7 @@ def test_three_has_lights_in_place_of_lamps(browser, site):
     pictures = {}
     for sun in (None, "split"):
         asked = Asked(size=256, texels="rgba16f", sun=sun)
-        made = export(Source("light", "light.exr", probe=probe), engine("three"), asked)
+        made = packaged(Source("light", "light.exr", probe=probe), engine("three"), asked)
         write(made, folder / "three", kept=False)
         page.call("start", 128, proofs.VIEW)
         page.call("environment", f"{address}/three/light.ktx2")

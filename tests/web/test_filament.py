@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.export.engine import engine
-from shrm_cli.export.make import Asked, Source, export, write
+from shrm_cli.export.make import Asked, Source, packaged, write
 from shrm_cli.probe.probe import Probe
 from tests.brute_force import latlong_samples
 from tests.export.test_engines import HEIGHT, filtered, irradiance, light
@@ -122,7 +122,7 @@ def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("filament")
     directions = np.asarray(latlong_samples(HEIGHT)[0])
     probe = Probe.from_array(light(directions).reshape(HEIGHT, 2 * HEIGHT, 3), "latlong")
-    made = export(Source("sky", "sky.exr", probe), engine("filament"), Asked(texels="rgba16f"))
+    made = packaged(Source("sky", "sky.exr", probe), engine("filament"), Asked(texels="rgba16f"))
     write(made, folder)
     return folder
 

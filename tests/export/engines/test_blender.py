@@ -17,7 +17,7 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.export.engine import engine
-from shrm_cli.export.make import Asked, Source, export, write
+from shrm_cli.export.make import Asked, Source, packaged, write
 from tests.cli.helpers import ROOT, done, write_exr
 from tests.web import letters
 
@@ -67,7 +67,8 @@ class World:
 
 def exported(folder):
     write(
-        export(Source(NAME, "x.exr", letters.lettered_probe()), engine("blender"), Asked()), folder
+        packaged(Source(NAME, "x.exr", letters.lettered_probe()), engine("blender"), Asked()),
+        folder,
     )
     return folder / f"{NAME}_world.py"
 
