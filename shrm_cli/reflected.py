@@ -359,13 +359,19 @@ def weighted_power(lighting: Lighting, order: int) -> Array:
 
 
 def blur_amplitudes(coefficients: BrdfCoefficients | TransferFunctions) -> Array:
-    """Return what a zonal filter multiplies degrees with that leaves light as much energy, (F+1,).
+    """Return what a zonal filter multiplies degrees with that leaves light as much energy.
 
     The energy is that of the reflected light, as `reflected_rms` has it, with the mean BRDF of the
-    channels.
+    channels. From half of the known degrees to all of them it falls by a power of the degree, and
+    so it does to twice as many, shape (2F+1,).
     """
     own = coefficients.degree_energy.mean(axis=-1)
-    return np.sqrt(np.maximum(_convolution_measure(len(own) - 1) * own, 0.0))
+    known = np.sqrt(np.maximum(_convolution_measure(len(own) - 1) * own, 0.0))
+    last = len(known) - 1
+    middle, end = np.maximum(known[[last // 2, last]], 1e-300)
+    power = max(np.log2(middle / end), 0.0)
+    further = np.arange(last + 1, 2 * last + 1) / last
+    return np.append(known, known[last] * further**-power)
 
 
 def _convolution_measure(order: int) -> Array:

@@ -1,6 +1,6 @@
 """Discs in the place of a lamp that differ least from it in what a material reflects.
 
-A soft box is a bright middle in a dim rim, and a tube is long: two or three discs that overlap show
+A bulb is a bright middle in a dim rim, and a tube is long: two or three discs that overlap show
 either in glossy lobes, where many discs beside each other still show gaps. So all discs of a lamp
 are moved, widened and lit together. Lobes blur light as a zonal filter does, which makes a disc a
 profile over the angle from its middle, and a lamp a picture of a few hundred points. Given middles

@@ -1,8 +1,8 @@
 """What discs in place of the lamps' pixels change, and more discs where that shows in a material.
 
 The irradiance tells how many discs a lamp needs as a light of an engine. In the highlights of sharp
-lobes its shape shows: the corners of a soft box, the bright middle of a bulb. A lamp that is cut
-into more discs is nearer to it, and takes some bytes where a map of the difference takes megabytes.
+lobes its shape shows: the corners of a soft box, the bright middle of a bulb. More discs that are
+fitted to it take some bytes where a map of the difference takes megabytes.
 """
 
 from collections.abc import Iterator, Sequence

@@ -102,13 +102,15 @@ def difference(split, order):
 
 
 @pytest.mark.parametrize(
-    ("most", "count", "is_held"), [(1.0, 2, False), (0.05, 8, False), (0.015, 16, True)]
+    ("most", "of_lamp", "count", "is_held"),
+    [(1.0, 16, 2, False), (0.05, 16, 7, False), (0.015, 16, 16, False), (0.05, 0, 2, True)],
 )
-def test_a_map_holds_what_discs_lack_of_a_soft_box(most, count, is_held):
+def test_a_map_holds_what_discs_lack_of_a_soft_box(most, of_lamp, count, is_held, monkeypatch):
     """No more of it than it has to, and map and lamps lack what it does not hold.
 
     It holds none where some more discs suffice.
     """
+    monkeypatch.setattr(shape, "MOST_OF_LAMP", of_lamp)
     found = split_of(soft_box(), 0.2, most)
     assert (len(found.split.discs), found.is_held) == (count, is_held)
     residual, rest = (project(each, 60) for each in (found.split.residual_probe, found.rest))
@@ -120,7 +122,8 @@ def test_a_map_holds_what_discs_lack_of_a_soft_box(most, count, is_held):
     assert 0.005 < found.error <= policy.BESIDE * most
 
 
-def test_a_map_holds_all_of_it_where_no_part_suffices():
+def test_a_map_holds_all_of_it_where_no_part_suffices(monkeypatch):
+    monkeypatch.setattr(shape, "MOST_OF_LAMP", 0)
     found = split_of(soft_box(), 0.2, 0.01)
     rest, whole = (project(each, 60).coefficients for each in (found.rest, found.split.probe))
     discs = disc_coefficients(found.split.discs, 60)
@@ -145,8 +148,9 @@ def boxes(rows=128):
 
 
 @pytest.mark.parametrize("brdf", ["ggx:roughness=0.4", "ggx:roughness=0.4,anisotropy=0.6"])
-def test_what_discs_change_is_seen_though_the_error_is_small(brdf):
+def test_what_discs_change_is_seen_though_the_error_is_small(brdf, monkeypatch):
     """Of all light the box is little, and a disc in its place is seen all around it."""
+    monkeypatch.setattr(shape, "MOST_OF_LAMP", 0)
     brdf, probe = shrm.parse_spec(brdf), shrm.Probe.from_array(boxes())
     by_error = beside.split_for(probe, brdf, Goal(0.05, None))
     assert not by_error.is_held
@@ -239,13 +243,13 @@ def filament():
 
 def test_a_filament_takes_some_discs():
     found = split_of(filament(), 0.15, 0.05)
-    assert (len(found.split.discs), found.is_held) == (6, False)
+    assert (len(found.split.discs), found.is_held) == (5, False)
     assert found.error <= policy.BESIDE * 0.05
 
 
 def test_a_filament_stays_discs(monkeypatch):
     """What is finer than the degrees of maps is none of their light."""
-    monkeypatch.setattr(shape, "_COUNTS", ())
+    monkeypatch.setattr(shape, "MOST_OF_LAMP", 0)
     found = split_of(filament(), 0.15, 0.05)
     assert (len(found.split.discs), found.is_held) == (2, False)
     assert found.error > 0.05
@@ -261,7 +265,7 @@ def test_the_lamp_that_wins_most_takes_the_discs():
     few = shape.Change.of(change, transfer)
     made = [few.finer(most) for most in (20, 7, 5, 0)]
     counts = [[len(lamp.discs) for lamp in each.split.lamps] for each in made]
-    assert counts[:3] == [[2, 1], [8, 1], [16, 1]]
+    assert counts[:3] == [[2, 1], [5, 1], [8, 1]]
     assert sum(counts[3]) <= shape.MOST_DISCS
     lost = [np.linalg.norm(each.known) for each in made]
     assert sorted(lost, reverse=True) == lost
@@ -272,7 +276,7 @@ def test_so_many_discs_are_enough(monkeypatch):
     monkeypatch.setattr(shape, "MOST_DISCS", 5)
     transfer = compute_transfer(shrm.parse_spec("ggx:roughness=0.2"), 64, 0, 1e-3)
     change = shape.Change.of(split_of(soft_box(), 0.2, 1.0).split, transfer)
-    assert len(change.finer(0).split.discs) == 4
+    assert len(change.finer(0).split.discs) == 5
 
 
 @pytest.mark.proof
@@ -292,8 +296,8 @@ def test_a_soft_box_is_as_in_truth(monkeypatch):
     base, tail = ggx.reflected(0.2, normals, views, lights, energy)
     expected = 0.5 * (base - tail) + tail
     errors = []
-    for counts, held in ((shape._COUNTS, (0,)), ((), beside._HELD), ((), (0,))):
-        monkeypatch.setattr(shape, "_COUNTS", counts)
+    for most, held in ((shape.MOST_OF_LAMP, (0,)), (0, beside._HELD), (0, (0,))):
+        monkeypatch.setattr(shape, "MOST_OF_LAMP", most)
         monkeypatch.setattr(beside, "_HELD", held)
         asked = {"brdf": "ggx:roughness=0.2,f0=0.5", "sun": "split", "error": 0.03}
         found = prefilter_with_facts(probe, "auto", asked).map.radiance(normals, views)

@@ -87,7 +87,7 @@ def test_earlier_versions_refuse_the_file(tmp_path):
         lambda lamps: changed(lamps, radius=91),
         lambda lamps: changed(lamps, radius=True),
         lambda lamps: changed(lamps, radiance=[1, 2]),
-        lambda lamps: changed(lamps, radiance=[1, 2, -3]),
+        lambda lamps: changed(lamps, radiance=[1, 2, -(10**39)]),
         lambda lamps: changed(lamps, radiance=[1, 2, 10**39]),
         lambda lamps: changed(lamps, direction=[0, 0, 0]),
         lambda lamps: changed(lamps, direction=[1, 1, 0]),

@@ -1,0 +1,137 @@
+"""Discs that are fitted to a lamp, beside sums over its pixels that share no code with them."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.lights import fit
+from shrm_cli.lights.fit import fitted_discs
+from shrm_cli.lights.lamp import Light
+from shrm_cli.probe.disc import Disc
+from tests.brute_force import latlong_samples
+
+AXIS = np.array([0.48, 0.6, 0.64])
+
+
+def gaussian(order, width):
+    """What each degree keeps of light that is blurred by about so many radians."""
+    degree = np.arange(order + 1)
+    return np.exp(-degree * (degree + 1) * width**2 / 2)
+
+
+def lamp(radiance, rows=720, within=0.4):
+    """The pixels about the axis; `radiance` tells it of x and y, in radians across and along."""
+    directions, areas = latlong_samples(rows)
+    near = directions @ AXIS > np.cos(within)
+    directions, areas = directions[near], areas[near]
+    across = np.cross([0, 1, 0], AXIS)
+    across /= np.linalg.norm(across)
+    x, y = directions @ across, directions @ np.cross(AXIS, across)
+    values = np.broadcast_to(np.stack([radiance(x, y)] * 3, axis=1), directions.shape)
+    lit = values[:, 0] != 0
+    return Light(directions[lit], values[lit] * [1.0, 0.8, 0.6], areas[lit])
+
+
+def blurred(directions, fluxes, at, width):
+    """Sums of Gaussian spots, as heat spreads on the sphere over small angles."""
+    angles = np.arccos(np.clip(at @ directions.T, -1, 1))
+    return np.exp(-(angles**2) / (2 * width**2)) / (2 * np.pi * width**2) @ fluxes
+
+
+def missed(light, discs, width=0.03):
+    """The RMS by which discs look unlike a lamp when both are blurred, by points of discs."""
+    rng = np.random.default_rng(1)
+    at = AXIS + 0.3 * rng.normal(size=(500, 3))
+    at /= np.linalg.norm(at, axis=1, keepdims=True)
+    seen = blurred(light.directions, light.radiance * light.areas[:, None], at, width)
+    directions, areas = latlong_samples(720)
+    near = directions @ AXIS > 0.7
+    directions, areas = directions[near], areas[near]
+    found = np.zeros_like(seen)
+    for disc in discs:
+        inside = directions @ disc.direction > np.cos(disc.radius)
+        own = areas[inside] * disc.solid_angle / areas[inside].sum()
+        found += blurred(directions[inside], own[:, None] * disc.radiance, at, width)
+    return np.sqrt(np.mean((found - seen) ** 2) / np.mean(seen**2))
+
+
+def sequence(light, most=6, width=0.03):
+    return list(fitted_discs(light, gaussian(128, width), most))
+
+
+def test_a_bright_middle_in_a_dim_rim_is_two_discs():
+    light = lamp(lambda x, y: 10.0 * (np.hypot(x, y) < 0.2) + 90.0 * (np.hypot(x - 0.03, y) < 0.1))
+    one, two, *_ = sequence(light, 2)
+    rim, middle = sorted(two, key=lambda disc: -disc.radius)
+    assert (rim.radius, middle.radius) == pytest.approx((0.2, 0.1), rel=0.02)
+    assert rim.radiance == pytest.approx(np.array([10, 8, 6]), rel=0.05)
+    assert middle.radiance == pytest.approx(np.array([90, 72, 54]), rel=0.05)
+    assert rim.direction @ middle.direction == pytest.approx(np.cos(0.03), abs=1e-4)
+    assert missed(light, two) < 0.02 < 0.1 < missed(light, one)
+
+
+def test_a_ring_is_a_disc_without_its_middle():
+    light = lamp(lambda x, y: 50.0 * ((np.hypot(x, y) < 0.25) & (np.hypot(x, y) > 0.15)))
+    (_, two, *_) = sequence(light, 2)
+    hole, whole = sorted(two, key=lambda disc: disc.radiance[0])
+    assert hole.radiance[0] == pytest.approx(-50, rel=0.1)
+    assert (hole.radius, whole.radius) == pytest.approx((0.15, 0.25), rel=0.02)
+    assert missed(light, two) < 0.025
+
+
+@pytest.mark.parametrize(
+    ("shape", "bars"),
+    [
+        (lambda x, y: 40.0 * ((abs(x) < 0.25) & (abs(y) < 0.03)), (0.85, 0.4, 0.1, 0.02)),
+        (lambda x, y: 40.0 * ((abs(x) < 0.15) & (abs(y) < 0.15)), (0.16, 0.12, 0.03, 0.015)),
+        (lambda x, y: 40.0 * (abs(x) + abs(y) < 0.2) + 20 * (x > 0.05), (0.45, 0.22, 0.09, 0.035)),
+    ],
+)
+def test_more_discs_are_nearer(shape, bars):
+    light = lamp(shape)
+    found = sequence(light, 12)
+    assert [len(discs) for discs in found] == list(range(1, 13))
+    errors = [missed(light, found[k]) for k in (0, 2, 5, 11)]
+    assert all(error < bar for error, bar in zip(errors, bars, strict=True))
+    for discs in found[1:]:
+        flux = sum(disc.radiance * disc.solid_angle for disc in discs)
+        assert flux == pytest.approx(light.flux, rel=5e-3)
+
+
+def test_a_disc_is_one_disc():
+    light = lamp(lambda x, y: 1e6 * (np.hypot(x, y) < 0.02), rows=1440)
+    (only,), *_ = sequence(light, 1)
+    assert only.radius == pytest.approx(0.02, rel=0.02)
+    assert only.radiance == pytest.approx(np.array([1e6, 8e5, 6e5]), rel=0.05)
+
+
+def test_a_single_pixel():
+    light = Light(AXIS[None], np.array([[3e4, 2e4, 1e4]]), np.array([1e-5]))
+    for discs in sequence(light, 3):
+        flux = sum(disc.radiance * disc.solid_angle for disc in discs)
+        assert flux == pytest.approx(light.flux[None][0], rel=5e-3)
+
+
+def test_lamps_of_many_pixels_are_those_of_few(monkeypatch):
+    light = lamp(lambda x, y: 10.0 * (np.hypot(x, y) < 0.2) + 90.0 * (np.hypot(x - 0.03, y) < 0.1))
+    expected = sequence(light, 2)[1]
+    monkeypatch.setattr(fit, "_MOST_CELLS", len(light.areas) // 8)
+    found = sequence(light, 2)[1]
+    assert [disc.radius for disc in found] == pytest.approx(
+        [disc.radius for disc in expected], rel=0.02
+    )
+    assert missed(light, found) < 0.025
+
+
+def test_discs_look_as_their_points_do():
+    light = lamp(lambda x, y: 10.0 * (np.hypot(x, y) < 0.2))
+    picture = fit._Picture(light, gaussian(128, 0.03))
+    shape = np.array([[0.05, -0.1, np.log(0.07)], [0.0, 0.0, np.log(0.18)]])
+    columns = picture._columns(shape)[:-1] / picture._scale
+    directions, areas = latlong_samples(1440)
+    for column, middle, radius in zip(
+        columns.T, picture._directions(shape), np.exp(shape[:, 2]), strict=True
+    ):
+        inside = directions @ middle > np.cos(radius)
+        own = areas[inside] * Disc(middle, radius, np.ones(3)).solid_angle / areas[inside].sum()
+        expected = blurred(directions[inside], own[:, None], picture._samples, 0.03)[:, 0]
+        np.testing.assert_allclose(column, expected, rtol=0, atol=0.01 * expected.max())
