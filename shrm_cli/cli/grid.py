@@ -153,5 +153,6 @@ def _lines(said: dict[str, Any], suffix: str, has_all_light: bool) -> list[str]:
             f"{twice} is nearer"
         )
     if said["in_walls"]:
-        lines.append(f"  {said['in_walls']:,} probes lie within walls")
+        one = said["in_walls"] == 1
+        lines.append(f"  {said['in_walls']:,} {'probe lies' if one else 'probes lie'} within walls")
     return lines

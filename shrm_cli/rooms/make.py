@@ -27,7 +27,7 @@ from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
 from shrm_cli.rooms.capture import box_around, captured
 from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, is_grid, read_grid
-from shrm_cli.rooms.room import Room
+from shrm_cli.rooms.room import Room, untold
 from shrm_cli.vocabulary import ALBEDO
 
 _LONGEST = 16
@@ -74,20 +74,33 @@ def open_room(
     outside = (None, ()) if split is None else (split.residual_probe, split.discs)
     changes = {"albedo": albedo, "emission": emission}
     room = Room.of(mesh, (ALBEDO,) * 3, changes, *outside)
-    return OpenRoom(room, light, _warnings(mesh, room))
+    return OpenRoom(room, light, _warnings(mesh, room, albedo))
 
 
-def _warnings(mesh: Mesh, room: Room) -> list[str]:
-    """Return what does not count of the materials of a room."""
+def _warnings(mesh: Mesh, room: Room, albedo: Mapping[str, Color]) -> list[str]:
+    """Return what does not count of the materials of a room, and what is not known of them.
+
+    `albedo` has what some reflect, by their names.
+    """
     used = {int(each) for each in np.unique(mesh.face_materials) if each >= 0}
+    walls = [mesh.materials[k] for k in used if mesh.materials[k].name not in albedo]
+    walls = [each for each in walls if not each.is_clear and not any(each.emission)]
+    silent = {each.name for each in untold(mesh)}
+    unsaid = [
+        f"{each.name!r} ({each.unread[0]})" if not each.is_known and k == 0 else repr(each.name)
+        for k, each in enumerate(each for each in walls if each.name in silent)
+    ]
+    white = [repr(each.name) for each in walls if each.name not in silent and not each.has_color]
     clear = [repr(mesh.materials[k].name) for k in used if mesh.materials[k].is_clear]
     holes = [repr(each.material.name) for each in room.paints.values() if each.has_holes]
     unread = [
         f"{each.name!r} ({', '.join(each.unread)})"
         for each in (mesh.materials[k] for k in used)
-        if each.unread and not each.is_clear
+        if each.unread and each.is_known and not each.is_clear
     ]
     said = [
+        (unsaid, "half is reflected, unless `albedo` says what, by the material "),
+        (white, "nothing is lost of the light, unless `albedo` says so, at the material "),
         (clear, "light passes through what is less than half opaque, the material "),
         (holes, "light does not pass through the holes in the texture of the material "),
         (unread, "only the colour and the glow count of the material "),
