@@ -138,4 +138,11 @@ def transfer(
         f"{target}: transfer {kinds} of {sites}, of {of}, order {order}, "
         f"{bounces} bounces, {size:,} bytes"
     ]
-    conclude({"file": target, **said, "bytes": size}, lines, [])
+    lost = next((each for each in found.materials if not each.is_known), None)
+    warnings = []
+    if lost is not None and albedo in (None, "mesh") and brdf is None:
+        warnings.append(
+            f"{mesh}: half is reflected, unless `albedo` says what, by the material "
+            f"{lost.name!r}, {lost.unread[0]}"
+        )
+    conclude({"file": target, **said, "bytes": size}, lines, warnings)

@@ -134,8 +134,8 @@ def grid(
     ----------
     source : path-like
         A mesh that is a room, a table ``.csv`` or ``.toml`` of positions and probes, which lie in
-        its folder or below, or a grid that was written; all arguments are about rooms, but `order` is about
-        tables, too.
+        its folder or below, or a grid that was written; all arguments are about rooms, but
+        `order` is about tables, too.
     size : tuple of 3 int, optional
         Probes along x, y and z; by default 16 along the longest edge.
     box : sequence of 6 float, optional

@@ -231,3 +231,11 @@ def test_bounces_of_another_brdf_are_told(folder):
         name: "what the mesh reflects onto itself is of ggx" in each for name, each in said.items()
     }
     assert told == {("own.exr",): False, ("other.exr",): True, (): True}
+
+
+def test_missing_files_of_materials_are_told(folder):
+    text = (folder / "bumps.obj").read_text()
+    (folder / "lost.obj").write_text(f"mtllib gone.mtl\nusemtl wall\n{text}")
+    result = run("transfer", "lost.obj", "--samples", "16", "--bounces", "1", "-o", "a.npz")
+    assert "by the material 'wall', whose file 'gone.mtl' is missing" in result.err
+    done("transfer", "lost.obj", "--samples", "16", "--albedo", "0.3", "-o", "b.npz")
