@@ -267,7 +267,8 @@ def _lattice(
     """Return where the probes of a room are."""
     low, high = np.asarray(bounds if box is None else np.reshape(box, (2, 3)), dtype=float)
     if not (high > low).all():
-        raise ArgumentError("box", "is flat; give two corners x0,y0,z0,x1,y1,z1, the lesser first")
+        what = "is flat" if box is not None else "must be given, for the room is flat"
+        raise ArgumentError("box", f"{what}; give two corners x0,y0,z0,x1,y1,z1, the lesser first")
     edges = high - low
     x, y, z = size or (max(1, round(_LONGEST * each)) for each in edges / edges.max())
     if x * y * z > MOST:
