@@ -21,7 +21,7 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
 
 
 @click.command()
-@click.argument("source", metavar="ROOM|TABLE.csv|GRID.npz", type=PATH)
+@click.argument("source", metavar="ROOM|TABLE|GRID.npz", type=PATH)
 @option(
     "-o --output", PATH,
     help="File to write: .npz, .json for three.js, .ktx2 for Bevy, or .exr.  "
@@ -60,8 +60,9 @@ def grid(
 
     ROOM is a mesh whose materials reflect diffusely, by their base colours, and some of which send
     light. Each probe holds coefficients of the light that reaches it, of all bounces, and how far
-    it sees, so that light does not leak through walls. TABLE.csv has the columns x, y, z and file,
-    of probes that exist already. GRID.npz is written in another form.
+    it sees, so that light does not leak through walls. TABLE is of probes that exist already: .csv
+    with the columns x, y, z and file, or .toml of [[probe]] with file and at. GRID.npz is written
+    in another form.
 
     \b
       shrm grid house.glb --size 16,8,16
@@ -71,12 +72,12 @@ def grid(
     from shrm_cli.rooms.export import WRITERS
     from shrm_cli.rooms.grid import is_grid, made_by, write_grid
     from shrm_cli.rooms.make import grid as grid_of
+    from shrm_cli.rooms.make import is_table
 
     target, suffix = _target(source, output)
     usage.check_outputs([target], files=[source, *([probe] if probe else [])])
-    is_table = source.lower().endswith(".csv")
-    is_baked = is_grid(source)
-    of_rooms = usage.Applies(not (is_table or is_baked), "to rooms")
+    is_baked, of_probes = is_grid(source), is_table(source)
+    of_rooms = usage.Applies(not (of_probes or is_baked), "to rooms")
     usage.refuse_inapplicable(
         dict.fromkeys(("size", "box", "probe", "albedo", "emit", "samples"), of_rooms)
         | {"order": usage.Applies(not is_baked, "to rooms and tables")}
@@ -91,7 +92,7 @@ def grid(
         count = " x ".join(map(str, plan.lattice.shape))
         announce([f"{source}: {len(plan.mesh.faces):,} triangles, {count} probes"])
 
-    with progress_bar("projecting" if is_table else "gathering") as progress:
+    with progress_bar("projecting" if of_probes else "gathering") as progress:
         found = grid_of(
             source, size=size, box=box, order=order, probe=probe, albedo=dict(albedo),
             emission=dict(emit), samples=samples, begin=begin, progress=progress,
@@ -153,5 +154,6 @@ def _lines(said: dict[str, Any], suffix: str, has_all_light: bool) -> list[str]:
             f"{twice} is nearer"
         )
     if said["in_walls"]:
-        lines.append(f"  {said['in_walls']:,} probes lie within walls")
+        one = said["in_walls"] == 1
+        lines.append(f"  {said['in_walls']:,} {'probe lies' if one else 'probes lie'} within walls")
     return lines

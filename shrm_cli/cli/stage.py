@@ -204,17 +204,20 @@ def open_baked(
     if not maps and light is None:
         raise click.UsageError("Missing argument 'MAP...', or --probe for a diffuse surface")
     baked = read_transfer(transfer)
+    warnings = _of_another_brdf(transfer, baked.facts.brdf, maps, names)
     if light is not None and not isinstance(light, Probe):  # of a grid, whose lamps are in it
         lit, told = lit_maps(maps, names, light, window)
+        told = warnings + told
         return Baked(baked, lit or [InGrid(light, "")], list(names) or ["grid"], (), told)
     probe = light
     discs: tuple[Disc, ...] = ()
     named = "" if probe is None else probe_name(probe)
-    warnings = []
     if probe is not None:
         split = shrm.split_lamps(probe)
         if not baked.shades_lamps(glossy=bool(maps)):
-            warnings = [f"{transfer}: lamps are as blurred as other light; bake it with 0 bounces"]
+            warnings.append(
+                f"{transfer}: lamps are as blurred as other light; bake it with 0 bounces"
+            )
         elif split.discs:
             discs, probe = split.discs, split.residual_probe
     if not maps and probe is not None:
@@ -229,6 +232,24 @@ def open_baked(
                 f"{baked.order}, and lamps without sharp shadows; give `probe` in place of the map"
             )
     return Baked(baked, lit, list(names), discs, warnings + negative)
+
+
+def _of_another_brdf(
+    transfer: str, baked: str, maps: Sequence[Map], names: Sequence[str]
+) -> list[str]:
+    """Return a line for each map that is not of the BRDF which bounces were `baked` for, if any."""
+    from shrm_cli.maps.info import spec_of
+
+    def parts(spec: str) -> list[str]:  # files sort parameters
+        return sorted(spec.replace(":", ",").split(","))
+
+    given = [(name, spec_of(each.info.brdf)) for name, each in zip(names, maps, strict=True)]
+    return [
+        f"{transfer}: what the mesh reflects onto itself is of {baked:.80}, which is not the BRDF "
+        f"of {name}; bake it with that one's"
+        for name, spec in given or [("a diffuse surface", "")]
+        if baked and parts(baked) != parts(spec)
+    ]
 
 
 def mesh_values(subject: MeshSubject, mesh: str) -> dict[str, Any]:

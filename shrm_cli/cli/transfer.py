@@ -14,6 +14,7 @@ from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
 
 if TYPE_CHECKING:
+    from shrm_cli.geometry.mesh import Mesh
     from shrm_cli.transfer.transfer import Transfer
 
 _SUFFIXES = (".npz", ".glb", ".ply", ".txt")
@@ -138,4 +139,15 @@ def transfer(
         f"{target}: transfer {kinds} of {sites}, of {of}, order {order}, "
         f"{bounces} bounces, {size:,} bytes"
     ]
-    conclude({"file": target, **said, "bytes": size}, lines, [])
+    warnings = _missing(found) if albedo in (None, "mesh") and brdf is None else []
+    conclude({"file": target, **said, "bytes": size}, lines, warnings)
+
+
+def _missing(mesh: Mesh) -> list[str]:
+    """Return a line about the first material of a mesh whose file is missing, if there is one."""
+    return [
+        f"{mesh.name}: half is reflected, unless `albedo` says what, by the material "
+        f"{each.name!r}, {each.unread[0]}"
+        for each in mesh.materials
+        if not each.is_known
+    ][:1]

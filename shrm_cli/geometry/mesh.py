@@ -81,6 +81,8 @@ class SurfaceMaterial:
     """The least opacity that is seen; None where all of it is."""
     unread: tuple[str, ...] = ()
     """What else the file says of it, which is not drawn."""
+    is_known: bool = True
+    """Whether there is a file that says something of it; if not, `unread` says why."""
 
     @property
     def matte(self) -> "SurfaceMaterial":

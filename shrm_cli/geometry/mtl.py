@@ -50,7 +50,7 @@ def read_materials(
 
     Materials and textures are looked for in its folder. `libraries` are the lines of it that name
     files of materials, one or several. `wanted` holds the names of the materials. Those that are
-    not found say so in their `unread`.
+    not found are not known, and say so in their `unread`.
     """
     known: dict[str, SurfaceMaterial] = {}
     paths, missing = _named(name, libraries)
@@ -63,7 +63,7 @@ def read_materials(
     else:
         held = " and ".join(path.name for path in paths)
         why = f"which {held} does not have" if held else "of which no file of materials is named"
-    plain = SurfaceMaterial(metallic=0.0, roughness=0.5, unread=(why,))
+    plain = SurfaceMaterial(metallic=0.0, roughness=0.5, unread=(why,), is_known=False)
     return [known.get(each) or replace(plain, name=each[:80]) for each in wanted]
 
 

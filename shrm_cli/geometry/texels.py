@@ -27,6 +27,10 @@ Where walls meet, rays from the very edge would slip between them.
 """
 _MOST_INSET = 0.25
 """The same in texels, at the most."""
+_ON_BORDER = 1e-4
+"""The least weight of a corner, at or below which a point counts as on the border: xatlas has
+corners at the middles of texels, but for rounding, so that these lie within the triangle by chance.
+"""
 _SAME = 2**-18
 """Vertices that differ by less count as one, as xatlas has it: in diagonals of the mesh, normals,
 and edges of the texture."""
@@ -131,7 +135,8 @@ def sampled(texcoords: Array, charts: Integers, shape: tuple[int, int]) -> Sampl
     faces, weights = owner[used], found[used]
     ways = corners[faces].mean(axis=1) - np.einsum("nc,ncv->nv", weights, corners[faces])
     length = np.maximum(np.linalg.norm(ways, axis=1), np.finfo(float).tiny)
-    inset = np.where(nearest[used] > 0, np.minimum(_INSET, _MOST_INSET / length), 0)[:, None]
+    is_border = (nearest[used] > 0) | (weights.min(axis=1) <= _ON_BORDER)
+    inset = np.where(is_border, np.minimum(_INSET, _MOST_INSET / length), 0)[:, None]
     return Sampled(
         rows.reshape(shape), texcoords, faces, (1 - inset) * weights + inset / 3,
         bool((first[used] == last[used]).all()), bool(covers.max(initial=0) <= 1),

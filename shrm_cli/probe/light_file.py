@@ -48,10 +48,8 @@ _OF_THE_WHOLE = {"yaw", "pitch", "roll", "mirror", "up", "working", "box", "at"}
 """The options that apply to a light file: they turn it, and tell its primaries and its box."""
 _PROBE_KEYS = {each.name for each in fields(ReadOptions)} - {"pixels"} | {"clamp", "fix_nonfinite"}
 _KINDS = "probe", "disc", "sh"
-_SH_KEYS = {
-    "file", "coefficients", "basis", "of", "part", "scale", "yaw", "pitch", "roll", "mirror", "up",
-    "primaries",
-}  # fmt: skip
+_SH_READING = ("part", "yaw", "pitch", "roll", "mirror", "up")
+_SH_KEYS = {"file", "coefficients", "basis", "of", "scale", "primaries", *_SH_READING}
 _DISC_KEYS = {
     "azimuth", "elevation", "direction", "radius", "solid_angle", "radiance", "irradiance",
     "primaries",
@@ -184,10 +182,10 @@ def _series(
     Their color is in the primaries of the sum, `colors`, if nothing tells others.
     """
     _check_keys(what, table, _SH_KEYS)
-    basis, of, part = (table.get(key) for key in ("basis", "of", "part"))
-    turn = {key: table[key] for key in ("yaw", "pitch", "roll", "mirror", "up") if key in table}
+    basis, of = table.get("basis"), table.get("of")
     content = b""
     try:
+        options = ReadOptions(**{key: table[key] for key in _SH_READING if key in table})
         if _only(what, table, "file", "coefficients") == "file":
             name = table["file"]
             if not isinstance(name, str) or not name or not stays_below(name, path.parent):
@@ -198,14 +196,13 @@ def _series(
                     f"{what}: {table['file']!r:.100} holds no coefficients; name .txt, .npy, "
                     ".json or an irradiance map"
                 )
-            found = read_series(name, basis, "radiance" if of is None else of, part)
+            found = read_series(name, basis, "radiance" if of is None else of, options.part_name())
             content = Path(name).read_bytes()
-        elif part is not None:
+        elif options.part is not None:
             raise ProbeError(f"{what}: 'part' applies to a file")
         else:
             values = table["coefficients"]
             found = Series(as_radiance(values, basis or "real", "radiance" if of is None else of))
-        matrix = ReadOptions(**turn).matrix()
     except ProbeError as error:
         said = as_keys(error)
         raise ProbeError(said if said.startswith(what) else f"{what}: {said}") from None
@@ -216,7 +213,7 @@ def _series(
     change = None if own is None else conversion(own, colors)
     values = found.coefficients if change is None else found.coefficients @ change.T
     scale = _color(what, "scale", table["scale"]) if "scale" in table else np.ones(3)
-    return transform_coefficients(values * scale, matrix), content
+    return transform_coefficients(values * scale, options.matrix()), content
 
 
 def stays_below(file: str, folder: str | os.PathLike[str]) -> bool:

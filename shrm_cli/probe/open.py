@@ -113,7 +113,7 @@ def _open_file(name: str, options: ReadOptions) -> ImageFile | DdsFile:
     path = check_file(name)
     dds = _open_dds(path)
     if dds is None:
-        return ImageFile.open(path, options.linearize, options.part, options.layer)
+        return ImageFile.open(path, options.linearize, options.part_name(), options.layer)
     if options.part is not None or options.layer is not None:
         raise ProbeError(f"{name}: a DDS file has no parts or layers; leave `part` and `layer` out")
     return dds

@@ -40,7 +40,7 @@ class ReadOptions:
         Decode integer pixels: as the file says, or else as sRGB.
     pixels : PixelPolicy
         What is done about pixels that cannot be radiance.
-    part : str, optional
+    part : str or int, optional
         Name or number, from 0, of the part of a file with several that is the light.
     layer : str, optional
         Name of the layer or view that is the light.
@@ -80,7 +80,7 @@ class ReadOptions:
     up: Literal["y", "z"] = "y"
     linearize: bool = False
     pixels: PixelPolicy = field(default_factory=PixelPolicy)
-    part: str | None = None
+    part: str | int | None = None
     layer: str | None = None
     pitch: float = 0.0
     roll: float = 0.0
@@ -98,8 +98,10 @@ class ReadOptions:
         _check_flag("linearize", self.linearize)
         _check_numbers("box", self.box, 6)
         _check_numbers("at", self.at, 3)
-        _check_text("part", self.part)
-        _check_text("layer", self.layer)
+        if self.part is not None and type(self.part) not in (str, int):
+            raise ProbeError(f"`part` must be a name or a number, not {self.part!r:.60}")
+        if not (self.layer is None or isinstance(self.layer, str)):
+            raise ProbeError(f"`layer` must be a name, not {self.layer!r:.60}")
         for name in ("yaw", "pitch", "roll"):
             angle = getattr(self, name)
             if not _is_finite(angle):
@@ -112,6 +114,10 @@ class ReadOptions:
         _check_flag("fix_nonfinite", self.pixels.fix_nonfinite)
         if clamp is not None and not (_is_finite(clamp) and clamp > 0):
             raise ProbeError(f"`clamp` must be a positive number, not {clamp!r:.60}")
+
+    def part_name(self) -> str | None:
+        """What names the part, as text."""
+        return None if self.part is None else str(self.part)
 
     def matrix(self) -> Array:
         """Orthogonal matrix from the file's axes to world axes, shape (3, 3)."""
@@ -137,7 +143,7 @@ class ReadKeywords(TypedDict, total=False):
     pixels: PixelPolicy
     clamp: float | None
     fix_nonfinite: bool
-    part: str | None
+    part: str | int | None
     layer: str | None
     primaries: str | Sequence[float] | None
     working: str | Sequence[float] | None
@@ -198,11 +204,6 @@ def check_name(argument: str, value: object, names: tuple[str | None, ...]) -> N
 def _check_flag(argument: str, value: object) -> None:
     if not isinstance(value, bool | np.bool_):
         raise ProbeError(f"`{argument}` must be True or False, not {value!r}")
-
-
-def _check_text(argument: str, value: object) -> None:
-    if not (value is None or isinstance(value, str)):
-        raise ProbeError(f"`{argument}` must be a name, not {value!r}")
 
 
 def _check_numbers(argument: str, value: Any, count: int) -> None:

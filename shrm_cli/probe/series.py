@@ -122,7 +122,7 @@ def as_radiance(values: Any, basis: str = "real", of: str = "radiance") -> Array
 
     Raises ValueError if they are something else.
     """
-    found = _rows(np.asarray(values))
+    found = _rows(_numbers(values))
     degree, m = degrees_and_orders(order_of(len(found)))
     if basis not in BASES:
         raise ValueError(f"{basis!r:.40} is no basis; name one of {', '.join(BASES)}")
@@ -154,7 +154,7 @@ def open_series(name: str, options: ReadOptions) -> "LightSum":
     from shrm_cli.probe.light_sum import LightSum, SumImage
 
     _check_options(name, options)
-    found = read_series(name, part=options.part)
+    found = read_series(name, part=options.part_name())
     colors = ColorReading.of(found.chromaticities, options)
     values = found.coefficients
     if colors.matrix is not None:
@@ -173,6 +173,13 @@ def _check_options(name: str, options: ReadOptions) -> None:
         if getattr(options, each) != getattr(plain, each):
             said = "`clamp` and `fix_nonfinite` say" if each == "pixels" else f"`{each}` says"
             raise ProbeError(f"{name}: {said} nothing about coefficients; leave it out")
+
+
+def _numbers(values: Any) -> Array:
+    try:
+        return np.asarray(values)
+    except ValueError:
+        raise ValueError("rows of different lengths; give three numbers a row, or one") from None
 
 
 def _rows(values: Array) -> Array:
@@ -227,17 +234,17 @@ def _of_text(text: str) -> Array:
 def _of_json(tree: Any) -> Array:
     """Coefficients of a list, of ours by their name, or of a LightProbe of three.js."""
     if isinstance(tree, list):
-        return np.array(tree)
+        return _numbers(tree)
     if not isinstance(tree, Mapping):
         raise ValueError("no list of coefficients")
     if "radiance" in tree:
-        return np.array(tree["radiance"])
+        return _numbers(tree["radiance"])
     found = tree.get("object", tree)
     if not isinstance(found, Mapping) or "sh" not in found:
         raise ValueError('neither "radiance" nor the "sh" of a LightProbe is in it')
     if len(found["sh"]) != 27:
         raise ValueError(f"the sh of a LightProbe has 27 numbers, not {len(found['sh'])}")
-    return np.array(found["sh"]).reshape(9, 3) * float(found.get("intensity", 1.0))
+    return _numbers(found["sh"]).reshape(9, 3) * float(found.get("intensity", 1.0))
 
 
 def _irradiance_part(name: str) -> Any:

@@ -7,12 +7,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import ArgumentError, MeshError
+from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
@@ -27,7 +29,7 @@ from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
 from shrm_cli.rooms.capture import box_around, captured
 from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, is_grid, read_grid
-from shrm_cli.rooms.room import Room
+from shrm_cli.rooms.room import Room, untold
 from shrm_cli.vocabulary import ALBEDO
 
 _LONGEST = 16
@@ -74,20 +76,33 @@ def open_room(
     outside = (None, ()) if split is None else (split.residual_probe, split.discs)
     changes = {"albedo": albedo, "emission": emission}
     room = Room.of(mesh, (ALBEDO,) * 3, changes, *outside)
-    return OpenRoom(room, light, _warnings(mesh, room))
+    return OpenRoom(room, light, _warnings(mesh, room, albedo))
 
 
-def _warnings(mesh: Mesh, room: Room) -> list[str]:
-    """Return what does not count of the materials of a room."""
+def _warnings(mesh: Mesh, room: Room, albedo: Mapping[str, Color]) -> list[str]:
+    """Return what does not count of the materials of a room, and what is not known of them.
+
+    `albedo` has what some reflect, by their names.
+    """
     used = {int(each) for each in np.unique(mesh.face_materials) if each >= 0}
+    walls = [mesh.materials[k] for k in used if mesh.materials[k].name not in albedo]
+    walls = [each for each in walls if not each.is_clear and not any(each.emission)]
+    silent = {each.name for each in untold(mesh)}
+    unsaid = [
+        f"{each.name!r} ({each.unread[0]})" if not each.is_known and k == 0 else repr(each.name)
+        for k, each in enumerate(each for each in walls if each.name in silent)
+    ]
+    white = [repr(each.name) for each in walls if each.name not in silent and not each.has_color]
     clear = [repr(mesh.materials[k].name) for k in used if mesh.materials[k].is_clear]
     holes = [repr(each.material.name) for each in room.paints.values() if each.has_holes]
     unread = [
         f"{each.name!r} ({', '.join(each.unread)})"
         for each in (mesh.materials[k] for k in used)
-        if each.unread and not each.is_clear
+        if each.unread and each.is_known and not each.is_clear
     ]
     said = [
+        (unsaid, "half is reflected, unless `albedo` says what, by the material "),
+        (white, "nothing is lost of the light, unless `albedo` says so, at the material "),
         (clear, "light passes through what is less than half opaque, the material "),
         (holes, "light does not pass through the holes in the texture of the material "),
         (unread, "only the colour and the glow count of the material "),
@@ -118,9 +133,9 @@ def grid(
     Parameters
     ----------
     source : path-like
-        A mesh that is a room, a table ``.csv`` of positions and probes, which lie in its folder or
-        below, or a grid that was written; all arguments are about rooms, but `order` is about
-        tables, too.
+        A mesh that is a room, a table ``.csv`` or ``.toml`` of positions and probes, which lie in
+        its folder or below, or a grid that was written; all arguments are about rooms, but
+        `order` is about tables, too.
     size : tuple of 3 int, optional
         Probes along x, y and z; by default 16 along the longest edge.
     box : sequence of 6 float, optional
@@ -160,7 +175,7 @@ def grid(
     name = os.fspath(source)
     if is_grid(name):
         return read_grid(name)
-    if name.lower().endswith(".csv"):
+    if is_table(name):
         return read_positions(name, order, progress)
     opened = open_room(name, probe, albedo, emission)
     mesh = opened.room.mesh
@@ -252,7 +267,8 @@ def _lattice(
     """Return where the probes of a room are."""
     low, high = np.asarray(bounds if box is None else np.reshape(box, (2, 3)), dtype=float)
     if not (high > low).all():
-        raise ArgumentError("box", "is flat; give two corners x0,y0,z0,x1,y1,z1, the lesser first")
+        what = "is flat" if box is not None else "must be given, for the room is flat"
+        raise ArgumentError("box", f"{what}; give two corners x0,y0,z0,x1,y1,z1, the lesser first")
     edges = high - low
     x, y, z = size or (max(1, round(_LONGEST * each)) for each in edges / edges.max())
     if x * y * z > MOST:
@@ -262,6 +278,7 @@ def _lattice(
 
 _MOST_ROWS = 2**16
 _MOST_BYTES = 2**24
+_TOO_LARGE = f"more than {_MOST_BYTES:,} bytes are no table of probes"
 _EVEN = 1e-3
 """How far positions may be from even rows, in spacings."""
 _COLUMNS = ("x", "y", "z", "file")
@@ -272,7 +289,8 @@ def read_positions(
 ) -> ProbeGrid:
     """Read a table of probes, and project each of them.
 
-    `path` is CSV with the columns x, y, z and file; files are named relative to its folder.
+    `path` is CSV with the columns x, y, z and file, or TOML whose tables ``[[probe]]`` have
+    ``file`` and ``at``, three numbers; files are named relative to its folder.
 
     What the grid holds counts as reflected. Of walls it knows nothing. Probes of other primaries
     than those of the first one are converted to them.
@@ -291,37 +309,69 @@ def read_positions(
     return ProbeGrid(lattice, light, np.zeros_like(light), None, alive, _colors(first))
 
 
+def is_table(name: str) -> bool:
+    """Whether a file is a table of positions and probes, by its suffix."""
+    return name.lower().endswith((".csv", ".toml"))
+
+
 def _rows(path: Path) -> tuple[Array, list[str]]:
+    """Return the positions of a table, shape (n, 3), and the names of their probes."""
+    rows = _csv_rows(path) if path.suffix.lower() == ".csv" else _toml_rows(path)
+    if not 1 <= len(rows) <= _MOST_ROWS:
+        raise MeshError(f"{path}: has {len(rows):,} rows, but must have 1 .. {_MOST_ROWS:,}")
+    points, names = [], []
+    for where, place, file in rows:
+        try:
+            point = [float(each) for each in place]
+        except (TypeError, ValueError):
+            point = []
+        if len(point) != 3:
+            raise MeshError(f"{path}: {where} has no three numbers x, y, z")
+        if not np.isfinite(point).all() or not isinstance(file, str) or not file:
+            raise MeshError(f"{path}: {where} has no position or no file")
+        if not stays_below(file, path.parent):
+            raise MeshError(
+                f"{path}: {where}: {file!r:.100} leaves the table's folder; put the probe into it"
+            )
+        points.append(point)
+        names.append(file)
+    return np.array(points), names
+
+
+_Row = tuple[str, Sequence[Any], Any]
+"""What a row is called, where its probe is, and its file, unchecked."""
+
+
+def _csv_rows(path: Path) -> list[_Row]:
     try:
         if path.stat().st_size > _MOST_BYTES:
-            raise MeshError(f"{path}: more than {_MOST_BYTES:,} bytes are no table of probes")
+            raise MeshError(f"{path}: {_TOO_LARGE}")
         with open(path, newline="", encoding="utf-8-sig") as stream:
             table = csv.DictReader(stream, skipinitialspace=True)
             if not set(_COLUMNS) <= set(table.fieldnames or ()):
                 raise MeshError(f"{path}: no table with the columns {', '.join(_COLUMNS)}")
-            rows = list(table)
+            return [
+                (f"line {number}", [row[axis] for axis in "xyz"], row["file"])
+                for number, row in enumerate(table, 2)
+            ]
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror})") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise MeshError(f"{path}: no table as CSV ({error}); export it anew") from error
-    if not 1 <= len(rows) <= _MOST_ROWS:
-        raise MeshError(f"{path}: has {len(rows):,} rows, but must have 1 .. {_MOST_ROWS:,}")
-    points, names = [], []
-    for number, row in enumerate(rows, 2):
-        try:
-            point = [float(row[axis]) for axis in "xyz"]
-        except (TypeError, ValueError):
-            raise MeshError(f"{path}: line {number} has no three numbers x, y, z") from None
-        if not np.isfinite(point).all() or not row["file"]:
-            raise MeshError(f"{path}: line {number} has no position or no file")
-        if not stays_below(row["file"], path.parent):
-            raise MeshError(
-                f"{path}: line {number}: {row['file']!r:.100} leaves the table's folder; put the "
-                "probe into it"
-            )
-        points.append(point)
-        names.append(row["file"])
-    return np.array(points), names
+
+
+def _toml_rows(path: Path) -> list[_Row]:
+    found, _ = read_toml(path, "a table of probes", _MOST_BYTES, _TOO_LARGE, MeshError)
+    probes = found.get("probe")
+    if set(found) != {"probe"} or not isinstance(probes, list):
+        raise MeshError(f"{path}: no table of probes; give [[probe]] alone, with 'file' and 'at'")
+    rows: list[_Row] = []
+    for number, each in enumerate(probes, 1):
+        if not isinstance(each, dict) or set(each) != {"file", "at"}:
+            raise MeshError(f"{path}: probe {number} must have 'file' and 'at', and no other key")
+        place = each["at"] if isinstance(each["at"], list) else ()
+        rows.append((f"probe {number}", place, each["file"]))
+    return rows
 
 
 def _lattice_of(path: Path, points: Array) -> tuple[Lattice, Array]:

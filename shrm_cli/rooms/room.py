@@ -55,14 +55,19 @@ class Room:
         """Return the room that a mesh is.
 
         The base colours of the materials of `mesh` are their albedos. `albedo` is that of triangles
-        without a material. `changes` has under ``albedo`` and ``emission`` other values for
-        materials, by their names. All are of Rec.709, and become those of the primaries of `sky`.
+        without a material, and of those materials that `untold` returns. `changes` has under
+        ``albedo`` and ``emission`` other values for materials, by their names. All are of Rec.709,
+        and become those of the primaries of `sky`.
         Light passes through materials that are clear. `sky` and `discs` are those of `Room`.
         """
         _check_changes(mesh, changes)
         mesh = _without_clear(mesh)
         matrix = from_rec709(None if sky is None else sky.chromaticities)
-        materials = [_changed(each, changes) for each in mesh.materials]
+        silent = {each.name for each in untold(mesh)}
+        materials = [
+            _changed(replace(each, base_color=albedo) if each.name in silent else each, changes)
+            for each in mesh.materials
+        ]
         # The last row is that of triangles without a material, whose index is -1.
         colors = np.array(
             [*((*each.base_color, *each.emission) for each in materials), (*albedo, 0, 0, 0)]
@@ -83,9 +88,11 @@ class Room:
         room = cls(mesh, sides[:, None] * normals, found[:, :3], found[:, 3:], sky, discs, paints)
         room = replace(room, emission=room._mean_emission())
         if sky is None and not room.emission.any():
+            lost = next((each for each in mesh.materials if not each.is_known), None)
+            why = "" if lost is None else f" (it has the material {lost.name!r}, {lost.unread[0]})"
             raise MeshError(
-                f"{mesh.name}: nothing in it sends light; give `emit` NAME=R,G,B for a material, "
-                "or `probe` for what is seen through its openings"
+                f"{mesh.name}: nothing in it sends light{why}; give `emit` NAME=R,G,B for a "
+                "material, or `probe` for what is seen through its openings"
             )
         return room
 
@@ -145,6 +152,16 @@ class Room:
         if self.sky is None:
             return np.zeros((*directions.shape[:-1], 3))
         return self.sky.radiance(directions)
+
+
+def untold(mesh: Mesh) -> list[SurfaceMaterial]:
+    """Return the materials of which nothing says what they reflect.
+
+    They are those whose file is missing, or all where none has a colour but white, which programs
+    write where nothing was chosen; walls that lose no light would be bright without end.
+    """
+    told = any(each.has_color for each in mesh.materials)
+    return [each for each in mesh.materials if not (told and each.is_known)]
 
 
 def _check_changes(mesh: Mesh, changes: Mapping[str, Mapping[str, Color]]) -> None:

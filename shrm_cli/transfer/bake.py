@@ -103,6 +103,8 @@ class Plan:
         mesh, sites = self.mesh, self.sites
         shelf, found = Shelf("give another `albedo`"), np.full((len(sites.faces), 3), ALBEDO)
         for number in {int(each) for each in np.unique(mesh.face_materials) if each >= 0}:
+            if not mesh.materials[number].is_known:
+                continue
             paint = Paint(mesh, mesh.materials[number].matte, shelf)
             where = sites.faces, sites.weights, sites.steps
             for some, points in points_of(mesh, number, *where):

@@ -193,6 +193,7 @@ def test_a_box_that_no_light_reaches_is_said(folder):
         (("room.glb", "--albedo", "wall=2"), 1, ["--albedo"]),
         (("room.glb", "--emit", "lamp"), 2, ["NAME=R,G,B"]),
         (("room.glb", "--box", "0,0,0,1,0,1"), 2, ["--box", "flat"]),
+        (("flat.obj", "--probe", "white.exr"), 2, ["--box must be given, for the room is flat"]),
         (("room.glb", "--size", "9999,9999,9999"), 2, ["--size", "are the most"]),
         (("room.glb", "-o", "a.txt"), 1, ["a.txt", ".npz"]),
         (("room.glb", "--light", "reflected"), 2, ["--light"]),
@@ -201,6 +202,7 @@ def test_a_box_that_no_light_reaches_is_said(folder):
     ],
 )
 def test_what_is_refused(folder, arguments, code, parts):
+    (folder / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 3 2\n")
     before = snapshot(folder)
     small = SMALL if "--size" not in arguments and not arguments[0].endswith("csv") else ()
     assert_refused(run("grid", *arguments, *small), code, *parts)

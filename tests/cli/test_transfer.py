@@ -226,3 +226,28 @@ def test_glossy_bounces_are_those_of_a_brdf(folder):
     held = read_transfer("gold.npz")
     assert held.facts.brdf == said["brdf"]
     assert held.matrices is not None
+
+
+def test_bounces_of_another_brdf_are_told(folder):
+    baked = ("--samples", "16", "--order", "2", "-o", "gold.npz", "--quiet")
+    spec = "ggx:roughness=0.6,f0=gold"
+    done("transfer", "bumps.obj", "--bounces", "1", "--brdf", spec, *baked)
+    for name, each in ("own", spec), ("other", "ggx:roughness=0.6"):
+        done("product", each, "--order", "2", "--size", "8", "-o", f"{name}.exr", "--quiet")
+    view = ("--mesh", "bumps.obj", "--transfer", "gold.npz", "--probe", "white.exr", "--size", "16")
+    said = {
+        name: run("render", *name, *view, "-o", "a.png").err
+        for name in (("own.exr",), ("other.exr",), ())
+    }
+    told = {
+        name: "what the mesh reflects onto itself is of ggx" in each for name, each in said.items()
+    }
+    assert told == {("own.exr",): False, ("other.exr",): True, (): True}
+
+
+def test_missing_files_of_materials_are_told(folder):
+    text = (folder / "bumps.obj").read_text()
+    (folder / "lost.obj").write_text(f"mtllib gone.mtl\nusemtl wall\n{text}")
+    result = run("transfer", "lost.obj", "--samples", "16", "--bounces", "1", "-o", "a.npz")
+    assert "by the material 'wall', whose file 'gone.mtl' is missing" in result.err
+    done("transfer", "lost.obj", "--samples", "16", "--albedo", "0.3", "-o", "b.npz")

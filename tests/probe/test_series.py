@@ -89,8 +89,13 @@ def test_grey_light(tmp_path, shape):
 
 def test_one_of_many_lights_as_pifu_has_them(tmp_path):
     path = saved(tmp_path, np.stack([0 * LIGHT, LIGHT, 2 * LIGHT]))
-    found = project(open_probe(path, ReadOptions(part="1")), 2)
-    close(found.coefficients, LIGHT)
+    (tmp_path / "one.toml").write_text(f"[[sh]]\nfile = '{path.name}'\npart = 1\n")
+    for light in (
+        open_probe(path, ReadOptions(part="1")),
+        open_probe(path, part=1),
+        open_probe(tmp_path / "one.toml"),
+    ):
+        close(project(light, 2).coefficients, LIGHT)
     for part in (None, "3", "one", "-1"):
         with pytest.raises(ProbeError, match=r"it holds 3 lights; choose one by `part`, 0 \.\. 2"):
             open_probe(path, ReadOptions(part=part))
@@ -208,7 +213,7 @@ def test_negative_light_stays_in_coefficients_and_is_cut_in_pixels(tmp_path):
         ("a.json", "{}", 'neither "radiance" nor the "sh"'),
         ("a.json", "[1, null, 2]", "not finite numbers"),
         ("a.json", '{"radiance": {"a": 1}}', "not finite numbers"),
-        ("a.json", "[[1, 2], [3]]", "shape|no coefficients"),
+        ("a.json", "[[1, 2], [3]]", "rows of different lengths"),
         ("a.npy", "no array", "is not an array of numpy's"),
     ],
 )
@@ -228,6 +233,9 @@ def test_what_is_wrong_is_said(tmp_path, name, content, said):
         (f"coefficients = {[1.0] * 16}\nof = 'irradiance'", "above degree 2"),
         ("coefficients = [nan]", "not finite"),
         ("coefficients = [[1, 2], [3, 4]]", "of shape"),
+        ("coefficients = [[1, 2, 3], 4, 5, 6]", "rows of different lengths"),
+        ("file = 'a.npy'\npart = [1]", "'part' must be a name or a number, not"),
+        ("file = 'a.npy'\npart = true", "'part' must be a name or a number, not True"),
         ("file = 'a.png'", "holds no coefficients"),
         ("file = '../a.npy'", "a name in the light file's folder"),
         ("coefficients = [1]\npart = '1'", "'part' applies to a file"),

@@ -291,6 +291,37 @@ def test_tables_name_probes_that_exist(tmp_path):
     means = grid.reflected[:, 0, 0] / np.sqrt(4 * np.pi)
     np.testing.assert_allclose(means, np.arange(1, 7), rtol=1e-5)
     assert grid.walls is None
+    tables = [
+        f"[[probe]]\nfile = '{file}'\nat = [{x}, {y}, {z}]\n"
+        for x, y, z, file in (row.split(",") for row in rows[1:])
+    ]
+    (tmp_path / "t.toml").write_text("".join(tables))
+    same = read_positions(tmp_path / "t.toml", 2)
+    np.testing.assert_array_equal(same.reflected, grid.reflected)
+    np.testing.assert_array_equal(same.lattice.points(), grid.lattice.points())
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("", "no table of probes; give"),
+        ("[[disc]]\n", "no table of probes; give"),
+        ("probe = 3\n", "no table of probes; give"),
+        ("probe = []\n", "0 rows"),
+        ("probe = [3]\n", "probe 1 must have 'file' and 'at'"),
+        ("[[probe]]\nfile = '0.exr'\n", "probe 1 must have 'file' and 'at'"),
+        ("[[probe]]\nfile = '0.exr'\nat = 3\n", "probe 1 has no three numbers"),
+        ("[[probe]]\nfile = '0.exr'\nat = [0, 0, 0, 0]\n", "probe 1 has no three numbers"),
+        ("[[probe]]\nfile = '0.exr'\nat = [0, 0, nan]\n", "probe 1 has no position"),
+        ("[[probe]]\nfile = 3\nat = [0, 0, 0]\n", "probe 1 has no position or no file"),
+        ("[[probe]]\nfile = '../0.exr'\nat = [0, 0, 0]\n", "probe 1: .* leaves the table's folder"),
+        ("[[probe]\n", "no TOML"),
+    ],
+)
+def test_tables_in_toml_are_checked(tmp_path, text, part):
+    (tmp_path / "t.toml").write_text(text)
+    with pytest.raises(MeshError, match=part):
+        read_positions(tmp_path / "t.toml", 2)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from shrm_cli.rooms.grid import Lattice
 from shrm_cli.rooms.make import open_room
 from shrm_cli.rooms.room import Room
 from shrm_cli.vocabulary import PRIMARIES
-from tests.render.assets import packed_glb, png
+from tests.render.assets import obj_text, packed_glb, png
 from tests.rooms.shapes import box, ceiling_lamp
 
 HALVES = png(np.repeat([[[255, 0, 0], [0, 0, 255]]], 2, axis=0))
@@ -118,6 +118,29 @@ def test_light_passes_through_clear_materials():
         np.testing.assert_array_equal(found, expected)
     with pytest.raises(MeshError, match="all of its materials are clear"):
         Room.of(replace(room([]).mesh, materials=(pane[0][1],) * 2), (0.5,) * 3, {})
+
+
+def test_walls_of_which_nothing_is_said_reflect_half(tmp_path):
+    """They reflected all light: a closed room was forty times too bright, and nothing was said."""
+    text = obj_text(across(0, 4, 0), "gone.mtl", "floor")
+    (tmp_path / "a.obj").write_text(text)
+    with pytest.raises(MeshError, match=r"'floor', whose file 'gone.mtl' is missing\); give"):
+        open_room(tmp_path / "a.obj")
+    found = open_room(tmp_path / "a.obj", probe=np.ones((8, 16, 3)))
+    np.testing.assert_array_equal(found.room.albedo, 0.5)
+    assert "half is reflected" in found.warnings[0]
+    assert "'floor' (whose file 'gone.mtl' is missing)" in found.warnings[0]
+    given = open_room(tmp_path / "a.obj", np.ones((8, 16, 3)), {"floor": (0.2, 0.3, 0.4)})
+    np.testing.assert_array_equal(given.room.albedo[0], (0.2, 0.3, 0.4))
+    assert not given.warnings
+    (tmp_path / "gone.mtl").write_text("newmtl floor\nKd 1 1 1\nnewmtl wall\nKd .5 .5 .5\n")
+    np.testing.assert_array_equal(
+        open_room(tmp_path / "a.obj", probe=np.ones((8, 16, 3))).room.albedo, 0.5
+    )
+    (tmp_path / "a.obj").write_text(text + "usemtl wall\nf 1/1/1 2/2/2 3/3/3\n")
+    found = open_room(tmp_path / "a.obj", probe=np.ones((8, 16, 3)))
+    np.testing.assert_array_equal(found.room.albedo[0], 1)
+    assert "nothing is lost of the light" in found.warnings[0]
 
 
 def test_values_take_the_place_of_textures():

@@ -92,3 +92,13 @@ def test_textures_that_are_missing_name_the_option(tmp_path):
     with pytest.raises(MeshError, match=r"gone.png.*; or give another `albedo`"):
         reflected(load_mesh(tmp_path / "a.obj"))
     assert reflected(load_mesh(tmp_path / "a.obj"), albedo=0.3).tolist() == [[0.3]]
+
+
+def test_materials_that_are_missing_reflect_half(tmp_path):
+    (tmp_path / "a.mtl").write_text("newmtl x\nKd 0.2 0.3 0.4\n")
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 5\nv 1 0 5\nv 0 1 5\n"
+    (tmp_path / "a.obj").write_text(
+        f"mtllib a.mtl\n{corners}usemtl x\nf 1 2 3\nusemtl y\nf 4 5 6\n"
+    )
+    found = reflected(load_mesh(tmp_path / "a.obj"))
+    np.testing.assert_allclose(found, [[0.2, 0.3, 0.4]] * 3 + [[0.5] * 3] * 3, rtol=1e-6)

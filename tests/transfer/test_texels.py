@@ -22,6 +22,7 @@ from shrm_cli.transfer.gather import DiffuseLight, Gathering
 from tests.cli.helpers import assert_refused, done, run
 from tests.oracles import real_harmonics as harmonics
 from tests.render.assets import globe
+from tests.rooms.shapes import box
 from tests.transfer import meshes
 
 WHITE = np.r_[np.sqrt(4 * np.pi), np.zeros(24)]
@@ -190,6 +191,21 @@ def furnace():
     rest = np.take_along_axis(mesh.vertices, np.hstack([(axis + 1) % 3, (axis + 2) % 3]), axis=1)
     places = np.stack([side % 3, side // 3], axis=1)
     return replace(mesh, uvs=(places + 0.5 + 0.35 * rest) / [3, 2])
+
+
+def test_no_light_slips_in_where_walls_meet():
+    """Of a deep room that is open at one end, walls at the other end see a fifth of the sky.
+
+    The charts of xatlas have corners at the middles of texels, but for rounding.
+    """
+    points, faces, normals = box([0, 0, 0], [4, 3, 4])
+    faces = faces[normals[faces[:, 0], 2] != -1]
+    mesh = make_mesh("room", points, faces, normals)
+    baked = bake(Plan(mesh, order=0, texture=128, samples=256))
+    deep = baked.texels.positions[:, 2] < 0.5
+    assert deep.sum() > 1000
+    light = baked.vectors[deep, 0, 0] * np.sqrt(4 * np.pi)
+    assert light.max() < 0.3 * np.pi
 
 
 def test_texels_light_each_other_as_in_a_furnace():
