@@ -134,7 +134,7 @@ def test_degenerate_energies_are_drawn(tmp_path, captured):
 
 
 @pytest.mark.slow
-def test_png_tells_nothing_of_time_or_software_and_is_the_same_again(tmp_path):
+def test_png_tells_whose_it_is_and_nothing_of_time_and_is_the_same_again(tmp_path):
     a, b = tmp_path / "a.png", tmp_path / "b.png"
     plots.plot_energy(a, CAPTURED, ORDERS, "x")
     import matplotlib  # which takes a second to load
@@ -143,11 +143,13 @@ def test_png_tells_nothing_of_time_or_software_and_is_the_same_again(tmp_path):
         plots.plot_energy(b, CAPTURED, ORDERS, "x")
         assert matplotlib.rcParams["font.size"] == 20  # the user's style is left as it was
     assert a.read_bytes() == b.read_bytes()
-    assert {kind for kind, _ in chunks(a)} == {b"IHDR", b"pHYs", b"IDAT", b"IEND"}
+    assert {kind for kind, _ in chunks(a)} == {b"IHDR", b"pHYs", b"tEXt", b"IDAT", b"IEND"}
+    assert [data for kind, data in chunks(a) if kind == b"tEXt"] == [b"Software\0shrm"]
     plots.plot_accuracy(a, CURVES, 0, "x")
     plots.plot_accuracy(b, CURVES, 0, "x")
     assert a.read_bytes() == b.read_bytes()
-    assert {kind for kind, _ in chunks(a)} == {b"IHDR", b"pHYs", b"IDAT", b"IEND"}
+    assert {kind for kind, _ in chunks(a)} == {b"IHDR", b"pHYs", b"tEXt", b"IDAT", b"IEND"}
+    assert [data for kind, data in chunks(a) if kind == b"tEXt"] == [b"Software\0shrm"]
     plots.plot_accuracy(b, CURVES, 1, "x")
     assert a.read_bytes() != b.read_bytes()
 

@@ -324,7 +324,7 @@ def test_a_folder_that_nobody_may_write_fails_before_the_work(folder, here, monk
     def make(*_):
         raise AssertionError("there is nowhere to put it")
 
-    for module, name in (("work", "make"), ("exports", "export")):
+    for module, name in (("work", "make"), ("exports", "packaged")):
         monkeypatch.setattr(import_module(f"shrm_cli.batch.{module}"), name, make)
     monkeypatch.setattr("os.access", lambda path, mode: "out" not in str(path))
     (folder / "out").mkdir()

@@ -65,7 +65,7 @@ def test_the_code_of_brushed_surfaces(folder, options, taps):
         (
             ["splitsum", "--shader", "c", "--taps", 5],
             2,
-            "--taps is 5; without anisotropy give 1, 2 or 3",
+            "--taps is 5; without anisotropy give 0, 1, 2 or 3",
         ),
         (["splitsum", "--taps", 1], 2, "--taps applies with --shader"),
         (["she", "--shader", "c", "--anisotropy"], 2, "--anisotropy applies with --to splitsum"),
