@@ -102,8 +102,9 @@ def _modules(root: str, folder: str) -> list[str]:
         with entries:
             for entry in entries:
                 name = os.path.join(here, entry.name)
-                if entry.name.endswith(_SUFFIXES):
+                if entry.is_dir():  # some packages of scripts are folders that end in .js
+                    if folder and entry.name != "__pycache__":
+                        pending.append(name)
+                elif entry.name.endswith(_SUFFIXES):
                     found.append(name)
-                elif folder and entry.name != "__pycache__" and entry.is_dir():
-                    pending.append(name)
     return [name for name in found if name not in _BUILT]

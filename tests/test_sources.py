@@ -44,6 +44,8 @@ def test_all_modules_of_the_folders_count(folders):
         ("cli/main.py", False),
         ("maps/notes.txt", False),
         ("brdf/measured/reading/table.csv", True),
+        ("maps/tween.js/main.js", True),
+        ("maps/tween.js/notes.txt", False),
         ("_version.py", False),
     ],
 )
@@ -66,6 +68,15 @@ def test_a_change_of_any_module_of_maps_is_noticed(tmp_path, name, counts):
     forget()
 
 
+def loaded_by(code):
+    """The modules and folders of the package that a process of its own has loaded at its end."""
+    code += "print(*(name for name in sys.modules if name.startswith('shrm_cli.')))\n"
+    told = subprocess.run(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, check=True
+    )
+    return {name.split(".")[1] for name in told.stdout.split()}
+
+
 def test_all_that_makes_maps_counts():
     """Every module that the making of any map loads is in one of the folders."""
     code = (
@@ -73,12 +84,8 @@ def test_all_that_makes_maps_counts():
         "from shrm_cli.maps import registry\n"
         "for name in registry.descriptions():\n"
         "    registry.module(name, 'prefilter'), registry.module(name, 'file')\n"
-        "print(*(name for name in sys.modules if name.startswith('shrm_cli.')))\n"
     )
-    told = subprocess.run(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, check=True
-    )
-    loaded = {name.split(".")[1] for name in told.stdout.split()}
+    loaded = loaded_by(code)
     assert {"maps", "brdf", "orders"} <= loaded
     assert {name for name in loaded if (PACKAGE / name).is_dir()} <= set(MAPS)
 
@@ -90,12 +97,8 @@ def test_all_that_makes_files_of_engines_counts():
         "from shrm_cli.export.engine import engine\n"
         "from shrm_cli.vocabulary import ENGINES\n"
         "all(engine(name) for name in ENGINES)\n"
-        "print(*(name for name in sys.modules if name.startswith('shrm_cli.')))\n"
     )
-    told = subprocess.run(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, check=True
-    )
-    loaded = {name.split(".")[1] for name in told.stdout.split()}
+    loaded = loaded_by(code)
     assert "export" in loaded
     # A batch decides what is made, and not what it holds.
     assert {name for name in loaded if (PACKAGE / name).is_dir()} <= {*EXPORTS, "batch"}
