@@ -43,6 +43,15 @@ def kept_order(order: int) -> int:
     return -(-order // _STEP) * _STEP
 
 
+def node_before(place: Array, count: int) -> tuple[Indices, Array]:
+    """Return the index of the node before places in a table, and how far behind it they are.
+
+    The last of its `count` nodes is before none.
+    """
+    index = np.clip(place.astype(np.intp), 0, max(count - 2, 0))
+    return index, place - index
+
+
 def over_channels(combine: np.ufunc, pixels: NDArray[Any]) -> NDArray[Any]:
     """Reduce pixels, shape (..., channels), over their channels by a function such as `np.maximum`.
 

@@ -156,6 +156,8 @@ TAP_COUNTS, EVEN_TAP_COUNTS = (3, 5, 8), (1, 2, 3)
 """How many look-ups of a split sum may stand for a brushed surface, and for one that is not."""
 NO_TAPS = 0
 """A single look-up about the mirror direction in place of those, as engines do."""
+EVEN_LOOK_UPS = (NO_TAPS, *EVEN_TAP_COUNTS)
+"""What may be asked for of surfaces that are not brushed."""
 DEFAULT_TAPS, DEFAULT_EVEN_TAPS = 5, 3
 DEFAULT_FRAMES, DEFAULT_FPS = 48, 24.0
 """Frames of a moving picture, and how many of them are shown in a second."""

@@ -13,9 +13,8 @@ from shrm_cli.vocabulary import (
     DEFAULT_EVEN_TAPS,
     DEFAULT_ROUGHNESS,
     DEFAULT_TAPS,
-    EVEN_TAP_COUNTS,
+    EVEN_LOOK_UPS,
     MIN_ROUGHNESS,
-    NO_TAPS,
     TAP_COUNTS,
 )
 
@@ -58,7 +57,7 @@ brushed_options = options.several(
         "the tangents, which run around +Y on spheres.  [default: 0]",
     ),
     option(
-        "--taps", click.Choice([str(n) for n in sorted({NO_TAPS, *EVEN_TAP_COUNTS, *TAP_COUNTS})]),
+        "--taps", click.Choice([str(n) for n in sorted({*EVEN_LOOK_UPS, *TAP_COUNTS})]),
         callback=_as_number,
         help="Look-ups of a split sum where the lobe lies: 1, 2 or 3, or with --anisotropy 3, 5 or "
         "8; 0 for one about the mirror direction, as engines do.  [default: "

@@ -15,11 +15,11 @@ from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, node_before
 from shrm_cli.lights.lamp import Light, disc_of
-from shrm_cli.probe.disc import Disc, disc_directions, radius_of
+from shrm_cli.probe.disc import Disc, disc_directions, radius_of, zonal_of_discs
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, normalize, surface_frames
 from shrm_cli.sphere.harmonics import legendre_degrees
 
@@ -63,14 +63,36 @@ def fitted_discs(light: Light, amplitudes: Array, most: int) -> Iterator[tuple[D
         negative.
     """
     picture = _Picture(light, amplitudes)
-    shape = picture.first()
+    shape: Array | None = picture.first()
     for count in range(1, most + 1):
-        shape = picture.refined(shape)
-        yield picture.discs(shape)
-        further = picture.with_one_more(shape) if count < most else None
-        if further is None:
+        if shape is None:
             return
-        shape = further
+        found = picture.refined(shape)
+        yield picture.discs(found)
+        shape = picture.with_one_more(found) if count < most else None
+
+
+@record(eq=False)
+class _Lit:
+    """Discs with the radiances that suit them best."""
+
+    shape: Array
+    """Their middles and radii, as `_Picture` has them, shape (n, 3)."""
+    columns: Array
+    """What each looks like at radiance 1, shape (samples + 1, n)."""
+    radiances: Array
+    """Shape (n, 3)."""
+    left: Array
+    """What is left of the picture, shape (samples + 1, 3)."""
+
+    @property
+    def error(self) -> float:
+        return float(np.sum(self.left**2))
+
+    def beside(self, others: Array) -> Array:
+        """Return what of other columns is not in the span of these."""
+        held = np.linalg.qr(self.columns)[0]
+        return others - held @ (held.T @ others)
 
 
 class _Picture:
@@ -103,48 +125,40 @@ class _Picture:
         """Return the disc of the same flux, typical brightness and mean direction."""
         return np.array([[0.0, 0.0, np.log(max(disc_of(self._light).radius, self._least))]])
 
-    def discs(self, shape: Array) -> tuple[Disc, ...]:
-        """Return discs in world axes, with the radiances that suit them."""
-        _, radiances, _ = self._solved(shape)
-        rows = zip(self._directions(shape), np.exp(shape[:, 2]).tolist(), radiances, strict=True)
-        return tuple(Disc(*row) for row in rows)
+    def discs(self, lit: _Lit) -> tuple[Disc, ...]:
+        """Return discs in world axes."""
+        directions, radii = self._directions(lit.shape), np.exp(lit.shape[:, 2]).tolist()
+        return tuple(Disc(*row) for row in zip(directions, radii, lit.radiances, strict=True))
 
-    def refined(self, shape: Array) -> Array:
+    def refined(self, shape: Array) -> _Lit:
         """Move and widen discs until the squared error falls no more: Levenberg and Marquardt."""
-        damping = 1e-2
-        columns, radiances, left = self._solved(shape)
-        error = np.sum(left**2)
+        damping, found = 1e-2, self._lit(shape)
         for _ in range(_STEPS):
-            matrix, slope, scale = self._normal_equations(shape, columns, radiances, left)
+            matrix, slope, scale = self._normal_equations(found)
             for _ in range(_DAMPINGS):
                 damped = matrix + damping * np.diag(np.diag(matrix) + 1e-12 * np.trace(matrix))
                 step = (np.linalg.solve(damped, slope) * scale).reshape(3, -1).T
-                moved = self._bounded(shape + step)
-                found = self._solved(moved)
-                new = np.sum(found[2] ** 2)
-                if new < error:
+                moved = self._lit(self._bounded(found.shape + step))
+                if moved.error < found.error:
                     break
                 damping *= 6
             else:
-                return shape
-            gain, error = 1 - new / error, new
-            shape, (columns, radiances, left) = moved, found
+                return found
+            gain, found = 1 - moved.error / found.error, moved
             damping = max(damping / 5, 1e-6)
             if gain < _GAIN:
-                return shape
-        return shape
+                return found
+        return found
 
-    def with_one_more(self, shape: Array) -> Array | None:
+    def with_one_more(self, lit: _Lit) -> Array | None:
         """Add the disc that takes away most of what is left; None where all are there."""
-        columns, _, left = self._solved(shape)
         choices, own = self._choices
-        held = np.linalg.qr(columns)[0]
-        new = own - held @ (held.T @ own)
+        new = lit.beside(own)
         sizes = np.linalg.norm(new, axis=0)
-        gains = np.sum((new.T @ left) ** 2, axis=1) / np.maximum(sizes, 1e-300) ** 2
+        gains = np.sum((new.T @ lit.left) ** 2, axis=1) / np.maximum(sizes, 1e-300) ** 2
         gains[sizes < _NEW * np.linalg.norm(own, axis=0)] = 0
         best = int(np.argmax(gains))
-        return np.vstack([shape, choices[best]]) if gains[best] > 0 else None
+        return np.vstack([lit.shape, choices[best]]) if gains[best] > 0 else None
 
     @cached_property
     def _choices(self) -> tuple[Array, Array]:
@@ -159,40 +173,34 @@ class _Picture:
         choices = self._bounded(np.vstack(found))
         return choices, self._columns(choices)
 
-    def _normal_equations(
-        self, shape: Array, columns: Array, radiances: Array, left: Array
-    ) -> tuple[Array, Array, Array]:
+    def _normal_equations(self, lit: _Lit) -> tuple[Array, Array, Array]:
         """Return Gauss and Newton's matrix and right side, and the units of their unknowns.
 
         The unknowns are all x, then all y, then all log r. As radiances follow, only what changes
         beside the span of the columns counts.
         """
-        held = np.linalg.qr(columns)[0]
         moves = []
         for unknown, step in enumerate((_SHIFT * self._reach, _SHIFT * self._reach, _GROWTH)):
-            moved = shape.copy()
+            moved = lit.shape.copy()
             moved[:, unknown] += step
-            moves.append((self._columns(moved) - columns) / step)
-        change = np.concatenate(moves, axis=1)
-        change -= held @ (held.T @ change)
-        scale = np.repeat([self._reach, self._reach, 1.0], len(shape))
-        change *= scale
-        lit = np.tile(radiances, (3, 1))
-        matrix = (change.T @ change) * (lit @ lit.T)
-        return matrix, np.sum((change.T @ left) * lit, axis=1), scale
+            moves.append((self._columns(moved) - lit.columns) / step)
+        scale = np.repeat([self._reach, self._reach, 1.0], len(lit.shape))
+        change = lit.beside(np.concatenate(moves, axis=1)) * scale
+        radiances = np.tile(lit.radiances, (3, 1))
+        matrix = (change.T @ change) * (radiances @ radiances.T)
+        return matrix, np.sum((change.T @ lit.left) * radiances, axis=1), scale
 
-    def _solved(self, shape: Array) -> tuple[Array, Array, Array]:
-        """Return the columns of discs, their best radiances, and what is left of the picture."""
+    def _lit(self, shape: Array) -> _Lit:
+        """Return discs with their best radiances."""
         columns = self._columns(shape)
         radiances = np.linalg.lstsq(columns, self._target, rcond=1e-6)[0]
-        return columns, radiances, self._target - columns @ radiances
+        return _Lit(shape, columns, radiances, self._target - columns @ radiances)
 
     def _columns(self, shape: Array) -> Array:
         """Return what discs of radiance 1 look like, and their weighted solid angles below."""
         angles = np.arccos(np.clip(self._samples @ self._directions(shape).T, -1, 1))
         blurred = self._looked_up(angles, shape[:, 2]) * self._scale
-        solid_angles = 4 * np.pi * np.sin(np.exp(shape[:, 2]) / 2) ** 2
-        return np.vstack([blurred, solid_angles * self._flux_weight])
+        return np.vstack([blurred, _solid_angles(shape[:, 2]) * self._flux_weight])
 
     def _directions(self, shape: Array) -> Array:
         middles = np.column_stack([shape[:, :2], np.ones(len(shape))])
@@ -213,7 +221,8 @@ class _Picture:
 
     def _blurred_discs(self) -> Array:
         """Return profiles of blurred discs of radiance 1, shape (radii, angles)."""
-        radii = np.exp(np.linspace(*self._log_radii, _RADII))
+        log_radii = np.linspace(*self._log_radii, _RADII)
+        radii, areas = np.exp(log_radii), _solid_angles(log_radii)
         order = len(self._amplitudes) - 1
         at = np.cos(np.linspace(0, self._farthest, _ANGLES))
         edges = legendre_degrees(order, np.cos(radii), max_m=1, sine=np.sin(radii))
@@ -221,15 +230,15 @@ class _Picture:
         for (degree, here), (_, edge) in zip(
             legendre_degrees(order, at, max_m=0), edges, strict=True
         ):
-            zonal = _zonal(degree, radii, edge) * self._amplitudes[degree]
+            zonal = zonal_of_discs(degree, radii, areas, edge) * self._amplitudes[degree]
             result += zonal[:, None] * here[0]
         return result
 
     def _looked_up(self, angles: Array, log_radii: Array) -> Array:
         """Return profiles at angles (n, discs), each of its own radius, interpolated."""
         low, high = self._log_radii
-        row, down = _split((log_radii - low) / (high - low) * (_RADII - 1), _RADII)
-        column, across = _split(angles / self._farthest * (_ANGLES - 1), _ANGLES)
+        row, down = node_before((log_radii - low) / (high - low) * (_RADII - 1), _RADII)
+        column, across = node_before(angles / self._farthest * (_ANGLES - 1), _ANGLES)
         flat, at = self._table.ravel(), row * _ANGLES + column
         above = (1 - across) * flat[at] + across * flat[at + 1]
         below = (1 - across) * flat[at + _ANGLES] + across * flat[at + _ANGLES + 1]
@@ -239,7 +248,7 @@ class _Picture:
         """Return the blurred lamp at the samples, shape (samples, 3)."""
         directions, fluxes = self._cells()
         small = np.full(1, self._log_radii[0])
-        scale = self._scale / (4 * np.pi * np.sin(np.exp(small[0]) / 2) ** 2)
+        scale = self._scale / _solid_angles(small)
         seen = np.zeros((len(self._samples), 3))
         step = max(2**20 // len(self._samples), 1)
         for start in range(0, len(directions), step):
@@ -265,14 +274,5 @@ class _Picture:
         return normalize(sums[:, 3:]), sums[:, :3]
 
 
-def _zonal(degree: int, radii: Array, edge: Array) -> Array:
-    """Return the coefficients of discs about their own axes; see `disc_coefficients`."""
-    if degree == 0:
-        return np.asarray(4 * np.pi * np.sin(radii / 2) ** 2 / np.sqrt(4 * np.pi))
-    return np.asarray(2 * np.pi * np.sin(radii) * edge[1] / np.sqrt(degree * (degree + 1)))
-
-
-def _split(place: Array, count: int) -> tuple[NDArray[np.intp], Array]:
-    """Return the index of the node before a place in a table, and how far behind it that is."""
-    index = np.clip(place.astype(np.intp), 0, count - 2)
-    return index, place - index
+def _solid_angles(log_radii: Array) -> Array:
+    return np.asarray(4 * np.pi * np.sin(np.exp(log_radii) / 2) ** 2)

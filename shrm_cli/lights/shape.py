@@ -94,6 +94,7 @@ class Change:
         taken = [shapes[0] for shapes, _ in self._fits]
         while sum(each.error**2 for each in taken) > most**2:
             room = MOST_DISCS - sum(each.count for each in taken)
+            # Others that take no more discs count as if each took half of one.
             steps = [
                 ((now.error**2 - each.error**2) / max(each.count - now.count, 0.5), index, each)
                 for index, now in enumerate(taken)

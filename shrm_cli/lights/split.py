@@ -160,12 +160,12 @@ class _Candidate:
 
     def divide(self, count: int, radius: float | None) -> None:
         """Make a number of discs of the light, cutting the part with the most error in two."""
-        self.parts = cut(self.parts or [self.light], count, self.order, radius)
+        self.parts = _cut(self.parts or [self.light], count, self.order, radius)
         self.discs = [disc_of(part, radius) for part in self.parts]
         self.wrong = _wrong(self.light, self.discs, self.order)
 
 
-def cut(parts: list[Light], count: int, order: int, radius: float | None = None) -> list[Light]:
+def _cut(parts: list[Light], count: int, order: int, radius: float | None = None) -> list[Light]:
     """Cut the part whose disc errs most in two, until there are so many or none can be cut.
 
     What is counted are the degrees of the irradiance up to `order`. `radius` is that of all discs,
@@ -306,7 +306,7 @@ def _in_memory(probe: Probe, pixels: NDArray[np.float32], matrix: Array) -> Prob
     )  # fmt: skip
 
 
-ORDER = 32
+_ORDER = 32
 """Degrees of the light that are counted, where pixels are fine enough. Of a point's irradiance
 those beyond hold less than 1e-5 of the square."""
 _NORMALS = 2048
@@ -316,7 +316,7 @@ _VALUES_AT_ONCE = 2**23
 
 def order_on(grid: Grid) -> int:
     """The degrees in which light on a grid is compared: no finer ones than its pixels have."""
-    return min(ORDER, grid.resolved_order)
+    return min(_ORDER, grid.resolved_order)
 
 
 def prove(before: Array, residual: Array, discs: Sequence[Disc]) -> Proof:

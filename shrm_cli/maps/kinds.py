@@ -19,8 +19,7 @@ from shrm_cli.records import record
 from shrm_cli.sphere.directions import as_directions, central_directions
 from shrm_cli.vocabulary import (
     DEFAULT_ROUGHNESS,
-    EVEN_TAP_COUNTS,
-    NO_TAPS,
+    EVEN_LOOK_UPS,
     TAP_COUNTS,
     Center,
     Frame,
@@ -102,7 +101,7 @@ class FixedMap(Map):
 
 def check_tap_count(taps: int, is_brushed: bool) -> None:
     """Raise an `ArgumentError`, if no lobe has so many taps."""
-    known = TAP_COUNTS if is_brushed else (NO_TAPS, *EVEN_TAP_COUNTS)
+    known = TAP_COUNTS if is_brushed else EVEN_LOOK_UPS
     if taps not in known:
         given = "with" if is_brushed else "without"
         counts = f"{', '.join(map(str, known[:-1]))} or {known[-1]}"

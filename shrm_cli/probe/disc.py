@@ -77,10 +77,8 @@ def disc_directions(disc: Disc, count: int) -> Array:
 def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
     """Coefficients of the light of all discs, shape ((order+1)^2, 3), index l(l+1)+m, world axes.
 
-    About its own axis a disc of radiance L has the coefficients ``L_l0 = 2 pi L sqrt((2l+1) /
-    4 pi)`` times the integral of P_l from cos r to 1. This is ``(P_l-1 - P_l+1) / (2l+1)`` at
-    cos r, which loses all digits for a small r; as ``sin(r)^2 P_l' / (l (l+1))`` it keeps them.
-    Zonal functions are turned to an axis a by ``L_lm = sqrt(4 pi / (2l+1)) L_l0 Y_lm(a)``.
+    About its own axis a disc has the coefficients of `zonal_of_discs`. Zonal functions are turned
+    to an axis a by ``L_lm = sqrt(4 pi / (2l+1)) L_l0 Y_lm(a)``.
     """
     result = np.zeros(((order + 1) ** 2, 3))
     for part in slices(len(discs), _VALUES_AT_ONCE // (order + 1)):
@@ -101,16 +99,29 @@ def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
         places = legendre_degrees(order, height, sine=sine[in_order][starts])
         degrees = legendre_degrees(order, np.cos(radius), max_m=1, sine=np.sin(radius))
         for (degree, place), (_, legendre) in zip(places, degrees, strict=True):
-            if degree == 0:
-                zonal = area / np.sqrt(4 * np.pi)
-            else:
-                zonal = 2 * np.pi * np.sin(radius) * legendre[1] / np.sqrt(degree * (degree + 1))
+            zonal = zonal_of_discs(degree, radius, area, legendre)
             weighted = np.sqrt(4 * np.pi / (2 * degree + 1)) * zonal * place
             sums = (weighted[:, None] @ around[: degree + 1])[:, 0]
             middle = degree * (degree + 1)
             result[middle : middle + degree + 1] += sums.real
             result[middle - degree : middle] += sums.imag[:0:-1]
     return result
+
+
+def zonal_of_discs(degree: int, radius: Array, area: Array, legendre: Array) -> Array:
+    """Return the coefficients l, 0 of discs of radiance 1 about their own axes, shape (discs,).
+
+    They are ``sqrt((2l+1) / 4 pi)`` times 2 pi times the integral of P_l from cos r to 1. This is
+    ``(P_l-1 - P_l+1) / (2l+1)`` at cos r, which loses all digits for a small r; as
+    ``sin(r)^2 P_l' / (l (l+1))`` it keeps them.
+
+    `radius` and `area`, of shape (discs,), are in radians and sr. `legendre`, of shape (2, discs)
+    from degree 1 on, is what `legendre_degrees` yields at the discs' edges.
+    """
+    if degree == 0:
+        return area / np.sqrt(4 * np.pi)
+    found: Array = 2 * np.pi * np.sin(radius) * legendre[1] / np.sqrt(degree * (degree + 1))
+    return found
 
 
 def disc_rows(disc: Disc, height: int) -> Iterator[tuple[int, Array]]:

@@ -42,7 +42,7 @@ from shrm_cli.render.lit import reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
 from shrm_cli.render.variation import open_variation
 from shrm_cli.rooms.lit import open_lit
-from shrm_cli.vocabulary import EVEN_TAP_COUNTS, MIN_ROUGHNESS, NO_TAPS, TAP_COUNTS
+from shrm_cli.vocabulary import EVEN_LOOK_UPS, MIN_ROUGHNESS, TAP_COUNTS
 
 MOST_OBJECTS = 256
 _MOST_BYTES = 2**20
@@ -230,7 +230,7 @@ def _number(given: Mapping[str, Any], key: str, least: float) -> float | None:
 
 def _taps(given: Mapping[str, Any]) -> int | None:
     value = given.get("taps")
-    known = TAP_COUNTS if given.get("anisotropy") else (NO_TAPS, *EVEN_TAP_COUNTS)
+    known = TAP_COUNTS if given.get("anisotropy") else EVEN_LOOK_UPS
     if value is None or (isinstance(value, int) and value in known):
         return value
     raise ValueError("taps are 0, 1, 2 or 3, or 3, 5 or 8 with anisotropy; correct them")

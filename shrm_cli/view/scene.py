@@ -36,8 +36,7 @@ from shrm_cli.vocabulary import (
     DEFAULT_EVEN_TAPS,
     DEFAULT_ROUGHNESS,
     DEFAULT_TAPS,
-    EVEN_TAP_COUNTS,
-    NO_TAPS,
+    EVEN_LOOK_UPS,
     TAP_COUNTS,
 )
 
@@ -79,7 +78,7 @@ class Start:
     @property
     def tap_counts(self) -> tuple[int, int]:
         """The look-ups of even surfaces and of brushed ones, between which the page goes."""
-        is_even = self.taps in (NO_TAPS, *EVEN_TAP_COUNTS)
+        is_even = self.taps in EVEN_LOOK_UPS
         even = self.taps if self.taps is not None and is_even else DEFAULT_EVEN_TAPS
         return even, self.taps if self.taps in TAP_COUNTS else DEFAULT_TAPS
 
@@ -410,8 +409,8 @@ def _call(made: Map, code: Code, taps: int | None, point: str = "") -> str:
     """Return the expression of the radiance at a normal n and a view v, in linear Rec.709.
 
     Of brushed maps the code takes the tangent besides. A split sum of GGX is looked up with `taps`
-    where the surface is not brushed. With a point it is looked up in the box of
-    the map's probe, unless the surface is brushed by many look-ups, whose code knows of none.
+    where the surface is not brushed. With a point it is looked up in the box of the map's probe,
+    unless the surface is brushed by many look-ups, whose code knows of none.
     """
     at = "_at" if point else ""
     own = [f", view_{name}" for name in ("roughness", "f0") if name in made.surface_arguments]

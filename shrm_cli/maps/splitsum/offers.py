@@ -7,7 +7,7 @@ from shrm_cli.maps.options import counted
 from shrm_cli.maps.shader.cost import brushed_cost, even_cost, split_sum_cost
 from shrm_cli.maps.size import stored_bytes
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.vocabulary import EVEN_TAP_COUNTS, NO_TAPS, TAP_COUNTS
+from shrm_cli.vocabulary import EVEN_LOOK_UPS, NO_TAPS, TAP_COUNTS
 
 _SIZES: tuple[dict[str, int], ...] = ({"size": 16}, {"size": 32}, {"size": 64}, {})
 """The sizes of split sums of a single level; the last has its own."""
@@ -21,7 +21,7 @@ def settings(brdf: Brdf) -> list[Setting]:
     if brdf.surface is not None:
         own, _ = brdf.surface
         found = [
-            Setting({}, taps=(NO_TAPS, *EVEN_TAP_COUNTS)),
+            Setting({}, taps=EVEN_LOOK_UPS),
             *(Setting({"levels": (own,), **size}, taps=(NO_TAPS,)) for size in _SIZES),
         ]
     if not brdf.isotropic and brdf.brushed_surface is not None:

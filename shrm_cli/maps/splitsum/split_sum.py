@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, node_before
 from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.brdf.environment.lobe import GgxLobe
@@ -402,21 +402,17 @@ def _filtered(table: Array, roughness: Array, local: Array) -> Array:
     """Look up a table of roughness and N.V as shaders do."""
     size = len(table)
     places = [np.clip(each * size - 0.5, 0, size - 1) for each in (roughness, local[..., 2])]
-    (row, column), (down, across) = zip(*(_split(place, size) for place in places), strict=True)
+    (row, column), (down, across) = zip(
+        *(node_before(place, size) for place in places), strict=True
+    )
     above = (1 - across) * table[row, column] + across * table[row, column + 1]
     below = (1 - across) * table[row + 1, column] + across * table[row + 1, column + 1]
     return np.asarray((1 - down) * above + down * below)
 
 
-def _split(place: Array, count: int) -> tuple[Array, Array]:
-    """Return the index of the node before a place, and how far behind it the place is."""
-    index = np.minimum(place.astype(int), max(count - 2, 0))
-    return index, place - index
-
-
 def _prefiltered(light: SplitSum, roughness: Array, directions: Array) -> Array:
     """Return light of many roughnesses (...) in directions (..., 3), filtered as for one."""
-    level, share = _split(
+    level, share = node_before(
         level_numbers(roughness, light.roughness, light.mapping), len(light.roughness)
     )
     result = np.zeros(directions.shape)
