@@ -18,6 +18,7 @@ from shrm_cli.probe.shared import shared
 from shrm_cli.reference import Reference
 from shrm_cli.vocabulary import LUMINANCE
 from tests import brute_force, ggx
+from tests.lights import rooms
 
 
 @pytest.fixture
@@ -273,10 +274,19 @@ def test_the_lamp_that_wins_most_takes_the_discs():
 
 def test_so_many_discs_are_enough(monkeypatch):
     """No more are made than pictures and shaders can hold."""
-    monkeypatch.setattr(shape, "MOST_DISCS", 5)
+    monkeypatch.setattr(shape, "MOST_DISCS", 8)
     transfer = compute_transfer(shrm.parse_spec("ggx:roughness=0.2"), 64, 0, 1e-3)
     change = shape.Change.of(split_of(soft_box(), 0.2, 1.0).split, transfer)
-    assert len(change.finer(0).split.discs) == 5
+    assert len(change.finer(0).split.discs) == 8
+
+
+def test_a_round_sun_of_few_pixels_stays_one_disc():
+    """Discs that follow its pixels are farther from the sun; see the proof in test_sun_split."""
+    sun = rooms.round_lamp(rooms.unit(0.35, 0.55, -0.7), 3.0), (900.0, 800.0, 600.0)
+    pixels = rooms.latlong(128, rooms.room(sun))
+    transfer = beside._transfer(shrm.parse_spec("ggx:roughness=0.2,f0=0.04"))
+    change = shape.Change.of(beside.split_of(shrm.Probe.from_array(pixels)), transfer)
+    assert [len(lamp.discs) for lamp in change.finer(0).split.lamps] == [1]
 
 
 @pytest.mark.proof
