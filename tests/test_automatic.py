@@ -17,6 +17,7 @@ from shrm_cli.maps.request import Prefiltered
 from shrm_cli.maps.seen import kept_or_best
 from shrm_cli.maps.shrm import terms
 from shrm_cli.maps.size import total_error
+from shrm_cli.maps.wrong_pixels import lamps_beside
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal
 from shrm_cli.prefilter import prefilter, prefilter_with_facts
@@ -405,7 +406,7 @@ def test_dark_maps_are_made_without_lamps_too(bare_sun, monkeypatch):
     counted = request.negative_share
 
     def dark(map_, truth=None):
-        return counted(map_, truth) if isinstance(map_, LampMap) else 0.3
+        return 0.3 if lamps_beside.get() is None else counted(map_, truth)
 
     monkeypatch.setattr(request, "negative_share", dark)
     assert isinstance(made(bare_sun, **asked).map, LampMap)

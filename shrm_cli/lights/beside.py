@@ -236,7 +236,8 @@ class _Reflected:
     def _lamps(self) -> LampsLit:
         """The discs, whose light is the same however much of what they change a map holds."""
         split = self.change.split
-        return LampsLit(_flux(split), LitDiscs(self.brdf, split.discs).brushed_radiance)
+        is_signed = any((disc.radiance < 0).any() for disc in split.discs)
+        return LampsLit(_flux(split), LitDiscs(self.brdf, split.discs).brushed_radiance, is_signed)
 
     def beside(self, goal: Goal) -> Beside:
         """Return the lamps beside a map, and what the map is made of to keep a goal with them."""
@@ -321,8 +322,12 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
         "a part of the light",
     )
     further = {name: _together(find, beside) for name, find in made.further.items()}
-    dark = further.pop("negative_share", None)  # it is found again, with the lamps
-    of_dark = () if dark is None else negative_warnings(made.map, dark())
+    lit = LampMap(inner, split.discs, left, beside.error, beside.brdf)
+    of_dark: tuple[str, ...] = ()
+    darkness = of_dark
+    if "negative_share" in further:  # of the map as it is seen with the lamps
+        dark = further["negative_share"]()
+        of_dark, darkness = negative_warnings(made.map, dark), negative_warnings(lit, dark)
     told = [
         f"of the light without its lamps: {line.replace(REMEDY, DIM_THE_REST)}"
         for line in made.warnings
@@ -337,9 +342,8 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
             f"lamps beside the map change {beside.error:.1%} (RMS) of the reflected light: they "
             "are no discs, or the table of the BRDF is coarse for so sharp a lobe"
         )
-    lit = LampMap(inner, split.discs, left, beside.error, beside.brdf)
     return replace(
-        made, map=lit, facts=facts, notes=(*made.notes, note), warnings=tuple(told),
+        made, map=lit, facts=facts, notes=(*made.notes, note), warnings=(*told, *darkness),
         further=further,
     )  # fmt: skip
 

@@ -328,9 +328,12 @@ def negative_share(map_: Map, truth: Truth | None = None) -> float:
 
     mirrored, views = visible_pairs()
     shown = map_.shaded().rough_radiance(mirrored, views) @ LUMINANCE
-    dark = np.flatnonzero(shown < 0)
-    if (lamps := lamps_beside.get()) is not None:  # which make nothing darker
-        dark = dark[shown[dark] + lamps.lit.visible_at(dark) < 0]
+    lamps = lamps_beside.get()
+    where = np.arange(len(shown))
+    if lamps is not None and not lamps.lit.may_darken:
+        where = np.flatnonzero(shown < 0)
+    lit = shown[where] if lamps is None else shown[where] + lamps.lit.visible_at(where)
+    dark = where[lit < 0]
     share = len(dark) / len(shown)
     if truth is None or share <= NEGATIVE_SHARE:
         return share

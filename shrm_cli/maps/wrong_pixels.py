@@ -88,6 +88,8 @@ class LampsLit:
     """The integral of their radiance, shape (3,)."""
     radiance: Callable[[Array, Array, Array], Array]
     """From normals, tangents and views to what is reflected of them, shape (..., 3)."""
+    may_darken: bool = False
+    """Whether some of their radiance is negative."""
 
     @property
     def first(self) -> Array:

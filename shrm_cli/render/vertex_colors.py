@@ -116,7 +116,7 @@ class LampsOnMesh:
             return lit.brushed_radiance(normals, tangents, views)
         # One rule for all, as it takes longer to find than pictures: the finest at the ends.
         ends = product((0.0, 1.0), repeat=shares.shape[1])
-        rules = [LitDiscs(brdf_at(end), (disc,)).rule for end in ends]
+        rules = [LitDiscs(brdf_at(end), (disc,)).rules[0] for end in ends]
         rule = DiscRule(
             min(each.width for each in rules),
             max(each.steps for each in rules),

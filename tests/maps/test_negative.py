@@ -106,3 +106,16 @@ def test_lamps_are_looked_up_where_the_map_alone_is_negative(lamp):
         assert negative_share(made) == 0
     assert asked == [round(alone * len(visible_pairs()[0]))]
     assert asked[0] > 0
+
+
+def test_lamps_whose_discs_are_partly_negative_may_darken_a_map(lamp):
+    """The discs of a lamp may have negative radiances, as of a ring."""
+    made = make(lamp, order_f=5, order_p=2).map
+
+    def dim(normals, tangents, views):
+        return np.full(normals.shape, -1e9)
+
+    lit = LampsLit(np.ones(3), dim, may_darken=True)
+    with beside_lamps(LampsBeside(lit, np.zeros((1, 3)), None)):
+        assert negative_share(made) > 0.99
+        assert negative_share(made, lambda normals, views: np.zeros(normals.shape)) == 0

@@ -52,7 +52,7 @@ LEAST_COSINE = 0.05
 """The cosine of the view's angle below which lobes are not followed any narrower."""
 _SIZES = 2, 3, 4, 6, 8, 12, 16, 24, 32, 48
 """Steps in each direction, of which the fewest are taken that are exact enough."""
-_MORE = 3
+MORE = 3
 """Steps more where it does: it takes so many for a rule that is good at both kinds of ends."""
 EXACT = 1e-3
 """The part of the largest value for a view that a rule may miss."""
@@ -94,7 +94,7 @@ class DiscRule:
 
     def longitudes(self, is_cut: bool) -> int:
         """Return how many there are: more where the horizon cuts the disc."""
-        return self.steps + _MORE if is_cut else self.steps
+        return self.steps + MORE if is_cut else self.steps
 
     @property
     def beyond(self) -> "DiscRule":
@@ -292,12 +292,23 @@ class LitDiscs:
     """In world axes."""
 
     @cached_property
-    def rule(self) -> DiscRule:
-        """How all of them are integrated: as the largest one needs it."""
-        radius = max(disc.radius for disc in self.discs)
+    def rules(self) -> tuple[DiscRule, ...]:
+        """How each of them is integrated: as the largest of about its size needs it.
+
+        A lamp of many discs has a large one, and small ones for its rim. These need a tenth of the
+        steps.
+        """
+        radii = np.array([disc.radius for disc in self.discs])
+        octaves = np.floor(np.log2(radii.max() / radii))
+        largest = [float(radii[octaves == octave].max()) for octave in octaves]
         exact = TABLE_EXACT if isinstance(self.brdf, LobeTable) else EXACT
-        make = partial(DiscRule.of, self.brdf, radius, exact)
-        return remembered(self.brdf, ("disc rule", radius), make)
+
+        def rule(radius: float) -> DiscRule:
+            make = partial(DiscRule.of, self.brdf, radius, exact)
+            return remembered(self.brdf, ("disc rule", radius), make)
+
+        found = {radius: rule(radius) for radius in set(largest)}
+        return tuple(found[radius] for radius in largest)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Return what is reflected; parameters and result are those of `Map.radiance`."""
@@ -310,9 +321,9 @@ class LitDiscs:
             np.asarray(each, dtype=float) for each in (normals, tangents, views)
         )
         result = np.zeros(np.broadcast_shapes(normals.shape, views.shape))
-        for disc in self.discs:
+        for disc, rule in zip(self.discs, self.rules, strict=True):
             points = normals, views, disc.direction, tangents
-            result += disc.radiance * integrals(self.rule, self.brdf, points, disc.radius)
+            result += disc.radiance * integrals(rule, self.brdf, points, disc.radius)
         return result
 
 

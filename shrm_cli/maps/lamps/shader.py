@@ -8,7 +8,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.maps.lamps.models import Functions
-from shrm_cli.maps.lamps.rule import LEAST_COSINE, DiscRule, LitDiscs, chebyshev, sines
+from shrm_cli.maps.lamps.rule import FEW, LEAST_COSINE, MORE, LitDiscs, chebyshev, sines
 from shrm_cli.maps.shader.language import Language, filled
 from shrm_cli.maps.shader.source import BRUSHED_BY_TANGENT, central_direction, tangent_function
 from shrm_cli.sphere.quadrature import gauss_legendre
@@ -66,20 +66,27 @@ a small lamp. Here they are Taylor's series as far as these converge soon.
 _CUT = """\
     turn = atan(dot(n, e), dot(n, c));
     is_cut = abs(dot(a, n)) < sine ? 1 : 0;
-    count = is_cut == 1 ? MANY : STEPS;
+    count = is_cut == 1 ? steps + MORE : steps;
     low = max(low, turn - 0.5 * PI);
     high = min(high, turn + 0.5 * PI);"""
+_REACH = """\
+    if (dot(a, c) < rule.x) {
+        skip = 0;FIRST
+        steps = FEW;
+    }"""
 _LAMPS = """\
-vec3 shrm_lamp(vec3 n, SIDEvec3 v, vec3 c, vec3 a, float radius)
+vec3 shrm_lamp(vec3 n, SIDEvec3 v, vec3 c, vec3 a, vec3 size, vec3 rule)
 {
     vec3 total = vec3(0.0, 0.0, 0.0);
     vec3 e = shrm_beside(c, v), f = shrm_third(c, e), OWNt = shrm_third(n, s);
     float ax = dot(a, e), ay = dot(a, f), az = dot(a, c);
-    float wide = sqrt(ax * ax + az * az), middle = atan(ax, az), sine = shrm_sin(radius);
+    float wide = sqrt(ax * ax + az * az), middle = atan(ax, az), radius = size.x, sine = size.y;
     float span = shrm_asin(min(sine / max(wide, sine), 1.0));
     float wy = WIDTH * max(dot(n, v), LEAST);
     float low, high, step, x, over, turn, b, reach, above, y, weight;
-    int SKIPPEDi, j, count = STEPSBOOL;
+    int i, j, count, skip = int(rule.z), steps = int(rule.y)BOOL;
+REACHED
+    count = steps;
     if (abs(ay) >= shrm_cos(radius)) {
         span = PI;
     }
@@ -102,11 +109,11 @@ CUT
         span = 2.0 * shrm_asin(sqrt(min(max(above / max(2.0 * reach, 1e-12), 0.0), 1.0)));
         first = shrm_asinh(max(atan(ay, b) - span, -0.5 * PI) / wy);
         last = shrm_asinh(min(atan(ay, b) + span, 0.5 * PI) / wy);
-        for (j = 0; j < STEPS; j++) {
+        for (j = 0; j < steps; j++) {
             vec3 l;
-            step = 0.5 * (first + last) + 0.5 * (last - first) * shrm_lamp_nodes[SKIPj].x;
+            step = 0.5 * (first + last) + 0.5 * (last - first) * shrm_lamp_nodes[skip + j].x;
             y = wy * sinh(step);
-            weight = shrm_lamp_nodes[SKIPj].y * 0.5 * (last - first) * wy * cosh(step);
+            weight = shrm_lamp_nodes[skip + j].y * 0.5 * (last - first) * wy * cosh(step);
             weight = weight * over * shrm_cos(y);
             l = LIGHT;
             l = vec3(dot(l, s), dot(l, t), dot(l, n));
@@ -120,8 +127,7 @@ vec3 shrm_lamps(vec3 n, SIDEvec3 v)
     vec3 total = vec3(0.0, 0.0, 0.0), c = CENTER;
     int k;
     for (k = 0; k < COUNT; k++) {
-        vec3 a = shrm_lamp_axes[k];
-        float radius = shrm_lamp_sizes[k].x;
+        vec3 a = shrm_lamp_axes[k], size = shrm_lamp_sizes[k], rule = shrm_lamp_rules[k];
         if (dot(a, n) > LOWEST) {
             ADD
         }
@@ -171,49 +177,53 @@ def with_lamps(
 
 def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
     """Write ``shrm_lamps``, and what it uses."""
-    discs, rule = lamps.discs, lamps.rule
+    discs, rules = lamps.discs, lamps.rules
     is_brushed = not lamps.brdf.isotropic
     radii = np.array([disc.radius for disc in discs])
-    reaches = rule.reach < math.pi
-    rules = [rule, rule.beyond] if reaches else [rule]
-    many = [each.longitudes(is_cut=True) for each in rules]
+    reaches = any(rule.reach < math.pi for rule in rules)
+    # What is beyond reach takes the first steps of the tables.
+    few = [FEW] if reaches else []
+    steps = [*few, *sorted({rule.steps for rule in rules}.difference(few))]
+    places = np.array([steps.index(rule.steps) for rule in rules])
+    skipped = np.append(0, np.cumsum(steps))[places]
+    reach = [math.cos(rule.reach) if rule.reach < math.pi else -2.0 for rule in rules]
     tables = {
-        "shrm_lamp_whole": _one_by_one(chebyshev, [each.steps for each in rules]),
-        "shrm_lamp_nodes": _one_by_one(gauss_legendre, [each.steps for each in rules]),
+        "shrm_lamp_whole": _one_by_one(chebyshev, steps),
+        "shrm_lamp_nodes": _one_by_one(gauss_legendre, steps),
         "shrm_lamp_axes": np.array([disc.direction for disc in discs]),
-        "shrm_lamp_sizes": _rows(radii, np.sin(radii)),
+        "shrm_lamp_sizes": np.stack([radii, np.sin(radii), skipped + MORE * places], axis=-1),
+        "shrm_lamp_rules": np.stack([reach, [rule.steps for rule in rules], skipped], axis=-1),
         "shrm_lamp_lights": np.array([disc.radiance for disc in discs]),
     }
     functions = Functions(language)
     reflected = functions.total(lamps.brdf, "l", "vec3(dot(v, s), dot(v, t), dot(v, n))")
     cuts = cuts_horizon(lamps.brdf)
     if cuts:
-        tables["shrm_lamp_cut"] = _one_by_one(sines, many)
+        tables["shrm_lamp_cut"] = _one_by_one(sines, [count + MORE for count in steps])
     light = language.combined(
         ["shrm_sin(x) * shrm_cos(y)", "shrm_sin(y)", "shrm_cos(x) * shrm_cos(y)"], ["e", "f", "c"]
     )
     added = language.times(
-        f"shrm_lamp(n, {'t, ' if is_brushed else ''}v, c, a, radius)", "shrm_lamp_lights[k]"
+        f"shrm_lamp(n, {'t, ' if is_brushed else ''}v, c, a, size, rule)", "shrm_lamp_lights[k]"
     )
     words = {
         "CUT": _CUT if cuts else "",
-        "WIDTH": language.number(rule.width),
+        "REACHED": _REACH if reaches else "",
+        "FIRST": " past = 0;" if cuts else "",
+        "FEW": str(FEW),
+        "MORE": str(MORE),
+        "WIDTH": language.number(rules[0].width),
         "LEAST": language.number(LEAST_COSINE),
         "PI": language.number(math.pi),
-        "SKIPPED": _skipped(rule, language) if reaches else "",
-        "MANY": f"steps + {many[0] - rule.steps}" if reaches else str(many[0]),
-        "STEPS": "steps" if reaches else str(rule.steps),
+        "BOOL": ", past = int(size.z), is_cut = 0" if cuts else "",
         "COUNT": str(len(discs)),
         "CENTER": central_direction(lamps.brdf.center, language),
         "LIGHT": light,
         "GROW": language.grow("total", language.scale("weight", reflected)),
-        "RULE": "is_cut == 1 ? shrm_lamp_cut[PASTi] : shrm_lamp_whole[SKIPi]"
+        "RULE": "is_cut == 1 ? shrm_lamp_cut[past + i] : shrm_lamp_whole[skip + i]"
         if cuts
-        else "shrm_lamp_whole[SKIPi]",
-        "PAST": f"skip / {rule.steps} * {many[0]} + " if reaches else "",
-        "SKIP": "skip + " if reaches else "",
-        "BOOL": ", is_cut = 0" if cuts else "",
-        "LOWEST": "-shrm_lamp_sizes[k].y" if cuts else "-2.0",
+        else "shrm_lamp_whole[skip + i]",
+        "LOWEST": "-size.y" if cuts else "-2.0",
         "ADD": language.grow("total", added),
         "SIDEvec3 v, vec3 c": "vec3 s, vec3 v, vec3 c" if is_brushed else "vec3 v, vec3 c",
         "SIDE": "vec3 t, " if is_brushed else "",
@@ -222,13 +232,6 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
     lines = [line for line in filled(_LAMPS, words) if line]
     arrays = [line for name, rows in tables.items() for line in language.colors(name, rows)]
     return [*arrays, *_FRAME.split("\n"), *functions.lines, *lines]
-
-
-def _skipped(rule: DiscRule, language: Language) -> str:
-    """Declare how many steps there are for a disc, and how many nodes lie before its own."""
-    is_far = f"dot(a, c) < {language.number(math.cos(rule.reach))}"
-    few = rule.beyond.steps
-    return f"skip = {is_far} ? {rule.steps} : 0, steps = skip > 0 ? {few} : {rule.steps}, "
 
 
 def _one_by_one(make: Callable[[int], tuple[Array, Array]], counts: Sequence[int]) -> Array:

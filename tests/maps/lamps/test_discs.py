@@ -143,6 +143,17 @@ def test_a_sum_of_lobes_and_discs():
     np.testing.assert_allclose(one[0, 0], found[0], rtol=1e-12)
 
 
+def test_small_discs_beside_a_large_one_take_few_steps():
+    """A lamp of sixteen discs took as many steps for each as for a soft box, in shaders too."""
+    brdf, axis = parse_spec("ggx:roughness=0.3"), np.array([0.6, 0.0, 0.8])
+    radii = np.radians([40.0, 2.0, 30.0, 1.4])
+    discs = tuple(Disc(axis, float(radius), np.ones(3)) for radius in radii)
+    box, small, *alike = LitDiscs(brdf, discs).rules
+    assert alike == [box, small]
+    assert 3 * small.steps < box.steps
+    assert LitDiscs(brdf, discs[1:2]).rules == (small,)
+
+
 def test_a_brushed_lobe_and_its_tangents():
     rng = np.random.default_rng(6)
     brdf = parse_spec("ward:ax=0.2,ay=0.5")
