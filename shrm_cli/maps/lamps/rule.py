@@ -299,8 +299,9 @@ class LitDiscs:
         steps.
         """
         radii = np.array([disc.radius for disc in self.discs])
-        octaves = np.floor(np.log2(radii.max() / radii))
-        largest = [float(radii[octaves == octave].max()) for octave in octaves]
+        # A rule for each octave would take longer to find than its steps save.
+        kinds = np.floor(np.log2(radii.max() / radii) / 2)
+        largest = [float(radii[kinds == kind].max()) for kind in kinds]
         exact = TABLE_EXACT if isinstance(self.brdf, LobeTable) else EXACT
 
         def rule(radius: float) -> DiscRule:
