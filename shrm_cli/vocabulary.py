@@ -165,8 +165,9 @@ MIN_ROUGHNESS = 0.05
 """The least perceptual roughness of GGX, at which its lobe is 0.3 degrees wide."""
 MAX_LEVELS = 64
 """The most levels of a split sum."""
-MAX_TRANSFER_ORDER = 8
-"""The largest order of precomputed transfer, whose matrices have (order + 1)^4 numbers a vertex."""
+MAX_TRANSFER_ORDER, MAX_MATRIX_ORDER = 16, 8
+"""The largest order of precomputed transfer, and that of its matrices, which have (order + 1)^4
+numbers a vertex."""
 TRANSFER_TEXTURES = 16, 2048
 """The fewest and the most texels along the edge of a texture of transfer."""
 ALBEDO = 0.5

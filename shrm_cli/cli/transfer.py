@@ -11,7 +11,7 @@ from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import ALBEDO, BRUSH, PATH, flag, option
 from shrm_cli.files.whole import keeping
-from shrm_cli.vocabulary import MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
+from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
 
 if TYPE_CHECKING:
     from shrm_cli.geometry.mesh import Mesh
@@ -29,8 +29,9 @@ _MOST_SAMPLES = 2**16
     "[default: MESH.transfer.npz in the current folder]",
 )  # fmt: skip
 @option(
-    "--order", click.IntRange(0, MAX_TRANSFER_ORDER), default=4,
-    help="Largest degree of the light's harmonics.",
+    "--order", click.IntRange(0, MAX_TRANSFER_ORDER),
+    help="Largest degree of the light's harmonics.  [default: 4, or up to 16 of .npz where little "
+    "of the sky is seen, as in a room]",
 )  # fmt: skip
 @option(
     "--bounces", click.IntRange(0, 2), "How often light is reflected within the mesh.", default=0
@@ -64,7 +65,7 @@ _MOST_SAMPLES = 2**16
 def transfer(
     mesh: str,
     output: str | None,
-    order: int,
+    order: int | None,
     bounces: int,
     albedo: str | tuple[float, ...] | None,
     samples: int,
@@ -110,15 +111,16 @@ def transfer(
         raise OutputError(f"{target}: {kind} are written as .npz only; name it so")
     beside = [str(Path(target).with_name(FACES))] if suffix == ".txt" else []
     usage.check_outputs([target, *beside], files=[mesh])
+    if order is None and suffix != ".npz":  # engines hold few numbers a vertex
+        order = DEFAULT_PRODUCT_ORDER
     plan = transfer_plan(
         mesh, order=order, bounces=bounces, albedo=albedo, samples=samples, matrices=matrices,
         brush=brush, brdf=brdf, texture=texture,
     )  # fmt: skip
     found, texels = plan.mesh, plan.sites.texels
     sites = f"{len(plan.sites.positions):,} {'vertices' if texels is None else 'texels'}"
-    announce([
-        f"{mesh}: {sites}, order {order}; {plan.size():,} bytes beside the output while it works"
-    ])  # fmt: skip
+    beside_it = f"{plan.size():,} bytes beside the output while it works"
+    announce([f"{mesh}: {sites}, order {plan.order}; {beside_it}"])
 
     def write(baked: Transfer) -> dict[str, Any]:
         if suffix == ".npz":
@@ -136,7 +138,7 @@ def transfer(
     if texels is not None:
         of = "a texture of {1} x {0}".format(*texels.rows.shape)
     lines = [
-        f"{target}: transfer {kinds} of {sites}, of {of}, order {order}, "
+        f"{target}: transfer {kinds} of {sites}, of {of}, order {plan.order}, "
         f"{bounces} bounces, {size:,} bytes"
     ]
     warnings = _missing(found) if albedo in (None, "mesh") and brdf is None else []

@@ -29,7 +29,13 @@ from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Sent, Sites, sites_of
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
-from shrm_cli.vocabulary import ALBEDO, MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
+from shrm_cli.vocabulary import (
+    ALBEDO,
+    DEFAULT_PRODUCT_ORDER,
+    MAX_MATRIX_ORDER,
+    MAX_TRANSFER_ORDER,
+    TRANSFER_TEXTURES,
+)
 
 if TYPE_CHECKING:
     from shrm_cli.geometry.mesh import Mesh
@@ -55,7 +61,8 @@ class Plan:
     are needed. `glossy` tells whether matrices are baked besides the vectors. `tangents`, of shape
     (v, 3), are the x axes of the vertices' frames, unit vectors at right angles to the normals;
     horizontal by default. `texture` is the number of texels along the edge of a texture whose
-    texels are baked in place of the vertices.
+    texels are baked in place of the vertices. `known_sites` are those of mesh and texture, where
+    these were looked at before.
     """
 
     mesh: "Mesh"
@@ -67,6 +74,7 @@ class Plan:
     tangents: Array | None = None
     product: "ProductTexture | None" = None
     texture: int | None = None
+    known_sites: Sites | None = None
 
     def __post_init__(self) -> None:
         limits = {
@@ -75,6 +83,8 @@ class Plan:
             "samples": (1, _MOST_SAMPLES),
             "texture": TRANSFER_TEXTURES,
         }
+        if self.glossy:
+            limits["order"] = (0, MAX_MATRIX_ORDER)
         for name, (low, high) in limits.items():
             value = getattr(self, name)
             if name == "texture" and value is None:
@@ -114,7 +124,7 @@ class Plan:
     @cached_property
     def sites(self) -> Sites:
         """What is baked for: the vertices, or the texels."""
-        return sites_of(self.mesh, self.texture)
+        return self.known_sites or sites_of(self.mesh, self.texture)
 
     @property
     def channels(self) -> int:
@@ -128,8 +138,8 @@ class Plan:
 
     @property
     def step(self) -> int:
-        """Sites of a block."""
-        return max(1, _RAYS_AT_ONCE // self.samples)
+        """Sites of a block: rotations of high orders have more numbers than there are rays."""
+        return max(1, _RAYS_AT_ONCE // max(self.samples, (self.order + 1) ** 4 // 8))
 
     def frames(self) -> Array:
         """The frames of the sites, shape (s, 3, 3), with axes as rows."""
@@ -183,7 +193,7 @@ class Plan:
 def transfer_plan(
     mesh: "Mesh | str | os.PathLike[str]",
     *,
-    order: int = 4,
+    order: int | None = None,
     bounces: int = 0,
     albedo: ArrayLike | None = None,
     samples: int = 1024,
@@ -194,10 +204,12 @@ def transfer_plan(
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
 
-    `albedo` is what the mesh reflects, as `Plan` takes it, or ``"vertex"``, the colors of its
-    vertices; by default what its materials say, if they do, and else `ALBEDO`. `brush`
-    says the tangents of the matrices, as `brushed_tangents` takes them. `brdf` is what the mesh
-    reflects in bounces in place of `albedo`; matrices are baked with it.
+    `order` is by default what the mesh needs, see `shrm_cli.transfer.orders`; with matrices, whose
+    size grows with its fourth power, it is `DEFAULT_PRODUCT_ORDER`. `albedo` is what the mesh
+    reflects, as `Plan` takes it, or ``"vertex"``, the colors of its vertices; by default what its
+    materials say, if they do, and else `ALBEDO`. `brush` says the tangents of the matrices, as
+    `brushed_tangents` takes them. `brdf` is what the mesh reflects in bounces in place of `albedo`;
+    matrices are baked with it.
     """
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.maps.product.prefilter import product_texture
@@ -214,8 +226,19 @@ def transfer_plan(
     tangents = None if brush is None else brushed_tangents(found, brush)
     product = None
     if brdf is not None:
-        product, matrices = cast(ProductTexture, product_texture(as_brdf(brdf), order).map), True
-    return Plan(found, order, bounces, samples, albedo, matrices, tangents, product, texture)
+        matrices = True
+    sites = None
+    if order is None and matrices:
+        order = DEFAULT_PRODUCT_ORDER
+    elif order is None:
+        from shrm_cli.transfer.orders import sufficient_order
+
+        sites = sites_of(found, texture)
+        order = sufficient_order(sites, Rays(found))
+    if brdf is not None:
+        product = cast(ProductTexture, product_texture(as_brdf(brdf), order).map)
+    options = order, bounces, samples, albedo, matrices, tangents, product, texture, sites
+    return Plan(found, *options)
 
 
 def transfer(

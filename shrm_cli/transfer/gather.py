@@ -44,6 +44,7 @@ must be fixed for interreflection.
 """
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -283,10 +284,15 @@ class Gathering:
         self._harmonics = (weight * harmonics).astype(np.float32)
         self._lambert = (weight * local[:, 2:] * harmonics).astype(np.float32)
         self._pairs = np.triu_indices(harmonics.shape[1])
-        rows, columns = self._pairs
-        self._products = (weight * harmonics[:, rows] * harmonics[:, columns]).astype(np.float32)
         self._factors = lambert_factors(order)[degrees(order)]
         self._sides = _outer_sides(sites.mesh)
+
+    @cached_property
+    def _products(self) -> Array:
+        """Products of two harmonics in each direction, for `_pairs` of them."""
+        rows, columns = self._pairs
+        harmonics, weight = real_harmonics(self.order, self._local), 2 * np.pi / self.samples
+        return (weight * harmonics[:, rows] * harmonics[:, columns]).astype(np.float32)
 
     def rotations(self, part: slice) -> Array:
         """Matrices of the rotation of coefficients from world axes into the frames, (k, n, n)."""

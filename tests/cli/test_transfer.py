@@ -30,7 +30,7 @@ def pixels(path):
 def test_it_says_what_it_wrote(folder):
     said = json.loads(done("transfer", "bumps.obj", "--samples", "32", "--json"))
     assert said["file"] == "bumps.transfer.npz"
-    assert (said["vertices"], said["order"], said["channels"]) == (100, 4, 1)
+    assert (said["vertices"], said["order"], said["channels"]) == (100, 6, 1)
     assert said["mesh"] == "bumps.obj"
     assert said["bytes"] == (folder / "bumps.transfer.npz").stat().st_size
     held = done("info", "bumps.transfer.npz")
@@ -79,7 +79,8 @@ def test_other_formats(folder, name):
 @pytest.mark.parametrize(
     ("arguments", "code", "parts"),
     [
-        (("--order", "9"), 2, ["--order"]),
+        (("--order", "17"), 2, ["--order"]),
+        (("--order", "9", "--matrices"), 2, ["--order"]),
         (("--bounces", "3"), 2, ["--bounces"]),
         (("--albedo", "1.1"), 2, ["--albedo"]),
         (("--albedo", "nan"), 2, ["--albedo"]),
@@ -110,7 +111,8 @@ def test_rendered_meshes_have_shadows(folder):
     done("product", "lambertian:albedo=0.8", "-o", "paint.exr", "--size", "16")
     options = ("--samples", "128", "--albedo", "0.8")
     done("transfer", "bumps.obj", *options, "-o", "direct.npz", "--matrices")
-    done("transfer", "bumps.obj", *options, "-o", "bounced.npz", "--bounces", "2")
+    bounced = ("--order", "4", "--bounces", "2", "-o", "bounced.npz")
+    done("transfer", "bumps.obj", *options, *bounced)
     camera = ("--mesh", "bumps.obj", "--view", "0,0", "--size", "48")
     done("render", "white.irradiance.exr", *camera, "-o", "free.exr")
     free = pixels("free.exr")
@@ -134,7 +136,8 @@ def test_a_probe_in_place_of_a_map_has_lamps_with_shadows(folder):
     image = np.full((32, 64, 3), 0.1, np.float32)
     image[10:12, 16:19] = 300
     write_exr(folder / "lamp.exr", image)
-    done("transfer", "bumps.obj", "--samples", "64", "--albedo", "0.8", "-o", "t.npz")
+    options = ("--samples", "64", "--order", "4", "--albedo", "0.8")
+    done("transfer", "bumps.obj", *options, "-o", "t.npz")
     done("transfer", "bumps.obj", "--samples", "64", "--bounces", "1", "-o", "b.npz")
     done("transfer", "bumps.obj", "--samples", "8", "--bounces", "1", "--matrices", "-o", "m.npz")
     done("product", "ggx:roughness=0.5", "-o", "paint.exr", "--size", "8")

@@ -172,7 +172,8 @@ def test_a_place_that_cannot_be_written(tmp_path, plan):
 @pytest.mark.parametrize(
     ("options", "argument"),
     [
-        ({"order": 9}, "order"),
+        ({"order": 17}, "order"),
+        ({"order": 9, "glossy": True}, "order"),
         ({"bounces": -1}, "bounces"),
         ({"samples": 0}, "samples"),
         ({"albedo": 1.5}, "albedo"),

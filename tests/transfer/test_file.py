@@ -92,7 +92,7 @@ def nan_within(array):
         ({"settings": '{"version": 1}'}, "settings are wrong"),
         ({"vectors": np.zeros((36, 8, 1), "f4")}, "of shape"),
         ({"vectors": np.zeros((0, 9, 1), "f4")}, "no vertices"),
-        ({"vectors": np.zeros((36, 100, 1), "f4")}, "order"),
+        ({"vectors": np.zeros((36, 324, 1), "f4")}, "order"),
         ({"vectors": np.zeros((35, 9, 1), "f4")}, "of shape"),
         ({"vectors": np.zeros((36, 9, 1), "i4")}, "which is wrong"),
         ({"vectors": np.array([None])}, "is wrong|not an array|truncated"),
