@@ -31,7 +31,7 @@ from shrm_cli.maps.options import counted, parse_bytes
 from shrm_cli.maps.principal.plan import Joint, Planner
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.selection import bundle_degrees
-from shrm_cli.maps.principal.terms import Wanted, planner_of
+from shrm_cli.maps.principal.terms import planner_of
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
 from shrm_cli.maps.shrm.terms import ShrmProposals, Tried
@@ -115,7 +115,7 @@ class ShrmForms:
     ) -> None:
         self._own_center = brdf.center
         if known is None:
-            known = brdf, planner_of(light, brdf, Wanted.of(ASKED))
+            known = brdf, planner_of(light, brdf, ASKED)
         self._brdf, planner = known
         transfer = planner.spectrum.transfer
         self._proposals = ShrmProposals.of(light, replace(ASKED, brdf=self._brdf), transfer)

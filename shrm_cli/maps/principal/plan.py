@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field
 from functools import cache, cached_property, partial
 from math import inf, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -314,6 +314,13 @@ _FIRST_BYTES = 2**16
 so that not all forms have to be judged."""
 _NEARLY_ALL = 1 / 3
 """What functions may miss, in units of what their tables do, where those alone are too coarse."""
+
+
+class Term(NamedTuple):
+    """A term of a BRDF, with what the light makes of it, and a form of its map."""
+
+    planner: Planner
+    form: Form
 
 
 @record
