@@ -240,7 +240,7 @@ class _Choice:
         if not (self._seem_large and self.may_have_lamps_apart):
             return None
         found = kept_in_fewest(self.forms.proposals.rows(policy.LARGE), self.goal)
-        return None if found is None else found.candidate
+        return None if found is None else found.exact
 
     def _few_beside(self, beside: Candidate[Prefiltered]) -> int:
         """Return the most bytes of a map of all light that is better than one with lamps beside."""

@@ -17,7 +17,7 @@ from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Prefiltered, Request, Truth, examined, truth_of
 from shrm_cli.maps.seen import as_candidate, goal_text, judged, known_error
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
-from shrm_cli.maps.shrm.terms import ShrmProposals
+from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, first_kept, rising
 from shrm_cli.probe.lighting import Projection
@@ -166,10 +166,9 @@ class Forms:
             return "an SHRM knows no tangent"
         if len(self.proposals.parts) > 1:
             return "an SHRM would hold every term with harmonics of its own"
-        found = self.shrms.least(known_error(made), self.request.allowed)
-        if found is None:
+        if not self.shrms.fits(self.request.allowed):
             return "no SHRM fits"
-        best, is_kept = found
+        best, is_kept = self.shrms.least(known_error(made))
         if is_kept:
             return f"an SHRM of its error takes {bytes_text(best.bytes)}"
         return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"

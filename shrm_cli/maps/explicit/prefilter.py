@@ -12,7 +12,7 @@ from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.expansion import shown_wrong_share
+from shrm_cli.maps.expansion import Chosen, shown_wrong_share
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.principal.principal import PrincipalMap
@@ -20,13 +20,7 @@ from shrm_cli.maps.request import Prefiltered, Request, error_lines
 from shrm_cli.maps.shrm import make
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
-from shrm_cli.maps.size import (
-    choose_size,
-    converted_bytes,
-    largest_f,
-    most_cubes,
-    shrm_look_up_error,
-)
+from shrm_cli.maps.size import converted_bytes, largest_f, most_cubes, shrm_look_up_error
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Projection, project
@@ -138,7 +132,7 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
     `dtype` is as `prefilter_shrm` takes it.
     """
     expansion, warnings = make.expand(Projection(probe), request, explicit_form(request))
-    shrm = make.from_expansion(expansion, probe, request, dtype)
+    shrm = make.from_expansion(expansion, probe, request.frame, dtype)
     made = explicit_kind(request.to).from_shrm(shrm, view_count(request))
 
     facts = {"error_bound": expansion.bound}
@@ -179,16 +173,14 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
     allowed, finest = request.allowed, max(request.eps, _FINEST_GRID)
     most_p = make.most_order_p(allowed, size, explicit_form(request).largest_p(allowed))
     with using(None):  # all of this takes a moment beside the images
-        orders, chosen = choose_orders(brdf, finest, most_p=most_p)
+        chosen = Chosen.of(brdf, choose_orders(brdf, finest, most_p=most_p), size)
         _, coefficients = choose_orders(brdf, finest, order_p=_ORDER_TO_MEASURE)
         views = view_count(request)
-        views = kind.default_view_count(orders.order_p) if views is None else views
+        views = kind.default_view_count(chosen.orders.order_p) if views is None else views
         count = kind.image_count(views)
         if size is None:
-            choice = make.Choice(orders, choose_size(orders.order_f))
-            choice = make.halved(choice, chosen, count, allowed) or choice
-            orders, size = choice.orders, choice.size
-        orders = replace(orders, eps=request.eps)
+            chosen = make.halved(chosen, count, allowed)
+        orders, size = replace(chosen.orders, eps=request.eps), chosen.size
         make.refuse_large(size, count, request.max_size)
         kind.check_images(size, count)
         integral = Reference(probe, brdf, request.source_height, request.eps, exact=True)

@@ -40,7 +40,7 @@ from shrm_cli.maps.request import Notes, Prefiltered, Request
 from shrm_cli.maps.size import sizes_of, supported_order, total_error
 from shrm_cli.maps.wrong_pixels import wrong_share
 from shrm_cli.orders import Orders
-from shrm_cli.plan.search import Candidate, Rough, Row
+from shrm_cli.plan.search import Candidate, Row
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -208,15 +208,19 @@ class Proposals:
     def candidate(self, error: float) -> Candidate[Prefiltered]:
         return self.propose(error).candidate()
 
-    def rows(self, max_size: int) -> Iterator[Row[Rough[Prefiltered]]]:
+    def rows(self, max_size: int) -> Iterator[Row[Candidate[Prefiltered]]]:
         """Yield all maps of at most so many bytes, as far as the planners know now."""
         for row in self.sharing.rows(max_size, sizes_of(self.asked.size)):
             yield row.mapped(self.rough)
 
-    def rough(self, joint: Joint) -> Rough[Prefiltered]:
+    def rough(self, joint: Joint) -> Candidate[Prefiltered]:
         """Return the map of a form of each term as it is known in little time."""
+        look_ups, make = sum(form.cubes for form in joint.forms), lambda: self._exact(joint).make()
         find_share = partial(predicted_wrong_share, list(map(Term, self.planners, joint.forms)))
-        return Rough(joint.bytes, joint.total_error, find_share, partial(self._exact, joint))
+        return Candidate(
+            "principal", joint.bytes, look_ups, joint.total_error, find_share, make,
+            find_exact=partial(self._exact, joint),
+        )  # fmt: skip
 
     def _exact(self, joint: Joint) -> Candidate[Prefiltered]:
         exact = self.sharing.joint(joint.forms, is_exact=True)
