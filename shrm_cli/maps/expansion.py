@@ -31,7 +31,7 @@ from shrm_cli.maps.size import (
     total_error,
 )
 from shrm_cli.maps.wrong_pixels import lamps_beside, share_of_points, wrong_share
-from shrm_cli.orders import Orders, extended
+from shrm_cli.orders import Orders, coefficients_to
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import legendre_table
@@ -206,7 +206,7 @@ def carry(
         if known >= enough or (is_known and made.estimated <= _UNKNOWN * made.error**2):
             return made
         further = min(2 * known, enough)
-        coefficients = extended(brdf, coefficients, orders.eps, further)
+        coefficients = coefficients_to(brdf, orders.eps, further, coefficients.order_p)
 
 
 _MAX_Q = 6

@@ -187,8 +187,7 @@ class ExplicitMap(CentralMap):
         basis = cls.basis(shrm.order_p, count).astype(planes.dtype)
         flat = basis @ planes.reshape(len(planes), -1)
         images = flat.reshape(count, *planes.shape[1:]).transpose(0, 2, 3, 1)
-        added = np.hypot(shrm.info.added_error, cls._added_error(source, count))
-        info = replace(shrm.info, added_error=float(added))
+        info = shrm.info.adding(cls._added_error(source, count))
         return cls(images, shrm.center, info, shrm.sampling)
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:

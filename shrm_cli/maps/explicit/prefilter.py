@@ -28,7 +28,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
-from shrm_cli.reflected import truncated_lobe_error
+from shrm_cli.reflected import reflected_rms
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import to_angles, views_around
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -190,11 +190,9 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
         tail = compute_coefficients(rest, kept.order_f, kept.order_p, 1e-2)
         captured = 1 - tail.total_energy.sum() / max(coefficients.total_energy.sum(), 1e-300)
         orders = replace(orders, captured=float(captured))
-        info = replace(
-            provenance(probe, brdf, orders),
-            predicted_error=truncated_lobe_error(lighting, coefficients, tail),
-            domain="angular",
-        )
+        whole, lost = (reflected_rms(lighting, each) for each in (coefficients, tail))
+        error = lost / whole if whole > 0 else 0.0
+        info = replace(provenance(probe, brdf, orders), predicted_error=error, domain="angular")
         # The error of interpolating between views is measured in the frequency domain, where it
         # takes little time. A few texels suffice for that, and the orders F that fit into memory.
         order_p = coefficients.order_p
@@ -266,5 +264,4 @@ def tabulate_sum(kind: type[Kind], summed: SummedShrm | PrincipalMap, view_count
     exact = summed.central_radiance(centers, views)
     error = np.sum((made.central_radiance(centers, views) - exact) ** 2)
     added = np.sqrt(error / max(float(np.sum(exact**2)), 1e-300))
-    info = replace(summed.info, added_error=float(np.hypot(summed.info.added_error, added)))
-    return replace(made, info=info)
+    return replace(made, info=summed.info.adding(added))

@@ -5,9 +5,9 @@ sample. A few azimuths of the view tell nearly what error the best map has, in a
 and a share of wrong pixels that is too large, as functions have too few waves over the azimuth.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -43,7 +43,7 @@ from shrm_cli.orders import Orders
 from shrm_cli.plan.search import Candidate, Row
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
@@ -134,18 +134,15 @@ class Proposals:
             return [first_planner(self.light, part, self.asked) for part in self.parts]
         return [scouted(self.light, self.parts[0], self.asked)] if len(self.parts) == 1 else []
 
-    @cached_property
-    def is_out_of_reach(self) -> Callable[[int, bool], bool]:
-        """From the most bytes to whether a first look tells that no map keeps what is asked, by
-        far; the second argument tells whether to look at the error alone.
+    @once_each
+    def is_out_of_reach(self, most: int, by_error: bool) -> bool:
+        """Tell whether a first look says that no map of so many bytes keeps what is asked, by far.
+
+        `by_error` tells whether to look at the error alone.
         """
-
-        def find(most: int, by_error: bool) -> bool:
-            seen = None if by_error else self.asked.seen
-            want = replace(self.asked, max_size=min(most, self.asked.allowed), seen=seen)
-            return bool(self._look) and is_out_of_reach(self._look, want)
-
-        return cache(find)
+        seen = None if by_error else self.asked.seen
+        want = replace(self.asked, max_size=min(most, self.asked.allowed), seen=seen)
+        return bool(self._look) and is_out_of_reach(self._look, want)
 
     @property
     def planners(self) -> list[Planner]:

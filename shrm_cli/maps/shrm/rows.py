@@ -17,7 +17,7 @@ from shrm_cli.maps.size import (
     stored_bytes,
     supported_order,
 )
-from shrm_cli.orders import least_orders, with_views
+from shrm_cli.orders import coefficients_to, least_orders
 from shrm_cli.plan.search import Row, least_errors
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.records import record
@@ -89,4 +89,4 @@ def fitting(light: Projection, chosen: Chosen, request: Request, most: int = MAX
         more = min(largest_p(supported_order(texels), texels, request.allowed), 2 * known, most)
         if brdf.zonal or order_p < known or more <= known:
             return Chosen(brdf, best.orders, coefficients, best.size)
-        coefficients = with_views(brdf, coefficients, eps, more)
+        coefficients = coefficients_to(brdf, eps, coefficients.order_f, more)
