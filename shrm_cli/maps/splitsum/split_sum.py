@@ -25,7 +25,7 @@ from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.info import MapInfo, record_of, spec_of
 from shrm_cli.maps.kinds import BrushedLight, LightMap, Shaded
 from shrm_cli.maps.splitsum.roughness import blend, level_numbers
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 from shrm_cli.sphere.cube import CubeSampler
 from shrm_cli.sphere.directions import central_directions, surface_frames
 from shrm_cli.vocabulary import (
@@ -220,17 +220,14 @@ class SplitSum(LightMap):
 
     def sampled(self, level: int, directions: ArrayLike) -> Array:
         """Return the light of a level, filtered between its texels, in directions (..., 3)."""
-        if level not in self._samplers:
-            self._samplers[level] = CubeSampler(self.levels[level], self.sampling)
-        values = self._samplers[level](directions)
+        values = self._sampler(level)(directions)
         # The cubic filter overshoots beside lamps. Its values must not be lower than the lowest
         # texel of the level, or than 0 where no texel is negative.
         return np.maximum(values, min(float(self.levels[level].min()), 0.0))
 
-    @cached_property
-    def _samplers(self) -> dict[int, CubeSampler]:
-        """The samplers of the levels that were used so far, by the index of the level."""
-        return {}
+    @once_each
+    def _sampler(self, level: int) -> CubeSampler:
+        return CubeSampler(self.levels[level], self.sampling)
 
 
 @record
