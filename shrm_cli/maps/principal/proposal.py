@@ -167,18 +167,25 @@ class Proposals:
         ]
 
     @property
-    def broad(self) -> int:
-        """The number of terms that share the bytes; those of a single cube take next to nothing."""
-        return max(sum(len(planner.choices) > 1 for planner in self.planners), 1)
-
-    @property
     def sharing(self) -> Sharing:
         """What the terms may share their bytes by, as far as the planners know now."""
         return Sharing(self.planners, self._coherence)
 
     @cached_property
     def _coherence(self) -> float:
-        return _coherence(self.planners, self.asked.sampling)
+        """The RMS of the light of all terms, relative to the sum of the RMS of each.
+
+        It is 1 where all are bright in the same places. Small maps of the first function of each
+        term tell it well enough.
+        """
+        if len(self.planners) == 1:
+            return 1.0
+        info, sampling = MapInfo(0, 0, 0.0, 1.0, 0.0), self.asked.sampling
+        terms = (Term(planner, planner.with_maps(1, _SMALL)) for planner in self.planners)
+        small = [PrincipalMap((lobe_of(each, sampling),), info, sampling) for each in terms]
+        strengths, together = brightness(small)
+        separate = float(strengths.sum())
+        return together / separate if separate > 0 else 1.0
 
     def propose(self, error: float | None = None) -> Proposal:
         """Choose the form of every term."""
@@ -189,7 +196,9 @@ class Proposals:
         if error is not None:
             found, is_met = self.sharing.kept(error, self.asked.allowed, self.asked.size)
             return self.proposal(found.forms, is_met)
-        want = replace(self.asked, max_size=self.asked.allowed // self.broad)
+        # Terms of a single cube take next to nothing, and the others share the bytes.
+        broad = max(sum(len(planner.choices) > 1 for planner in self.planners), 1)
+        want = replace(self.asked, max_size=self.asked.allowed // broad)
         maps, count = want.own.get("maps"), len(self.parts)
         shares = [None] * count if maps is None else shared_maps(self.planners, maps)
         pairs = zip(self.planners, shares, strict=True)
@@ -253,24 +262,6 @@ def _cubes(term: Term, bundles: Sequence[tuple[int, ...]], sampling: Sampling) -
     flat = series.swapaxes(1, 2).reshape(len(series), -1)
     planes = synthesize_cube(flat, form.size, sampling, np.float32)
     return planes.reshape(-1, 3, 6 * form.size, form.size).transpose(2, 3, 0, 1)
-
-
-def _coherence(planners: Sequence[Planner], sampling: Sampling) -> float:
-    """Return the RMS of the light of all terms, relative to the sum of the RMS of each.
-
-    It is 1 where all are bright in the same places. Small maps of the first function of each term
-    tell it well enough.
-    """
-    if len(planners) == 1:
-        return 1.0
-    info = MapInfo(0, 0, 0.0, 1.0, 0.0)
-    small = []
-    for planner in planners:
-        lobe = lobe_of(Term(planner, planner.with_maps(1, _SMALL)), sampling)
-        small.append(PrincipalMap((lobe,), info, sampling))
-    strengths, together = brightness(small)
-    separate = float(strengths.sum())
-    return together / separate if separate > 0 else 1.0
 
 
 def _info(probe: Probe, brdf: Brdf, terms: Sequence[Term], eps: float, sharing: Sharing) -> MapInfo:

@@ -118,7 +118,8 @@ def _planner_for_tolerance(light: Projection, brdf: Brdf, want: Request) -> Plan
     order, max_q = first_order(brdf), min(_FIRST_Q, most_q)
     while True:
         transfer = _transfer(brdf, order, max_q)
-        above, aside = _own_unknown(transfer)
+        whole = max(float(transfer.total_energy.sum()), 1e-300)
+        above, aside = (float(each.sum()) / whole for each in own_energies_beyond(transfer))
         if aside > limit * _PART_ASIDE and max_q < most_q:
             max_q = most_q
             if above <= limit or order >= MAX_ORDER_F:
@@ -237,15 +238,8 @@ def _fills_budget(planner: Planner, want: Request) -> bool:
     return supported_order(rival) <= policy.FAIRLY * planner.spectrum.transfer.order_f
 
 
-def _own_unknown(transfer: TransferFunctions) -> tuple[float, float]:
-    """Return the parts of a BRDF's energy at unknown degrees, and in unknown azimuthal orders."""
-    above, aside = (float(each.sum()) for each in own_energies_beyond(transfer))
-    whole = max(float(transfer.total_energy.sum()), 1e-300)
-    return above / whole, aside / whole
-
-
 def unknown_light(planner: Planner) -> tuple[float, float]:
-    """Return the same parts of the energy of the reflected light, as far as more orders tell it.
+    """Return the parts of the energy of the reflected light at unknown degrees, and in unknown q.
 
     Degrees that are finer than the pixels of the light stay unknown.
     """
