@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import field, replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from itertools import chain, tee
 from typing import TYPE_CHECKING
 
@@ -31,7 +31,7 @@ from shrm_cli.plan.search import (
     least_wrong,
 )
 from shrm_cli.probe.probe import Probe
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 
 if TYPE_CHECKING:
     from shrm_cli.lights.beside import Beside
@@ -179,10 +179,10 @@ class _Choice:
         (found,) = tee(splits_for(self.forms.probe, self.request.brdf, self.goal), 1)
         return found
 
-    @cached_property
-    def _foreseen_beside(self) -> Callable[["Beside", float], Candidate[Prefiltered]]:
-        """From lamps, and the most bytes of an SHRM beside them, to the map beside them."""
-        return cache(lambda beside, most: _Apart.of(beside, self.request, most).foreseen())
+    @once_each
+    def _foreseen_beside(self, beside: "Beside", most: float) -> Candidate[Prefiltered]:
+        """Foresee the map beside lamps, which is an SHRM of so many bytes at most."""
+        return _Apart.of(beside, self.request, most).foreseen()
 
     @cached_property
     def kept_beside_lamps(self) -> Candidate[Prefiltered] | None:
@@ -240,7 +240,7 @@ class _Choice:
         if not (self._seem_large and self.may_have_lamps_apart):
             return None
         found = kept_in_fewest(self.forms.proposals.rows(policy.LARGE), self.goal)
-        return None if found is None else found.candidate
+        return None if found is None else found.exact
 
     def _few_beside(self, beside: Candidate[Prefiltered]) -> int:
         """Return the most bytes of a map of all light that is better than one with lamps beside."""
@@ -260,13 +260,9 @@ class _Choice:
         foreseen = self.kept_beside_lamps
         if foreseen is None:
             return None
-        made = foreseen.make()
-        found = as_candidate(made)
-        if not self._keeps_within_bytes(found):  # more bytes than foreseen
-            return None
         most = bytes_text(self._few_beside(foreseen))
         why = f"no map of {most} with them in it (`sun` keep) keeps {self.forms.goal_words}"
-        return self._with_lamps_noted(made, found, why)
+        return self._made_beside(foreseen, self._keeps_within_bytes, why)
 
     def _is_worth_lamps(
         self, found: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
@@ -279,21 +275,25 @@ class _Choice:
         self, foreseen: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
     ) -> Prefiltered | None:
         """Make that map, and say what one with the lamps in it would be."""
-        made = foreseen.make()
-        found = as_candidate(made)
-        if not self._is_worth_lamps(found, whole, is_kept):  # more bytes than foreseen
-            return None
         why = (
             "with them in the map (`sun` keep) it would have "
             f"{whole.errors_text} in {bytes_text(whole.bytes)}"
         )
-        made = self._with_lamps_noted(made, found, why)
-        return made if not is_kept or is_bright(made) else None
+        is_worth = partial(self._is_worth_lamps, whole=whole, is_kept=is_kept)
+        made = self._made_beside(foreseen, is_worth, why)
+        return made if made is None or not is_kept or is_bright(made) else None
 
-    def _with_lamps_noted(
-        self, made: Prefiltered, found: Candidate[Prefiltered], why: str
-    ) -> Prefiltered:
-        """Say of a map with lamps beside it why they are there; `found` are its errors."""
+    def _made_beside(
+        self,
+        foreseen: Candidate[Prefiltered],
+        is_good: Callable[[Candidate[Prefiltered]], bool],
+        why: str,
+    ) -> Prefiltered | None:
+        """Make a map with lamps beside it, and say why, unless it has more bytes than foreseen."""
+        made = foreseen.make()
+        found = as_candidate(made)
+        if not is_good(found):
+            return None
         notes = dict(made.notes)
         form = notes.pop(FORM).partition(":")[0].partition(",")[0]
         made = replace(judged(made, found), notes=tuple(notes.items()))

@@ -5,10 +5,10 @@ which `shrm_cli.automatic` adds.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import tee
 
 from shrm_cli.brdf.sums import split
@@ -17,13 +17,13 @@ from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Prefiltered, Request, Truth, examined, truth_of
 from shrm_cli.maps.seen import as_candidate, goal_text, judged, known_error
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
-from shrm_cli.maps.shrm.terms import ShrmProposals
+from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, first_kept, rising
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 FORM = "form"
@@ -133,18 +133,14 @@ class Forms:
         most = min(times * kept.bytes, self.request.allowed, self.most_simple)
         return self._simple_shrm_of(int(most))
 
-    @cached_property
-    def _simple_shrm_of(self) -> Callable[[int], Candidate[Prefiltered] | None]:
-        """From the most bytes to that SHRM, which remembers what is predicted of it."""
-
-        def find(most: int) -> Candidate[Prefiltered] | None:
-            if not self.shrms.fits(most) or self._is_no_simple_shrm_good:
-                return None
-            shrms = self.shrms.within(most, policy.SIMPLE_ORDER_P)
-            tried, is_kept = first_kept(rising(shrms, self.goal, most), self.goal)
-            return tried[-1] if is_kept else None
-
-        return cache(find)
+    @once_each
+    def _simple_shrm_of(self, most: int) -> Candidate[Prefiltered] | None:
+        """Return that SHRM of so many bytes, which remembers what is predicted of it."""
+        if not self.shrms.fits(most) or self._is_no_simple_shrm_good:
+            return None
+        shrms = self.shrms.within(most, policy.SIMPLE_ORDER_P)
+        tried, is_kept = first_kept(rising(shrms, self.goal, most), self.goal)
+        return tried[-1] if is_kept else None
 
     @cached_property
     def _is_no_simple_shrm_good(self) -> bool:
@@ -166,10 +162,9 @@ class Forms:
             return "an SHRM knows no tangent"
         if len(self.proposals.parts) > 1:
             return "an SHRM would hold every term with harmonics of its own"
-        found = self.shrms.least(known_error(made), self.request.allowed)
-        if found is None:
+        if not self.shrms.fits(self.request.allowed):
             return "no SHRM fits"
-        best, is_kept = found
+        best, is_kept = self.shrms.least(known_error(made))
         if is_kept:
             return f"an SHRM of its error takes {bytes_text(best.bytes)}"
         return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"

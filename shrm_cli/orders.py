@@ -161,31 +161,11 @@ def first_enough(enough: NDArray[np.bool_]) -> int:
     return int(np.argmax(enough)) if enough.any() else len(enough) - 1
 
 
-def extended(
-    brdf: Brdf, coefficients: BrdfCoefficients, eps: float, order_f: int
-) -> BrdfCoefficients:
-    """Compute the coefficients of a BRDF to a higher order F, and the same order P.
-
-    `eps` is the fraction of the energy that may be missed, which sets the accuracy of sampling.
-    `order_f` is the order F of the result, where it is higher than that of the coefficients.
-    """
-    if order_f <= coefficients.order_f:
-        return coefficients
-    return _coefficients(brdf, eps, order_f, coefficients.order_p)
-
-
-def with_views(
-    brdf: Brdf, coefficients: BrdfCoefficients, eps: float, order_p: int
-) -> BrdfCoefficients:
-    """Compute the coefficients of a BRDF to a higher order P, and the same order F.
+def coefficients_to(brdf: Brdf, eps: float, order_f: int, order_p: int) -> BrdfCoefficients:
+    """Compute coefficients of a BRDF, or take them from the cache.
 
     `eps` is the fraction of the energy that may be missed, which sets the accuracy of sampling.
     """
-    return _coefficients(brdf, eps, coefficients.order_f, order_p)
-
-
-def _coefficients(brdf: Brdf, eps: float, order_f: int, order_p: int) -> BrdfCoefficients:
-    """Compute coefficients, or take them from the cache, as exactly as a tolerance needs them."""
     accuracy = max(eps / (30 if brdf.is_measured else 300), 1e-5)
     return cached_coefficients(brdf, order_f, order_p, accuracy, _computed)
 
@@ -208,7 +188,7 @@ def _sufficient_coefficients(
     p = 0 if brdf.zonal else max(_FIRST_ORDER_P, order_p)
     largest = MAX_ORDER_P
     while True:
-        coefficients = _coefficients(brdf, eps, f, p)
+        coefficients = coefficients_to(brdf, eps, f, p)
         total = coefficients.total_energy.sum()
         if total == 0:
             return coefficients

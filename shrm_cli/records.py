@@ -8,12 +8,14 @@ methods here are the same functions for all classes, and look at the class's fie
 """
 
 import dataclasses
+import functools
 import importlib
 from collections.abc import Callable
 from dataclasses import MISSING, FrozenInstanceError, field
-from typing import Any, TypeVar, dataclass_transform, overload
+from typing import Any, TypeVar, cast, dataclass_transform, overload
 
 Class = TypeVar("Class", bound=type)
+Method = TypeVar("Method", bound=Callable[..., Any])
 
 MOST_NUMBERS = 12
 """The numbers of an array that the text of a record shows one by one."""
@@ -34,6 +36,20 @@ def record(cls: Any = None, /, *, eq: bool = True) -> Any:
     if cls is None:
         return lambda found: _finished(found, eq)
     return _finished(cls, eq)
+
+
+def once_each(method: Method) -> Method:
+    """Return a method that is called once for each of its arguments, by each instance."""
+
+    @functools.wraps(method)
+    def found(self: Any, *arguments: Any, **named: Any) -> Any:
+        known = self.__dict__.setdefault(f"{method.__name__} of", {})
+        what = (*arguments, *named.items())
+        if what not in known:
+            known[what] = method(self, *arguments, **named)
+        return known[what]
+
+    return cast(Method, found)
 
 
 def handed_on(within: str, name: str) -> Any:

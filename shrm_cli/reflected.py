@@ -295,21 +295,6 @@ def fine_places(lighting: Lighting, lobe: Array) -> Array | None:
     return detail_places(lighting.coefficients[: (order + 1) ** 2] * each)
 
 
-def truncated_lobe_error(
-    lighting: Lighting, coefficients: BrdfCoefficients, tail: BrdfCoefficients
-) -> float:
-    """Return the relative RMS error of leaving out a lobe's outer part; 0 for black light.
-
-    The integral is that of `predicted_error`, but the error is the light that the missing part
-    of the lobe would reflect, instead of what lies beyond some orders.
-
-    `coefficients` and `tail` are the coefficients of the whole BRDF and of the part that is
-    missing, to the same order_f.
-    """
-    whole = reflected_rms(lighting, coefficients)
-    return reflected_rms(lighting, tail) / whole if whole > 0 else 0.0
-
-
 def error_bound(
     lighting: Lighting,
     coefficients: BrdfCoefficients,

@@ -15,7 +15,7 @@ from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal import proposal as principal_proposal
 from shrm_cli.maps.request import Prefiltered
 from shrm_cli.maps.seen import kept_or_best
-from shrm_cli.maps.shrm import terms
+from shrm_cli.maps.shrm import proposals
 from shrm_cli.maps.size import total_error
 from shrm_cli.maps.wrong_pixels import lamps_beside
 from shrm_cli.plan import policy
@@ -299,7 +299,7 @@ def test_no_brushed_map_of_all_light_is_looked_for_in_vain(bare_sun, monkeypatch
 def test_no_shrm_is_looked_for_where_few_degrees_of_the_view_show_too_little(
     probe, monkeypatch, brdf, searches
 ):
-    looked_for = counting(monkeypatch, terms.ShrmProposals, "within")
+    looked_for = counting(monkeypatch, proposals.ShrmProposals, "within")
     found = made(probe, brdf=brdf, sun="keep")
     assert (found.map.representation == "shrm") == (searches == 1)
     assert len(looked_for) == searches
@@ -461,7 +461,7 @@ def test_nothing_is_found_out_twice(probe, monkeypatch):
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     dark = counting(monkeypatch, request, "negative_share")
     wrong = counting(monkeypatch, principal_proposal, "predicted_wrong_share")
-    expanded = counting(monkeypatch, terms, "choose_orders")
+    expanded = counting(monkeypatch, proposals, "choose_orders")
     found = made(probe, brdf=SKIN)
     judged = len(wrong)
     assert found.map.representation == "principal"

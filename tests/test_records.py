@@ -8,7 +8,7 @@ from dataclasses import FrozenInstanceError, dataclass, field, fields, replace
 import numpy as np
 import pytest
 
-from shrm_cli.records import MOST_NUMBERS, record
+from shrm_cli.records import MOST_NUMBERS, once_each, record
 
 
 def both(body, **options):
@@ -116,3 +116,24 @@ def test_an_array_of_many_numbers_is_text_by_its_shape():
     shape = f"<{MOST_NUMBERS + 1} float32>"
     assert repr(made(few, (many, ("x", many)))) == f"Found(a={few!r}, b=({shape}, ('x', {shape})))"
     assert repr(made(few, (many,))) == f"Found(a={few!r}, b=({shape},))"
+
+
+def test_what_is_found_once_is_found_by_each_instance_and_for_each_argument():
+    asked = []
+
+    @record
+    class Counting:
+        first: int
+
+        @once_each
+        def plus(self, second, third=0):
+            asked.append((self.first, second, third))
+            return self.first + second + third
+
+    one, two = Counting(1), Counting(2)
+    assert [one.plus(1), two.plus(1), one.plus(2), one.plus(1), one.plus(1, third=5)] == [
+        2, 3, 3, 2, 7,
+    ]  # fmt: skip
+    assert asked == [(1, 1, 0), (2, 1, 0), (1, 2, 0), (1, 1, 5)]
+    assert replace(one, first=9).plus(1) == 10
+    assert one == Counting(1)

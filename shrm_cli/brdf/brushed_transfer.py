@@ -111,28 +111,23 @@ def quarters_that_differ(brdf: Brdf) -> int:
     return 1 if is_same(1, -1, 1) else 2
 
 
-def compute_brushed_transfer(
-    brdf: Brdf, order_f: int, max_q: int, accuracy: float = 1e-5
-) -> TransferFunctions:
-    """Compute the transfer functions of an anisotropic BRDF.
-
-    Nodes of the result are indexed [part, azimuth, theta_o], flattened: real parts come first.
-    """
-    most_steps = _FEWEST_STEPS if brdf.is_measured else _MOST_STEPS
-    return _computed(brdf, order_f, max_q, accuracy, most_steps)
-
-
 def scout_brushed_transfer(
     brdf: Brdf, order_f: int, max_q: int, accuracy: float
 ) -> TransferFunctions:
-    """Compute the same at the fewest azimuths of views, which tell how much light is reflected."""
-    return _computed(brdf, order_f, max_q, accuracy, _FEWEST_STEPS)
+    """Compute transfer functions at the fewest azimuths, which tell how much is reflected."""
+    return compute_brushed_transfer(brdf, order_f, max_q, accuracy, _FEWEST_STEPS)
 
 
-def _computed(
-    brdf: Brdf, order_f: int, max_q: int, accuracy: float, most_steps: int
+def compute_brushed_transfer(
+    brdf: Brdf, order_f: int, max_q: int, accuracy: float = 1e-5, most_steps: int = _MOST_STEPS
 ) -> TransferFunctions:
-    """Compute transfer functions with so many steps of azimuths in a quarter turn at most."""
+    """Compute the transfer functions of an anisotropic BRDF.
+
+    `most_steps` is the largest number of steps of azimuths in a quarter turn.
+
+    Nodes of the result are indexed [part, azimuth, theta_o], flattened: real parts come first.
+    """
+    most_steps = _FEWEST_STEPS if brdf.is_measured else most_steps
     azimuths = Azimuths(_FEWEST_STEPS, quarters_that_differ(brdf))
     known: dict[float, TransferFunctions] = {}
     # All azimuths share the tables of the sampling.

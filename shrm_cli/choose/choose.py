@@ -24,6 +24,7 @@ from shrm_cli.errors import ArgumentError, PluginError, ShrmError
 from shrm_cli.lights.beside import split_of
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map, ReflectedLight
+from shrm_cli.maps.expansion import Expansion
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.offers import LookUp, Setting
@@ -31,14 +32,14 @@ from shrm_cli.maps.options import counted, parse_bytes
 from shrm_cli.maps.principal.plan import Joint, Planner
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.selection import bundle_degrees
-from shrm_cli.maps.principal.terms import Wanted, planner_of
+from shrm_cli.maps.principal.terms import planner_of
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
-from shrm_cli.maps.shrm.terms import ShrmProposals, Tried
+from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.maps.size import total_error
 from shrm_cli.maps.wrong_pixels import visible_pairs
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Goal, Rough, Row, kept_in_fewest
+from shrm_cli.plan.search import Candidate, Goal, Row, kept_in_fewest
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import Projection
@@ -58,22 +59,15 @@ ASKED = Request("principal", error=policy.LEAST_ERROR)
 
 
 @record(eq=False)
-class Known(Rough[Prefiltered]):
+class Known:
     """A map that could be made, and what it takes to look it up."""
 
+    candidate: Candidate[Prefiltered]
     what: str
     """Its cubes in words."""
     cost: Cost
     arguments: Mapping[str, Any] | None
     """Those of `shrm_cli.prefilter.prefilter`; None where no arguments make it."""
-
-    @classmethod
-    def of(
-        cls, rough: Rough[Prefiltered], what: str, cost: Cost, arguments: Mapping[str, Any] | None
-    ) -> "Known":
-        """Return what is known of a map, with its cubes in words, its cost and its arguments."""
-        predicted = rough.bytes, rough.total_error, rough.find_wrong_share, rough.find
-        return cls(*predicted, what, cost, arguments)
 
 
 Rows = list[list[Known]]
@@ -104,7 +98,7 @@ class PrincipalForms:
         arguments: dict[str, Any] | None = None
         if len(forms) == 1:
             arguments = {"to": "principal", "maps": forms[0].cubes, "size": forms[0].size}
-        return Known.of(self._proposals.rough(joint), what, cost, arguments)
+        return Known(self._proposals.rough(joint), what, cost, arguments)
 
 
 class ShrmForms:
@@ -115,21 +109,21 @@ class ShrmForms:
     ) -> None:
         self._own_center = brdf.center
         if known is None:
-            known = brdf, planner_of(light, brdf, Wanted.of(ASKED))
+            known = brdf, planner_of(light, brdf, ASKED)
         self._brdf, planner = known
         transfer = planner.spectrum.transfer
         self._proposals = ShrmProposals.of(light, replace(ASKED, brdf=self._brdf), transfer)
-        rows = self._proposals.rows(DEFAULT_MAX_SIZE)
-        self.rows: Rows = [[self._known(tried) for tried in row.every()] for row in rows]
+        rows = self._proposals.expansions(DEFAULT_MAX_SIZE)
+        self.rows: Rows = [[self._known(each) for each in row.every()] for row in rows]
 
-    def _known(self, tried: Tried) -> Known:
-        size, order_p = tried.choice.size, tried.choice.orders.order_p
+    def _known(self, expansion: Expansion) -> Known:
+        size, order_p = expansion.size, expansion.orders.order_p
         arguments: dict[str, Any] = {"to": "shrm", "order_p": order_p, "size": size}
         if self._brdf.center != self._own_center:
             arguments["center"] = self._brdf.center
         what = f"P = {order_p}, {counted((order_p + 1) ** 2, 'cube')} of {size}"
-        rough = self._proposals.rough(tried, DEFAULT_MAX_SIZE)
-        return Known.of(rough, what, shrm_cost(order_p, self._brdf.center), arguments)
+        cost = shrm_cost(order_p, self._brdf.center)
+        return Known(self._proposals.proposed(expansion), what, cost, arguments)
 
 
 _POINTS = 400
@@ -362,35 +356,38 @@ def _ladder(rows: Rows) -> Iterator[Known]:
         found = _least(rows, error, DEFAULT_MAX_SIZE)
         if found is not None:
             yield found
-            if found.total_error > error:
+            if found.candidate.total_error > error:
                 return
 
 
 def _for_goal(rows: Rows, goal: Goal, max_size: int) -> Iterator[Known]:
     """Yield the map that keeps the goal in the fewest bytes, or else that of the least error."""
-    fitting = [[each for each in row if each.bytes <= max_size] for row in rows]
+    fitting = [[each for each in row if each.candidate.bytes <= max_size] for row in rows]
     found = kept_in_fewest((_row_of(each) for each in fitting), goal)
-    best = _least(rows, 0.0, max_size) if found is None else found
+    best = next((each for row in fitting for each in row if each.candidate is found), None)
+    if best is None:
+        best = _least(rows, 0.0, max_size)
     if best is not None:
         yield best
 
 
 def _least(rows: Rows, error: float, max_size: int) -> Known | None:
     """Return the map of the fewest bytes that keeps an error, or the one of the least error."""
-    fitting = [each for row in rows for each in row if each.bytes <= max_size]
-    kept = [each for each in fitting if each.total_error <= error]
+    fitting = [each for row in rows for each in row if each.candidate.bytes <= max_size]
+    kept = [each for each in fitting if each.candidate.total_error <= error]
     if kept:
-        return min(kept, key=lambda each: each.bytes)
-    return min(fitting, key=lambda each: each.total_error, default=None)
+        return min(kept, key=lambda each: each.candidate.bytes)
+    return min(fitting, key=lambda each: each.candidate.total_error, default=None)
 
 
-def _row_of(maps: Sequence[Known]) -> Row[Known]:
-    return Row(len(maps), lambda index: maps[index].bytes, maps.__getitem__)
+def _row_of(maps: Sequence[Known]) -> Row[Candidate[Prefiltered]]:
+    candidates = [each.candidate for each in maps]
+    return Row(len(maps), lambda index: candidates[index].bytes, candidates.__getitem__)
 
 
 def _offer(known: Known) -> Offer:
     """Return a map as an offer."""
-    candidate, share = known.candidate, known.candidate.wrong_share
+    candidate, share = known.candidate.exact, known.candidate.wrong_share
     assert share is not None  # both forms that are predicted know theirs
     return Offer(
         candidate.form, known.what, candidate.bytes, candidate.total_error, share,

@@ -36,7 +36,7 @@ from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import SharedProbe
 from shrm_cli.progress import using
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 from shrm_cli.reference import Reference
 from shrm_cli.reflected import reflected_rms
 from shrm_cli.vocabulary import LUMINANCE
@@ -280,12 +280,8 @@ class _Reflected:
             return True
         return self._wrong_share(last) <= policy.WRONG_BESIDE * goal.wrong_share
 
-    @cached_property
-    def _wrong_share(self) -> Callable[[int], float]:
-        """From a last degree to what `_find_wrong_share` returns; found once."""
-        return cache(self._find_wrong_share)
-
-    def _find_wrong_share(self, last: int) -> float:
+    @once_each
+    def _wrong_share(self, last: int) -> float:
         """Return the share of pixels that is wrong beside a perfect map of these degrees."""
         if last == 0 and self.pixels is not None:
             rest = project(self.change.pixels, self.lobes.order)

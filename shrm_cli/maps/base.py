@@ -396,7 +396,7 @@ class Map(Displayed, ABC):
         before = self.planes()
         after = [CubeSampler(plane, self.sampling)(directions) for plane in before]
         lost = relative_change(before[0], after[0], self.sampling, sampling)
-        info = replace(self.info, added_error=float(np.hypot(self.info.added_error, lost)))
+        info = self.info.adding(lost)
         if info.filter_error:
             order = info.order_carried + info.order_p
             info = replace(info, filter_error=look_up_error(after[0], sampling, order))

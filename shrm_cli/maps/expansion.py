@@ -20,9 +20,18 @@ from shrm_cli.brdf.lobe_expansion import Expansion as Lobe
 from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.lobes_lit import Lobes, lit, points, sample_views, together
-from shrm_cli.maps.size import Band, furthest_order, largest_f, shrm_look_up_error, supported_order
+from shrm_cli.maps.size import (
+    Band,
+    choose_size,
+    furthest_order,
+    largest_f,
+    shrm_look_up_error,
+    stored_bytes,
+    supported_order,
+    total_error,
+)
 from shrm_cli.maps.wrong_pixels import lamps_beside, share_of_points, wrong_share
-from shrm_cli.orders import Orders, extended
+from shrm_cli.orders import Orders, coefficients_to
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import legendre_table
@@ -36,21 +45,54 @@ _UNKNOWN = 0.02
 
 
 @record(eq=False)
-class Expansion:
-    """A BRDF and the light of a probe in the frequency domain, and the orders of their map."""
+class Chosen:
+    """A BRDF, and the orders and the size of its SHRM."""
 
     brdf: Brdf
     orders: Orders
     """The orders F and P that the tolerance asks for, or that were given."""
     coefficients: BrdfCoefficients
     """The coefficients of the BRDF, to at least the orders that are kept."""
+    size: int
+
+    @classmethod
+    def of(cls, brdf: Brdf, found: tuple[Orders, BrdfCoefficients], size: int | None) -> "Chosen":
+        """Choose the size by F where it is not given; orders are as `choose_orders` finds them."""
+        return cls(brdf, *found, choose_size(found[0].order_f) if size is None else size)
+
+    @property
+    def bytes(self) -> int:
+        """The bytes of its cubes in half precision, before they are packed."""
+        return stored_bytes(self.size, (self.orders.order_p + 1) ** 2)
+
+    @property
+    def is_met(self) -> bool:
+        """Whether the orders keep the tolerance."""
+        return self.orders.captured >= 1 - self.orders.eps
+
+
+@record(eq=False)
+class Expansion(Chosen):
+    """A BRDF and the light of a probe in the frequency domain, and the orders of their map."""
+
     lighting: Lighting
     """The light, to at least the order of the coefficients."""
-    size: int
     band: Band
     """The degrees of the light that the map keeps."""
     views: Band
     """The degrees of the view that it keeps, 0 to P."""
+    sampling: Sampling = "center"
+
+    @classmethod
+    def known(
+        cls, chosen: Chosen, lighting: Lighting, sampling: Sampling = "center"
+    ) -> "Expansion":
+        """Expand as far as coefficients are known and the size supports it, whatever F is."""
+        form = chosen.brdf, chosen.orders, chosen.coefficients, chosen.size
+        order_p = chosen.orders.order_p
+        band = carried_band(lighting, chosen.coefficients, 0, order_p, chosen.size)
+        views = view_band(lighting, chosen.coefficients, order_p)
+        return cls(*form, lighting, band, views, sampling)
 
     @cached_property
     def error(self) -> float:
@@ -82,10 +124,20 @@ class Expansion:
             reflected.energy_beyond(self.lighting, self.coefficients) / whole if whole > 0 else 0.0
         )
 
-    def filter_error(self, sampling: Sampling) -> float:
-        """Return the relative RMS error of bilinear look-ups; see `shrm_look_up_error`."""
-        form = self._factors, self.size, sampling
+    @cached_property
+    def filter_error(self) -> float:
+        """The relative RMS error of bilinear look-ups, which takes far longer to be known."""
+        form = self._factors, self.size, self.sampling
         return shrm_look_up_error(self.lighting, self.coefficients, *form)
+
+    @property
+    def least_error(self) -> float:
+        return total_error(self.error)
+
+    @cached_property
+    def total_error(self) -> float:
+        """The relative RMS error, with bilinear look-ups and half precision."""
+        return total_error(self.error, self.filter_error)
 
     @property
     def bound(self) -> float:
@@ -125,19 +177,17 @@ def view_band(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) 
 
 def carry(
     light: Projection,
-    brdf: Brdf,
-    orders: Orders,
-    coefficients: BrdfCoefficients,
-    size: int,
+    chosen: Chosen,
     is_exact: bool = False,
     is_exact_view: bool = False,
+    sampling: Sampling = "center",
 ) -> Expansion:
     """Choose how far a map carries the light beyond F, and extend the coefficients as needed.
 
-    `coefficients` are the coefficients of the BRDF, to at least the orders. `is_exact` tells
-    whether to carry nothing beyond F. `is_exact_view` tells whether to keep every degree of the
-    view up to P as it is.
+    `is_exact` tells whether to carry nothing beyond F. `is_exact_view` tells whether to keep every
+    degree of the view up to P as it is.
     """
+    brdf, orders, coefficients, size = chosen.brdf, chosen.orders, chosen.coefficients, chosen.size
     f, p = orders.order_f, orders.order_p
     most = min(largest_f(p), MAX_ORDER_F)
     wanted = max(f, min(supported_order(size, p), most))
@@ -147,7 +197,7 @@ def carry(
         lighting = light.to_order(max(coefficients.order_f, wanted))
         band = Band.exact(f) if is_exact else carried_band(lighting, coefficients, f, p, size)
         views = Band.exact(p) if is_exact_view else view_band(lighting, coefficients, p)
-        made = Expansion(brdf, orders, coefficients, lighting, size, band, views)
+        made = Expansion(brdf, orders, coefficients, size, lighting, band, views, sampling)
         if band.fades:
             wanted = max(f, min(furthest_order(size, p), most))
         known = coefficients.order_f
@@ -156,7 +206,7 @@ def carry(
         if known >= enough or (is_known and made.estimated <= _UNKNOWN * made.error**2):
             return made
         further = min(2 * known, enough)
-        coefficients = extended(brdf, coefficients, orders.eps, further)
+        coefficients = coefficients_to(brdf, orders.eps, further, coefficients.order_p)
 
 
 _MAX_Q = 6

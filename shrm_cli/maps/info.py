@@ -107,6 +107,10 @@ class MapInfo:
             self.predicted_error, self.added_error, self.fit_residual, self.filter_error
         )
 
+    def adding(self, error: float) -> "MapInfo":
+        """Return the record of a map that the representation adds a further error to."""
+        return replace(self, added_error=float(np.hypot(self.added_error, error)))
+
     @property
     def proxy(self) -> "ProxyBox | None":
         """Where the probe was captured and the box around that, by which light is looked up."""

@@ -16,7 +16,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.registry import DESCRIPTIONS, unconverted
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import as_directions, central_directions
+from shrm_cli.sphere.directions import as_directions, central_directions, horizontal_tangents
 from shrm_cli.vocabulary import (
     DEFAULT_ROUGHNESS,
     EVEN_LOOK_UPS,
@@ -37,6 +37,14 @@ class ReflectionMap(ReflectedLight, Map):
     def shaded(self, *surface: object, **named: object) -> Self:
         """Return the map itself, which is of a surface already."""
         return self
+
+
+class BrushedLight(ReflectedLight):
+    """Light that surfaces reflect whose tangents matter; by default these run around +Y."""
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        tangents = horizontal_tangents(np.asarray(normals, dtype=float))
+        return self.brushed_radiance(normals, tangents, views)
 
 
 class CentralMap(ReflectionMap):

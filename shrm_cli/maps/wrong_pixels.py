@@ -17,7 +17,7 @@ import numpy as np
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.maps.lobes_lit import Lobes, lit, points, reflected, sample_views, tangents, together
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 from shrm_cli.sphere.directions import bisector, horizontal_tangents
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG, Center
@@ -141,19 +141,16 @@ class LampsBeside:
     pixels: LampsLit | None = None
     """What is reflected of the lamps' own pixels, where lobes do not tell what is wrong."""
 
-    @cached_property
-    def _known(self) -> dict[Center, Array]:
-        return {}
-
     def wrong_at(self, center: Center, at: tuple[Indices, ...]) -> Array:
         """Return the luminance of what lobes reflect of that, as `LampsLit.seen_at`."""
         if self.pixels is not None:
             return self.pixels.seen_at(center, at) - self.lit.seen_at(center, at)
-        if center not in self._known:
-            shape = points(center)[1].shape[:-1]
-            seen = reflected(self.lobes, self.wrong, center)
-            self._known[center] = np.broadcast_to(seen, shape)
-        return self._known[center][at]
+        return self._wrong_about(center)[at]
+
+    @once_each
+    def _wrong_about(self, center: Center) -> Array:
+        seen = reflected(self.lobes, self.wrong, center)
+        return np.broadcast_to(seen, points(center)[1].shape[:-1])
 
 
 lamps_beside: ContextVar[LampsBeside | None] = ContextVar("lamps_beside", default=None)

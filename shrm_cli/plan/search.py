@@ -191,6 +191,19 @@ class Candidate(Generic[M]):
     """Whether maps of more bytes could hold more."""
     limit: str = ""
     """Why more bytes gain little, where that is known."""
+    find_exact: "Callable[[], Candidate[M]] | None" = field(default=None, repr=False)
+    """Looks closely at its errors, where those here leave out what takes long to be known."""
+
+    @property
+    def least_error(self) -> float:
+        return self.total_error
+
+    @cached_property
+    def exact(self) -> "Candidate[M]":
+        """The map with exact errors."""
+        if self.find_exact is None:
+            return self
+        return replace(self.find_exact(), find_wrong_share=lambda: self.wrong_share)
 
     @cached_property
     def wrong_share(self) -> float | None:
@@ -224,47 +237,15 @@ class Maps(Protocol):
     def candidate(self, error: float) -> Candidate[Any]:
         """Return the one of the fewest bytes that keeps an error, or the best one."""
 
-    def rows(self, max_size: int) -> Iterable["Row[Rough[Any]]"]:
+    def rows(self, max_size: int) -> Iterable[Row[Candidate[Any]]]:
         """Yield all of at most so many bytes, as far as the light is known by what was asked."""
 
 
-@record(eq=False)
-class Rough(Generic[M]):
-    """A map that could be made, before its errors are looked at closely."""
-
-    bytes: int
-    """The bytes of its cubes in half precision, before they are packed."""
-    total_error: float
-    """Its relative RMS error, without what takes long to be known."""
-    find_wrong_share: Callable[[], float | None] = field(repr=False)
-    """Predicts the share of what is visible whose luminance is wrong, or returns None. It takes far
-    less time than exact errors."""
-    find: Callable[[], Candidate[M]] = field(repr=False)
-    """Returns it with exact errors."""
-
-    @property
-    def least_error(self) -> float:
-        return self.total_error
-
-    @cached_property
-    def wrong_share(self) -> float | None:
-        """The predicted share of what is visible whose luminance is wrong, where it is known."""
-        return self.find_wrong_share()
-
-    @cached_property
-    def candidate(self) -> Candidate[M]:
-        """The map with exact errors."""
-        return replace(self.find(), find_wrong_share=lambda: self.wrong_share)
-
-
-R = TypeVar("R", bound=Rough[Any])
-
-
 @record
-class _Judged(Generic[R]):
+class _Judged:
     """A map by how far it is from a goal: its `total_error` is 1 where it just keeps it."""
 
-    rough: R
+    rough: Candidate[Any]
     goal: Goal
 
     @property
@@ -283,11 +264,11 @@ class _Judged(Generic[R]):
         share, most = self.rough.wrong_share, self.goal.wrong_share
         if share is not None and most is not None and share > most:
             return share / most  # exact errors would change nothing, and take long
-        return self.rough.candidate.badness(self.goal)
+        return self.rough.exact.badness(self.goal)
 
 
-def kept_in_fewest(rows: Iterable[Row[R]], goal: Goal) -> R | None:
-    """Find the map of the fewest bytes that keeps a goal, if there is one.
+def kept_in_fewest(rows: Iterable[Row[Candidate[M]]], goal: Goal) -> Candidate[M] | None:
+    """Find the map of the fewest bytes that keeps a goal, if there is one, as the rows have it.
 
     Maps of one error differ in what is seen: those of few cubes of many texels miss more in dark
     places than those of many cubes of few texels, in the same bytes.
@@ -335,7 +316,7 @@ def _kept_ever_better(maps: Maps, goal: Goal, max_size: int) -> Iterator[Candida
             return
         if found.bytes > last:
             last = found.bytes
-            yield found.candidate
+            yield found.exact
         goal = goal.halved()
 
 

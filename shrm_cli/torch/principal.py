@@ -11,10 +11,10 @@ from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import BrdfError
 from shrm_cli.maps.coupling import bundle_coefficients
+from shrm_cli.maps.principal.plan import Term
 from shrm_cli.maps.principal.principal import Lobe
 from shrm_cli.maps.principal.proposal import Proposals, lobe_of
 from shrm_cli.maps.principal.selection import bundle_functions
-from shrm_cli.maps.principal.terms import Term
 from shrm_cli.maps.request import Request
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe

@@ -14,7 +14,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.plan import Sharing
 from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
 from shrm_cli.maps.request import Request
-from shrm_cli.maps.shrm.terms import ShrmProposals
+from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.plan import policy
@@ -53,8 +53,8 @@ def every_form(probe, spec):
             yield 36 * size**2 * cubes, partial(principal, counts, size)
     transfer = planner.spectrum.transfer
     for size in TRIED_SIZES:
-        asked = Request("shrm", proposals.parts[0], size=size)
-        shrms = ShrmProposals.of(projection, asked, transfer).within(LIMIT)
+        asked = Request("shrm", proposals.parts[0], size=size, max_size=LIMIT)
+        shrms = ShrmProposals.of(projection, asked, transfer)
         error, before = 0.05, 0
         while (found := shrms.candidate(error)).total_error <= error and found.bytes > before:
             yield found.bytes, lambda found=found: (found.total_error, found.wrong_share)

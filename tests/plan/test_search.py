@@ -1,6 +1,7 @@
 """The search for the fewest bytes, against trying everything."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ from shrm_cli.plan import policy
 from shrm_cli.plan.search import (
     Candidate,
     Goal,
-    Rough,
     Row,
     error_beside,
     fewest_bytes,
@@ -171,9 +171,8 @@ def _row(roughs):
 def rough(bytes_, error, wrong, exact=None):
     """A map whose error is found to be another one at a closer look."""
     total = error if exact is None else exact
-    return Rough(
-        bytes_, error, lambda: wrong, lambda: Candidate("rough", bytes_, 1, total, float, int)
-    )
+    closely = Candidate("rough", bytes_, 1, total, float, int)
+    return Candidate("rough", bytes_, 1, error, lambda: wrong, int, find_exact=lambda: closely)
 
 
 GOAL = Goal(0.05, 0.05)
@@ -310,7 +309,10 @@ def test_exact_errors_are_found_of_good_maps_alone():
 
     def seen(bytes_, error, wrong):
         exact = Candidate("rough", bytes_, 1, error, float, int)
-        return Rough(bytes_, error, lambda: wrong, lambda: found.append(bytes_) or exact)
+        closely = partial(found.append, bytes_)
+        return Candidate(
+            "rough", bytes_, 1, error, lambda: wrong, int, find_exact=lambda: closely() or exact
+        )
 
     row = [seen(size, 0.01, 0.5 / size) for size in range(1, 33)]
     kept = kept_in_fewest([Row(32, *_row(row))], Goal())

@@ -10,7 +10,7 @@ Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from math import isqrt
 from typing import Any, ClassVar, Self
 
@@ -24,7 +24,7 @@ from shrm_cli.maps.kinds import CentralMap
 from shrm_cli.maps.options import checked_order_p
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.messages import refuse_arguments
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels
 from shrm_cli.sphere.directions import bisector, central_directions
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
@@ -53,9 +53,6 @@ class ExplicitMap(CentralMap):
     """What the central direction is."""
     info: MapInfo
     sampling: Sampling = "center"
-    _samplers: dict[int, CubeSampler] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
 
     representation: ClassVar[str]
     frame: ClassVar[Frame] = "global"
@@ -187,8 +184,7 @@ class ExplicitMap(CentralMap):
         basis = cls.basis(shrm.order_p, count).astype(planes.dtype)
         flat = basis @ planes.reshape(len(planes), -1)
         images = flat.reshape(count, *planes.shape[1:]).transpose(0, 2, 3, 1)
-        added = np.hypot(shrm.info.added_error, cls._added_error(source, count))
-        info = replace(shrm.info, added_error=float(added))
+        info = shrm.info.adding(cls._added_error(source, count))
         return cls(images, shrm.center, info, shrm.sampling)
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
@@ -254,10 +250,9 @@ class ExplicitMap(CentralMap):
 
     # ---- private parts -----------------------------------------------------------------------
 
+    @once_each
     def _sampler(self, index: int) -> CubeSampler:
-        if index not in self._samplers:
-            self._samplers[index] = CubeSampler(self.images[index], self.sampling)
-        return self._samplers[index]
+        return CubeSampler(self.images[index], self.sampling)
 
     def _fit_basis(self, order_p: int | None) -> Array:
         """Return the `basis` to an order P, which the samples must determine.

@@ -12,7 +12,7 @@ from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.expansion import shown_wrong_share
+from shrm_cli.maps.expansion import Chosen, shown_wrong_share
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo, provenance
 from shrm_cli.maps.principal.principal import PrincipalMap
@@ -20,13 +20,7 @@ from shrm_cli.maps.request import Prefiltered, Request, error_lines
 from shrm_cli.maps.shrm import make
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
-from shrm_cli.maps.size import (
-    choose_size,
-    converted_bytes,
-    largest_f,
-    most_cubes,
-    shrm_look_up_error,
-)
+from shrm_cli.maps.size import converted_bytes, largest_f, most_cubes, shrm_look_up_error
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Projection, project
@@ -34,7 +28,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
-from shrm_cli.reflected import truncated_lobe_error
+from shrm_cli.reflected import reflected_rms
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import to_angles, views_around
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -138,7 +132,7 @@ def prefilter_explicit(probe: Probe, request: Request, dtype: type = np.float32)
     `dtype` is as `prefilter_shrm` takes it.
     """
     expansion, warnings = make.expand(Projection(probe), request, explicit_form(request))
-    shrm = make.from_expansion(expansion, probe, request, dtype)
+    shrm = make.from_expansion(expansion, probe, request.frame, dtype)
     made = explicit_kind(request.to).from_shrm(shrm, view_count(request))
 
     facts = {"error_bound": expansion.bound}
@@ -179,16 +173,14 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
     allowed, finest = request.allowed, max(request.eps, _FINEST_GRID)
     most_p = make.most_order_p(allowed, size, explicit_form(request).largest_p(allowed))
     with using(None):  # all of this takes a moment beside the images
-        orders, chosen = choose_orders(brdf, finest, most_p=most_p)
+        chosen = Chosen.of(brdf, choose_orders(brdf, finest, most_p=most_p), size)
         _, coefficients = choose_orders(brdf, finest, order_p=_ORDER_TO_MEASURE)
         views = view_count(request)
-        views = kind.default_view_count(orders.order_p) if views is None else views
+        views = kind.default_view_count(chosen.orders.order_p) if views is None else views
         count = kind.image_count(views)
         if size is None:
-            choice = make.Choice(orders, choose_size(orders.order_f))
-            choice = make.halved(choice, chosen, count, allowed) or choice
-            orders, size = choice.orders, choice.size
-        orders = replace(orders, eps=request.eps)
+            chosen = make.halved(chosen, count, allowed)
+        orders, size = replace(chosen.orders, eps=request.eps), chosen.size
         make.refuse_large(size, count, request.max_size)
         kind.check_images(size, count)
         integral = Reference(probe, brdf, request.source_height, request.eps, exact=True)
@@ -198,11 +190,9 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
         tail = compute_coefficients(rest, kept.order_f, kept.order_p, 1e-2)
         captured = 1 - tail.total_energy.sum() / max(coefficients.total_energy.sum(), 1e-300)
         orders = replace(orders, captured=float(captured))
-        info = replace(
-            provenance(probe, brdf, orders),
-            predicted_error=truncated_lobe_error(lighting, coefficients, tail),
-            domain="angular",
-        )
+        whole, lost = (reflected_rms(lighting, each) for each in (coefficients, tail))
+        error = lost / whole if whole > 0 else 0.0
+        info = replace(provenance(probe, brdf, orders), predicted_error=error, domain="angular")
         # The error of interpolating between views is measured in the frequency domain, where it
         # takes little time. A few texels suffice for that, and the orders F that fit into memory.
         order_p = coefficients.order_p
@@ -274,5 +264,4 @@ def tabulate_sum(kind: type[Kind], summed: SummedShrm | PrincipalMap, view_count
     exact = summed.central_radiance(centers, views)
     error = np.sum((made.central_radiance(centers, views) - exact) ** 2)
     added = np.sqrt(error / max(float(np.sum(exact**2)), 1e-300))
-    info = replace(summed.info, added_error=float(np.hypot(summed.info.added_error, added)))
-    return replace(made, info=info)
+    return replace(made, info=summed.info.adding(added))

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field
-from functools import cache, cached_property, partial
+from functools import cached_property
 from math import inf, sqrt
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from shrm_cli.maps.view_lobes import SeenLobes
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import ROUNDING, Row, fewest_bytes, least_errors
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 from shrm_cli.sphere.bilinear import bilinear_errors, lost_between_texels
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Sampling
 
@@ -121,24 +121,17 @@ class Planner:
         return reflected.fine_places(self.lighting, self.spectrum.parts[0][0])
 
     @cached_property
-    def _forms(self) -> Callable[[Counts, int, bool], Form]:
-        """From the arguments of `form` to it; searches ask for some forms again and again."""
-        return cache(self._form)
-
-    @cached_property
     def _is_zonal(self) -> bool:
         energies = self.spectrum.energies
         return bool(energies.sum() - energies[0, 0] <= 1e-12 * energies.sum())
 
+    @once_each
     def form(self, counts: Counts, size: int, is_exact: bool = False) -> Form:
         """Return the form with these functions and cubes of this size, and its errors.
 
         The exact error counts that the functions are tabulated, and what look-ups in small cubes
         really miss; the other takes far less time.
         """
-        return self._forms(counts, size, is_exact)
-
-    def _form(self, counts: Counts, size: int, is_exact: bool) -> Form:
         energies = np.diff(self.spectrum.kept(counts), prepend=0.0)
         band = self._band(energies, size)
         if is_exact:
@@ -148,15 +141,14 @@ class Planner:
             left = self.whole - float(
                 energies[: band.last + 1] @ reflected.kept_energy(band.factors)
             )
-        find = partial(self._filter_error, counts, band, size, is_exact)
-        return Form(counts, size, band, self._relative(left), find)
+        return Form(
+            counts, size, band, self._relative(left),
+            lambda: self._relative(self._lost(counts, band, size, is_exact)),
+        )  # fmt: skip
 
     def _relative(self, energy: float) -> float:
         """Return the RMS error of an energy, relative to the reflected light."""
         return float(np.sqrt(max(energy, 0.0) / max(self.whole, 1e-300)))
-
-    def _filter_error(self, *form: Any) -> float:
-        return self._relative(self._lost(*form))
 
     def _lost(self, counts: Counts, band: Band, size: int, is_exact: bool) -> float:
         """Return the energy that bilinear filtering takes from cubes or adds to them."""
@@ -173,16 +165,12 @@ class Planner:
             return predicted
         return predicted * self._misjudged(counts, band, size)
 
-    @cached_property
-    def _filter(self) -> Callable[[int, int], Array]:
-        """From a size and a degree p to the `filter_matrices` of what look-ups lose in bundles."""
-
-        def find(size: int, p: int) -> Array:
-            order = min(furthest_order(size, 0), self.spectrum.transfer.order_f)
-            errors = bilinear_errors(order + p, size, self.sampling, self._places)
-            return reflected.filter_matrices(np.sqrt(errors), order, p)
-
-        return cache(find)
+    @once_each
+    def _filter(self, size: int, p: int) -> Array:
+        """Return the `filter_matrices` of what look-ups lose in bundles of a degree p."""
+        order = min(furthest_order(size, 0), self.spectrum.transfer.order_f)
+        errors = bilinear_errors(order + p, size, self.sampling, self._places)
+        return reflected.filter_matrices(np.sqrt(errors), order, p)
 
     def _misjudged(self, counts: Counts, band: Band, size: int) -> float:
         """Return what look-ups miss of the cubes, in units of what is predicted.
@@ -272,13 +260,16 @@ class Planner:
         return min(good, key=lambda form: form.cubes)
 
     def rows(self, max_size: int, sizes: Sequence[int]) -> Iterator[Row[Form]]:
-        """Yield the forms of each size of cubes that fit into a number of bytes."""
-        for texels in sizes:
-            count = min(most_cubes(texels, max_size), len(self.choices))
-            yield Row(count, partial(_bytes_at, texels), partial(self._form_at, texels))
+        """Return the forms of each size of cubes that fit into a number of bytes."""
 
-    def _form_at(self, size: int, index: int) -> Form:
-        return self.form(self.choices[index], size)
+        def row(texels: int) -> Row[Form]:
+            return Row(
+                min(most_cubes(texels, max_size), len(self.choices)),
+                lambda index: stored_bytes(texels, index + 1),
+                lambda index: self.form(self.choices[index], texels),
+            )
+
+        return map(row, sizes)
 
     def best_fitting(self, max_size: int, size: int | None, terms: int = 1) -> Form:
         """Return the form of the least error of all that fit into a number of bytes.
@@ -299,11 +290,6 @@ class Planner:
         return found[0]
 
 
-def _bytes_at(size: int, index: int) -> int:
-    """Return the most bytes of the form of an index, which has one cube more than the index."""
-    return stored_bytes(size, index + 1)
-
-
 # ---- the forms of terms that together take the fewest bytes for the error of a sum ---------------
 # A diffuse term needs a single small cube, and a glossy one many. How many bytes one takes for its
 # part of the error depends on the light, so that the forms of all terms are compared together.
@@ -314,6 +300,13 @@ _FIRST_BYTES = 2**16
 so that not all forms have to be judged."""
 _NEARLY_ALL = 1 / 3
 """What functions may miss, in units of what their tables do, where those alone are too coarse."""
+
+
+class Term(NamedTuple):
+    """A term of a BRDF, with what the light makes of it, and a form of its map."""
+
+    planner: Planner
+    form: Form
 
 
 @record

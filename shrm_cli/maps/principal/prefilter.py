@@ -53,7 +53,7 @@ def _unmet(
         if total <= error * ROUNDING:
             return None
         return unkept_error(error, total, max_size, _sufficient(proposals, error))
-    if total <= policy.ERROR or all(term.is_met for term in proposal.terms):
+    if total <= policy.ERROR or proposal.is_met:
         return None
     why = f"bilinear look-ups included: {bytes_text(max_size)} before packing hold too little of it"
     return wrong_light(total, why, "raise `max_size`")

@@ -22,7 +22,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.base import REMEDY, Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.joint import brightness, joint_error
-from shrm_cli.maps.kinds import ReflectionMap
+from shrm_cli.maps.kinds import BrushedLight, ReflectionMap
 from shrm_cli.maps.options import SHARED
 from shrm_cli.maps.principal.about_center import orders_in_plane
 from shrm_cli.maps.principal.functions import MAX_Q, span_of
@@ -197,7 +197,7 @@ def _nearest(cubes: Array, sampling: Sampling, directions: Array) -> Array:
 
 
 @record
-class PrincipalMap(ReflectionMap):
+class PrincipalMap(BrushedLight, ReflectionMap):
     """A map of the terms of a BRDF, each with its own functions of the view."""
 
     lobes: tuple[Lobe, ...]
@@ -283,18 +283,8 @@ class PrincipalMap(ReflectionMap):
         strengths, whole = brightness(alone)
         lost = joint_error(strengths, [each.info.added_error for each in moved], whole)
         looked_up = joint_error(strengths, [each.info.filter_error for each in moved], whole)
-        added = float(np.hypot(self.info.added_error, lost))
-        info = replace(self.info, added_error=added, filter_error=looked_up)
+        info = replace(self.info.adding(lost), filter_error=looked_up)
         return self.with_planes([each.planes()[0] for each in moved], sampling, info)
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance, shape (..., 3), filtered between texels.
-
-        Anisotropic surfaces have the tangents of `sphere.directions.horizontal_tangents`.
-        """
-        return self.brushed_radiance(
-            normals, horizontal_tangents(np.asarray(normals, float)), views
-        )
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         normals, tangents, views = np.broadcast_arrays(
@@ -392,8 +382,6 @@ def _expanded(source: PrincipalMap, order_p: int) -> Shrm:
                     result[:, degree * (degree + 1) + sign] += plane * parts[degree]
         cube, first = cube + 2 * p + 1, first + p + 1
     added = np.sqrt(lost / whole) if whole > 0 else 0.0
-    info = replace(
-        source.info, order_p=order_p, added_error=float(np.hypot(source.info.added_error, added))
-    )
+    info = replace(source.info.adding(added), order_p=order_p)
     shaped = result.reshape(6 * source.size, source.size, -1, 3)
     return Shrm(shaped, "local", lobe.center, info, source.sampling)

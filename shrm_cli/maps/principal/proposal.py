@@ -5,9 +5,9 @@ sample. A few azimuths of the view tell nearly what error the best map has, in a
 and a share of wrong pixels that is too large, as functions have too few waves over the azimuth.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -22,31 +22,28 @@ from shrm_cli.maps.joint import brightness
 from shrm_cli.maps.lobes_lit import Lobes
 from shrm_cli.maps.principal.brushed import BrushedLobe, BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q
-from shrm_cli.maps.principal.plan import Form, Joint, Planner, Sharing
+from shrm_cli.maps.principal.plan import Form, Joint, Planner, Sharing, Term
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.selection import bundle_degrees, bundle_functions
 from shrm_cli.maps.principal.terms import (
     COARSE,
-    Term,
-    Wanted,
     factorized,
     first_order,
     first_planner,
     planned,
     planner_of,
     shared_maps,
-    term_of,
     terms_of,
     unknown_light,
 )
 from shrm_cli.maps.request import Notes, Prefiltered, Request
-from shrm_cli.maps.size import sizes_of, total_error
+from shrm_cli.maps.size import sizes_of, supported_order, total_error
 from shrm_cli.maps.wrong_pixels import wrong_share
 from shrm_cli.orders import Orders
-from shrm_cli.plan.search import Candidate, Rough, Row
+from shrm_cli.plan.search import Candidate, Row
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
@@ -66,6 +63,8 @@ class Proposal:
     sampling: Sampling
     notes: Notes
     """How centers were chosen."""
+    is_met: bool
+    """Whether what was asked for is kept."""
 
     @property
     def bytes(self) -> int:
@@ -84,7 +83,7 @@ class Proposal:
 
     def wrong_share(self) -> float:
         """Predict the share of what is visible whose luminance is wrong by more than 5 %."""
-        return predicted_wrong_share([(term.planner, term.form) for term in self.terms])
+        return predicted_wrong_share(self.terms)
 
     def make(self, warnings: Sequence[str] = ()) -> Prefiltered:
         """Make the map, with remarks about the BRDF's sampling before other warnings."""
@@ -117,12 +116,13 @@ class Proposals:
     """The maps of a probe and a BRDF that could be made."""
 
     def __init__(self, light: Projection, request: Request) -> None:
-        self.light, self.brdf, self.asked = light, request.brdf, Wanted.of(request)
-        if self.asked.divide and not self.brdf.isotropic:
+        self.light, self.brdf, self.asked = light, request.brdf, request
+        divide = request.own.get("divide", False)
+        if divide and not self.brdf.isotropic:
             raise ArgumentError(
                 "divide", "does not apply to an anisotropic BRDF, whose albedo depends on tangents"
             )
-        self.parts, self.notes = terms_of(self.brdf, request.center, self.asked.divide)
+        self.parts, self.notes = terms_of(self.brdf, request.center, divide)
         self._planners: list[Planner] = []
 
     @cached_property
@@ -134,18 +134,15 @@ class Proposals:
             return [first_planner(self.light, part, self.asked) for part in self.parts]
         return [scouted(self.light, self.parts[0], self.asked)] if len(self.parts) == 1 else []
 
-    @cached_property
-    def is_out_of_reach(self) -> Callable[[int, bool], bool]:
-        """From the most bytes to whether a first look tells that no map keeps what is asked, by
-        far; the second argument tells whether to look at the error alone.
+    @once_each
+    def is_out_of_reach(self, most: int, by_error: bool) -> bool:
+        """Tell whether a first look says that no map of so many bytes keeps what is asked, by far.
+
+        `by_error` tells whether to look at the error alone.
         """
-
-        def find(most: int, by_error: bool) -> bool:
-            seen = None if by_error else self.asked.seen
-            want = replace(self.asked, max_size=min(most, self.asked.max_size), seen=seen)
-            return bool(self._look) and is_out_of_reach(self._look, want)
-
-        return cache(find)
+        seen = None if by_error else self.asked.seen
+        want = replace(self.asked, max_size=min(most, self.asked.allowed), seen=seen)
+        return bool(self._look) and is_out_of_reach(self._look, want)
 
     @property
     def planners(self) -> list[Planner]:
@@ -163,16 +160,11 @@ class Proposals:
             known = self._planners or self._look
         elif self._look:
             (coarse,) = self._look
-        is_coarse = coarse is not None and self.is_out_of_reach(self.asked.max_size, False)
+        is_coarse = coarse is not None and self.is_out_of_reach(self.asked.allowed, False)
         self._planners = [
             planner_of(self.light, part, want, each, coarse, is_coarse)
             for part, each in zip(self.parts, known, strict=True)
         ]
-
-    @property
-    def broad(self) -> int:
-        """The number of terms that share the bytes; those of a single cube take next to nothing."""
-        return max(sum(len(planner.choices) > 1 for planner in self.planners), 1)
 
     @property
     def sharing(self) -> Sharing:
@@ -181,7 +173,19 @@ class Proposals:
 
     @cached_property
     def _coherence(self) -> float:
-        return _coherence(self.parts, self.planners, self.asked.sampling)
+        """The RMS of the light of all terms, relative to the sum of the RMS of each.
+
+        It is 1 where all are bright in the same places. Small maps of the first function of each
+        term tell it well enough.
+        """
+        if len(self.planners) == 1:
+            return 1.0
+        info, sampling = MapInfo(0, 0, 0.0, 1.0, 0.0), self.asked.sampling
+        terms = (Term(planner, planner.with_maps(1, _SMALL)) for planner in self.planners)
+        small = [PrincipalMap((lobe_of(each, sampling),), info, sampling) for each in terms]
+        strengths, together = brightness(small)
+        separate = float(strengths.sum())
+        return together / separate if separate > 0 else 1.0
 
     def propose(self, error: float | None = None) -> Proposal:
         """Choose the form of every term."""
@@ -190,37 +194,39 @@ class Proposals:
         else:
             self._know(error)
         if error is not None:
-            found, is_met = self.sharing.kept(error, self.asked.max_size, self.asked.size)
+            found, is_met = self.sharing.kept(error, self.asked.allowed, self.asked.size)
             return self.proposal(found.forms, is_met)
-        each = replace(self.asked, max_size=self.asked.max_size // self.broad)
-        wanted = [each for _ in self.parts]
-        if self.asked.maps is not None:
-            wanted = shared_maps(self.planners, wanted, self.asked.maps)
-        triples = zip(self.parts, self.planners, wanted, strict=True)
-        return self._of([planned(*each) for each in triples])
+        # Terms of a single cube take next to nothing, and the others share the bytes.
+        broad = max(sum(len(planner.choices) > 1 for planner in self.planners), 1)
+        want = replace(self.asked, max_size=self.asked.allowed // broad)
+        maps, count = want.own.get("maps"), len(self.parts)
+        shares = [None] * count if maps is None else shared_maps(self.planners, maps)
+        pairs = zip(self.planners, shares, strict=True)
+        forms, are_met = zip(*(planned(each, want, share) for each, share in pairs), strict=True)
+        return self.proposal(forms, all(are_met))
 
     def proposal(self, forms: Sequence[Form], is_met: bool = True) -> Proposal:
         """Return the map of a form of each term, whose errors are exact."""
-        triples = zip(self.parts, self.planners, forms, strict=True)
-        return self._of([term_of(*each, self.asked.eps, is_met) for each in triples])
-
-    def _of(self, terms: Sequence[Term]) -> Proposal:
+        terms = tuple(map(Term, self.planners, forms))
         info = _info(self.light.probe, self.brdf, terms, self.asked.eps, self.sharing)
-        return Proposal(tuple(terms), info, self.asked.sampling, self.notes)
+        return Proposal(terms, info, self.asked.sampling, self.notes, is_met)
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
         return self.propose(error).candidate()
 
-    def rows(self, max_size: int) -> Iterator[Row[Rough[Prefiltered]]]:
+    def rows(self, max_size: int) -> Iterator[Row[Candidate[Prefiltered]]]:
         """Yield all maps of at most so many bytes, as far as the planners know now."""
         for row in self.sharing.rows(max_size, sizes_of(self.asked.size)):
             yield row.mapped(self.rough)
 
-    def rough(self, joint: Joint) -> Rough[Prefiltered]:
+    def rough(self, joint: Joint) -> Candidate[Prefiltered]:
         """Return the map of a form of each term as it is known in little time."""
-        pairs = list(zip(self.planners, joint.forms, strict=True))
-        find_share = partial(predicted_wrong_share, pairs)
-        return Rough(joint.bytes, joint.total_error, find_share, partial(self._exact, joint))
+        look_ups, make = sum(form.cubes for form in joint.forms), lambda: self._exact(joint).make()
+        find_share = partial(predicted_wrong_share, list(map(Term, self.planners, joint.forms)))
+        return Candidate(
+            "principal", joint.bytes, look_ups, joint.total_error, find_share, make,
+            find_exact=partial(self._exact, joint),
+        )  # fmt: skip
 
     def _exact(self, joint: Joint) -> Candidate[Prefiltered]:
         exact = self.sharing.joint(joint.forms, is_exact=True)
@@ -240,7 +246,7 @@ def lobe_of(term: Term, sampling: Sampling) -> Lobe:
             for q, k in enumerate(bundle)
         ]
     )
-    degrees, center = bundle_degrees(counts), term.brdf.center
+    degrees, center = bundle_degrees(counts), spectrum.center
     if isinstance(spectrum, BrushedSpectrum):
         by_wave = functions.reshape(len(functions), len(spectrum.waves), -1, 3)
         return BrushedLobe(cubes, degrees, by_wave, center, None, spectrum.waves)
@@ -258,35 +264,19 @@ def _cubes(term: Term, bundles: Sequence[tuple[int, ...]], sampling: Sampling) -
     return planes.reshape(-1, 3, 6 * form.size, form.size).transpose(2, 3, 0, 1)
 
 
-def _coherence(parts: Sequence[Brdf], planners: Sequence[Planner], sampling: Sampling) -> float:
-    """Return the RMS of the light of all terms, relative to the sum of the RMS of each.
-
-    It is 1 where all are bright in the same places. Small maps of the first function of each term
-    tell it well enough.
-    """
-    if len(parts) == 1:
-        return 1.0
-    info = MapInfo(0, 0, 0.0, 1.0, 0.0)
-    small = []
-    for part, planner in zip(parts, planners, strict=True):
-        form = planner.with_maps(1, _SMALL)
-        lobe = lobe_of(Term(part, planner, form, 0.0, 0, True), sampling)
-        small.append(PrincipalMap((lobe,), info, sampling))
-    strengths, together = brightness(small)
-    separate = float(strengths.sum())
-    return together / separate if separate > 0 else 1.0
-
-
 def _info(probe: Probe, brdf: Brdf, terms: Sequence[Term], eps: float, sharing: Sharing) -> MapInfo:
     """Return the record of the map, with the errors of the terms combined."""
-    energies = np.array([term.planner.spectrum.transfer.total_energy.sum() for term in terms])
-    captured = energies @ [term.captured for term in terms] / max(energies.sum(), 1e-300)
-    order_p = max(len(term.form.counts) - 1 for term in terms)
-    orders = Orders(max(term.order_f for term in terms), order_p, eps, float(captured))
-    error, filter_error = sharing.errors([term.form for term in terms])
+    energies = np.array([planner.spectrum.transfer.total_energy.sum() for planner, _ in terms])
+    each = [planner.captured(form.counts, form.carried) for planner, form in terms]
+    captured = energies @ each / max(energies.sum(), 1e-300)
+    orders = Orders(
+        max(min(each.for_tolerance(eps)[1], supported_order(form.size)) for each, form in terms),
+        max(len(form.counts) - 1 for _, form in terms), eps, float(captured),
+    )  # fmt: skip
+    error, filter_error = sharing.errors([form for _, form in terms])
     return replace(
         provenance(probe, brdf, orders), predicted_error=error, filter_error=filter_error,
-        carried=max(term.form.carried for term in terms),
+        carried=max(form.carried for _, form in terms),
     )  # fmt: skip
 
 
@@ -296,19 +286,19 @@ be so in truth; and the share for brushed lobes. Those that were compared were u
 shares of enough azimuths."""
 
 
-def scouted(light: Projection, brdf: Brdf, want: Wanted) -> Planner:
+def scouted(light: Projection, brdf: Brdf, want: Request) -> Planner:
     """Take a coarse look at a brushed lobe, the only term of a BRDF."""
     transfer = cached_transfer(brdf, first_order(brdf), MAX_Q, COARSE, scout_brushed_transfer)
     return factorized(light, brdf, transfer, want)
 
 
-def is_out_of_reach(planners: Sequence[Planner], want: Wanted) -> bool:
+def is_out_of_reach(planners: Sequence[Planner], want: Request) -> bool:
     """Tell whether the best map misses what is asked of it by far, after a first look at its terms.
 
     Each term has all bytes that the map may have, and is as bright as the others where these are.
     """
     assert want.error is not None
-    limits = want.max_size, want.size, len(planners)
+    limits = want.allowed, want.size, len(planners)
     forms = [planner.best_fitting(*limits) for planner in planners]
     shares = np.square(Sharing(planners).shares)
     # What lies at higher orders is no error of maps that are made of more of them.
@@ -322,18 +312,15 @@ def is_out_of_reach(planners: Sequence[Planner], want: Wanted) -> bool:
     if want.seen is None:
         return False
     is_brushed = any(isinstance(planner.spectrum, BrushedSpectrum) for planner in planners)
-    share = predicted_wrong_share(list(zip(planners, forms, strict=True)))
+    share = predicted_wrong_share(list(map(Term, planners, forms)))
     return share > (_FAR_BRUSHED if is_brushed else _FAR) * want.seen
 
 
-def predicted_wrong_share(terms: Sequence[tuple[Planner, Form]]) -> float:
+def predicted_wrong_share(terms: Sequence[Term]) -> float:
     """Predict the share of what is visible whose luminance is wrong by more than 5 %.
 
     The transfer functions that were factorized are the lobes of all views, and what the map leaves
     out of them is known, so that nothing of the BRDF is sampled again.
-
-    `terms` are the light and the transfer functions of each term of the BRDF, and what the map
-    keeps.
 
     Returns what `shrm_cli.maps.expansion.predicted_wrong_share` does.
     """

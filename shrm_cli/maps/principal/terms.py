@@ -4,7 +4,6 @@ Forms are chosen here from tolerances and numbers of cubes, and from errors in `
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -24,9 +23,8 @@ from shrm_cli.maps.request import Notes, Request
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order
 from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.records import record
 from shrm_cli.reflected import energies_beyond, own_energies_beyond, weighted_power
-from shrm_cli.vocabulary import MAX_ORDER_F, Center, Sampling
+from shrm_cli.vocabulary import MAX_ORDER_F, Center
 
 _FIRST_ORDER = 64
 """The least order F to which transfer functions are computed first; it grows until it suffices."""
@@ -51,41 +49,6 @@ _PART_BEYOND = 0.1
 """The part of the squared error that may lie beyond the transfer functions."""
 
 
-@record
-class Wanted:
-    """What is asked of the map of one term."""
-
-    eps: float
-    error: float | None
-    maps: int | None
-    max_size: int
-    size: int | None
-    seen: float | None = None
-    divide: bool = False
-    sampling: Sampling = "center"
-
-    @classmethod
-    def of(cls, request: Request) -> "Wanted":
-        """Return what is asked of the map of a single term."""
-        own = request.own
-        return cls(
-            request.eps, request.error, own.get("maps"), request.allowed, request.size,
-            request.seen, own.get("divide", False), request.sampling,
-        )  # fmt: skip
-
-
-@record
-class Term:
-    """A term of the BRDF, and what the light makes of it."""
-
-    brdf: Brdf
-    planner: Planner
-    form: Form
-    captured: float
-    order_f: int
-    is_met: bool
-
-
 def terms_of(brdf: Brdf, center: str | None, divide: bool) -> tuple[list[Brdf], Notes]:
     """Take a BRDF apart into terms, each about the center that is asked for, or the best one.
 
@@ -104,22 +67,17 @@ def terms_of(brdf: Brdf, center: str | None, divide: bool) -> tuple[list[Brdf], 
     return found, (("centre", f"{centers}, about which its lobes gather"),)
 
 
-def shared_maps(planners: Sequence[Planner], wanted: Sequence[Wanted], maps: int) -> list[Wanted]:
+def shared_maps(planners: Sequence[Planner], maps: int) -> list[int]:
     """Share a number of cubes among terms, of which some need one only."""
-    needs = [len(planner.choices) for planner in planners]
-    single = sum(need == 1 for need in needs)
-    others = len(needs) - single
-    left = maps - single
+    is_single = [len(planner.choices) == 1 for planner in planners]
+    left, others = maps - sum(is_single), len(planners) - sum(is_single)
     if left < others:
-        raise ArgumentError("maps", f"is less than the {len(needs)} terms of the BRDF need")
-    return [
-        replace(each, maps=1 if need == 1 else left // others)
-        for each, need in zip(wanted, needs, strict=True)
-    ]
+        raise ArgumentError("maps", f"is less than the {len(planners)} terms of the BRDF need")
+    return [1 if single else left // others for single in is_single]
 
 
 def planner_of(
-    light: Projection, brdf: Brdf, want: Wanted, known: Planner | None = None,
+    light: Projection, brdf: Brdf, want: Request, known: Planner | None = None,
     scouted: Planner | None = None, is_coarse: bool = False,
 ) -> Planner:  # fmt: skip
     """Factorize a BRDF for a probe, to an order that suffices for what is asked.
@@ -151,7 +109,7 @@ def planner_of(
         planner = factorized(light, brdf, transfer, want)
 
 
-def _planner_for_tolerance(light: Projection, brdf: Brdf, want: Wanted) -> Planner:
+def _planner_for_tolerance(light: Projection, brdf: Brdf, want: Request) -> Planner:
     """Factorize a BRDF to an order that suffices for the part of its energy that may be missed.
 
     The BRDF's own energy tells without the light, which takes seconds, whether to go on.
@@ -160,7 +118,8 @@ def _planner_for_tolerance(light: Projection, brdf: Brdf, want: Wanted) -> Plann
     order, max_q = first_order(brdf), min(_FIRST_Q, most_q)
     while True:
         transfer = _transfer(brdf, order, max_q)
-        above, aside = _own_unknown(transfer)
+        whole = max(float(transfer.total_energy.sum()), 1e-300)
+        above, aside = (float(each.sum()) / whole for each in own_energies_beyond(transfer))
         if aside > limit * _PART_ASIDE and max_q < most_q:
             max_q = most_q
             if above <= limit or order >= MAX_ORDER_F:
@@ -173,7 +132,7 @@ def _planner_for_tolerance(light: Projection, brdf: Brdf, want: Wanted) -> Plann
                 return planner
             order = 2 * order
             continue
-        if want.maps is None:
+        if want.own.get("maps") is None:
             planner = factorized(light, brdf, transfer, want)
             if _fills_budget(planner, want):
                 if transfer.max_q == most_q:
@@ -189,18 +148,20 @@ def _planner_for_tolerance(light: Projection, brdf: Brdf, want: Wanted) -> Plann
         order = min(2**octaves * order, MAX_ORDER_F)
 
 
-def first_planner(light: Projection, brdf: Brdf, want: Wanted) -> Planner:
+def first_planner(light: Projection, brdf: Brdf, want: Request) -> Planner:
     """Factorize an isotropic BRDF to the orders with which `planner_of` begins."""
     transfer = _transfer(brdf, first_order(brdf), min(_FIRST_Q, _most_q(brdf)))
     return factorized(light, brdf, transfer, want)
 
 
-def factorized(light: Projection, brdf: Brdf, transfer: TransferFunctions, want: Wanted) -> Planner:
+def factorized(
+    light: Projection, brdf: Brdf, transfer: TransferFunctions, want: Request
+) -> Planner:
     """Factorize transfer functions of a BRDF for a probe."""
     lighting = light.to_order(transfer.order_f)
     power = weighted_power(lighting, transfer.order_f)
     kind = Spectrum if brdf.isotropic else BrushedSpectrum
-    spectrum = kind.of(transfer, brdf.center, power, want.divide)
+    spectrum = kind.of(transfer, brdf.center, power, want.own.get("divide", False))
     return Planner(spectrum, lighting, want.sampling)
 
 
@@ -216,15 +177,19 @@ def first_order(brdf: Brdf) -> int:
     return power_of_two_times(_FIRST_ORDER, _WAVES_A_LOBE / lobe_width(brdf), MAX_ORDER_F)
 
 
-def _hides_visible(planner: Planner, want: Wanted) -> bool:
+def _hides_visible(planner: Planner, want: Request) -> bool:
     """Tell whether the map that a tolerance asks for could carry light beyond the known degrees."""
-    if want.maps is None and _fills_budget(planner, want):
+    if want.own.get("maps") is None and _fills_budget(planner, want):
         return False
-    form = _simplest(planner, want) if want.maps is not None else _tolerated(planner, want)[0]
+    form = (
+        _simplest(planner, want)
+        if want.own.get("maps") is not None
+        else _tolerated(planner, want)[0]
+    )
     return form.carried == planner.spectrum.transfer.order_f < supported_order(form.size)
 
 
-def _simplest(planner: Planner, want: Wanted) -> Form:
+def _simplest(planner: Planner, want: Request) -> Form:
     """Return the least functions, with the least order F, that keep the tolerance.
 
     The texels are chosen by F, and the bytes may be any number.
@@ -233,7 +198,7 @@ def _simplest(planner: Planner, want: Wanted) -> Form:
     return planner.form(counts, choose_size(order_f) if want.size is None else want.size)
 
 
-def _tolerated(planner: Planner, want: Wanted) -> tuple[Form, bool]:
+def _tolerated(planner: Planner, want: Request) -> tuple[Form, bool]:
     """Find the form that the tolerance asks for, and tell whether it is kept.
 
     The simplest form that keeps the tolerance says how many bytes the map may have, if these are
@@ -242,46 +207,39 @@ def _tolerated(planner: Planner, want: Wanted) -> tuple[Form, bool]:
     """
     simplest = _simplest(planner, want)
     known = planner.spectrum.transfer.order_f
-    if simplest.bytes > want.max_size or not _is_captured(planner, simplest, known, want):
-        return planner.nearly_best(want.max_size, want.size), False
+    if simplest.bytes > want.allowed or not _is_captured(planner, simplest, known, want):
+        return planner.nearly_best(want.allowed, want.size), False
     if want.size is not None:
         return simplest, True
-    room = min(max(simplest.bytes, policy.LEAST_BYTES), want.max_size)
+    room = min(max(simplest.bytes, policy.LEAST_BYTES), want.allowed)
     form = planner.best_within(room, simplest.size)
     # Its fewer texels may end before the order F, beyond which this light may have nothing.
     order = min(supported_order(form.size), known)
     return (form if _is_captured(planner, form, order, want) else simplest), True
 
 
-def _is_captured(planner: Planner, form: Form, order: int, want: Wanted) -> bool:
+def _is_captured(planner: Planner, form: Form, order: int, want: Request) -> bool:
     """Tell whether the functions of a form miss no more of the BRDF up to an order than asked."""
     return planner.captured(form.counts, order) >= 1 - want.eps
 
 
-def _fills_budget(planner: Planner, want: Wanted) -> bool:
+def _fills_budget(planner: Planner, want: Request) -> bool:
     """Tell whether the bytes, and not the known degrees, bound the map that a tolerance asks for.
 
     More degrees ask for more bytes, never for fewer. They could only help if cubes of the next
     size, which the best map within the budget did without, were judged by far fewer degrees than
     they support.
     """
-    if _simplest(planner, want).bytes <= want.max_size:
+    if _simplest(planner, want).bytes <= want.allowed:
         return False
-    best = planner.best_fitting(want.max_size, want.size)
+    best = planner.best_fitting(want.allowed, want.size)
     larger = [texels for texels in TRIED_SIZES if texels > best.size]
     rival = larger[0] if larger and want.size is None else best.size
     return supported_order(rival) <= policy.FAIRLY * planner.spectrum.transfer.order_f
 
 
-def _own_unknown(transfer: TransferFunctions) -> tuple[float, float]:
-    """Return the parts of a BRDF's energy at unknown degrees, and in unknown azimuthal orders."""
-    above, aside = (float(each.sum()) for each in own_energies_beyond(transfer))
-    whole = max(float(transfer.total_energy.sum()), 1e-300)
-    return above / whole, aside / whole
-
-
 def unknown_light(planner: Planner) -> tuple[float, float]:
-    """Return the same parts of the energy of the reflected light, as far as more orders tell it.
+    """Return the parts of the energy of the reflected light at unknown degrees, and in unknown q.
 
     Degrees that are finer than the pixels of the light stay unknown.
     """
@@ -299,21 +257,13 @@ def _transfer(brdf: Brdf, order: int, max_q: int, is_coarse: bool = False) -> Tr
     return cached_transfer(brdf, order, max_q, accuracy, compute)
 
 
-def planned(brdf: Brdf, planner: Planner, want: Wanted) -> Term:
-    """Choose the form of a term's map from a number of cubes or a tolerance."""
-    if want.maps is not None:
-        form, is_met = planner.with_maps(want.maps, _simplest(planner, want).size), True
+def planned(planner: Planner, want: Request, maps: int | None = None) -> tuple[Form, bool]:
+    """Choose a form by a number of cubes or the tolerance, and tell whether that is kept."""
+    if maps is not None:
+        form, is_met = planner.with_maps(maps, _simplest(planner, want).size), True
     else:
         form, is_met = _tolerated(planner, want)
-    form = planner.form(form.counts, form.size, is_exact=True)
-    return term_of(brdf, planner, form, want.eps, is_met)
-
-
-def term_of(brdf: Brdf, planner: Planner, form: Form, eps: float, is_met: bool = True) -> Term:
-    """Return a term with a form, and what this keeps of the BRDF."""
-    _, order_f, _ = planner.for_tolerance(eps)
-    captured = planner.captured(form.counts, form.carried)
-    return Term(brdf, planner, form, captured, min(order_f, supported_order(form.size)), is_met)
+    return planner.form(form.counts, form.size, is_exact=True), is_met
 
 
 # ---- where lobes gather --------------------------------------------------------------------------

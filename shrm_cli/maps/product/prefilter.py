@@ -15,13 +15,13 @@ from shrm_cli.maps.irradiance.window import parse_window
 from shrm_cli.maps.product.product import ProductTexture, VaryingProduct
 from shrm_cli.maps.product.steps import ENOUGH, Steps, chosen_steps
 from shrm_cli.maps.product.table import product_table
+from shrm_cli.maps.product.window import even_views
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Stages, current, using
-from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import DEFAULT_PRODUCT_SIZE
 
 _KNOWN_ORDER = 16
@@ -64,7 +64,7 @@ def varying_steps(
     """
     for ends in zip(*ranges.values(), strict=True):
         _with_values(brdf, ranges, ends)  # which names the end that is wrong, and no value between
-    views = _views()[:: _VIEWS // _VIEWS_OF_STEPS]
+    views = even_views(_VIEWS, _LEAST_COSINE)[:: _VIEWS // _VIEWS_OF_STEPS]
     accuracy = ACCURACY if len(ranges) == 1 else _ACCURACY_OF_TWO
 
     def coefficients(*point: float) -> Array:
@@ -161,7 +161,7 @@ def _texture(
     _check_size(order, texels, 1)
     functions = ProductFunctions.of(brdf, order)
     table = product_table(brdf, functions, order, texels)
-    views = _views()
+    views = even_views(_VIEWS, _LEAST_COSINE)
     exact, energy = functions.expanded(views, known)
     starts = np.arange(known + 1) ** 2
     power = np.add.reduceat(exact**2, starts, axis=1).mean(axis=0)
@@ -188,14 +188,6 @@ def _check_size(order: int, texels: int, count: int) -> None:
             f"{count} x {texels} x {texels} texels of {(order + 1) ** 2} coefficients are too "
             "many; lower the size or the order"
         )
-
-
-def _views() -> Array:
-    """Directions all over the hemisphere, but not quite at the horizon, shape (n, 3)."""
-    views = spiral_directions(2 * _VIEWS)[_VIEWS:]
-    z = _LEAST_COSINE + (1 - _LEAST_COSINE) * views[:, 2:]
-    sine = np.sqrt((1 - z**2) / (1 - views[:, 2:] ** 2))
-    return np.concatenate([views[:, :2] * sine, z], axis=1)
 
 
 def _reflected(lighting: Lighting, power: Array, energy: Array) -> tuple[Array, float]:

@@ -22,10 +22,10 @@ from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.kinds import FixedMap, HarmonicLight, MaterialMap, ReflectionMap
+from shrm_cli.maps.kinds import BrushedLight, FixedMap, HarmonicLight, MaterialMap, ReflectionMap
 from shrm_cli.maps.product.steps import Steps
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
+from shrm_cli.sphere.directions import surface_frames
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.parabolic import ParabolicSampler
 from shrm_cli.sphere.rotation import rotate_each_into_frames, rotate_into_frames
@@ -168,7 +168,7 @@ class ProductMap(_Parabolic, MaterialMap):
 
 
 @record(eq=False)
-class LitProduct(_Parabolic, ReflectionMap):
+class LitProduct(BrushedLight, _Parabolic, ReflectionMap):
     """Product textures under light."""
 
     product: ProductMap
@@ -224,16 +224,6 @@ class LitProduct(_Parabolic, ReflectionMap):
                 "mixed; prefilter its probe with `working`"
             )
         return replace(self, lighting=self.lighting @ matrix.T).with_info(info)
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the radiance that a surface reflects which is brushed around +Y.
-
-        The tangents are those of `sphere.directions.horizontal_tangents`; isotropic BRDFs do not
-        care. Parameters and result are those of `Map.radiance`.
-        """
-        return self.brushed_radiance(
-            normals, horizontal_tangents(np.asarray(normals, float)), views
-        )
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate what is reflected where parameters that vary are in the middle of their ways."""

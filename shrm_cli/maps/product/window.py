@@ -100,17 +100,17 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
     return LightWindow(**{**asdict(found), **costs})
 
 
-def _views() -> Array:
-    """Return the views of a surface, evenly over those of at least `_LEAST_COSINE`, (views, 3)."""
-    views = spiral_directions(2 * _VIEWS)[_VIEWS:]
-    z = _LEAST_COSINE + (1 - _LEAST_COSINE) * views[:, 2:]
+def even_views(count: int, least: float) -> Array:
+    """Return views of a surface, evenly over those of at least some N.V, shape (count, 3)."""
+    views = spiral_directions(2 * count)[count:]
+    z = least + (1 - least) * views[:, 2:]
     return np.concatenate([views[:, :2] * np.sqrt((1 - z**2) / (1 - views[:, 2:] ** 2)), z], axis=1)
 
 
 def _by_degree(texture: "ProductTexture", series: Array) -> Array:
     """Return what each degree of the light adds to the reflected light, shape (n, order+1, 3).
 
-    The samples are all `_views` of surfaces in all orientations, whose tangents point anywhere.
+    The samples are `even_views` of surfaces in all orientations, whose tangents point anywhere.
     """
     normals = spiral_directions(_FRAMES)
     helper = np.where(np.abs(normals[:, 1:2]) < 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
@@ -119,7 +119,8 @@ def _by_degree(texture: "ProductTexture", series: Array) -> Array:
     turn = (_GOLDEN * np.arange(_FRAMES) ** 2 % (2 * np.pi))[:, None]
     tangents = np.cos(turn) * across + np.sin(turn) * np.cross(normals, across)
     light = np.moveaxis(rotate_into_frames(series, surface_frames(normals, tangents)), -1, 0)
-    own = np.broadcast_to(texture.values(_views()), (_VIEWS, series.shape[0], 3))
+    views = even_views(_VIEWS, _LEAST_COSINE)
+    own = np.broadcast_to(texture.values(views), (_VIEWS, series.shape[0], 3))
     parts = [
         np.einsum("vkc,fkc->fvc", own[:, l * l : (l + 1) ** 2], light[:, l * l : (l + 1) ** 2])
         for l in range(texture.order + 1)  # noqa: E741
@@ -134,7 +135,7 @@ def _weakened(seen: Array) -> Array | None:
     until `_BLACK` of what is seen of a channel is negative. A view is seen on as much of a picture
     as the surface is turned towards it. The result is None where that is so without factors.
     """
-    shares = np.resize(_views()[:, 2], len(seen))
+    shares = np.resize(even_views(_VIEWS, _LEAST_COSINE)[:, 2], len(seen))
     shares /= shares.sum()
 
     def is_enough(factors: Array) -> bool:

@@ -156,11 +156,7 @@ def written_code(
     comment += [*_declare_own(source, speech, head), *source.notes]
     if (lobe := lobe_of(made)) is not None:
         comment += _declare_table("shrm_lobe", "shrm_of_lobe", lobe, speech, head)
-    functions = source.functions(words)
-    if taps is not None:
-        functions += _brushed(made, taps, speech)
-    if even_taps is not None:
-        functions += _even(made, even_taps, speech)
+    functions = [*source.functions(words), *_tapped(made, taps, even_taps, speech)]
     takes_tangent = source.takes_tangent
     if made.stored is not made:
         functions, takes_tangent = _with_lamps(made, functions, speech, takes_tangent)
@@ -213,22 +209,21 @@ def _with_lamps(
     return found, not made.lamps.brdf.isotropic
 
 
-def _brushed(made: Map, taps: int, language: Language) -> list[str]:
-    """Write the functions of brushed surfaces."""
-    from shrm_cli.maps.splitsum.brushed_shader import brushed_functions
+def _tapped(made: Map, taps: int | None, even: int | None, language: Language) -> list[str]:
+    """Write the functions of surfaces whose lobes are looked up with taps: brushed, and even."""
+    name = "anisotropy" if taps is not None else "taps"
+    if "anisotropy" not in made.surface_arguments and (taps, even) != (None, None):
+        raise MapError(f"{made.what}: only split sums of GGX have code for `{name}`")
+    lines: list[str] = []
+    if taps is not None:
+        from shrm_cli.maps.splitsum.brushed_shader import brushed_functions
 
-    if "anisotropy" not in made.surface_arguments:
-        raise MapError(f"{made.what}: only split sums of GGX have code for `anisotropy`")
-    return brushed_functions(taps, language)
+        lines += brushed_functions(taps, language)
+    if even is not None:
+        from shrm_cli.maps.splitsum.even_shader import even_functions
 
-
-def _even(made: Map, taps: int, language: Language) -> list[str]:
-    """Write the functions of surfaces that are not brushed, whose lobes are looked up with taps."""
-    from shrm_cli.maps.splitsum.even_shader import even_functions
-
-    if "anisotropy" not in made.surface_arguments:
-        raise MapError(f"{made.what}: only split sums of GGX have code for `taps`")
-    return even_functions(taps, language)
+        lines += even_functions(even, language)
+    return lines
 
 
 def lobe_of(made: Map) -> Table | None:

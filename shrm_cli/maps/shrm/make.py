@@ -12,11 +12,9 @@ from functools import partial
 
 import numpy as np
 
-from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.expansion import Expansion, carried_band, carry, map_wrong_share, view_band
+from shrm_cli.maps.expansion import Chosen, Expansion, carry, map_wrong_share
 from shrm_cli.maps.info import provenance
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.request import Notes, Prefiltered, Request, wrong_light
@@ -26,34 +24,15 @@ from shrm_cli.maps.size import (
     check_size,
     choose_size,
     largest_p,
-    nothing_fits,
-    shrm_look_up_error,
     stored_bytes,
     supported_order,
 )
-from shrm_cli.orders import Orders, choose_center, choose_orders, least_orders, with_views
-from shrm_cli.probe.lighting import Lighting, Projection
+from shrm_cli.orders import choose_center, choose_orders, least_orders
+from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import tell_time_left
 from shrm_cli.records import record
-from shrm_cli.reflected import predicted_error
-from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, MAX_ORDER_P, MIN_CUBE_SIZE, Sampling
-
-_LEAST_TOLERANCE = 1e-4
-"""The least part of a BRDF's energy that its coefficients are computed to."""
-
-
-@record
-class Choice:
-    """The orders and the size of an SHRM, and what they cost."""
-
-    orders: Orders
-    size: int
-
-    @property
-    def bytes(self) -> int:
-        """The bytes of its cubes in half precision, before they are packed."""
-        return stored_bytes(self.size, (self.orders.order_p + 1) ** 2)
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, MAX_ORDER_P, MIN_CUBE_SIZE, Frame
 
 
 @record
@@ -92,122 +71,38 @@ def most_order_p(max_size: int, size: int | None, most: int = MAX_ORDER_P) -> Ca
     return most_at
 
 
-def affordable(
-    light: Projection, request: Request, most: int = MAX_ORDER_P
-) -> tuple[Choice, BrdfCoefficients]:
-    """Choose the orders and the size of a map: those that a tolerance asks for, if they fit.
+def affordable(light: Projection, request: Request, most: int = MAX_ORDER_P) -> Chosen:
+    """Choose the orders and the size of a map: those that a tolerance asks for, if they fit."""
+    most_p = most_order_p(request.allowed, request.size, most)
+    found = choose_orders(request.brdf, request.eps, most_p=most_p)
+    chosen = Chosen.of(request.brdf, found, request.size)
+    orders = chosen.orders
+    if chosen.is_met and orders.order_p <= min(
+        largest_p(orders.order_f, chosen.size, request.allowed), most
+    ):
+        return chosen
+    from shrm_cli.maps.shrm.rows import fitting  # most maps fit
 
-    Returns `choice`; and `coefficients`, the coefficients of the BRDF, to at least the orders of
-    the choice.
-    """
-    allowed, size = request.allowed, request.size
-    most_p = most_order_p(allowed, size, most)
-    orders, coefficients = choose_orders(request.brdf, request.eps, most_p=most_p)
-    choice = Choice(orders, choose_size(orders.order_f) if size is None else size)
-    fits = orders.order_p <= min(largest_p(orders.order_f, choice.size, allowed), most)
-    if orders.captured >= 1 - request.eps and fits:
-        return choice, coefficients
-    return fitting(request.brdf, coefficients, light.to_order(coefficients.order_f), request, most)
+    return fitting(light, chosen, request, most)
 
 
-def fitting(
-    brdf: Brdf,
-    coefficients: BrdfCoefficients,
-    lighting: Lighting,
-    request: Request,
-    most: int = MAX_ORDER_P,
-) -> tuple[Choice, BrdfCoefficients]:
-    """Choose the orders and the size of the best map of a BRDF that fits.
-
-    `coefficients` are those of the BRDF. Where the best map has all of their degrees of the view,
-    more are computed: they are as many as fit beside the texels that F asks for, and the light may
-    need far fewer. `lighting` is the light, to at least the order F of the coefficients. `most` is
-    the largest P in any case.
-
-    Returns what `affordable` returns.
-    """
-    while True:
-        choice, known = _best_known(coefficients, lighting, request, most), coefficients.order_p
-        texels = request.size or max(choice.size // 2, TRIED_SIZES[0])
-        fits = largest_p(supported_order(texels), texels, request.allowed)
-        more = min(fits, 2 * known, most)
-        if brdf.zonal or choice.orders.order_p < known or more <= known:
-            return choice, coefficients
-        coefficients = with_views(brdf, coefficients, request.eps, more)
-
-
-def _best_known(
-    coefficients: BrdfCoefficients, lighting: Lighting, request: Request, most: int
-) -> Choice:
-    """Choose the orders and the size of the best map that fits and whose degrees are known."""
-    eps, allowed, size = request.eps, request.allowed, request.size
-    largest = choose_size(least_orders(coefficients, eps).order_f)
-    sizes = [texels for texels in TRIED_SIZES if texels <= largest]
-    found: list[tuple[float, int, Choice]] = []
-    for texels in sizes if size is None else [size]:
-        carried = min(supported_order(texels), coefficients.order_f)
-        p = min(largest_p(carried, texels, allowed), coefficients.order_p, most)
-        if p < 0:
-            continue
-        error, find = map_errors(lighting, coefficients, p, texels, request.sampling)
-        orders = least_orders(coefficients, eps, order_p=p)
-        orders = replace(orders, order_f=min(orders.order_f, carried))
-        made = Choice(orders, texels)
-        found.append((float(np.hypot(error, find())), made.bytes, made))
-    if not found:
-        raise nothing_fits(size)
-    return min(found, key=lambda each: each[:2])[2]
-
-
-def map_errors(
-    lighting: Lighting,
-    coefficients: BrdfCoefficients,
-    order_p: int,
-    size: int,
-    sampling: Sampling = "center",
-) -> tuple[float, Callable[[], float]]:
-    """Predict the errors of an SHRM of an order P and a size, which carries what it can.
-
-    Returns `error`, that of its orders, relative RMS; and `find_filter_error`, which finds that of
-    looking it up. That takes far longer.
-    """
-    band = carried_band(lighting, coefficients, 0, order_p, size)
-    views = view_band(lighting, coefficients, order_p)
-    factors = np.outer(band.factors, views.factors)
-    return (
-        predicted_error(lighting, coefficients, band.last, order_p, factors=factors),
-        partial(shrm_look_up_error, lighting, coefficients, factors, size, sampling),
-    )
-
-
-def sufficient_tolerance(error: float) -> float:
-    """Return the part of a BRDF's energy that may be unknown for an error of the light.
-
-    Real light fades towards high degrees.
-    """
-    return float(np.clip(error**2 / 2, _LEAST_TOLERANCE, 0.5))
-
-
-def halved(
-    choice: Choice, coefficients: BrdfCoefficients, images: int, max_size: int
-) -> Choice | None:
+def halved(chosen: Chosen, images: int, max_size: int) -> Chosen:
     """Halve the size of a map of other images than those of an SHRM, until they fit.
 
-    `choice` holds the orders and the size of the SHRM behind the map. `images` is the number of RGB
-    cubes of the map.
+    `chosen` is the SHRM behind the map. `images` is the number of RGB cubes of the map.
 
-    Returns None where not even the least size, `vocabulary.MIN_CUBE_SIZE`, fits.
+    Returns what it was given where not even the least size, `vocabulary.MIN_CUBE_SIZE`, fits.
     """
-    size = choice.size
+    size, orders = chosen.size, chosen.orders
     while stored_bytes(size, images) > max_size:
         size //= 2
         if size < MIN_CUBE_SIZE:
-            return None
-    if size == choice.size:
-        return choice
-    f, p = min(choice.orders.order_f, supported_order(size)), choice.orders.order_p
-    captured = float(coefficients.captured[f, p])
-    return Choice(replace(choice.orders, order_f=f, captured=captured), size)
+            return chosen
+    if size == chosen.size:
+        return chosen
+    f = min(orders.order_f, supported_order(size))
+    captured = float(chosen.coefficients.captured[f, orders.order_p])
+    return replace(chosen, size=size, orders=replace(orders, order_f=f, captured=captured))
 
 
 def refuse_large(size: int, images: int, max_size: int | None) -> None:
@@ -224,21 +119,13 @@ def refuse_large(size: int, images: int, max_size: int | None) -> None:
         )
 
 
-def shortfall(
-    brdf: Brdf,
-    coefficients: BrdfCoefficients,
-    kept: Orders,
-    max_size: int,
-    error: float,
-    form: Form = SHRM_FORM,
-) -> str | None:
+def shortfall(chosen: Chosen, max_size: int, error: float, form: Form = SHRM_FORM) -> str | None:
     """Say in one line that a picture is wrong because its map misses the tolerance.
 
     The line is None where the tolerance is met, and where what is missed is not seen.
-
-    `kept` holds the orders of the map.
     """
-    if kept.captured >= 1 - kept.eps:
+    brdf, kept, coefficients = chosen.brdf, chosen.orders, chosen.coefficients
+    if chosen.is_met:
         return None
     from shrm_cli.plan import policy  # most maps have nothing to be told of
 
@@ -302,7 +189,7 @@ def order_warnings(made: Prefiltered, request: Request) -> tuple[str, ...]:
 def prefilter_shrm(
     light: Projection,
     request: Request,
-    chosen: tuple[Choice, BrdfCoefficients] | None = None,
+    chosen: Chosen | None = None,
     dtype: type = np.float32,
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
@@ -312,7 +199,7 @@ def prefilter_shrm(
     Returns the map, and what it misses of the tolerance as a warning, if the orders are chosen.
     """
     expansion, warnings = expand(light, request, SHRM_FORM, chosen)
-    made = from_expansion(expansion, light.probe, request, dtype)
+    made = from_expansion(expansion, light.probe, request.frame, dtype)
     kept: Map = made
     compress = request.own.get("compress")
     if compress is not None:
@@ -326,10 +213,7 @@ def prefilter_shrm(
 
 
 def expand(
-    light: Projection,
-    request: Request,
-    form: Form,
-    chosen: tuple[Choice, BrdfCoefficients] | None = None,
+    light: Projection, request: Request, form: Form, chosen: Chosen | None = None
 ) -> tuple[Expansion, tuple[str, ...]]:
     """Choose the orders and the size of a map within its bytes, and expand light and BRDF.
 
@@ -339,51 +223,45 @@ def expand(
     not sampled finely enough.
     """
     brdf, order_f, order_p, size = request.brdf, request.order_f, request.order_p, request.size
-    allowed, is_free, is_sized = request.allowed, request.is_free, size is not None
+    allowed, is_free = request.allowed, request.is_free
     if is_free:
-        choice, coefficients = chosen or affordable(light, request, form.largest_p(allowed))
+        chosen = chosen or affordable(light, request, form.largest_p(allowed))
     else:
         if order_f is not None and not brdf.zonal:
             check_size(order_f, order_p or 0, size)
-        orders, coefficients = choose_orders(brdf, request.eps, order_f, order_p)
-        choice = Choice(orders, choose_size(orders.order_f) if size is None else size)
-    count = form.images(choice.orders.order_p)
-    if is_free and not is_sized:
-        choice = halved(choice, coefficients, count, allowed) or choice
-    orders, size = choice.orders, choice.size
-    refuse_large(size, count, request.max_size)
-    check_size(orders.order_f, orders.order_p, size)
+        chosen = Chosen.of(brdf, choose_orders(brdf, request.eps, order_f, order_p), size)
+    count = form.images(chosen.orders.order_p)
+    if is_free and size is None:
+        chosen = halved(chosen, count, allowed)
+    refuse_large(chosen.size, count, request.max_size)
+    check_size(chosen.orders.order_f, chosen.orders.order_p, chosen.size)
     if form.check is not None:
-        form.check(size, count)
-    expansion = carry(
-        light, brdf, orders, coefficients, size,
-        is_exact=order_f is not None, is_exact_view=not is_free,
-    )  # fmt: skip
+        form.check(chosen.size, count)
+    expansion = carry(light, chosen, order_f is not None, not is_free, request.sampling)
     lines = [expansion.remark]
     if is_free:
-        lines.append(shortfall(brdf, coefficients, orders, allowed, expansion.error, form))
+        lines.append(shortfall(chosen, allowed, expansion.error, form))
     return expansion, tuple(line for line in lines if line is not None)
 
 
 def from_expansion(
-    expansion: Expansion, probe: Probe, request: Request, dtype: type = np.float32
+    expansion: Expansion, probe: Probe, frame: Frame = "global", dtype: type = np.float32
 ) -> Shrm:
     """Make the SHRM of an expansion.
 
-    `probe` is the probe of the expansion's light. `request` says the frame and the sampling.
-    `dtype` is as `Shrm.from_coefficients` takes it.
+    `probe` is the probe of the expansion's light. `dtype` is as `Shrm.from_coefficients` takes it.
     """
     orders, brdf = expansion.orders, expansion.brdf
     tell_time_left(making_seconds(expansion.carried, orders.order_p, expansion.size))
     info = replace(
         provenance(probe, brdf, orders),
         predicted_error=expansion.error,
-        filter_error=expansion.filter_error(request.sampling),
+        filter_error=expansion.filter_error,
         carried=expansion.carried,
     )
     return Shrm.from_coefficients(
         expansion.lighting.coefficients,
-        expansion.kept, brdf.center, info, expansion.size, request.frame, request.sampling, dtype,
+        expansion.kept, brdf.center, info, expansion.size, frame, expansion.sampling, dtype,
     )  # fmt: skip
 
 

@@ -7,13 +7,15 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from shrm_cli.brdf.sums import split as split_terms
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, Request, error_lines, truth_of, unkept_error
 from shrm_cli.maps.shrm import make
-from shrm_cli.maps.size import converted_bytes, most_cubes, nothing_fits, total_error
+from shrm_cli.maps.size import converted_bytes, most_cubes, total_error
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -41,12 +43,11 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     if request.seen is not None:
         # Only maps that are judged by what is seen need these modules.
         from shrm_cli.maps.seen import kept_or_best
-        from shrm_cli.maps.shrm.terms import ShrmProposals
+        from shrm_cli.maps.shrm.proposals import ShrmProposals
         from shrm_cli.plan.search import Goal, rising
 
         goal, allowed = Goal.of(request.error, request.seen), request.allowed
-        shrms = ShrmProposals.known(light, request, goal.error)
-        candidates = rising(shrms.within(allowed), goal, allowed)
+        candidates = rising(ShrmProposals.known(light, request, goal.error), goal, allowed)
         truth = truth_of(probe, brdf)
         made = kept_or_best(candidates, goal, allowed, truth=truth, size=request.size)
         return replace(made, notes=notes)
@@ -61,7 +62,8 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         plan = plan_terms(light, request, chosen)
         if plan is not None:
             takes = split or plan.pays
-            count = f"{plan.count:,} coefficients as terms, {plan.whole.count:,} as one map"
+            as_terms, as_one = plan.counts
+            count = f"{as_terms:,} coefficients as terms, {as_one:,} as one map"
             if plan.is_closer:
                 count += " of more error"
             notes = (*notes, ("split" if takes else "not split", count))
@@ -90,21 +92,16 @@ def _refuse_contradictions(request: Request) -> None:
 def _within_error(light: Projection, request: Request, error: float) -> Prefiltered:
     """Make the SHRM of the fewest bytes that keeps an error, or the best one."""
     # Plain runs search nothing.
-    from shrm_cli.maps.shrm.terms import ShrmProposals
+    from shrm_cli.maps.shrm.proposals import ShrmProposals, sufficient_tolerance
 
-    allowed = request.allowed
-    shrms = ShrmProposals.known(light, request, error)
-    found = shrms.least(error, allowed, make.sufficient_tolerance(error))
-    if found is None:
-        raise nothing_fits(request.size)
-    choice, is_met = found[0].choice, found[1]
-    asked = replace(request, eps=choice.orders.eps, size=choice.size, max_size=allowed)
-    made = make.prefilter_shrm(light, asked, (choice, shrms.coefficients))
+    shrms = ShrmProposals.known(light, request, error, sufficient_tolerance(error))
+    found, is_met = shrms.least(error)
+    made = shrms.made(found, np.float32)
     if is_met:
         return made
     info = made.map.info
     total = total_error(info.predicted_error, info.filter_error)
-    line = unkept_error(error, total, allowed, "take `to` auto")
+    line = unkept_error(error, total, request.allowed, "take `to` auto")
     return replace(made, warnings=(*made.warnings, line))
 
 

@@ -155,9 +155,7 @@ class Shrm(CentralMap):
         texels = np.tile(cube_solid_angles(self.size, self.sampling), (6, 1))
         energy = np.einsum("ijkc,ijkc,ij->k", self.coefficients, self.coefficients, texels)
         lost = float(np.sqrt(energy[kept:].sum() / energy.sum())) if energy.sum() > 0 else 0.0
-        info = replace(
-            self.info, order_p=order_p, added_error=float(np.hypot(self.info.added_error, lost))
-        )
+        info = replace(self.info.adding(lost), order_p=order_p)
         return replace(self, coefficients=self.coefficients[:, :, :kept], info=info)
 
     def check_memory(self, size: int) -> None:
@@ -405,7 +403,7 @@ class CompressedShrm(CentralMap):
         planes = np.moveaxis(shrm.coefficients, (2, 3), (0, 1))
         flat = matrix.astype(planes.dtype) @ planes.reshape(every, -1)
         components = flat.reshape(count, *planes.shape[1:]).transpose(2, 3, 0, 1)
-        info = replace(shrm.info, added_error=float(np.hypot(shrm.info.added_error, errors[count])))
+        info = shrm.info.adding(errors[count])
         return cls(components, matrix, shrm.frame, shrm.center, info, shrm.sampling)
 
     def expand(self) -> Shrm:

@@ -110,7 +110,7 @@ class SummedShrm(ReflectionMap):
         apart, together = brightness(bare)
         whole = float(np.sum(strengths)) * together / max(float(np.sum(apart)), 1e-300)
         own = joint_error(strengths, [each.info.added_error for each in moved], whole)
-        info = replace(self.info, added_error=float(np.hypot(self.info.added_error, own)))
+        info = self.info.adding(own)
         if self.info.filter_error:
             order = self.info.order_carried + self.info.order_p
             looked_up = [look_up_error(term.planes()[0], term.sampling, order) for term in moved]

@@ -23,11 +23,11 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.info import MapInfo, record_of, spec_of
-from shrm_cli.maps.kinds import LightMap, Shaded
+from shrm_cli.maps.kinds import BrushedLight, LightMap, Shaded
 from shrm_cli.maps.splitsum.roughness import blend, level_numbers
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 from shrm_cli.sphere.cube import CubeSampler
-from shrm_cli.sphere.directions import central_directions, horizontal_tangents, surface_frames
+from shrm_cli.sphere.directions import central_directions, surface_frames
 from shrm_cli.vocabulary import (
     DEFAULT_EVEN_TAPS,
     DEFAULT_TAPS,
@@ -220,17 +220,14 @@ class SplitSum(LightMap):
 
     def sampled(self, level: int, directions: ArrayLike) -> Array:
         """Return the light of a level, filtered between its texels, in directions (..., 3)."""
-        if level not in self._samplers:
-            self._samplers[level] = CubeSampler(self.levels[level], self.sampling)
-        values = self._samplers[level](directions)
+        values = self._sampler(level)(directions)
         # The cubic filter overshoots beside lamps. Its values must not be lower than the lowest
         # texel of the level, or than 0 where no texel is negative.
         return np.maximum(values, min(float(self.levels[level].min()), 0.0))
 
-    @cached_property
-    def _samplers(self) -> dict[int, CubeSampler]:
-        """The samplers of the levels that were used so far, by the index of the level."""
-        return {}
+    @once_each
+    def _sampler(self, level: int) -> CubeSampler:
+        return CubeSampler(self.levels[level], self.sampling)
 
 
 @record
@@ -334,7 +331,7 @@ TURNS = {"total": (-1.06, 1.354), "bias": (0.964, 0.286)}
 
 
 @record
-class BrushedSplitSum(Shaded):
+class BrushedSplitSum(BrushedLight, Shaded):
     """A brushed GGX surface under the light of a split sum, as `shrm_brushed` of its code has it.
 
     `anisotropy` is that of glTF, in 0 .. 1. `taps` says how many directions the light is looked up
@@ -352,13 +349,6 @@ class BrushedSplitSum(Shaded):
     @property
     def info(self) -> MapInfo:
         return replace(self.light.info, brdf=record_of(self.brdf))
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return the light of a surface whose tangents run around +Y; see `Map.radiance`."""
-        normals, views = np.broadcast_arrays(
-            np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
-        )
-        return self.brushed_radiance(normals, horizontal_tangents(normals), views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         from shrm_cli.brdf.environment.taps import taps

@@ -7,7 +7,8 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.principal.plan import Joint, Planner, Sharing
-from shrm_cli.maps.principal.terms import Wanted, planned
+from shrm_cli.maps.principal.terms import planned
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.lighting import Projection
@@ -52,10 +53,10 @@ def test_a_tenth_more_error_is_worth_fewer_cubes(planner, most, is_smaller):
 def test_a_twentieth_more_error_is_worth_fewer_bytes_where_a_tolerance_is_missed(planner, most):
     forms = [form for size in TRIED_SIZES for form in forms_of(planner, size, most)]
     allowed = 1.05 * min(form.total_error for form in forms)
-    term = planned(METAL, planner, Wanted(1e-4, None, None, most, None))
-    assert not term.is_met
+    made, is_met = planned(planner, Request("principal", METAL, 1e-4, max_size=most))
+    assert not is_met
     kept = min((f for f in forms if f.total_error <= allowed), key=lambda form: form.bytes)
-    assert (term.form.counts, term.form.size) == (kept.counts, kept.size)
+    assert (made.counts, made.size) == (kept.counts, kept.size)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.maps.principal import terms
 from shrm_cli.maps.principal.proposal import Proposals, is_out_of_reach, scouted
-from shrm_cli.maps.principal.terms import Wanted, first_planner, planner_of, terms_of
+from shrm_cli.maps.principal.terms import first_planner, planner_of, terms_of
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.seen import kept_or_best
 from shrm_cli.plan.search import Candidate, Goal
@@ -30,7 +30,7 @@ def light():
 
 
 def planned(light, spec, eps=0.03, error=None):
-    want = Wanted(eps, error, None, 2**25, None)
+    want = Request("principal", eps=eps, error=error, max_size=2**25)
     return planner_of(light, parse_spec(spec), want).spectrum.transfer
 
 
@@ -65,7 +65,7 @@ def test_a_coarse_look_tells_what_no_map_keeps(light):
     error = np.hypot(best.map.info.predicted_error, best.map.info.filter_error)
     share = best.further["predicted_wrong_share"]()
 
-    want = Wanted(0.03, error, None, LITTLE, None)
+    want = Request("principal", error=error, max_size=LITTLE)
     planner = scouted(light, brdf, want)
 
     def is_far(error, seen):
@@ -76,11 +76,12 @@ def test_a_coarse_look_tells_what_no_map_keeps(light):
     assert is_far(error, share / 4.4)
     assert not is_far(error, share / 1.8)
     # Nor of maps that are so good that coarse sampling would be a part of their error.
-    best = Wanted(0.03, 1e-4, None, 2**25, None)
+    best = Request("principal", error=1e-4, max_size=2**25)
     assert not is_out_of_reach([planner], best)
     # Where maps are nearly as good, shares are told that are 3.2 times as large as they are.
-    assert not is_out_of_reach([planner], Wanted(0.03, error, None, 8 * LITTLE, None, 0.082))
-    assert is_out_of_reach([planner], Wanted(0.03, error, None, 8 * LITTLE, None, 0.06))
+    more = replace(want, max_size=8 * LITTLE)
+    assert not is_out_of_reach([planner], replace(more, seen=0.082))
+    assert is_out_of_reach([planner], replace(more, seen=0.06))
 
 
 @pytest.mark.parametrize(
@@ -100,7 +101,7 @@ def test_a_first_look_tells_what_no_map_keeps(light, spec, sure):
     error = np.hypot(best.map.info.predicted_error, best.map.info.filter_error)
     share = best.further["predicted_wrong_share"]()
     parts, _ = terms_of(brdf, None, False)
-    want = Wanted(0.03, error, None, LITTLE, None)
+    want = Request("principal", error=error, max_size=LITTLE)
     planners = [first_planner(light, part, want) for part in parts]
 
     def is_far(error, seen):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.principal.terms import Wanted, _fills_budget
+from shrm_cli.maps.principal.terms import _fills_budget
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import choose_size, stored_bytes
 from shrm_cli.plan import policy
 from shrm_cli.prefilter import prefilter
@@ -73,7 +74,7 @@ class Full:
 @pytest.mark.parametrize(("best", "fills"), [(12, True), (48, True), (64, False)])
 def test_more_degrees_are_computed_where_larger_cubes_might_be_better(best, fills):
     """Cubes of 64 texels, the rival of those of 48, support 80 degrees, and those of 96, 120."""
-    assert _fills_budget(Full(best), Wanted(0.01, None, None, 10**6, None)) == fills
+    assert _fills_budget(Full(best), Request("principal", eps=0.01, max_size=10**6)) == fills
 
 
 @pytest.mark.proof

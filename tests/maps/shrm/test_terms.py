@@ -56,7 +56,8 @@ def test_fewer_coefficients_at_no_larger_error(real_probes, tmp_path):
     probe = open_probe(write_exr(tmp_path / "probe.exr", pixels))
     plan = plan_terms(Projection(probe), Request("shrm", brdf()))
     assert plan.pays
-    assert plan.count < 0.8 * plan.whole.count
+    as_terms, as_one = plan.counts
+    assert as_terms < 0.8 * as_one
     split = prefilter_terms(plan).map
     whole = prefilter_shrm(Projection(probe), Request("shrm", brdf())).map
     assert split.info.predicted_error <= whole.info.predicted_error
@@ -103,9 +104,9 @@ def test_terms_end_no_sooner_than_the_whole(smooth):
     missing = strengths = 0.0
     for term, lobe in zip(plan.terms, [above / np.pi, 65 / (2 * np.pi) * above**64], strict=True):
         energies = power * (weights * lobe @ legendre) ** 2
-        missing += energies[term.choice.orders.order_f + 1 :].sum()
+        missing += energies[term.orders.order_f + 1 :].sum()
         strengths += np.sqrt(energies.sum())
-    orders = plan.whole.choice.orders
+    orders = plan.whole.orders
     allowed = predicted_error(light, plan.whole.coefficients, orders.order_f, orders.order_p)
     assert np.sqrt(missing) / strengths <= allowed
 
@@ -245,6 +246,6 @@ def test_the_tolerances_that_are_tried_for_terms(name, eps, tolerance):
     spec = "0.5*phong:exponent=8+0.5*phong:exponent=40"
     plan = plan_terms(light, Request("shrm", brdf=parse_sum(spec, parse_spec), eps=eps))
     for term in plan.terms:
-        assert term.choice.orders.eps == pytest.approx(tolerance)
+        assert term.orders.eps == pytest.approx(tolerance)
     error = _truncation_error(plan.terms, light.to_order(32))
     assert error < policy.NO_ERROR if name == "furnace" else error > 1000 * policy.NO_ERROR
