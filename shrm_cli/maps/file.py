@@ -28,7 +28,7 @@ def open_map(path: str | os.PathLike[str]) -> Map:
     >>> shrm.open_map("white.exr").representation
     'irradiance'
     """
-    file = open_file(path)
+    file = open_file(os.fspath(path))
     attributes = read_attributes(file.first)
     check_amount(file)
     name = attributes["representation"]

@@ -73,6 +73,22 @@ def test_convert(folder):
     np.testing.assert_allclose(again, cross, rtol=1e-6, atol=1e-6)
 
 
+def test_an_array_is_a_probe_that_is_converted(folder):
+    pixels = np.ones((16, 32, 3), np.float32)
+    shrm.convert(pixels, "openexr", size=4).save("cube.exr")
+    assert shrm.open_probe("cube.exr").layout == "openexr"
+    with pytest.raises(shrm.ArgumentError, match="array is no map"):
+        shrm.convert(pixels, "cabral")
+
+
+def test_what_is_no_path_is_said_in_one_line(folder):
+    pixels = np.ones((16, 32, 3), np.float32)
+    with pytest.raises(shrm.ArgumentError, match=r"^`path` is of type ndarray; .*from_array$"):
+        shrm.open_probe(pixels)
+    with pytest.raises(TypeError, match=r"not ndarray$"):
+        shrm.open_map(pixels)
+
+
 def test_info(folder):
     told = json.loads(done("info", "white.exr", "--json"))
     assert {"file": "white.exr", **shrm.describe("white.exr").facts, "warnings": []} == told

@@ -25,7 +25,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import FixedMap, HarmonicLight, MaterialMap, ReflectionMap
 from shrm_cli.maps.product.steps import Steps
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
+from shrm_cli.sphere.directions import as_directions, horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.parabolic import ParabolicSampler
 from shrm_cli.sphere.rotation import rotate_each_into_frames, rotate_into_frames
@@ -231,9 +231,8 @@ class LitProduct(_Parabolic, ReflectionMap):
         The tangents are those of `sphere.directions.horizontal_tangents`; isotropic BRDFs do not
         care. Parameters and result are those of `Map.radiance`.
         """
-        return self.brushed_radiance(
-            normals, horizontal_tangents(np.asarray(normals, float)), views
-        )
+        normals, views = as_directions(normals=normals, views=views)
+        return self.brushed_radiance(normals, horizontal_tangents(normals), views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate what is reflected where parameters that vary are in the middle of their ways."""
