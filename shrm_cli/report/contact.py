@@ -17,6 +17,7 @@ from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo, spec_of
 from shrm_cli.maps.kinds import LightMap, MaterialMap
 from shrm_cli.maps.options import bytes_text, counted
+from shrm_cli.messages import several
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, whole_coverage
@@ -94,12 +95,15 @@ def found_maps(names: Iterable[str]) -> list[str]:
     return list(found)
 
 
-def draw_contacts(files: Sequence[str], progress: Progress | None = None) -> Contacts:
+def draw_contacts(
+    files: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
+    progress: Progress | None = None,
+) -> Contacts:
     """Draw a small sphere of each map.
 
     Parameters
     ----------
-    files : sequence of str
+    files : sequence of path-like, or one
         One after the other is read, drawn, and forgotten.
     progress : callable, optional
         Called with the maps that are done and their number.
@@ -121,18 +125,19 @@ def draw_contacts(files: Sequence[str], progress: Progress | None = None) -> Con
     >>> len(shrm.draw_contacts(["white.exr"]).maps)
     1
     """
-    if not 1 <= len(files) <= MOST_MAPS:
+    names = [os.fspath(each) for each in several(files)]
+    if not 1 <= len(names) <= MOST_MAPS:
         raise MapError(
-            f"{len(files):,} maps are there to be shown; name 1 to {MOST_MAPS:,} of them, or "
+            f"{len(names):,} maps are there to be shown; name 1 to {MOST_MAPS:,} of them, or "
             "folders that hold so many"
         )
     found = Contacts()
-    for done, file in enumerate(files, start=1):
+    for done, file in enumerate(names, start=1):
         try:
             found.maps.append(_drawn(file))
         except ShrmError as error:
             found.failures.append((file, str(error)))
-        tell(progress, done, len(files))
+        tell(progress, done, len(names))
     return found
 
 
