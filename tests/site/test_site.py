@@ -106,6 +106,7 @@ def test_the_site_asks_for_nothing_from_elsewhere():
     text = (ROOT / "mkdocs.yml").read_text()
     assert "font: false" in text
     assert "//" not in text
+    assert "polyfills: [iframe-worker/index.js]" in text  # or it is taken from unpkg.com
 
 
 def test_figures_are_all_on_a_page():
