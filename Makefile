@@ -195,7 +195,8 @@ probes:
 
 # ---- the site ----------------------------------------------------------------------------------
 
-# KaTeX typesets equations; it becomes a part of the site, which loads nothing from elsewhere.
+# KaTeX typesets equations, and iframe-worker searches pages that are opened from a disk; they become
+# a part of the site, which loads nothing from elsewhere.
 $(VENV)/.site: $(VENV)/.installed tests/site/package-lock.json
 	@command -v npm >/dev/null || { echo 'The site needs npm (Debian and Ubuntu: apt install npm)'; exit 1; }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[site]'
@@ -204,7 +205,7 @@ $(VENV)/.site: $(VENV)/.installed tests/site/package-lock.json
 
 site: $(VENV)/.site
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
-	@echo "The site is in build/site/: $(BIN)/python -m http.server -d build/site"
+	@echo "The site is build/site/index.html, which needs no server"
 
 man: $(VENV)/.installed
 	@$(BIN)/python -m tests.site.manual build/man

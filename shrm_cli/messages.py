@@ -11,6 +11,7 @@ written goes through `shown`.
 
 import os
 import re
+from collections.abc import Iterable
 from typing import Any
 
 from shrm_cli.errors import ArgumentError
@@ -161,6 +162,18 @@ def whole(argument: str, value: object, low: int, high: int) -> int:
     if number is None or isinstance(value, bool) or not low <= number <= high:
         raise ArgumentError(argument, f"is {value!r:.80}; give a whole number of {low} .. {high}")
     return int(number)
+
+
+def several(given: Any, needed: str = "") -> list[Any]:
+    """Return what was given as a list, where one of what may be several stands for itself.
+
+    `needed` is the name of the argument, where there has to be one at least.
+    """
+    is_one = isinstance(given, str) or not isinstance(given, Iterable)
+    found = [given] if is_one else list(given)
+    if needed and not found:
+        raise ArgumentError(needed, "are none; name one at least")
+    return found
 
 
 def refuse_arguments(what: str, **values: object) -> None:

@@ -405,7 +405,7 @@ def reference(
     >>> shrm.reference(white, "lambertian", up, up).round(2).tolist()
     [1.0, 1.0, 1.0]
     """
-    normals, views = as_directions("normals", normals), as_directions("views", views)
+    normals, views = as_directions(normals=normals, views=views)
     light = as_probe(probe)
     if source_height is not None:
         source_height = whole("source_height", source_height, 2, MAX_SOURCE_HEIGHT)

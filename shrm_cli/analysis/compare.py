@@ -8,8 +8,9 @@ from typing import Any
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.file import open_map, several
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, differing_origins, record_of
+from shrm_cli.messages import several
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages, tell
 from shrm_cli.records import record
@@ -131,7 +132,7 @@ def compare(
     >>> found["relative_rmse"] < 0.05
     True
     """
-    source, maps = None if probe is None else as_probe(probe), several(maps)
+    source, maps = None if probe is None else as_probe(probe), several(maps, "maps")
     if source is None and len(maps) == 1:
         raise ArgumentError("maps", "are one, which has nothing to be compared with; name another")
     if names is None:

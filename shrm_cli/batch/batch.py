@@ -24,6 +24,7 @@ from shrm_cli.batch.job import by_probe
 from shrm_cli.batch.log import Totals
 from shrm_cli.batch.run import Workers, run
 from shrm_cli.batch.work import Result, Terms
+from shrm_cli.messages import several
 
 _Returned = TypeVar("_Returned")
 
@@ -153,7 +154,7 @@ def _follow_parent() -> None:
 
 
 def batch(
-    entries: Sequence[Entry],
+    entries: Sequence[Entry] | Entry,
     *,
     jobs: int | None = None,
     scheduler: str | None = None,
@@ -167,7 +168,7 @@ def batch(
 
     Parameters
     ----------
-    entries : sequence of Entry
+    entries : sequence of Entry, or one
         What is made.
     jobs : int, optional
         Processes that work at a time; by default as many as there are processors.
@@ -193,7 +194,7 @@ def batch(
     >>> shrm.batch([entry], jobs=1, terms=shrm.Terms(only_looks=True)).waiting
     1
     """
-    chunks = by_probe(checked([job for entry in entries for job in entry.jobs()]))
+    chunks = by_probe(checked([job for entry in several(entries) for job in entry.jobs()]))
     totals = Totals(sum(len(chunk.jobs) for chunk in chunks))
 
     def take(result: Result) -> None:

@@ -18,7 +18,7 @@ from shrm_cli.files.whole import is_input
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import Representation, counted, listing, owners
 from shrm_cli.maps.request import check_arguments, checked_options, resolved_form
-from shrm_cli.messages import is_remote, shown
+from shrm_cli.messages import is_remote, several, shown
 from shrm_cli.naming import brdf_label, probe_stem, unsound
 from shrm_cli.probe.open import face_paths
 from shrm_cli.records import record
@@ -81,6 +81,9 @@ class Entry:
     engines: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("probes", "brdfs", "to", "engines"):
+            texts = tuple(os.fspath(each) for each in several(getattr(self, name)))
+            object.__setattr__(self, name, texts)
         resolved = tuple(resolved_form(to, self.arguments) for to in self.to)
         object.__setattr__(self, "to", resolved)
 

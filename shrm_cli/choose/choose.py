@@ -5,7 +5,6 @@ before any is made, so that hundreds of them can be searched. Forms of which no 
 and the light itself, are made to be known.
 """
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -38,6 +37,7 @@ from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
 from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.maps.size import total_error
 from shrm_cli.maps.wrong_pixels import visible_pairs
+from shrm_cli.messages import several
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Row, kept_in_fewest
 from shrm_cli.prefilter import prefilter_with_facts
@@ -281,7 +281,7 @@ def choose(
     for name, value in (("error", error), ("seen", seen)):
         if not 0 < value < 1:
             raise ArgumentError(name, f"{value:g} is not between 0 and 1")
-    asked = [brdfs] if isinstance(brdfs, Brdf | str | os.PathLike) else list(brdfs)
+    asked = several(brdfs)
     stages = Stages(progress, len(asked))
     found: list[Choice] = []
     for each in asked:

@@ -17,13 +17,14 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.messages import refuse_arguments
+from shrm_cli.probe.open import AnyProbe
 from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, using
 
 
 def convert(
-    source: Map | Probe | str | os.PathLike[str],
+    source: Map | AnyProbe,
     to: str,
     *,
     size: int | None = None,
@@ -43,7 +44,8 @@ def convert(
 
     Parameters
     ----------
-    source : Map, Probe or path-like
+    source : Map, Probe, path-like or ndarray
+        An array holds the pixels of a probe.
     to : str
         A representation, of a map; a layout of images; or ``layers``, the textures that the code of
         a map reads.
@@ -92,7 +94,7 @@ def convert(
     if to not in (vocabulary.LAYERS, *vocabulary.REPRESENTATIONS):
         refuse_arguments(f"`to` {to}", shader=shader)
     reading = reading or ReadOptions()
-    if isinstance(source, Probe) or not (isinstance(source, Map) or is_map(source)):
+    if isinstance(source, Probe | np.ndarray) or not (isinstance(source, Map) or is_map(source)):
         refuse_arguments("probes", view=view, mips=mips or None, **options)
         return _of_probe(source, to, size, orientation, sampling, reading, progress)
     name = source.what if isinstance(source, Map) else os.fspath(source)
@@ -189,7 +191,7 @@ def _plain_instead(found: Map, name: str, to: str) -> str:
 
 
 def _of_probe(
-    source: Probe | str | os.PathLike[str],
+    source: AnyProbe,
     to: str,
     size: int | None,
     orientation: vocabulary.Orientation | None,
@@ -198,11 +200,11 @@ def _of_probe(
     progress: Progress | None,
 ) -> ConvertedProbe:
     """Lay a probe out anew."""
-    from shrm_cli.probe.open import open_probe
+    from shrm_cli.probe.open import as_probe
     from shrm_cli.probe.resample import to_layout
 
-    name = source.name if isinstance(source, Probe) else os.fspath(source)
-    probe = source if isinstance(source, Probe) else open_probe(source, reading)
+    probe = as_probe(source, reading)
+    name = probe.name
     if to == vocabulary.LAYERS:
         raise ArgumentError("to", f"{to}: {name} is no map; make one by shrm prefilter")
     if to not in vocabulary.LAYOUTS:

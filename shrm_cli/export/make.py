@@ -34,6 +34,7 @@ from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.splitsum.prefilter import make_levels
 from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.messages import several
 from shrm_cli.naming import probe_stem
 from shrm_cli.orders import Orders
 from shrm_cli.probe.disc import Disc
@@ -258,8 +259,7 @@ def export(
     >>> any(file.name.endswith("_README.md") for file in made.files)
     True
     """
-    paths = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
-    source = Source.open([os.fspath(each) for each in paths], reading=reading)
+    source = Source.open([os.fspath(each) for each in several(sources)], reading=reading)
     made = packaged(source, engine_of(engine), asked or Asked(), progress)
     if folder is not None:
         write(made, Path(folder))

@@ -11,6 +11,7 @@ depends neither on the materials nor on the view, so that a turntable does not f
 
 import base64
 import html
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -31,6 +32,7 @@ from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, check_arguments
 from shrm_cli.maps.seen import as_candidate
+from shrm_cli.messages import several
 from shrm_cli.naming import probe_stem
 from shrm_cli.plan.search import Goal
 from shrm_cli.prefilter import prefilter_with_facts
@@ -317,7 +319,7 @@ def lookdev(
     [3]
     """
     check_arguments(to, [*arguments, "brdf"])
-    probes, brdfs = ([each] if isinstance(each, str) else each for each in (probes, brdfs))
+    probes, brdfs = [os.fspath(each) for each in several(probes)], several(brdfs)
     for spec in brdfs:
         parse_spec(spec)  # what is wrong with a material is said before the work begins
     Grid(len(brdfs), len(probes), size).check()

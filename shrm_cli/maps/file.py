@@ -1,7 +1,7 @@
 """What the file of a map holds, whatever its representation: the map, and how it was made."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredFile, WithoutLast, open_file, peek
@@ -28,7 +28,7 @@ def open_map(path: str | os.PathLike[str]) -> Map:
     >>> shrm.open_map("white.exr").representation
     'irradiance'
     """
-    file = open_file(path)
+    file = open_file(os.fspath(path))
     attributes = read_attributes(file.first)
     check_amount(file)
     name = attributes["representation"]
@@ -48,13 +48,6 @@ def open_map(path: str | os.PathLike[str]) -> Map:
     if table is None:
         return LampMap(decode(file), *lamps, path=os.fspath(path))
     return LampMap(decode(WithoutLast(file)), *lamps, LobeTable.read(table))
-
-
-def several(
-    maps: Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str],
-) -> list[Map | str | os.PathLike[str]]:
-    """Return maps, or paths of some, as a list, where one alone may stand for itself."""
-    return [maps] if isinstance(maps, Map | str | os.PathLike) else list(maps)
 
 
 @record

@@ -43,8 +43,8 @@ class BrushedLight(ReflectedLight):
     """Light that surfaces reflect whose tangents matter; by default these run around +Y."""
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        tangents = horizontal_tangents(np.asarray(normals, dtype=float))
-        return self.brushed_radiance(normals, tangents, views)
+        normals, views = as_directions(normals=normals, views=views)
+        return self.brushed_radiance(normals, horizontal_tangents(normals), views)
 
 
 class CentralMap(ReflectionMap):
@@ -57,11 +57,11 @@ class CentralMap(ReflectionMap):
         """Evaluate the radiance for central directions instead of normals; else as `radiance`."""
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        given = as_directions("normals", normals), as_directions("views", views)
+        given = as_directions(normals=normals, views=views)
         return self.central_radiance(central_directions(self.center, *given), views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        given = (np.asarray(each, dtype=float) for each in (normals, views, tangents))
+        given = as_directions(normals=normals, views=views, tangents=tangents)
         return self.central_radiance(central_directions(self.center, *given), views)
 
 

@@ -22,7 +22,6 @@ from hashlib import blake2b
 from itertools import islice, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, Indices, Memo
 from shrm_cli.records import record
@@ -30,8 +29,6 @@ from shrm_cli.sphere.directions import bisector, from_angles, local_frame, norma
 from shrm_cli.sphere.harmonics import complex_from_real, degrees
 from shrm_cli.sphere.wigner import small_d_degrees
 from shrm_cli.vocabulary import LUMINANCE, WRONG, Center
-
-ComplexArray = NDArray[np.complexfloating]
 
 _KEPT_ORDER = 96
 _known_rings = Memo(2**25)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError, ProbeError
+from shrm_cli.messages import several
 from shrm_cli.probe.image_file import ImageFile, open_picture
 from shrm_cli.progress import report
 from shrm_cli.records import record
@@ -104,7 +105,7 @@ def unwrap_balls(
     >>> made.pixels.shape
     (16, 32, 3)
     """
-    paths = [paths] if isinstance(paths, str | os.PathLike) else paths
+    paths = several(paths)
     stood = [(90.0 * k, 0.0) for k in range(len(paths))] if cameras is None else list(cameras)
     if not paths or len(stood) != len(paths):
         raise ArgumentError("camera", "must be given once for each photograph, or not at all")

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.color import srgb_to_linear
 from shrm_cli.errors import ArgumentError, ProbeError
+from shrm_cli.messages import several
 from shrm_cli.probe.image_file import ImageFile, open_picture
 from shrm_cli.progress import report
 from shrm_cli.records import record
@@ -113,7 +114,7 @@ def merge_brackets(
     >>> shrm.merge_brackets(["probes/studio.exr", "probes/studio.exr"], times=[1, 4]).curve is None
     True
     """
-    opened, exposures = _in_order(paths, times)
+    opened, exposures = _in_order(several(paths), times)
     is_linear = linear or all(each.is_float for each in opened)
     steps = len(opened) * (1 if is_linear else 2)
     curve, places, white = None, [], 1.0

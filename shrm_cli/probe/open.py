@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.errors import PluginError, ProbeError
+from shrm_cli.errors import ArgumentError, PluginError, ProbeError
 from shrm_cli.files.exr_header import says_map
 from shrm_cli.messages import explained
 from shrm_cli.probe.image import ArrayImage, detect_layout
@@ -57,6 +57,8 @@ def open_probe(
     ------
     ProbeError
         If it is no usable image, its layout is unknown, or a keyword or its value is.
+    ArgumentError
+        If it is no path.
 
     Examples
     --------
@@ -65,7 +67,15 @@ def open_probe(
     ('latlong', 256)
     """
     options = with_keywords(options or ReadOptions(), keywords)
-    return _opened(str(path), options).within(options.box, options.at)
+    return _opened(_file_name(path), options).within(options.box, options.at)
+
+
+def _file_name(path: object) -> str:
+    """Return a path as text; refuse what is none, such as pixels, which would fill a message."""
+    if isinstance(path, str | os.PathLike):
+        return str(path)
+    words = "give the name of a file, or pixels to Probe.from_array"
+    raise ArgumentError("path", f"is of type {type(path).__name__}; {words}")
 
 
 def _opened(name: str, options: ReadOptions) -> Probe:
@@ -175,13 +185,13 @@ AnyProbe = Probe | str | os.PathLike[str] | NDArray[np.floating]
 """A probe, the name of its file, or its pixels."""
 
 
-def as_probe(probe: AnyProbe) -> Probe:
-    """A probe from itself, from the name of its file, or from its pixels."""
+def as_probe(probe: AnyProbe, options: ReadOptions | None = None) -> Probe:
+    """A probe from itself, from the name of its file, read by options, or from its pixels."""
     if isinstance(probe, Probe):
         return probe
     if isinstance(probe, np.ndarray):
         return Probe.from_array(probe)
-    return open_probe(probe)
+    return open_probe(probe, options)
 
 
 _KEYS = {"layout", "orientation", "sampling", "chromaticities"}

@@ -276,7 +276,8 @@ class Probe(Displayed):
 
     def radiance(self, directions: ArrayLike) -> Array:
         """Filtered radiance in world directions, shape (..., 3); the image is read once."""
-        inside = as_directions("directions", directions) @ self.matrix  # M^-1 d, as rows
+        (outside,) = as_directions(directions=directions)
+        inside = outside @ self.matrix  # M^-1 d, as rows
         return np.maximum(self._sampler(inside), 0)  # a cubic filter overshoots
 
     @cached_property

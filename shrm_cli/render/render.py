@@ -9,8 +9,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.files.image import Picture
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.file import several
-from shrm_cli.messages import refuse_arguments, whole
+from shrm_cli.messages import refuse_arguments, several, whole
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -101,7 +100,7 @@ def render(
         else {"place": place, "radius": radius}
     )
     refuse_arguments("a sphere" if mesh is None else "a mesh", **unused)
-    given = several(maps)
+    given = several(maps, "maps")
     names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in given]
     opened = [each if isinstance(each, Map) else open_lit(each) for each in given]
     opened, _ = lit_maps(opened, names, _light(probe), None)

@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,7 @@ from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo, spec_of
 from shrm_cli.maps.kinds import LightMap, MaterialMap
 from shrm_cli.maps.options import bytes_text, counted
+from shrm_cli.messages import several
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, whole_coverage
@@ -93,12 +95,15 @@ def found_maps(names: Iterable[str]) -> list[str]:
     return list(found)
 
 
-def draw_contacts(files: Sequence[str], progress: Progress | None = None) -> Contacts:
+def draw_contacts(
+    files: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
+    progress: Progress | None = None,
+) -> Contacts:
     """Draw a small sphere of each map.
 
     Parameters
     ----------
-    files : sequence of str
+    files : sequence of path-like, or one
         One after the other is read, drawn, and forgotten.
     progress : callable, optional
         Called with the maps that are done and their number.
@@ -120,18 +125,19 @@ def draw_contacts(files: Sequence[str], progress: Progress | None = None) -> Con
     >>> len(shrm.draw_contacts(["white.exr"]).maps)
     1
     """
-    if not 1 <= len(files) <= MOST_MAPS:
+    names = [os.fspath(each) for each in several(files)]
+    if not 1 <= len(names) <= MOST_MAPS:
         raise MapError(
-            f"{len(files):,} maps are there to be shown; name 1 to {MOST_MAPS:,} of them, or "
+            f"{len(names):,} maps are there to be shown; name 1 to {MOST_MAPS:,} of them, or "
             "folders that hold so many"
         )
     found = Contacts()
-    for done, file in enumerate(files, start=1):
+    for done, file in enumerate(names, start=1):
         try:
             found.maps.append(_drawn(file))
         except ShrmError as error:
             found.failures.append((file, str(error)))
-        tell(progress, done, len(files))
+        tell(progress, done, len(names))
     return found
 
 
@@ -177,14 +183,14 @@ def contact_page(
     >>> "white.exr" in page
     True
     """
+    columns = _columns(contacts.maps)
     rows: dict[tuple[str, str], dict[tuple[str, str], list[Thumbnail]]] = {}
-    columns: dict[tuple[str, str], None] = {}
     for each in contacts.maps:
-        rows.setdefault(each.probe, {}).setdefault(each.column, []).append(each)
-        columns[each.column] = None
+        rows.setdefault(each.probe, {}).setdefault(columns[each.column], []).append(each)
     folder = Path(target).absolute().parent
-    body = [_line(name, rows[name], list(columns), folder) for name in rows]
-    head = tag("tr", tag("th", "Probe"), [tag("th", _heading(*each)) for each in columns])
+    shown = list(dict.fromkeys(columns.values()))
+    body = [_line(name, rows[name], shown, folder) for name in rows]
+    head = tag("tr", tag("th", "Probe"), [tag("th", _heading(*each)) for each in shown])
     total = sum(each.bytes for each in contacts.maps)
     what = (
         f"{counted(len(contacts.maps), 'map')} of {counted(len(rows), 'probe')}, "
@@ -204,6 +210,19 @@ def contact_page(
     )
 
 
+def _columns(maps: Sequence[Thumbnail]) -> dict[tuple[str, str], tuple[str, str]]:
+    """Return the column of each BRDF and form.
+
+    Forms that were chosen for each probe share the column of their BRDF, which then has no form.
+    """
+    found = dict.fromkeys(each.column for each in maps)
+    chosen = {(each.probe, each.brdf): each.form for each in maps}
+    apart = {each.brdf for each in maps if chosen[each.probe, each.brdf] != each.form}
+    forms = Counter(brdf for brdf, _ in found)
+    shared = {brdf for brdf in forms if brdf and forms[brdf] > 1 and brdf not in apart}
+    return {(brdf, form): (brdf, "" if brdf in shared else form) for brdf, form in found}
+
+
 def _heading(brdf: str, form: str) -> Part:
     return joined(spec(brdf), Html("<br>"), form) if brdf else form
 
@@ -221,14 +240,18 @@ def _line(
     heading = tag(
         "th", words.base_name(probe[0]), Html("<br>"), tag("span.quiet", words.stops(stops))
     )
-    found = [tag("td", [_cell(each, stops, folder) for each in cells.get(c, [])]) for c in columns]
+    found = [
+        tag("td", [_cell(each, stops, folder, not form) for each in cells.get((brdf, form), [])])
+        for brdf, form in columns
+    ]
     return tag("tr", heading, found)
 
 
-def _cell(each: Thumbnail, stops: float, folder: Path) -> Html:
+def _cell(each: Thumbnail, stops: float, folder: Path, names_form: bool) -> Html:
     colors = pictures.shown(pictures.unmultiplied(each.picture), stops, each.info.chromaticities)
     picture = pictures.image(pictures.on_sphere(colors), words.base_name(each.file))
     orders = f"F {each.info.order_f}" + (f", P {each.info.order_p}" if each.info.order_p else "")
+    orders = f"{each.form}, {orders}" if names_form else orders
     size = bytes_text(each.bytes)
     told = size if each.error is None else f"{size}, {words.percent(each.error)}"
     return tag(

@@ -14,6 +14,7 @@ from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.messages import several
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
@@ -405,7 +406,7 @@ def report(
     1
     """
     light = as_probe(probe)
-    brdfs, to = ((each,) if isinstance(each, str) else tuple(each) for each in (brdfs, to))
+    brdfs, to = tuple(several(brdfs)), tuple(several(to))
     plan = Plan(brdfs, to, arguments, tuple(angles), picture_size, truth_height, exact, flips)
     plan.recipes()  # refuses what no probe could make, before long work
     stages = Stages(progress, 2)

@@ -13,14 +13,26 @@ _GRAZING = 1e-6
 """Length of R + V below which both are taken to be opposite."""
 
 
-def as_directions(argument: str, vectors: ArrayLike) -> Array:
-    """Return vectors as floats of shape (..., 3); raise an `ArgumentError` for anything else."""
-    try:
-        found = np.asarray(vectors, dtype=float)
-    except (TypeError, ValueError):
-        raise ArgumentError(argument, "are no numbers; give vectors, shape (..., 3)") from None
-    if found.shape[-1:] != (3,):
-        raise ArgumentError(argument, f"of shape {found.shape} are no vectors; give (..., 3)")
+def as_directions(**given: ArrayLike) -> list[Array]:
+    """Return vectors as floats of shape (..., 3), each as it was given.
+
+    Raises an `ArgumentError`, which names the argument, for anything else, and for vectors that
+    cannot be broadcast to one shape.
+    """
+    found: list[Array] = []
+    for argument, vectors in given.items():
+        try:
+            found.append(np.asarray(vectors, dtype=float))
+        except (TypeError, ValueError):
+            raise ArgumentError(argument, "are no numbers; give vectors, shape (..., 3)") from None
+        shape = found[-1].shape
+        if shape[-1:] != (3,):
+            raise ArgumentError(argument, f"of shape {shape} are no vectors; give (..., 3)")
+        try:
+            np.broadcast_shapes(found[0].shape, shape)
+        except ValueError:
+            others = f"{next(iter(given))} of shape {found[0].shape}"
+            raise ArgumentError(argument, f"of shape {shape} do not go with {others}") from None
     return found
 
 

@@ -10,9 +10,10 @@ from shrm_cli.color import same_primaries
 from shrm_cli.errors import BrdfError
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.file import open_map, several
+from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, differing_origins, spec_of
 from shrm_cli.maps.kinds import LightMap, check_tap_count
+from shrm_cli.messages import several
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record

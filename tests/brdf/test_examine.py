@@ -5,8 +5,9 @@ import csv
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.albedo import directional_albedo
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.examine import difference, directional_albedo, examine
+from shrm_cli.brdf.examine import difference, examine
 from shrm_cli.brdf.spec import parse_spec
 from tests.brdf.layered.parts.test_table import gridded
 from tests.brute_force import microfacet, sphere_rule
@@ -31,6 +32,11 @@ class Given(Brdf):
 
 def constant(*rgb):
     return Given(lambda light, view: np.array(rgb) / np.pi)
+
+
+def test_a_specification_is_examined_as_its_brdf_is():
+    text = "phong:exponent=8"
+    assert np.array_equal(examine(text).albedo, examine(parse_spec(text)).albedo)
 
 
 def test_a_constant_has_its_albedo_at_every_angle():

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -71,6 +72,22 @@ def test_convert(folder):
     cross = shrm.to_layout(shrm.open_probe("probe.exr"), "hcross", size=8)
     again = shrm.to_layout(shrm.open_probe("cross.exr"), "hcross", size=8)
     np.testing.assert_allclose(again, cross, rtol=1e-6, atol=1e-6)
+
+
+def test_an_array_is_a_probe_that_is_converted(folder):
+    pixels = np.ones((16, 32, 3), np.float32)
+    shrm.convert(pixels, "openexr", size=4).save("cube.exr")
+    assert shrm.open_probe("cube.exr").layout == "openexr"
+    with pytest.raises(shrm.ArgumentError, match="array is no map"):
+        shrm.convert(pixels, "cabral")
+
+
+def test_what_is_no_path_is_said_in_one_line(folder):
+    pixels = np.ones((16, 32, 3), np.float32)
+    with pytest.raises(shrm.ArgumentError, match=r"^`path` is of type ndarray; .*from_array$"):
+        shrm.open_probe(pixels)
+    with pytest.raises(TypeError, match=r"not ndarray$"):
+        shrm.open_map(pixels)
 
 
 def test_info(folder):
@@ -157,3 +174,16 @@ def test_one_of_what_may_be_several_stands_for_itself(folder):
     page = shrm.report("probe.exr", "lambertian", "shrm", picture_size=16)
     assert len(page.measured.summary()) == 1
     assert shrm.unwrap_balls("probe.exr", circles=[(32, 16, 15)], size=8).pixels.shape == (8, 16, 3)
+    assert len(shrm.draw_contacts(Path("white.exr")).maps) == 1
+    entry = shrm.Entry(Path("probe.exr"), "lambertian", "shrm")
+    assert (entry.probes, entry.brdfs, entry.to) == (("probe.exr",), ("lambertian",), ("shrm",))
+    assert shrm.batch(entry, jobs=1, terms=shrm.Terms(only_looks=True)).jobs == 1
+    assert shrm.lookdev(iter([Path("probe.exr")]), "lambertian", size=16).failures == []
+    with pytest.raises(shrm.ProbeError, match=r"probe\.exr: is one exposure"):
+        shrm.merge_brackets("probe.exr")
+
+
+@pytest.mark.parametrize("function", [shrm.render, shrm.compare, shrm.view])
+def test_no_map_is_said_in_one_line(function):
+    with pytest.raises(shrm.ArgumentError, match="`maps` are none; name one at least"):
+        function([])

@@ -383,6 +383,22 @@ def test_contact_sheets_have_a_row_for_each_probe(folder):
     assert snapshot(folder).keys() == before.keys()
 
 
+def test_forms_that_were_chosen_by_probe_share_a_column(folder):
+    """A page of `make batch` had a column for each form, with holes where the other was chosen."""
+    write_exr("other.exr", np.full((16, 32, 3), 2, dtype=np.float32))
+    for name, forms in (("probe", ["shrm"]), ("other", ["principal", "shrm"])):
+        for form in forms:
+            done("prefilter", f"{name}.exr", "--brdf", "phong:exponent=4", "--to", form, "--quiet",
+                 "-o", f"{name}.{form}.exr")  # fmt: skip
+    done("contact", "probe.shrm.exr", "other.principal.exr", "-o", "c.html")
+    _, page = read("c.html")
+    assert (len(page.all("tr")), len(page.all("td"))) == (3, 2)
+    assert {each.split(",")[0] for each in page.texts if ", F " in each} == {"shrm", "principal"}
+    done("contact", "probe.shrm.exr", "other.principal.exr", "other.shrm.exr", "-o", "d.html")
+    _, page = read("d.html")
+    assert (len(page.all("tr")), len(page.all("td"))) == (3, 4)
+
+
 def test_contact_sheets_say_no_error_that_is_not_the_maps(folder):
     """SH exponentials had 0 %, whatever their fit leaves, and split sums that of their levels."""
     for form in ("she", "splitsum"):

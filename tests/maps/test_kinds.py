@@ -79,3 +79,18 @@ def test_numbers_of_taps_that_nobody_fitted_are_refused(taps):
 def test_no_taps_are_of_surfaces_that_are_not_brushed():
     with pytest.raises(ArgumentError, match="with anisotropy give 3, 5 or 8"):
         FORMS["splitsum linear"]().shaded(0.5, anisotropy=0.5, taps=0)
+
+
+CHECKED = sorted(FORMS)
+
+
+@pytest.mark.parametrize("name", CHECKED)
+def test_every_form_refuses_what_are_no_directions(name):
+    made, up = FORMS[name](), [0.0, 1.0, 0.0]
+    for normals, views, said in (
+        ("up", up, "`normals` are no numbers"),
+        (up, np.ones((4, 2)), "`views` of shape .4, 2. are no vectors"),
+        (np.ones((4, 3)), np.ones((5, 3)), "`views` of shape .5, 3. do not go with normals"),
+    ):
+        with pytest.raises(ArgumentError, match=said):
+            made.radiance(normals, views)

@@ -47,14 +47,16 @@ def main(folder: Path) -> None:
             draw(figure)
             drawn = io.StringIO()
             figure.savefig(drawn, format="svg", metadata={"Date": None}, facecolor="white")
-            (folder / f"{name}.svg").write_text(named_in_order(drawn.getvalue()), encoding="utf-8")
+            (folder / f"{name}.svg").write_text(steady(drawn.getvalue()), encoding="utf-8")
 
 
-def named_in_order(svg: str) -> str:
-    """Return a figure whose clips are called by their order.
+def steady(svg: str) -> str:
+    """Return a figure without last bits, which are not the same everywhere.
 
-    Matplotlib calls them by a digest of their last bits, which are not the same everywhere.
+    Coordinates are rounded to a hundredth of a point. Clips are called by their order, in place of
+    a digest of their bits.
     """
+    svg = re.sub(r"-?\d+\.\d{3,}", lambda found: f"{round(float(found[0]), 2) + 0:g}", svg)
     for number, name in enumerate(re.findall(r'<clipPath id="(\w+)"', svg), 1):
         svg = re.sub(rf"\b{name}\b", f"clip{number}", svg)
     return svg

@@ -18,7 +18,8 @@ from tests.site.reference import command_pages, python_page
 ROOT = Path(__file__).parents[2]
 OUTSIDE = ("CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md")
 """Pages of the root of the repository that are pages of the site."""
-KATEX = ROOT / "tests" / "site" / "node_modules" / "katex" / "dist"
+PACKAGES = ROOT / "tests" / "site" / "node_modules"
+KATEX = PACKAGES / "katex" / "dist"
 GALLERY = ROOT / "build" / "gallery"
 """What `make gallery` leaves; a site that is built without it has no such page."""
 
@@ -56,6 +57,7 @@ def on_files(files: Files, config: Any) -> Files:
     scripts.append(KATEX / "contrib" / "auto-render.min.js")
     for path in (*scripts, *sorted((KATEX / "fonts").glob("*.woff2"))):
         copy(f"katex/{path.relative_to(KATEX).as_posix()}", path)
+    copy("iframe-worker/index.js", PACKAGES / "iframe-worker" / "shim" / "index.js")
     for path in sorted(GALLERY.glob("*")):
         copy(path.name if path.suffix == ".md" else f"gallery/{path.name}", path)
     return files

@@ -106,6 +106,7 @@ def test_the_site_asks_for_nothing_from_elsewhere():
     text = (ROOT / "mkdocs.yml").read_text()
     assert "font: false" in text
     assert "//" not in text
+    assert "polyfills: [iframe-worker/index.js]" in text  # or it is taken from unpkg.com
 
 
 def test_figures_are_all_on_a_page():
@@ -124,7 +125,7 @@ def test_last_bits_of_a_figure_are_not_in_its_file(tmp_path, monkeypatch):
     from tests.site import figures
 
     texts = []
-    for top in (0.9, np.nextafter(0.9, 1)):
+    for top in (0.9, np.nextafter(0.9, 1), 0.9 + 1e-7):
 
         def draw(figure, top=top):
             for bottom in (0.1, 0.5):
@@ -134,7 +135,7 @@ def test_last_bits_of_a_figure_are_not_in_its_file(tmp_path, monkeypatch):
         monkeypatch.setattr(figures, "FIGURES", {"two": draw})
         figures.main(tmp_path)
         texts.append((tmp_path / "two.svg").read_text())
-    assert texts[0] == texts[1]
+    assert len(set(texts)) == 1
     named = re.findall(r'<clipPath id="(\w+)"', texts[0])
     assert len(set(named)) == len(named) == 2
     assert set(re.findall(r"url\(#(\w+)\)", texts[0])) == set(named)

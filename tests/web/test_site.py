@@ -40,3 +40,13 @@ def test_pages_are_whole_and_fit_the_screen(opened, name):
     equations = page.locator(".arithmatex").count()
     assert page.locator(".arithmatex .katex").count() == equations
     assert (equations > 0) == name.startswith("theory")
+
+
+def test_pages_from_a_disk_are_searched(browser):
+    """A browser starts no worker for pages of files, so that they had no field to search in."""
+    page = browser.new_context(viewport={"width": 1280, "height": 900}).new_page()
+    page.goto((SITE / "index.html").as_uri())
+    page.locator(".md-search__input").click()
+    page.keyboard.type("irradiance")
+    page.locator(".md-search-result__item").first.wait_for()
+    page.context.close()

@@ -21,6 +21,7 @@ from shrm_cli.maps.irradiance.window import Window
 from shrm_cli.maps.kinds import FixedMap, HarmonicLight, ReflectionMap
 from shrm_cli.maps.size import choose_size
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import as_directions
 from shrm_cli.sphere.extremes import lowest, series_values
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
@@ -116,14 +117,14 @@ class Irradiance(FixedMap, ReflectionMap):
 
         Returns an array of shape (..., 3).
         """
-        normals = np.asarray(normals, dtype=float)
+        (normals,) = as_directions(normals=normals)
         values = series_values(self.series, normals.reshape(-1, 3))
         return values.reshape(normals.shape)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Return the radiance E / pi of a white Lambertian surface, whatever the views are."""
-        normals = np.asarray(normals, dtype=float)
-        shape = np.broadcast_shapes(normals.shape, np.shape(views))
+        normals, views = as_directions(normals=normals, views=views)
+        shape = np.broadcast_shapes(normals.shape, views.shape)
         return np.broadcast_to(self.irradiance(normals) / np.pi, shape)
 
     def cube(self) -> Array:

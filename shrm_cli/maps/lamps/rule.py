@@ -36,6 +36,7 @@ from shrm_cli.maps.lamps.lobe import TABLE_EXACT, LobeTable
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import (
+    as_directions,
     central_directions,
     from_angles,
     horizontal_tangents,
@@ -313,8 +314,8 @@ class LitDiscs:
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Return what is reflected; parameters and result are those of `Map.radiance`."""
-        tangents = horizontal_tangents(np.asarray(normals, dtype=float))
-        return self.brushed_radiance(normals, tangents, views)
+        normals, views = as_directions(normals=normals, views=views)
+        return self.brushed_radiance(normals, horizontal_tangents(normals), views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         """Return what a surface of some tangents reflects, as maps' `brushed_radiance` does."""

@@ -43,7 +43,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap, Shaded
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import bisector, reflect
+from shrm_cli.sphere.directions import as_directions, bisector, reflect
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import LAWS, Law, Sampling
@@ -147,9 +147,7 @@ class ShadedExponential(Shaded):
     light: SphericalHarmonicExponential
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        normals, views = np.broadcast_arrays(
-            np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
-        )
+        normals, views = np.broadcast_arrays(*as_directions(normals=normals, views=views))
         moments = self._moments.at(np.sum(normals * views, axis=-1))
         result = np.empty(normals.shape)
         for f0 in set(self.f0):

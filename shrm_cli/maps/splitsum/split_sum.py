@@ -27,7 +27,7 @@ from shrm_cli.maps.kinds import BrushedLight, LightMap, Shaded
 from shrm_cli.maps.splitsum.roughness import blend, level_numbers
 from shrm_cli.records import once_each, record
 from shrm_cli.sphere.cube import CubeSampler
-from shrm_cli.sphere.directions import central_directions, surface_frames
+from shrm_cli.sphere.directions import as_directions, central_directions, surface_frames
 from shrm_cli.vocabulary import (
     DEFAULT_EVEN_TAPS,
     DEFAULT_TAPS,
@@ -238,7 +238,7 @@ class ShadedSplitSum(Shaded):
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Return the light about the center times the albedo; see `Map.radiance`."""
-        normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
+        normals, views = as_directions(normals=normals, views=views)
         centers = central_directions(self.light.center, normals, views)
         light = self.light.prefiltered(self.roughness, centers)
         return light * self._albedo(np.sum(normals * views, axis=-1))
@@ -261,9 +261,10 @@ class TappedSplitSum(ShadedSplitSum):
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         from shrm_cli.brdf.environment.taps import even_taps
 
+        normals, views = as_directions(normals=normals, views=views)
         found = even_taps(self.roughness, normals, views, self.taps)
         light = _prefiltered(self.light, found.roughness, found.directions)
-        cosines = np.sum(np.asarray(normals) * np.asarray(views), axis=-1)
+        cosines = np.sum(normals * views, axis=-1)
         return np.einsum("...k,...kc->...c", found.weights, light) * self._albedo(cosines)
 
 

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf.albedo import hemisphere_rule, sampled_albedo, settled
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.examine import hemisphere_rule, sampled_albedo, settled
 from shrm_cli.brdf.vectors import interpolated, shared, sharing
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles
