@@ -270,7 +270,7 @@ def test_what_is_missed_beside_lamps_is_told_of_all_light():
 def test_lamps_stay_in_maps_that_keep_them_and_where_code_has_none(bare_sun):
     assert not isinstance(made(bare_sun, brdf="lambertian").map, LampMap)
     assert not isinstance(made(bare_sun, brdf="phong:exponent=8").map, LampMap)
-    found = made(bare_sun, brdf="coated:base=(oren-nayar)", max_size="100kB")
+    found = made(bare_sun, brdf="coated:base=(lafortune)", max_size="100kB")
     assert not isinstance(found.map, LampMap)
     assert any("`sun` split" in line for line in found.warnings)
 

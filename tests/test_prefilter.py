@@ -420,6 +420,7 @@ def test_maps_of_coarse_probes_show_their_pixels_and_no_rings(tmp_path, rng, spe
     assert made.info.probe_sha256 == open_probe(path).digest()
 
 
+@pytest.mark.filterwarnings("ignore:.*shows nothing sharper:shrm_cli.errors.ShrmWarning")
 @pytest.mark.parametrize(
     ("to", "arguments"),
     [

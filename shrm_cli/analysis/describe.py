@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
-from shrm_cli.analysis.facts import in_words, map_facts, probe_facts
+from shrm_cli.analysis.facts import in_percent, in_words, map_facts, probe_facts
 from shrm_cli.batch.collect import is_collection, read_collection
 from shrm_cli.brdf.environment.file import read_table_facts
 from shrm_cli.brdf.measured.table import Table, is_table
@@ -39,8 +39,8 @@ class Description:
 
     @cached_property
     def words(self) -> dict[str, str]:
-        """What the statistics of a probe say to people, by the names of the facts."""
-        return in_words(self.facts) if self.has_statistics else {}
+        """What the statistics of a probe, or errors, say to people, by the names of the facts."""
+        return in_words(self.facts) if self.has_statistics else in_percent(self.facts)
 
 
 _PROBE = "is a probe"

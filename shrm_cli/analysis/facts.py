@@ -57,6 +57,15 @@ def _of_box(proxy: ProxyBox | None) -> dict[str, Any]:
     return {} if proxy is None else {"proxy": proxy.record()}
 
 
+def in_percent(values: dict[str, Any]) -> dict[str, str]:
+    """Return what the errors of a map say to people."""
+    return {
+        key: f"{value:.2%}{'' if key.endswith('captured') else ' (RMS)'}"
+        for key, value in values.items()
+        if isinstance(value, float) and key.endswith(("_error", "_residual", "_captured"))
+    }
+
+
 def in_words(values: dict[str, Any]) -> dict[str, str]:
     """Return what the statistics of a probe say to people, with units."""
     stops, white = values["stops"], values["white_balance"]

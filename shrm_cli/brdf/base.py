@@ -303,7 +303,10 @@ class Brdf(ABC):
         given = [self.values.get(name) for name in self.roughness_names]
         if not all(isinstance(value, int | float) for value in given):
             wanted = " and ".join(self.roughness_names)
-            raise BrdfError(f"{self!r}: it has no roughness that could vary (a number {wanted})")
+            raise BrdfError(
+                f"{self!r}: it has no roughness (a number {wanted}), for which split sums have "
+                "levels; a principal map holds this one"
+            )
         roughness = perceptual**self.roughness_power
         limits = {each.name: (each.minimum, each.maximum) for each in self.parameters}
         found = {

@@ -248,7 +248,7 @@ def _text(chosen: Brdf, report: dict[str, Any]) -> list[str]:
     lines += [f"  source      {chosen.source}", f"  centre      {chosen.center}"]
     lines += [f"  parameter   {line}" for line in _parameter_lines(chosen)]
     lines += _examination_lines(chosen, report["examination"])
-    lines += [f"  {order_text(row)}" for row in report["orders"]]
+    lines += [f"  {order_text(row)}".replace(f"{chosen!r}: ", "") for row in report["orders"]]
     if not chosen.isotropic:
         lines.append(f"  anisotropic: {_REFUSED}")
     if "captured_by_view_order" in report:

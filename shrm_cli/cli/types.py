@@ -65,7 +65,8 @@ def FRACTION(text: str) -> float:
     """A number between 0 and 1, neither included; click's FloatRange would let NaN through."""
     number = _number(text)
     if not 0 < number < 1:
-        raise ValueError(f"{number:g} is not between 0 and 1")
+        hint = f"; {number:g} % are {number / 100:g}" if 1 < number < 100 else ""
+        raise ValueError(f"{number:g} is not between 0 and 1, neither included{hint}")
     return number
 
 

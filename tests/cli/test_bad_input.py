@@ -260,6 +260,7 @@ ARGUMENTS = [
     (["--brdf", "phong:exponent=3,exponent=4"], 1, ["exponent is given twice"]),
     (["--brdf", "phong", "--eps", "0"], 2, ["'--eps': 0 is not between 0 and 1"]),
     (["--brdf", "phong", "--eps", "1"], 2, ["'--eps': 1 is not between 0 and 1"]),
+    (["--brdf", "phong", "--error", "5"], 2, ["1, neither included; 5 % are 0.05"]),
     (["--brdf", "phong", "--eps", "nan"], 2, ["'--eps': nan is not between 0 and 1"]),
     (["--brdf", "phong", "--eps", "-0.1"], 2, ["'--eps': -0.1 is not between 0 and 1"]),
     (["--brdf", "phong", "--eps", "3%"], 2, ["'--eps': '3%' is not a number"]),

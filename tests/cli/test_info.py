@@ -92,6 +92,10 @@ def test_map_for_people(folder):
     assert pairs["brdf"] == "name microfacet, parameters sigma 0.2"
     assert pairs["probe"] == "probe.exr"
     assert pairs["chromaticities"] == "none"
+    facts = json.loads(done("info", "m.exr", "--json"))
+    assert facts["predicted_error"] > 0.01
+    assert pairs["predicted error"] == f"{facts['predicted_error']:.2%} (RMS)"
+    assert pairs["brdf energy captured"] == f"{facts['brdf_energy_captured']:.2%}"
 
 
 @pytest.mark.parametrize(("spec", "frame", "count"), [

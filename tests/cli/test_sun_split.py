@@ -76,7 +76,7 @@ def test_code_of_other_brushed_brdfs_is_refused():
 
 
 def test_code_of_others_reads_a_table():
-    command = ("prefilter", "sky.exr", "--brdf", "oren-nayar", "--sun", "split", "--shader", "c")
+    command = ("prefilter", "sky.exr", "--brdf", "lafortune", "--sun", "split", "--shader", "c")
     found = run(*command, "-o", "table.exr")
     assert found.code == 0
     assert "shrm_lobe: what lamps' light is times" in found.out
@@ -99,7 +99,7 @@ def test_auto_names_it_where_it_helps():
     """In a gloss that shows the sun so sharply that no map of some kilobytes keeps it, beside what
     shaders have no code for lamps in, whose table would not fit.
     """
-    spec = "0.5*oren-nayar+0.5*ggx:roughness=0.1"
+    spec = "0.5*lafortune:fit=clay+0.5*ggx:roughness=0.1"
     asked = ("--brdf", spec, "-o", "coat.exr", "--max-size")
     write_exr("fine.exr", sky(64, 45, 35))
     found = run("prefilter", "fine.exr", *asked, "100kB")

@@ -81,10 +81,7 @@ def test_no_taps_are_of_surfaces_that_are_not_brushed():
         FORMS["splitsum linear"]().shaded(0.5, anisotropy=0.5, taps=0)
 
 
-CHECKED = sorted(FORMS)
-
-
-@pytest.mark.parametrize("name", CHECKED)
+@pytest.mark.parametrize("name", sorted(FORMS))
 def test_every_form_refuses_what_are_no_directions(name):
     made, up = FORMS[name](), [0.0, 1.0, 0.0]
     for normals, views, said in (

@@ -60,7 +60,8 @@ def check_varies(brdf: Brdf) -> None:
     """Check that a BRDF has a lobe for every roughness, and that none is asked for."""
     if not brdf.isotropic:
         MaterialLobe(brdf)
-    MaterialLobe(brdf.at_roughness(1.0))
+    rough = brdf.at_roughness(1.0)
+    MaterialLobe(rough if rough.has_horizon else brdf)
     usual = type(brdf)().values
     for name in brdf.roughness_names:
         if brdf.values[name] != usual[name]:

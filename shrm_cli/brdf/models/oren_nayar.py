@@ -29,9 +29,14 @@ class OrenNayar(Brdf):
     )
     center = "normal"
 
-    def evaluate(self, light: Array, view: Array) -> Array:
+    @property
+    def factors(self) -> tuple[float, float]:
+        """What is the same for all azimuths, and what swings with them: A and B."""
         square = self.number("sigma") ** 2
-        first, second = 1 - 0.5 * square / (square + 0.33), 0.45 * square / (square + 0.09)
+        return 1 - 0.5 * square / (square + 0.33), 0.45 * square / (square + 0.09)
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        first, second = self.factors
         # sin(a) tan(b) cos(phi) is sin(a) sin(b) cos(phi) over cos(b), the larger of the cosines.
         larger = np.maximum(light[..., 2], np.abs(view[..., 2]))
         swing = np.maximum(tangential(light, view), 0.0) / np.maximum(larger, GRAZING)

@@ -20,10 +20,13 @@ from shrm_cli.brdf.layered.parts.table import COSINES, Table
 from shrm_cli.brdf.models.ashikhmin_shirley import AshikhminShirley
 from shrm_cli.brdf.models.blinn_phong import BlinnPhong, normalization
 from shrm_cli.brdf.models.charlie import Charlie
+from shrm_cli.brdf.models.cook_torrance import CookTorrance
+from shrm_cli.brdf.models.disney_diffuse import DisneyDiffuse
 from shrm_cli.brdf.models.eon import Eon
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.brdf.models.microfacet import Microfacet
+from shrm_cli.brdf.models.oren_nayar import OrenNayar
 from shrm_cli.brdf.models.phong import Phong
 from shrm_cli.brdf.models.ward import Ward
 from shrm_cli.brdf.sums import weighted_terms
@@ -46,6 +49,7 @@ _COSINES = "    float lz = max(l.z, 1e-5), vz = max(v.z, 1e-5);"
 _ABOVE = "    float above = max(l.z, 0.0) * min(max(1e30 * v.z, 0.0), 1.0);"
 """The light's cosine, or 0 where light or view is below the surface: browsers that have no graphics
 card take minutes to compile functions with branches."""
+_TANGENTIAL = "(l.x * v.x + l.y * v.y)"
 _REFRACTED = """\
     float z = min(max(d.z, 0.0), 1.0);
     return vec3(d.x / ior, d.y / ior, sqrt(ior * ior - 1.0 + z * z) / ior);"""
@@ -85,7 +89,7 @@ class Functions:
         name = self.named(header, brdf, lambda: _WRITERS[type(brdf)](brdf, self))
         return f"{name}({light}, {view})" if takes_view else f"{name}({light})"
 
-    def reflectance(self, lobe: Ggx | AshikhminShirley) -> str:
+    def reflectance(self, lobe: Ggx | AshikhminShirley | CookTorrance) -> str:
         """Return the call of a facet's reflectance, where `size` is twice the cosine."""
         of: Callable[..., list[str]] = _REFLECTANCES[type(lobe)]
         if isinstance(lobe, Ggx) and lobe.film:
@@ -93,6 +97,11 @@ class Functions:
         header, key = "vec3 shrm_reflectance{}(float cosine)", ("reflectance", lobe)
         name = self.named(header, key, lambda: of(lobe, self))
         return f"{name}(min(0.5 * size, 1.0))"
+
+    def fifth(self) -> str:
+        """Return the name of the function of fifth powers."""
+        header = "float shrm_fifth(float x)"
+        return self.named(header, header, lambda: ["    return x * x * x * x * x;"])
 
     def gain(self, table: Table, direction: str) -> str:
         """Return the call of what a layer tabulates, for a direction."""
@@ -216,6 +225,21 @@ def _ward(brdf: Ward, functions: Functions) -> list[str]:
     ]
 
 
+def _cook_torrance(brdf: CookTorrance, functions: Functions) -> list[str]:
+    language, number = functions.language, functions.language.number
+    m2, least = brdf.number("roughness") ** 2, number(GRAZING)
+    return [
+        *_HALF.split("\n"),
+        _COSINES,
+        f"    float z2 = max(up, {least}) * max(up, {least});",
+        _ABOVE,
+        f"    float value = {number(0.25 / (math.pi * m2))} * exp({number(-1 / m2)} * sine2 / z2);",
+        f"    float cavity = 2.0 * up / (max(0.5 * size, {least}) * max(lz, vz));",
+        "    value = min(cavity, 1.0 / (lz * vz)) * above * value / (z2 * z2);",
+        f"    return {language.scale('value', functions.reflectance(brdf))};",
+    ]
+
+
 def _ashikhmin_shirley(brdf: AshikhminShirley, functions: Functions) -> list[str]:
     language, number = functions.language, functions.language.number
     nu, nv = (brdf.number(each) for each in ("nu", "nv"))
@@ -234,10 +258,8 @@ def _ashikhmin_shirley(brdf: AshikhminShirley, functions: Functions) -> list[str
     colors = zip(brdf.color("diffuse"), brdf.color("specular"), strict=True)
     red, green, blue = (28 / (23 * math.pi) * base * (1 - top) for base, top in colors)
     if max(red, green, blue) > 0:
-        header = "float shrm_rest(float less)"
-        fifth = ["    return 1.0 - less * less * less * less * less;"]
-        name = functions.named(header, header, lambda: fifth)
-        lines.append(f"    float lower = {name}(1.0 - 0.5 * lz) * {name}(1.0 - 0.5 * vz) * above;")
+        ends = [f"(1.0 - {functions.fifth()}(1.0 - 0.5 * {each}z))" for each in "lv"]
+        lines.append(f"    float lower = {ends[0]} * {ends[1]} * above;")
         lobe = language.add(lobe, language.scale("lower", _rgb((red, green, blue), language)))
     return [*lines, f"    return {lobe};"]
 
@@ -277,6 +299,28 @@ def _microfacet(brdf: Microfacet, functions: Functions) -> list[str]:
     ]
 
 
+def _oren_nayar(brdf: OrenNayar, functions: Functions) -> list[str]:
+    language = functions.language
+    first, second = (language.number(each / math.pi) for each in brdf.factors)
+    return [
+        f"    float swing = max({_TANGENTIAL}, 0.0) / max(max(l.z, abs(v.z)), 1e-5);",
+        f"    float value = ({first} + {second} * swing) * max(l.z, 0.0);",
+        f"    return {language.scale('value', _rgb(brdf.color('albedo'), language))};",
+    ]
+
+
+def _disney_diffuse(brdf: DisneyDiffuse, functions: Functions) -> list[str]:
+    language, fifth = functions.language, functions.fifth()
+    ends = [f"(1.0 + g * {fifth}(1.0 - {each}))" for each in ("lz", "vz")]
+    pi, roughness = map(language.number, (math.pi, brdf.number("roughness")))
+    return [
+        "    float lz = min(max(l.z, 0.0), 1.0), vz = min(abs(v.z), 1.0);",
+        f"    float g = {roughness} * (1.0 + lz * vz + {_TANGENTIAL}) - 0.5;",
+        f"    float value = {ends[0]} * {ends[1]} * max(l.z, 0.0) / {pi};",
+        f"    return {language.scale('value', _rgb(brdf.color('color'), language))};",
+    ]
+
+
 def _eon(brdf: Eon, functions: Functions) -> list[str]:
     language, number = functions.language, functions.language.number
     roughness = brdf.number("roughness")
@@ -290,7 +334,7 @@ def _eon(brdf: Eon, functions: Functions) -> list[str]:
     colors = [_rgb(each, language) for each in (brdf.color("albedo"), brdf.again)]
     return [
         "    float lit = max(abs(l.z), 1e-5), seen = max(abs(v.z), 1e-5);",
-        "    float swing = l.x * v.x + l.y * v.y, once, again;",
+        f"    float swing = {_TANGENTIAL}, once, again;",
         "    swing = min(swing, 0.0) + max(swing, 0.0) / max(lit, seen);",
         f"    once = {once} * max(l.z, 0.0);",
         f"    again = {name}(lit) * {name}(seen) * max(l.z, 0.0);",
@@ -420,6 +464,7 @@ _FIFTH = """\
 _REFLECTANCES: dict[type[Brdf], Callable[..., list[str]]] = {
     Ggx: lambda lobe, functions: _schlick(lobe.color("f0"), functions),
     AshikhminShirley: lambda lobe, functions: _schlick(lobe.color("specular"), functions),
+    CookTorrance: lambda lobe, functions: _schlick(lobe.color("f0"), functions),
     MetalLobe: _metal,
     BorderLobe: _fresnel,
     CoatLobe: _fresnel,
@@ -428,11 +473,14 @@ _MODELS: dict[type[Brdf], Callable[..., list[str]]] = {
     Lambertian: _lambertian,
     Ggx: _ggx,
     Ward: _ward,
+    CookTorrance: _cook_torrance,
     AshikhminShirley: _ashikhmin_shirley,
     BlinnPhong: _blinn_phong,
     Phong: _phong,
     Microfacet: _microfacet,
     Eon: _eon,
+    OrenNayar: _oren_nayar,
+    DisneyDiffuse: _disney_diffuse,
     Charlie: _charlie,
 }
 _WRITERS: dict[type[Brdf], Callable[..., list[str]]] = {

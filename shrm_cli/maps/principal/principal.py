@@ -336,7 +336,7 @@ class PrincipalMap(BrushedLight, ReflectionMap):
         if self.is_brushed:
             raise MapError(
                 "an SHRM knows no tangents, and cannot hold a brushed surface; keep the map, or "
-                "take `to` product"
+                "make a product texture of the probe"
             )
         if len(self.lobes) > 1:
             raise MapError(

@@ -1,5 +1,6 @@
 """Making product textures: of a BRDF alone, or with the light of a probe."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -16,13 +17,14 @@ from shrm_cli.maps.product.product import ProductTexture, VaryingProduct
 from shrm_cli.maps.product.steps import ENOUGH, Steps, chosen_steps
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.maps.product.window import even_views
-from shrm_cli.maps.request import Prefiltered, Request
+from shrm_cli.maps.request import Prefiltered, Request, wrong_light
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
+from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Stages, current, using
-from shrm_cli.vocabulary import DEFAULT_PRODUCT_SIZE
+from shrm_cli.vocabulary import DEFAULT_PRODUCT_SIZE, MAX_PRODUCT_ORDER
 
 _KNOWN_ORDER = 16
 """The degree to which the product functions of some views are known, for errors."""
@@ -149,7 +151,14 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         filter_error=info.filter_error,
     )
     lit = texture.with_info(info).lit(shape.apply(series))
-    return Prefiltered(lit, {**facts, "window": {"asked": window, **shape.summary(order)}})
+    told = {**facts, "window": {"asked": window, **shape.summary(order)}}
+    # Whoever asks for an error is told by the search where it is not kept.
+    error = math.hypot(info.predicted_error, info.added_error)
+    if "error" in request.given or error <= policy.ERROR:
+        return Prefiltered(lit, told)
+    remedy = "take `to` auto" if order == MAX_PRODUCT_ORDER else "raise `order`, or take `to` auto"
+    line = wrong_light(error, f"for order {order} shows nothing sharper", remedy)
+    return Prefiltered(lit, told, warnings=(line,))
 
 
 def _texture(

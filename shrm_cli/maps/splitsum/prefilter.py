@@ -235,6 +235,11 @@ def split_material(brdf: Brdf | None) -> Brdf | None:
     """Return the material whose lobes a split sum is of; None for GGX, which has its own."""
     if brdf is None:
         return None
+    if isinstance(brdf, Ggx) and not brdf.isotropic:
+        raise BrdfError(
+            f"{brdf!r}: brushed GGX is seen in the split sum of all GGX; make it without `brdf`, "
+            "and look it up with `anisotropy`, or take a principal map"
+        )
     check_varies(brdf)
     if isinstance(brdf, Ggx):
         if brdf.film:

@@ -44,6 +44,8 @@ LAYERS = [
     ),
     "openpbr:base_color=0.7/0.3/0.1,base_metalness=0.5,thin_film_weight=1,thin_film_ior=2",
     "0.6*ward:ax=0.2,color=gold+0.4*ashikhmin-shirley:nu=90,specular=0.3/0.2/0.1,diffuse=0.4/0.5/0.1",
+    "cook-torrance:roughness=0.2,f0=0.04/0.1/0.3",
+    "coated:roughness=0.3,base=(0.6*oren-nayar:sigma=0.5,albedo=0.6/0.3/0.1+0.4*disney-diffuse)",
     "0.3*charlie:roughness=0.4,visibility=neubelt+0.5*eon:roughness=1,albedo=0.9/0.6/0.2",
     pytest.param(
         f"0.4*{PAINT}+0.5*ggx:roughness=0.4,f0=0.04/0.1/0.3,film=500", marks=pytest.mark.proof
@@ -104,8 +106,8 @@ def test_c_reflects_discs_in_brushed_surfaces(tmp_path, monkeypatch, spec):
 @pytest.mark.parametrize(
     "spec",
     [
-        "0.5*lambertian+0.5*cook-torrance",
-        "fuzzy:base=(coated:base=(lambertian+0.1*oren-nayar))",
+        "0.5*lambertian+0.5*lafortune",
+        "fuzzy:base=(coated:base=(lambertian+0.1*lafortune))",
     ],
 )
 def test_what_there_is_no_code_of(spec):

@@ -122,7 +122,7 @@ def test_what_cannot_hold_them_is_refused(room):
         prefilter(room, GGX, to="shrm")
     made = PrincipalMap((brushed_lobe(1, [(0, 0), (2, 0)]),), make_info(4, 3))
     for to in ("shrm", "cabral"):
-        with pytest.raises(MapError, match="knows no tangents"):
+        with pytest.raises(MapError, match=r"knows no tangents.* a product texture of the probe"):
             made.converted(to)
 
 

@@ -198,6 +198,15 @@ def test_prefilter_states_the_change_as_an_error_that_is_added():
     assert dim.map.info.added_error == 0
 
 
+def test_prefilter_tells_light_that_its_order_does_not_show():
+    """In a sharp lobe next to nothing of a sun is left, which pictures alone would tell."""
+    probe = Probe.from_array(sky(2000), layout="latlong")
+    (line,) = prefilter(probe, parse_spec("ggx:roughness=0.2"), 2, 16, window="none").warnings
+    assert line.startswith("the reflected light is wrong by 9")
+    assert line.endswith("for order 2 shows nothing sharper; raise `order`, or take `to` auto")
+    assert not prefilter(probe, parse_spec("lambertian"), 4, 16, window="none").warnings
+
+
 def test_black_light_has_no_window(texture):
     assert product_window("auto", texture, np.zeros(((ORDER + 1) ** 2, 3))).factors == ()
 

@@ -271,7 +271,8 @@ FORMS = {
     ),
     "lamps beside the normal": lambda: lamps("lambertian", make_shrm(2, 0, 4, "normal", seed=2)),
     "lamps of lobes": lambda: lamps(
-        "phong:exponent=60+2*blinn-phong:exponent=90,color=0.5/0.6/0.7+microfacet:sigma=0.1",
+        "phong:exponent=60+2*blinn-phong:exponent=90,color=0.5/0.6/0.7+microfacet:sigma=0.1"
+        "+0.1*cook-torrance:f0=gold+0.1*oren-nayar+0.1*disney-diffuse",
         explicit_map("cabral"),
     ),
     "lamps of brushed lobes": lambda: lamps(

@@ -241,7 +241,8 @@ def test_a_class_of_the_users_is_shown_where_it_was_made(tmp_path):
         ("charlie:roughness=0.09", r"leave roughness out \(of engines 0.3\)"),
         ("ggx:f0=gold", "shown with any f0"),
         ("ggx:f0=gold,film=300", "the same with a film and without"),
-        ("ggx:ax=0.2,ay=0.1", "the same all around"),
+        ("ggx:ax=0.2,ay=0.1", "without `brdf`, and look it up with `anisotropy`"),
+        ("coated:roughness=0.2", "coated:roughness=0.2,.*a principal map holds this one"),
     ],
 )
 def test_what_has_no_split_sum_is_refused(spec, told):
