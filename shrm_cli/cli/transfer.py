@@ -10,6 +10,7 @@ import click
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import ALBEDO, BRUSH, PATH, flag, option
+from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
 
@@ -92,7 +93,6 @@ def transfer(
       shrm transfer bunny.obj --bounces 1 --brdf ggx:roughness=0.5,f0=gold
       shrm transfer bunny.obj --order 2 -o bounce0.txt
     """
-    from shrm_cli.errors import OutputError
     from shrm_cli.transfer.bake import bake, transfer_plan
     from shrm_cli.transfer.file import FACES, WRITERS, write_transfer
 
@@ -103,12 +103,7 @@ def transfer(
         "albedo": usage.Applies(brdf is None, "without --brdf"),
     })  # fmt: skip
     target = output or f"{Path(mesh).stem}.transfer.npz"
-    suffix = Path(target).suffix.lower()
-    if suffix not in _SUFFIXES:
-        raise OutputError(f"{target}: transfer is written as {', '.join(_SUFFIXES)}; name it so")
-    if (matrices or texture is not None) and suffix != ".npz":
-        kind = "matrices" if texture is None else "textures of transfer"
-        raise OutputError(f"{target}: {kind} are written as .npz only; name it so")
+    suffix = _checked_suffix(target, matrices, texture)
     beside = [str(Path(target).with_name(FACES))] if suffix == ".txt" else []
     usage.check_outputs([target, *beside], files=[mesh])
     if order is None and suffix != ".npz":  # engines hold few numbers a vertex
@@ -143,6 +138,17 @@ def transfer(
     ]
     warnings = _missing(found) if albedo in (None, "mesh") and brdf is None else []
     conclude({"file": target, **said, "bytes": size}, lines, warnings)
+
+
+def _checked_suffix(target: str, matrices: bool, texture: int | None) -> str:
+    """Return the suffix of an output, which tells its format."""
+    suffix = Path(target).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise OutputError(f"{target}: transfer is written as {', '.join(_SUFFIXES)}; name it so")
+    if (matrices or texture is not None) and suffix != ".npz":
+        kind = "matrices" if texture is None else "textures of transfer"
+        raise OutputError(f"{target}: {kind} are written as .npz only; name it so")
+    return suffix
 
 
 def _missing(mesh: Mesh) -> list[str]:
