@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import PATH, Named, flag, option
 from shrm_cli.errors import ShrmError
+from shrm_cli.maps.options import listing
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
 if TYPE_CHECKING:
@@ -50,6 +52,8 @@ texel_options = (
     ),
 )  # fmt: skip
 """How the files of engines are packed, and what comes with them."""
+_OPTIONS = {"texels": "format", "table": "dfg", "safe": "firefly_safe"}
+"""Attributes of `Asked` that options have other names for."""
 
 
 @click.command()
@@ -117,7 +121,7 @@ def export(
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
     from shrm_cli.export.engine import engine as engine_of
-    from shrm_cli.export.make import Asked, made_folder
+    from shrm_cli.export.make import Asked, check, made_folder
 
     names = list(ENGINES) if "all" in engines else list(dict.fromkeys(engines))
     reading = options.make_read_options(values)
@@ -126,38 +130,40 @@ def export(
     asked = Asked(
         size, texel_format, skybox, window, dfg, is_kept, max_error, into, firefly_safe, sun
     )
+    chosen = [engine_of(each) for each in names]
+    with usage.renamed(**_OPTIONS):
+        own = asked.of_several(chosen)
+        if len(names) == 1:
+            check(chosen[0], asked)
     if len(names) == 1:
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
-        engine = _checked(names[0], asked)
-        conclude(*_exported(_opened(sources, reading), engine, folder, asked, force))
+        conclude(*_exported(_opened(sources, reading), chosen[0], folder, asked, force))
         return
     source = _opened(sources, reading).for_several()
     results, lines, warnings, failures = [], [], [], []
     with made_folder(Path(output)) if output else nullcontext():
-        for each in names:
-            folder = Path(output) / each if output else Path(f"{name}.{each}")
+        for engine, its in zip(chosen, own, strict=True):
+            folder = Path(output) / engine.name if output else Path(f"{name}.{engine.name}")
             try:
-                own = asked.of_several(engine_of(each))
-                engine = _checked(each, own)
-                result, told, warned = _exported(source, engine, folder, own, force)
+                result, told, warned = _exported(source, engine, folder, its, force)
             except ShrmError as error:
-                failures.append(f"{each}: {usage.flags(str(error))}")
+                failures.append(f"{engine.name}: {usage.flags(str(error))}")
                 continue
             results.append(result)
             lines += told
             warnings += [line for line in warned if line not in warnings]
+    lines += _of_some(asked, chosen, own)
     conclude({"exports": results, "failures": failures}, lines, warnings, failures)
 
 
-def _checked(name: str, asked: Asked) -> Engine:
-    """Return an engine, which has all that is asked for."""
-    from shrm_cli.export.engine import engine
-    from shrm_cli.export.make import check
-
-    chosen = engine(name)
-    with usage.renamed(texels="format", safe="firefly_safe"):
-        check(chosen, asked)
-    return chosen
+def _of_some(asked: Asked, engines: list[Engine], own: list[Asked]) -> Iterator[str]:
+    """Yield a line about each option that some of the engines have."""
+    for name, value in vars(asked).items():
+        pairs = zip(engines, own, strict=True)
+        having = [engine.name for engine, its in pairs if getattr(its, name) == value]
+        if len(having) < len(engines):
+            flag = _OPTIONS.get(name, name).replace("_", "-")
+            yield f"--{flag} is for {listing(having, 'and')}; the others have none"
 
 
 def _opened(sources: tuple[str, ...], reading: ReadOptions) -> Source:
@@ -181,7 +187,7 @@ def _exported(
     from shrm_cli.export.make import packaged, write
 
     usage.check_outputs([str(folder / source.name) if folder.is_dir() else str(folder)])
-    with usage.renamed(texels="format"), progress_bar(f"exporting for {engine.name}") as progress:
+    with usage.renamed(**_OPTIONS), progress_bar(f"exporting for {engine.name}") as progress:
         made = packaged(source, engine, asked, progress)
     if folder.is_dir():
         usage.check_outputs([str(folder / file.name) for file in made.files])

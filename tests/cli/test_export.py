@@ -111,20 +111,41 @@ def test_engines_of_one_format_have_it_as_the_automatic_one(folder):
         assert (folder / "a" / name).read_bytes() == (folder / "b" / name).read_bytes()
 
 
-def test_a_limit_of_errors_is_for_engines_of_several_formats(folder):
-    given = ("export", "sky.exr", "--size", "16", "--max-error", "0.2")
-    several = (*given, "--for", "bevy", "--for", "unity", "-o", "a")
+@pytest.mark.parametrize(
+    ("option", "having"),
+    [
+        (["--max-error", "0.2"], "bevy"),
+        (["--format", "rgb9e5"], "bevy"),
+        (["--skybox", "8"], "filament and bevy"),
+        (["--firefly-safe"], "unity"),
+        (["--sun", "split"], "filament and bevy"),
+        (["--window", "none"], "filament, json and unity"),
+    ],
+)
+def test_what_some_engines_have_not_is_for_the_others(folder, option, having):
+    """--for all --firefly-safe failed for all but two engines, and the command with them."""
+    given = ["export", "sky.exr", "--size", "32", *option, "-o", "a"]
+    names = ["filament", "bevy", "json", "unity"]
+    if "--max-error" in option:
+        names.remove("filament")
+    several = [*given, *(word for name in names for word in ("--for", name))]
+    assert f"{option[0]} is for {having}; the others have none" in done(*several)
     assert json.loads(done(*several, "--json"))["failures"] == []
-    assert_refused(run(*given, "--for", "unity", "-o", "b"), 2, "Unity has one format")
+
+
+def test_what_no_engine_has_is_refused(folder):
+    given = ["export", "sky.exr", "--for", "json", "--for", "unreal"]
+    for option in (["--max-error", "0.2"], ["--format", "bc6h"], ["--dfg"], ["--into", "a.glb"]):
+        assert_refused(run(*given, *option), 2, option[0])
 
 
 def test_an_engine_that_has_not_what_is_asked_loses_no_other(folder):
-    given = ("export", "sky.exr", "--for", "json", "--for", "bevy", "--size", "16", "-o", "assets")
-    result = run(*given, "--format", "rgb9e5")
+    given = ("export", "sky.exr", "--for", "gltf", "--for", "bevy", "--size", "16", "-o", "assets")
+    result = run(*given)
     assert result.code == 1
-    assert result.err.startswith("Failed: json: --format rgb9e5 does not apply")
+    assert result.err.startswith("Failed: gltf: --size must be 32 at least")
     assert [path.name for path in (folder / "assets").iterdir()] == ["bevy"]
-    assert run(*given, "--format", "r11g11b10", "-o", "none").code == 1
+    assert run(*given, "--size", "9", "-o", "none").code == 1
     assert not (folder / "none").exists()
 
 
@@ -271,7 +292,7 @@ def test_maps_are_converted(folder):
         (["missing.exr", "sky.exr", "--for", "godot"], 1, "missing.exr: no such file"),
         (["sky.exr", "--for", "filament", "--size", "100"], 2, "--size 100 is no power of two"),
         (["sky.exr", "--for", "bevy", "--format", "r11g11b10"], 2, "--format r11g11b10 does not"),
-        (["sky.exr", "--for", "bevy", "--skybox", "8"], 2, "--skybox does not apply"),
+        (["sky.exr", "--for", "three", "--skybox", "8"], 2, "--skybox does not apply"),
         (["sky.exr", "--for", "godot", "-o", "sky.exr"], 1, "sky.exr"),
         (["sky.exr", "--for", "godot", "-o", "no/such"], 1, "there is no folder no"),
         (["none.exr", "--for", "godot"], 1, "none.exr"),
