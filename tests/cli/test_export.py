@@ -66,6 +66,8 @@ def test_a_light_goes_into_a_copy_of_a_gltf_file(folder):
     json_file = run("export", "sky.exr", "--for", "json", "--into", "ball.glb")
     assert_refused(json_file, 2, "--into does not apply")
     assert_refused(run(*export[:-1], "no.glb"), 1, "no.glb: no such file; name a glTF file")
+    (folder / "ball.obj").write_text("v 0 0 0\n")
+    assert_refused(run(*export[:-1], "ball.obj"), 1, "ball.obj: no glTF file; export it as glTF 2")
     assert (folder / "ball.glb").read_bytes() == before
 
 
