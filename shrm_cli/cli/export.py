@@ -85,7 +85,7 @@ _OPTIONS = {"texels": "format", "table": "dfg", "safe": "firefly_safe"}
 @option(
     "--sun", click.Choice(["split"]),
     help="split: take the lamps out, and make lights of the engine of them (three, filament, "
-    "bevy, godot, usd).",
+    "bevy, godot, babylon, usd).",
 )  # fmt: skip
 @options.probe_options
 @options.report_options

@@ -39,6 +39,7 @@ class Babylon(Engine):
     name = "babylon"
     title = "Babylon.js"
     formats = auto = ("rgbd",)
+    lamps = 16
 
     def sizes(self, size: int) -> tuple[int, ...]:
         sizes = halving(size, 1)
