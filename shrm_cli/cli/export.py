@@ -120,7 +120,6 @@ def export(
       shrm export probe.exr --for gltf --into chair.glb
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
-    from shrm_cli.export.engine import engine as engine_of
     from shrm_cli.export.make import Asked, check, made_folder
 
     names = list(ENGINES) if "all" in engines else list(dict.fromkeys(engines))
@@ -130,7 +129,7 @@ def export(
     asked = Asked(
         size, texel_format, skybox, window, dfg, is_kept, max_error, into, firefly_safe, sun
     )
-    chosen = [engine_of(each) for each in names]
+    chosen, failures = _found(names)
     with usage.renamed(**_OPTIONS):
         own = asked.of_several(chosen)
         if len(names) == 1:
@@ -140,7 +139,7 @@ def export(
         conclude(*_exported(_opened(sources, reading), chosen[0], folder, asked, force))
         return
     source = _opened(sources, reading).for_several()
-    results, lines, warnings, failures = [], [], [], []
+    results, lines, warnings = [], [], []
     with made_folder(Path(output)) if output else nullcontext():
         for engine, its in zip(chosen, own, strict=True):
             folder = Path(output) / engine.name if output else Path(f"{name}.{engine.name}")
@@ -154,6 +153,22 @@ def export(
             warnings += [line for line in warned if line not in warnings]
     lines += _of_some(asked, chosen, own)
     conclude({"exports": results, "failures": failures}, lines, warnings, failures)
+
+
+def _found(names: list[str]) -> tuple[list[Engine], list[str]]:
+    """Return engines by their names, and lines about those of packages that cannot be used."""
+    from shrm_cli.export.engine import engine
+
+    found: list[Engine] = []
+    failures = []
+    for name in names:
+        try:
+            found.append(engine(name))
+        except ShrmError as error:
+            if len(names) == 1:
+                raise
+            failures.append(f"{name}: {error}")
+    return found, failures
 
 
 def _of_some(asked: Asked, engines: list[Engine], own: list[Asked]) -> Iterator[str]:

@@ -218,7 +218,7 @@ class Asked:
         Raises ArgumentError for what none of them has.
         """
         missing = [{why.argument: why for why in refusals(each, self)} for each in engines]
-        for name, why in missing[0].items():
+        for name, why in missing[0].items() if missing else ():
             if all(name in each for each in missing):
                 raise why
         usual = Asked()
