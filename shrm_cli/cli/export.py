@@ -11,7 +11,7 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import PATH, Named, flag, option
+from shrm_cli.cli.types import FRACTION, PATH, Named, flag, option
 from shrm_cli.errors import ShrmError
 from shrm_cli.maps.options import listing
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
@@ -37,7 +37,7 @@ texel_options = (
         "--max-error, ASTC aside, which few desktops read.  [default: the engine's]",
     ),
     option(
-        "--max-error", click.FloatRange(0, min_open=True), metavar="X",
+        "--max-error", FRACTION, metavar="X",
         help="Refuse texels that change a level by more: its RMS, 95 % of its texels, or the "
         "energy of a lamp.  [default: .03 of auto]",
     ),

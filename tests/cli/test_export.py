@@ -301,6 +301,7 @@ def test_maps_are_converted(folder):
         (["bad.exr", "--for", "godot"], 1, "bad.exr"),
         (["nan.exr", "--for", "godot"], 1, "--fix-nonfinite"),
         (["sky.exr", "--for", "filament", "--window", "wide"], 2, "wide"),
+        (["sky.exr", "--for", "three", "--max-error", "nan"], 2, "nan is not between 0 and 1"),
     ],
 )
 def test_bad_input_is_one_line(folder, arguments, code, part):
