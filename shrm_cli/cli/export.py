@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -120,7 +119,7 @@ def export(
       shrm export probe.exr --for gltf --into chair.glb
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
-    from shrm_cli.export.make import Asked, check, made_folder
+    from shrm_cli.export.make import Asked, check
 
     names = list(ENGINES) if "all" in engines else list(dict.fromkeys(engines))
     reading = options.make_read_options(values)
@@ -138,11 +137,36 @@ def export(
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
         conclude(*_exported(_opened(sources, reading), chosen[0], folder, asked, force))
         return
+    start = f"{output}/" if output else f"{name}."
+    wanted = [
+        (engine, Path(start + engine.name), its) for engine, its in zip(chosen, own, strict=True)
+    ]
     source = _opened(sources, reading).for_several()
-    results, lines, warnings = [], [], []
+    results, lines, warnings = _all_exported(source, wanted, output, force, failures)
+    some = _of_some(asked, chosen, own)
+    lines += [
+        f"--{flag} is for {listing(having, 'and')}; the others have none"
+        for flag, having in some.items()
+    ]
+    result = {"exports": results, "failures": failures, "options_of_some": some}
+    conclude(result, lines, warnings, failures)
+
+
+def _all_exported(
+    source: Source,
+    wanted: list[tuple[Engine, Path, Asked]],
+    output: str | None,
+    force: bool,
+    failures: list[str],
+) -> tuple[list[dict[str, Any]], list[str], list[str]]:
+    """Make the files of several engines; return what `_exported` does, and add failures."""
+    from shrm_cli.export.make import made_folder
+
+    results: list[dict[str, Any]] = []
+    lines: list[str] = []
+    warnings: list[str] = []
     with made_folder(Path(output)) if output else nullcontext():
-        for engine, its in zip(chosen, own, strict=True):
-            folder = Path(output) / engine.name if output else Path(f"{name}.{engine.name}")
+        for engine, folder, its in wanted:
             try:
                 result, told, warned = _exported(source, engine, folder, its, force)
             except ShrmError as error:
@@ -151,8 +175,7 @@ def export(
             results.append(result)
             lines += told
             warnings += [line for line in warned if line not in warnings]
-    lines += _of_some(asked, chosen, own)
-    conclude({"exports": results, "failures": failures}, lines, warnings, failures)
+    return results, lines, warnings
 
 
 def _found(names: list[str]) -> tuple[list[Engine], list[str]]:
@@ -171,14 +194,15 @@ def _found(names: list[str]) -> tuple[list[Engine], list[str]]:
     return found, failures
 
 
-def _of_some(asked: Asked, engines: list[Engine], own: list[Asked]) -> Iterator[str]:
-    """Yield a line about each option that some of the engines have."""
+def _of_some(asked: Asked, engines: list[Engine], own: list[Asked]) -> dict[str, list[str]]:
+    """Return the engines that have each option which not all of them have."""
+    found = {}
     for name, value in vars(asked).items():
         pairs = zip(engines, own, strict=True)
         having = [engine.name for engine, its in pairs if getattr(its, name) == value]
         if len(having) < len(engines):
-            flag = _OPTIONS.get(name, name).replace("_", "-")
-            yield f"--{flag} is for {listing(having, 'and')}; the others have none"
+            found[_OPTIONS.get(name, name).replace("_", "-")] = having
+    return found
 
 
 def _opened(sources: tuple[str, ...], reading: ReadOptions) -> Source:

@@ -132,7 +132,9 @@ def test_what_some_engines_have_not_is_for_the_others(folder, option, having):
         names.remove("filament")
     several = [*given, *(word for name in names for word in ("--for", name))]
     assert f"{option[0]} is for {having}; the others have none" in done(*several)
-    assert json.loads(done(*several, "--json"))["failures"] == []
+    told = json.loads(done(*several, "--json"))
+    assert told["failures"] == []
+    assert list(told["options_of_some"]) == [option[0][2:]]
 
 
 def test_what_no_engine_has_is_refused(folder):

@@ -61,6 +61,7 @@ class Bevy(Engine):
         if light.skybox is not None or light.levels:
             background = string(specular if light.skybox is None else skybox)
             made.loading += [
+                "// bevy::light::Skybox, or bevy::core_pipeline::Skybox before 0.19",
                 "commands.entity(camera).insert(Skybox {",
                 f"    image: assets.load::<Image>({background}).into(), brightness: 1000.0,",
                 "    ..default() });",
