@@ -119,7 +119,7 @@ PROXY_ATTRIBUTE = "shrm:proxy"
 """The attribute of a probe's file that holds the record of the box around its place, as JSON."""
 
 TEXEL_FORMATS: tuple[str, ...] = (
-    "auto", "r11g11b10", "rgb9e5", "rgba16f", "bc6h", "uastc", "astc4x4", "astc6x6"
+    "auto", "r11g11b10", "rgb9e5", "rgba16f", "bc6h", "uastc", "astc4x4", "astc6x6", "rgbd", "rgbp"
 )  # fmt: skip
 """The texels of exported cubes, as `shrm_cli.export.pixels` and `shrm_cli.export.blocks` write
 them; auto is the smallest that keeps the error."""

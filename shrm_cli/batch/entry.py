@@ -129,10 +129,8 @@ class Entry:
             raise ArgumentError("for", f"is missing; `to` {EXPORT} needs an engine")
         named = {key: each for key, each in self.arguments.items() if key in DESCRIPTION.arguments}
         own = self.own.get(EXPORT, {})
-        return [
-            Recipe(EXPORT, None, checked({**named, **own, "engine": engine}))
-            for engine in dict.fromkeys(self.engines)
-        ]
+        found = checked({**named, **own}, dict.fromkeys(self.engines))
+        return [Recipe(EXPORT, None, each) for each in found]
 
     def _has_brdf(self, to: str) -> bool:
         """Tell whether a form is made of the BRDFs.

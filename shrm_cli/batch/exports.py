@@ -44,6 +44,8 @@ DESCRIPTION = Representation(
     EXPORT, "files of engines", frozenset(), OPTIONS, why_no_brdf="exports are of GGX"
 )
 """What a batch needs to know of exports, as of a representation."""
+_ATTRIBUTES = {"format": "texels", "dfg": "table", "firefly_safe": "safe"}
+"""Options that `Asked` has other names for."""
 
 _MOST_RECORD = 2**20
 _NO_END = 64
@@ -54,15 +56,34 @@ _LACKED = "zstandard"
 """The package without which files are larger than they could be."""
 
 
-def checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of an export, checked against what its engine takes."""
+def checked(given: Mapping[str, Any], engines: Iterable[str]) -> list[dict[str, Any]]:
+    """Return the arguments of the exports for some engines: of each those that it has.
+
+    Raises ArgumentError for what none of them has, or what is out of range for one.
+    """
     known = {option.name: option for option in OPTIONS}
     for name in given:
         if name not in known:
             raise ArgumentError(name, f"does not apply to {EXPORT}")
     found = {name: known[name].checked(value) for name, value in given.items()}
-    check(engine_of(found["engine"]), _asked(found))
-    return found
+    chosen = [engine_of(known["engine"].checked(each)) for each in engines]
+    asked = _asked(found)
+    try:
+        own = asked.of_several(chosen)
+        for engine, its in zip(chosen, own, strict=True):
+            check(engine, its)
+    except ArgumentError as error:
+        names = {attribute: name for name, attribute in _ATTRIBUTES.items()}
+        raise ArgumentError(names.get(error.argument, error.argument), error.message) from None
+
+    def has(its: Asked, name: str) -> bool:
+        attribute = _ATTRIBUTES.get(name, name)
+        return bool(getattr(its, attribute) == getattr(asked, attribute))
+
+    return [
+        {**{name: value for name, value in found.items() if has(its, name)}, "engine": engine.name}
+        for engine, its in zip(chosen, own, strict=True)
+    ]
 
 
 def difference(job: Job, probe: Probe) -> Difference | None:

@@ -10,8 +10,9 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import PATH, Named, flag, option
+from shrm_cli.cli.types import FRACTION, PATH, Named, flag, option
 from shrm_cli.errors import ShrmError
+from shrm_cli.maps.options import listing
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ texel_options = (
         "--max-error, ASTC aside, which few desktops read.  [default: the engine's]",
     ),
     option(
-        "--max-error", click.FloatRange(0, min_open=True), metavar="X",
+        "--max-error", FRACTION, metavar="X",
         help="Refuse texels that change a level by more: its RMS, 95 % of its texels, or the "
         "energy of a lamp.  [default: .03 of auto]",
     ),
@@ -50,6 +51,8 @@ texel_options = (
     ),
 )  # fmt: skip
 """How the files of engines are packed, and what comes with them."""
+_OPTIONS = {"texels": "format", "table": "dfg", "safe": "firefly_safe"}
+"""Attributes of `Asked` that options have other names for."""
 
 
 @click.command()
@@ -81,7 +84,7 @@ texel_options = (
 @option(
     "--sun", click.Choice(["split"]),
     help="split: take the lamps out, and make lights of the engine of them (three, filament, "
-    "bevy, godot, usd).",
+    "bevy, godot, babylon, usd).",
 )  # fmt: skip
 @options.probe_options
 @options.report_options
@@ -116,8 +119,7 @@ def export(
       shrm export probe.exr --for gltf --into chair.glb
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
-    from shrm_cli.export.engine import engine as engine_of
-    from shrm_cli.export.make import Asked, made_folder
+    from shrm_cli.export.make import Asked, check
 
     names = list(ENGINES) if "all" in engines else list(dict.fromkeys(engines))
     reading = options.make_read_options(values)
@@ -126,38 +128,81 @@ def export(
     asked = Asked(
         size, texel_format, skybox, window, dfg, is_kept, max_error, into, firefly_safe, sun
     )
+    chosen, failures = _found(names)
+    with usage.renamed(**_OPTIONS):
+        own = asked.of_several(chosen)
+        if len(names) == 1:
+            check(chosen[0], asked)
     if len(names) == 1:
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
-        engine = _checked(names[0], asked)
-        conclude(*_exported(_opened(sources, reading), engine, folder, asked, force))
+        conclude(*_exported(_opened(sources, reading), chosen[0], folder, asked, force))
         return
+    start = f"{output}/" if output else f"{name}."
+    wanted = [
+        (engine, Path(start + engine.name), its) for engine, its in zip(chosen, own, strict=True)
+    ]
     source = _opened(sources, reading).for_several()
-    results, lines, warnings, failures = [], [], [], []
+    results, lines, warnings = _all_exported(source, wanted, output, force, failures)
+    some = _of_some(asked, chosen, own)
+    lines += [
+        f"--{flag} is for {listing(having, 'and')}; the others have none"
+        for flag, having in some.items()
+    ]
+    result = {"exports": results, "failures": failures, "options_of_some": some}
+    conclude(result, lines, warnings, failures)
+
+
+def _all_exported(
+    source: Source,
+    wanted: list[tuple[Engine, Path, Asked]],
+    output: str | None,
+    force: bool,
+    failures: list[str],
+) -> tuple[list[dict[str, Any]], list[str], list[str]]:
+    """Make the files of several engines; return what `_exported` does, and add failures."""
+    from shrm_cli.export.make import made_folder
+
+    results: list[dict[str, Any]] = []
+    lines: list[str] = []
+    warnings: list[str] = []
     with made_folder(Path(output)) if output else nullcontext():
-        for each in names:
-            folder = Path(output) / each if output else Path(f"{name}.{each}")
+        for engine, folder, its in wanted:
             try:
-                own = asked.of_several(engine_of(each))
-                engine = _checked(each, own)
-                result, told, warned = _exported(source, engine, folder, own, force)
+                result, told, warned = _exported(source, engine, folder, its, force)
             except ShrmError as error:
-                failures.append(f"{each}: {usage.flags(str(error))}")
+                failures.append(f"{engine.name}: {usage.flags(str(error))}")
                 continue
             results.append(result)
             lines += told
             warnings += [line for line in warned if line not in warnings]
-    conclude({"exports": results, "failures": failures}, lines, warnings, failures)
+    return results, lines, warnings
 
 
-def _checked(name: str, asked: Asked) -> Engine:
-    """Return an engine, which has all that is asked for."""
+def _found(names: list[str]) -> tuple[list[Engine], list[str]]:
+    """Return engines by their names, and lines about those of packages that cannot be used."""
     from shrm_cli.export.engine import engine
-    from shrm_cli.export.make import check
 
-    chosen = engine(name)
-    with usage.renamed(texels="format", safe="firefly_safe"):
-        check(chosen, asked)
-    return chosen
+    found: list[Engine] = []
+    failures = []
+    for name in names:
+        try:
+            found.append(engine(name))
+        except ShrmError as error:
+            if len(names) == 1:
+                raise
+            failures.append(f"{name}: {error}")
+    return found, failures
+
+
+def _of_some(asked: Asked, engines: list[Engine], own: list[Asked]) -> dict[str, list[str]]:
+    """Return the engines that have each option which not all of them have."""
+    found = {}
+    for name, value in vars(asked).items():
+        pairs = zip(engines, own, strict=True)
+        having = [engine.name for engine, its in pairs if getattr(its, name) == value]
+        if len(having) < len(engines):
+            found[_OPTIONS.get(name, name).replace("_", "-")] = having
+    return found
 
 
 def _opened(sources: tuple[str, ...], reading: ReadOptions) -> Source:
@@ -181,7 +226,7 @@ def _exported(
     from shrm_cli.export.make import packaged, write
 
     usage.check_outputs([str(folder / source.name) if folder.is_dir() else str(folder)])
-    with usage.renamed(texels="format"), progress_bar(f"exporting for {engine.name}") as progress:
+    with usage.renamed(**_OPTIONS), progress_bar(f"exporting for {engine.name}") as progress:
         made = packaged(source, engine, asked, progress)
     if folder.is_dir():
         usage.check_outputs([str(folder / file.name) for file in made.files])

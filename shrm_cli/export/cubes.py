@@ -17,7 +17,7 @@ from shrm_cli.export.blocks import astc, uastc
 from shrm_cli.export.dds import dds_image
 from shrm_cli.export.engine import Engine, Package
 from shrm_cli.export.ktx import can_compress, ktx2
-from shrm_cli.export.pixels import TexelFormat, encoded, loss
+from shrm_cli.export.pixels import PICTURES, RGBD, TexelFormat, encoded, loss
 from shrm_cli.extras import install
 from shrm_cli.files.openimageio import image_of
 from shrm_cli.maps.irradiance.irradiance import Irradiance
@@ -129,6 +129,10 @@ def decoded(data: bytes, texels: TexelFormat, count: int, size: int) -> Array:
     if texels.name == "rgba16f":
         values = np.frombuffer(data, "<f2").reshape(count, size, size, 4)[..., :3]
         return values.astype(float)
+    if texels.name in PICTURES:
+        pixels = np.frombuffer(data, np.uint8).reshape(count, size, size, 4) / 255
+        colors, alpha = pixels[..., :3], pixels[..., 3:]
+        return colors**2.2 / alpha if texels is RGBD else (colors * (8 - 7 * alpha)) ** 2
     words = np.frombuffer(data, "<u4").reshape(count, size, size)
     if texels.name == "rgb9e5":
         mantissas = np.stack([words >> shift & 511 for shift in (0, 9, 18)], axis=-1)

@@ -17,7 +17,7 @@ from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.vocabulary import LAMP_COUNT, LIGHT_ENGINES
+from shrm_cli.vocabulary import LAMP_COUNT
 
 
 def without_lamps(
@@ -80,8 +80,7 @@ def add_lamps(made: Package, light: Light, engine: Engine) -> None:
     if not light.discs:
         return
     made.add_text(f"{light.name}_lamps.json", lamps_json(light.discs))
-    if engine.name in LIGHT_ENGINES:  # others have them in their files
-        made.loading += beside_cubes(engine.name, light.discs).splitlines()
+    made.loading += beside_cubes(engine.name, light.discs).splitlines()
 
 
 def lamps_json(discs: Sequence[Disc]) -> str:

@@ -213,9 +213,17 @@ class Asked:
     safe: bool = False
     sun: str | None = None
 
-    def of_several(self, engine: Engine) -> "Asked":
-        """Return what is asked of one of several engines: of those of one format no error."""
-        return self if engine.formats else replace(self, max_error=None)
+    def of_several(self, engines: Sequence[Engine]) -> list["Asked"]:
+        """Return what is asked of each of some engines: what one has not, it is not asked for.
+
+        Raises ArgumentError for what none of them has.
+        """
+        missing = [{why.argument: why for why in refusals(each, self)} for each in engines]
+        for name, why in missing[0].items() if missing else ():
+            if all(name in each for each in missing):
+                raise why
+        usual = Asked()
+        return [replace(self, **{name: getattr(usual, name) for name in each}) for each in missing]
 
 
 def export(
@@ -289,7 +297,8 @@ def packaged(
         again = f"make the map anew, and {CURE} there"
         made.warnings = [line.replace(CURE, again) for line in made.warnings]
     elif asked.sun is None:
-        made.warnings = better_cures(made, source.probe, engine)
+        clipped = source if asked.keeps_primaries else source.in_rec709()
+        made.warnings = better_cures(made, cast(Probe, clipped.probe), engine)
     made.told[:0] = told
     made.warnings[:0] = warnings
     add_lamps(made, light, engine)
@@ -327,29 +336,33 @@ def _readme(engine: Engine, light: Light, package: Package) -> str:
 
 def check(engine: Engine, asked: Asked) -> None:
     """Refuse what an engine has not, before work begins."""
-    if asked.max_error is not None and not engine.formats:
-        raise ArgumentError("max_error", f"does not apply; {engine.title} has one format")
-    if asked.texels not in (None, "auto", *engine.formats):
-        known = ", ".join([*engine.formats, "auto"])
-        why = (
-            f"{engine.title} reads {known}" if engine.formats else f"{engine.title} has one format"
-        )
-        raise ArgumentError("format", f"{asked.texels} does not apply; {why}")
+    for why in refusals(engine, asked):
+        raise why
     refuse_missing(asked.texels)
-    if asked.skybox and not engine.takes_skybox:
-        raise ArgumentError("skybox", f"does not apply; {engine.title} gets no sharp cube")
-    if asked.window is not None and not engine.wants_irradiance:
-        raise ArgumentError("window", f"does not apply; {engine.title} gets no coefficients")
-    if asked.table and not engine.takes_table:
-        raise ArgumentError("dfg", f"does not apply; {engine.title} has a table of its own")
-    if asked.safe and engine.sampler is None:
-        raise ArgumentError("safe", f"does not apply; {engine.title} has no sampler that is known")
-    if asked.sun is not None and not engine.lamps:
-        raise ArgumentError("sun", f"does not apply; lamps are not made for {engine.title}")
-    if asked.into is not None and not engine.takes_asset:
-        raise ArgumentError("into", f"does not apply; {engine.title} gets files of its own")
     if asked.size is not None and engine.wants_levels:
         engine.roughness(engine.sizes(asked.size))
+
+
+def refusals(engine: Engine, asked: Asked) -> list[ArgumentError]:
+    """Return why an engine has not what is asked for, one for each attribute that it lacks."""
+    title, formats = engine.title, engine.formats
+    one = f"{title} has one format"
+    reads = f"{title} reads {', '.join([*formats, 'auto'])}" if formats else one
+    known = (
+        ("max_error", bool(formats), one),
+        ("texels", asked.texels in ("auto", *formats), reads),
+        ("skybox", engine.takes_skybox, f"{title} gets no sharp cube"),
+        ("window", engine.wants_irradiance, f"{title} gets no coefficients"),
+        ("table", engine.takes_table, f"{title} has a table of its own"),
+        ("safe", engine.sampler is not None, f"{title} has no sampler that is known"),
+        ("sun", engine.lamps > 0, f"lamps are not made for {title}"),
+        ("into", engine.takes_asset, f"{title} gets files of its own"),
+    )
+    return [
+        ArgumentError(name, f"{asked.texels} " * (name == "texels") + f"does not apply; {why}")
+        for name, has_it, why in known
+        if getattr(asked, name) and not has_it
+    ]
 
 
 def gather(source: Source, engine: Engine, asked: Asked) -> tuple[Light, list[str], list[str]]:
@@ -380,7 +393,7 @@ def gather(source: Source, engine: Engine, asked: Asked) -> tuple[Light, list[st
         if lobe not in engine.lobes:
             raise MapError(f"{source.path}: is of {lobe}; {engine.title} reads split sums of GGX")
         if asked.table and lobe != "ggx":
-            raise ArgumentError("dfg", f"is the table of GGX; make yours by shrm dfg --brdf {lobe}")
+            raise ArgumentError("table", f"is that of GGX; make yours by shrm dfg --brdf {lobe}")
         levels, roughness, told = levels_of_map(source.split, source.path, engine, asked.size)
         light = replace(light, levels=levels, roughness=roughness, lobe=lobe)
     elif engine.wants_levels and source.probe is not None:

@@ -9,7 +9,7 @@ from shrm_cli.errors import ArgumentError, PluginError, ShrmError
 from shrm_cli.export.blocks import astc, bc6h, uastc
 from shrm_cli.export.blocks.lamps import Found, with_lamps
 from shrm_cli.export.engine import Engine, Light, Package
-from shrm_cli.export.pixels import FORMATS, Loss, TexelFormat, Words
+from shrm_cli.export.pixels import FORMATS, PICTURES, Loss, TexelFormat, Words
 from shrm_cli.messages import explained
 from shrm_cli.progress import in_order
 from shrm_cli.vocabulary import ENGINES
@@ -31,10 +31,11 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
 
     `name` is that of the texels, or ``auto``; by default the engine's own, and its spare ones for
     light of which these alone lose lamps. Where the engine has one format, that is what ``auto``
-    is.
+    is, whatever it loses.
     """
+    has_choice = len(engine.formats) > 1
     name = name if engine.formats else None
-    limit = MAX_ERROR if name == "auto" and max_error is None else max_error
+    limit = MAX_ERROR if name == "auto" and max_error is None and has_choice else max_error
     names = _candidates(engine, name)
     if limit is None:
         return _usual(engine, light, names)
@@ -140,5 +141,5 @@ BLOCKS = {
     )
 }
 """The formats by name. They pack stacks of images of shape (n, M, N, 3)."""
-ALL = {**FORMATS, **BLOCKS}
+ALL = {**FORMATS, **BLOCKS, **PICTURES}
 """All formats of texels by name, those of `shrm_cli.export.pixels` too."""

@@ -281,20 +281,17 @@ LARGEST = 255.0
 _GAMMA = 2.2
 
 
-def rgbd_pictures(faces: Array, what: str) -> tuple[list[bytes], Clipped]:
-    """Return PNG files of the faces of a level, and what RGBD could not hold.
+def rgbd_pictures(data: bytes, size: int) -> list[bytes]:
+    """Return PNG files of the faces of a level, `size` texels wide, whose texels are packed.
 
     The pictures stand on their heads: Babylon.js, and glTF's image-based light with it, counts the
     rows of a face as those of other textures, from below.
-
-    `faces`, of shape (6, N, N, 3), are linear radiance.
     """
-    data, clipped = encoded(faces, RGBD, what)
-    pixels = np.frombuffer(data, np.uint8).reshape(*faces.shape[:-1], 4)[:, ::-1]
-    return [rgba_png(face) for face in pixels], clipped
+    pixels = np.frombuffer(data, np.uint8).reshape(-1, size, size, 4)[:, ::-1]
+    return [rgba_png(face) for face in pixels]
 
 
-def _pack(radiance: Array) -> NDArray[np.uint8]:
+def _pack_rgbd(radiance: Array) -> NDArray[np.uint8]:
     """Encode linear radiance within 0 .. 255 in bytes, shape (..., 4)."""
     radiance = np.asarray(radiance, dtype=np.float64)
     peak = np.maximum(radiance.max(axis=-1, keepdims=True), 1.0)
@@ -303,8 +300,24 @@ def _pack(radiance: Array) -> NDArray[np.uint8]:
     return np.concatenate([colors, divisor], axis=-1).astype(np.uint8)
 
 
-RGBD = TexelFormat("rgbd", "RGBD", (LARGEST,) * 3, 4, _pack, dimmest=5e-3)
-"""The format; it is no choice of users, because its pixels lie in pictures."""
+RGBD = TexelFormat("rgbd", "RGBD", (LARGEST,) * 3, 4, _pack_rgbd, dimmest=5e-3)
+
+
+# ---- RGBP: radiance up to 64 in four bytes, as PlayCanvas defines it -----------------------------
+
+
+def _pack_rgbp(radiance: Array) -> NDArray[np.uint8]:
+    """Encode linear radiance within 0 .. 64 in bytes: ``(rgb (8 - 7 a))^2``, shape (..., 4)."""
+    roots = np.sqrt(np.asarray(radiance, dtype=np.float64))
+    peak = np.maximum(roots.max(axis=-1, keepdims=True), 1.0)
+    alpha = np.floor(255 * (8 - np.minimum(peak, 8.0)) / 7)
+    colors = np.rint(255 * roots / (8 - 7 * alpha / 255))
+    return np.concatenate([colors, alpha], axis=-1).astype(np.uint8)
+
+
+RGBP = TexelFormat("rgbp", "RGBP", (64.0,) * 3, 4, _pack_rgbp, dimmest=5e-3)
+PICTURES = {each.name: each for each in (RGBD, RGBP)}
+"""The formats of pictures of 8 bits by name."""
 
 
 def rgba_png(pixels: NDArray[np.uint8]) -> bytes:

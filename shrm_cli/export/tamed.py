@@ -14,6 +14,8 @@ from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.latlong import LatLong
 
+_SHARE = 0.9
+"""The part of a lamp's light that lies within a disc where the lamp is smaller than that."""
 _LEAST = 0.01
 """The least irradiance of a lamp, as a part of that of a surface under the mean of the light."""
 
@@ -69,18 +71,19 @@ def tamed(image: Array, sampler: Sampler) -> tuple[Array, list[str]]:
     count, moved = 0, 0.0
     for region in find_regions(image, pixels, _LEAST * light / 4):
         own = areas[region.numbers]
-        if own.sum() >= 2 * np.pi * (1 - np.cos(radius)):
-            continue
         values = flat[region.numbers]
         bright = brightness_of(values)
         excess = values * np.maximum(1 - region.level / bright, 0)[:, None]
         weights = own * brightness_of(excess)
         axis = normalize(weights @ pixels.directions(region.numbers))
         disc = pixels.within(axis, radius)
-        flat[region.numbers] -= excess
-        flat[disc] += own @ excess / areas[disc].sum()
+        inside = np.isin(region.numbers, disc)  # a glow around it stays where it is
+        if weights[inside].sum() < _SHARE * weights.sum():
+            continue
+        flat[region.numbers[inside]] -= excess[inside]
+        flat[disc] += own[inside] @ excess[inside] / areas[disc].sum()
         count += 1
-        moved += weights.sum() / light
+        moved += weights[inside].sum() / light
     size = f"a radius of {np.degrees(radius):.2g} degrees"
     if not count:
         return flat.reshape(image.shape), [f"no lamp is spread, as none is smaller than {size}"]

@@ -37,6 +37,8 @@ def read_tree(name: str, data: bytes) -> tuple[Json, bytes | None]:
         tree = table(parse_json(text.decode("utf-8-sig"), most_depth=_MOST_DEPTH))
         version = str(table(tree.get("asset", {})).get("version", ""))
     except (ValueError, RecursionError) as error:
+        if not text.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
+            raise MeshError(f"{name}: no glTF file; export it as glTF 2") from error
         raise MeshError(
             f"{name}: its JSON is damaged ({str(error)[:80]}); export it again"
         ) from error

@@ -13,6 +13,8 @@ from shrm_cli.arrays import Array
 from shrm_cli.lights.light_files import intensity_and_color, light_axes
 from shrm_cli.probe.disc import Disc
 
+_BABYLON_LIGHTS = 4
+"""The lights that a material of Babylon.js is shaded by, unless it says more."""
 _STEEP = 0.99
 """The height of a direction that is too near to the vertical to be turned about it."""
 
@@ -23,8 +25,12 @@ def snippet(engine: str, discs: Sequence[Disc]) -> str:
 
 
 def beside_cubes(engine: str, discs: Sequence[Disc]) -> str:
-    """The lines for the files of `shrm export --for ENGINE`, which may lie in other axes."""
-    return _three_beside_cubes(discs) if engine == "three" else snippet(engine, discs)
+    """The lines for the files of `shrm export --for ENGINE`, which may lie in other axes.
+
+    They are none where the files have the lamps in them.
+    """
+    write = _BESIDE_CUBES.get(engine) or _WRITERS.get(engine)
+    return write(discs) if write else ""
 
 
 def _numbers(values: Array) -> str:
@@ -42,6 +48,22 @@ def _three_beside_cubes(discs: Sequence[Disc]) -> str:
     """Cubes of `shrm export` are looked up in our axes."""
     lines = _three_lights(discs, np.eye(3), "The lamps that the cube is without.")
     return "\n".join(['import * as THREE from "three";', *lines])
+
+
+def _babylon_beside_cubes(discs: Sequence[Disc]) -> str:
+    """Babylon.js takes the irradiance of a directional light, and four lights for a material."""
+    lines = ["// The lamps that the environment is without, in a right-handed scene.", "let lamp;"]
+    for number, disc in enumerate(discs, 1):
+        intensity, color = intensity_and_color(disc)
+        travel = f"new BABYLON.Vector3({_numbers(-disc.direction)})"
+        lines += [
+            f'lamp = new BABYLON.DirectionalLight("Lamp{number}", {travel}, scene);',
+            f"lamp.diffuse = lamp.specular = new BABYLON.Color3({_numbers(color)});",
+            f"lamp.intensity = {intensity:.6g};",
+        ]
+    if len(discs) > _BABYLON_LIGHTS:
+        lines.append(f"// of each PBR material: material.maxSimultaneousLights = {len(discs)};")
+    return "\n".join(lines)
 
 
 def _three_lights(discs: Sequence[Disc], axes: Array, about: str) -> list[str]:
@@ -223,3 +245,4 @@ _WRITERS: dict[str, Callable[[Sequence[Disc]], str]] = {
     "blender": _blender,
     "gltf": _gltf,
 }
+_BESIDE_CUBES = {"three": _three_beside_cubes, "babylon": _babylon_beside_cubes}

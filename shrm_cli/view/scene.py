@@ -392,6 +392,7 @@ def described_map(
         "code": code.text,
         "call": _call(made, code, even),
         "boxed_call": _call(made, code, even, ", p") if code.is_boxed and not made.varies else None,
+        "brushed_call": _in_rec709(made, _BRUSHED) if brushed else None,
         "surface": isinstance(made, LightMap),
         "even": even,
         "brushed": brushed,
@@ -408,9 +409,8 @@ def described_map(
 def _call(made: Map, code: Code, taps: int | None, point: str = "") -> str:
     """Return the expression of the radiance at a normal n and a view v, in linear Rec.709.
 
-    Of brushed maps the code takes the tangent besides. A split sum of GGX is looked up with `taps`
-    where the surface is not brushed. With a point it is looked up in the box of the map's probe,
-    unless the surface is brushed by many look-ups, whose code knows of none.
+    Of brushed maps the code takes the tangent besides. A split sum of GGX is looked up with `taps`,
+    as a surface that is not brushed. With a point it is looked up in the box of the map's probe.
     """
     at = "_at" if point else ""
     own = [f", view_{name}" for name in ("roughness", "f0") if name in made.surface_arguments]
@@ -420,11 +420,17 @@ def _call(made: Map, code: Code, taps: int | None, point: str = "") -> str:
     if made.varies:
         shares = "".join(f", view_shares.{axis}" for axis, _ in zip("xy", made.ways, strict=False))
         call = f"shrm_varied_radiance(n, view_tangent(n), v{shares})"
-    if "anisotropy" in made.surface_arguments:
-        brushed = "n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0"
-        call = f"(view_anisotropy > 0.0 ? shrm_brushed({brushed}) : {call})"
     if code.is_irradiance:
         call = f"shrm_irradiance{at}(n{point}) * 0.3183098861837907"
+    return _in_rec709(made, call)
+
+
+_BRUSHED = "shrm_brushed(n, view_tangent(n), v, view_roughness, view_anisotropy, view_f0)"
+"""The expression of a brushed surface of a split sum, which knows of no box."""
+
+
+def _in_rec709(made: Map, call: str) -> str:
+    """Return the expression of a colour in linear Rec.709."""
     matrix = to_rec709(made.info.chromaticities)
     if matrix is None:
         return call

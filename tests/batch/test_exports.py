@@ -54,6 +54,15 @@ def test_a_batch_makes_what_shrm_export_makes(folder):
     assert all(each["bytes"] > 1000 for each in records(folder))
 
 
+def test_options_are_for_the_engines_that_have_them(folder):
+    """`--for three --for godot --max-error` was refused, which `shrm export` takes."""
+    given = ("a.exr", "--for", "cesium", "--for", "unity", "--max-error", ".1", "--firefly-safe")
+    done("batch", *given, "--size", "16", "-o", "{engine}")
+    for engine, name in (("cesium", "max_error"), ("unity", "firefly_safe")):
+        options = json.loads((folder / engine / "a_export.json").read_text())["options"]
+        assert {"max_error", "firefly_safe"} & options.keys() == {name}
+
+
 @pytest.mark.proof
 def test_what_is_there_and_whole_is_kept(folder):
     done(*BOTH)

@@ -66,6 +66,8 @@ def test_a_light_goes_into_a_copy_of_a_gltf_file(folder):
     json_file = run("export", "sky.exr", "--for", "json", "--into", "ball.glb")
     assert_refused(json_file, 2, "--into does not apply")
     assert_refused(run(*export[:-1], "no.glb"), 1, "no.glb: no such file; name a glTF file")
+    (folder / "ball.obj").write_text("v 0 0 0\n")
+    assert_refused(run(*export[:-1], "ball.obj"), 1, "ball.obj: no glTF file; export it as glTF 2")
     assert (folder / "ball.glb").read_bytes() == before
 
 
@@ -111,20 +113,43 @@ def test_engines_of_one_format_have_it_as_the_automatic_one(folder):
         assert (folder / "a" / name).read_bytes() == (folder / "b" / name).read_bytes()
 
 
-def test_a_limit_of_errors_is_for_engines_of_several_formats(folder):
-    given = ("export", "sky.exr", "--size", "16", "--max-error", "0.2")
-    several = (*given, "--for", "bevy", "--for", "unity", "-o", "a")
-    assert json.loads(done(*several, "--json"))["failures"] == []
-    assert_refused(run(*given, "--for", "unity", "-o", "b"), 2, "Unity has one format")
+@pytest.mark.parametrize(
+    ("option", "having"),
+    [
+        (["--max-error", "0.2"], "bevy"),
+        (["--format", "rgb9e5"], "bevy"),
+        (["--skybox", "8"], "filament and bevy"),
+        (["--firefly-safe"], "unity"),
+        (["--sun", "split"], "filament and bevy"),
+        (["--window", "none"], "filament, json and unity"),
+    ],
+)
+def test_what_some_engines_have_not_is_for_the_others(folder, option, having):
+    """--for all --firefly-safe failed for all but two engines, and the command with them."""
+    given = ["export", "sky.exr", "--size", "32", *option, "-o", "a"]
+    names = ["filament", "bevy", "json", "unity"]
+    if "--max-error" in option:
+        names.remove("filament")
+    several = [*given, *(word for name in names for word in ("--for", name))]
+    assert f"{option[0]} is for {having}; the others have none" in done(*several)
+    told = json.loads(done(*several, "--json"))
+    assert told["failures"] == []
+    assert list(told["options_of_some"]) == [option[0][2:]]
+
+
+def test_what_no_engine_has_is_refused(folder):
+    given = ["export", "sky.exr", "--for", "json", "--for", "unreal"]
+    for option in (["--max-error", "0.2"], ["--format", "bc6h"], ["--dfg"], ["--into", "a.glb"]):
+        assert_refused(run(*given, *option), 2, option[0])
 
 
 def test_an_engine_that_has_not_what_is_asked_loses_no_other(folder):
-    given = ("export", "sky.exr", "--for", "json", "--for", "bevy", "--size", "16", "-o", "assets")
-    result = run(*given, "--format", "rgb9e5")
+    given = ("export", "sky.exr", "--for", "gltf", "--for", "bevy", "--size", "16", "-o", "assets")
+    result = run(*given)
     assert result.code == 1
-    assert result.err.startswith("Failed: json: --format rgb9e5 does not apply")
+    assert result.err.startswith("Failed: gltf: --size must be 32 at least")
     assert [path.name for path in (folder / "assets").iterdir()] == ["bevy"]
-    assert run(*given, "--format", "r11g11b10", "-o", "none").code == 1
+    assert run(*given, "--size", "9", "-o", "none").code == 1
     assert not (folder / "none").exists()
 
 
@@ -271,13 +296,14 @@ def test_maps_are_converted(folder):
         (["missing.exr", "sky.exr", "--for", "godot"], 1, "missing.exr: no such file"),
         (["sky.exr", "--for", "filament", "--size", "100"], 2, "--size 100 is no power of two"),
         (["sky.exr", "--for", "bevy", "--format", "r11g11b10"], 2, "--format r11g11b10 does not"),
-        (["sky.exr", "--for", "bevy", "--skybox", "8"], 2, "--skybox does not apply"),
+        (["sky.exr", "--for", "three", "--skybox", "8"], 2, "--skybox does not apply"),
         (["sky.exr", "--for", "godot", "-o", "sky.exr"], 1, "sky.exr"),
         (["sky.exr", "--for", "godot", "-o", "no/such"], 1, "there is no folder no"),
         (["none.exr", "--for", "godot"], 1, "none.exr"),
         (["bad.exr", "--for", "godot"], 1, "bad.exr"),
         (["nan.exr", "--for", "godot"], 1, "--fix-nonfinite"),
         (["sky.exr", "--for", "filament", "--window", "wide"], 2, "wide"),
+        (["sky.exr", "--for", "three", "--max-error", "nan"], 2, "nan is not between 0 and 1"),
     ],
 )
 def test_bad_input_is_one_line(folder, arguments, code, part):

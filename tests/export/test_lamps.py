@@ -7,6 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from shrm_cli.color import REC709
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export import engine as engines
 from shrm_cli.export.engine import Package
@@ -16,7 +17,7 @@ from shrm_cli.export.pixels import CURE
 from shrm_cli.probe import pixels
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.grid.cube import Cube
-from shrm_cli.vocabulary import ENGINES
+from shrm_cli.vocabulary import ENGINES, PRIMARIES
 from tests.brute_force import latlong_samples, unit
 
 ROWS = 64
@@ -149,6 +150,19 @@ def test_clipped_lamps_are_better_taken_out_than_dimmed(name, words):
     image[:20] = 7e4  # a sky, which is no lamp, is clipped, too, and would be lost by `clamp`
     (line, *_) = packaged(source(image), engines.engine(name), asked).warnings
     assert "scale the light by 1e-4" in line
+
+
+def test_what_is_advised_is_of_light_in_the_primaries_that_are_written():
+    """It was of the file's own: a wall of 250 is 280 of red in Rec.709, which RGBD clips, too."""
+    image = np.full((ROWS, 2 * ROWS, 3), 1.0)
+    image[30:34, 60:64] = (250, 60, 60)
+    image[12, 20] = 5000
+    wide = Probe.from_array(image, "latlong", chromaticities=PRIMARIES["p3"])
+    told = [
+        packaged(Source("light", "light.exr", each), engines.engine("babylon"), Asked(size=64))
+        for each in (wide, wide.in_primaries(REC709))
+    ]
+    assert told[0].warnings == told[1].warnings
 
 
 def test_what_has_no_lights_is_refused(lit):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.export.engines.playcanvas import RGBP
-from shrm_cli.export.pixels import FORMATS, RGBD, clip_warning, encoded, loss, sentence
+from shrm_cli.export.pixels import FORMATS, RGBD, RGBP, clip_warning, encoded, loss, sentence
 from shrm_cli.render.seen import seen_errors
 from tests.export.readers import decoded, packed_floats, shared_exponent, small_float
 

@@ -52,6 +52,25 @@ def test_a_lamp_is_a_disc_of_the_same_light(name):
         assert np.ptp(found[inside][:, 0]) < 0.2 * found[inside].mean()
 
 
+def test_a_lamp_with_a_glow_is_spread_and_a_tube_stays():
+    """The pixels of its glow made a street lamp of .4 degrees as large as one of 1.2, which stays:
+    of a night with seven such lamps one was spread."""
+    directions, areas = (np.asarray(each) for each in latlong_samples(ROWS))
+    angles = np.degrees(np.arccos(np.clip(directions @ directions[ROWS // 2 * 2 * ROWS], -1, 1)))
+    image = np.full((2 * ROWS**2, 3), 0.01)
+    image += np.where(angles < 0.4, 4000, np.where(angles < 2, 4, 0))[:, None]
+    image = image.reshape(ROWS, 2 * ROWS, 3)
+    image[300, 500:520] = 500  # 7 degrees of a tube, whose pixels are fewer than those of a disc
+    found, told = tamed(image, engines.engine("godot").sampler)
+    assert told[0].startswith("1 lamp is spread")
+    assert found[: ROWS // 2 + 10].max() < 1000
+    weights = areas.reshape(ROWS, 2 * ROWS, 1)
+    assert (found * weights).sum() == pytest.approx((image * weights).sum(), rel=1e-12)
+    glow = ((angles > 1.2) & (angles < 2)).reshape(ROWS, 2 * ROWS)
+    assert np.array_equal(found[glow], image[glow])
+    assert np.array_equal(found[300, 500:520], image[300, 500:520])
+
+
 def test_light_without_lamps_stays(rng):
     image = rng.uniform(0.5, 1.5, (64, 128, 3))
     found, told = tamed(image, engines.engine("godot").sampler)

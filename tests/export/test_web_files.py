@@ -12,9 +12,9 @@ from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.export import engine as engines
 from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.export.harmonics import babylon, ext_lights_image_based
-from shrm_cli.export.make import Asked, Source, gather
+from shrm_cli.export.make import Asked, Source, gather, packaged
 from shrm_cli.export.packing import ALL
-from shrm_cli.export.pixels import FORMATS, RGBD, rgba_png, rgbd_pictures
+from shrm_cli.export.pixels import FORMATS, RGBD, encoded, rgba_png, rgbd_pictures
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
@@ -100,13 +100,13 @@ def test_hostile_values_are_clipped_and_counted_or_refused():
     faces[0, 0, 0] = [300, 1, 1]
     faces[1, 0, :, 2] = -0.5
     faces[2, 1, 1] = 70000
-    pictures, clipped = rgbd_pictures(faces, "level 0")
-    assert len(pictures) == 6
+    data, clipped = encoded(faces, RGBD, "level 0")
+    assert len(rgbd_pictures(data, 2)) == 6
     assert (clipped.above, clipped.below, clipped.most, clipped.least) == (2, 2, 70000, -0.5)
     for bad in (np.nan, np.inf, -np.inf):
         faces[3, 0, 0, 1] = bad
         with pytest.raises(MapError, match="1 texels are not finite"):
-            rgbd_pictures(faces, "level 0")
+            encoded(faces, RGBD, "level 0")
 
 
 @pytest.mark.parametrize(("name", "most"), [("babylon", 255), ("gltf", 255), ("directx", 65504)])
@@ -118,6 +118,22 @@ def test_what_a_file_cannot_hold_is_said_once(probe, name, most):
     assert f"({most})" in warning
     assert "of level 0" in warning
     assert not packed(name, probe)[1].warnings
+
+
+@pytest.mark.parametrize("name", ["babylon", "gltf", "playcanvas"])
+def test_what_pictures_of_eight_bits_lose_is_known_and_can_be_limited(probe, name):
+    """A lamp that was clipped took 98 % of a level with it, and nothing but a count was said."""
+    asked = Asked(size=32, max_error=0.1)
+    made = packaged(Source("light", "light.exr", probe), engines.engine(name), asked)
+    assert 0.001 < max(each.rms for each in made.losses) < 0.01
+    assert any("packing changes" in line for line in made.told)
+    bright = np.full((32, 64, 3), 0.5)
+    bright[3, 5] = 1e4
+    source = Source("light", "light.exr", Probe.from_array(bright, "latlong"))
+    with pytest.raises(ArgumentError, match=r"0\.1 is not kept: rgb[dp] changes"):
+        packaged(source, engines.engine(name), asked)
+    made = packaged(source, engines.engine(name), Asked(size=32, texels="auto"))
+    assert made.losses[0].rms > 0.5
 
 
 # ---- Babylon.js ----------------------------------------------------------------------------------
@@ -147,8 +163,14 @@ def test_env_files_hold_all_levels(probe, tmp_path):
         if level < len(light.levels):
             directions = unit(np.random.default_rng(level), 50)
             found = look_up(np.array(faces), directions * [1, 1, -1])
-            expected = look_up(_gl(light.levels[level]), directions)
-            assert np.allclose(found, expected, rtol=0.03)
+            faces, true = np.array(faces), _gl(light.levels[level])
+            assert np.allclose(found, look_up(true, directions), rtol=0.03)
+            mirrored = true[[0, 1, 2, 3, 5, 4]]
+            mirrored = np.stack(
+                [f[::-1] if k in (2, 3) else f[:, ::-1] for k, f in enumerate(mirrored)]
+            )
+            rms = np.sqrt(((faces - mirrored) ** 2).sum() / (true**2).sum())
+            assert package.losses[level].rms == pytest.approx(rms, rel=1e-6)
 
 
 def _gl(cube):

@@ -72,6 +72,16 @@ def test_what_the_page_calls_is_what_the_form_says(monkeypatch):
         assert found[key] == honest[key]
 
 
+def test_brushed_surfaces_have_a_program_of_their_own():
+    """Devices compile all that a program may do: in one program, a processor took three seconds."""
+    found = described_map(
+        cases.split_sum_of("linear", (0.0, 0.5, 1.0), (8, 8, 8)), "a", "a.exr", Blocks()
+    )
+    assert found["call"] == "shrm_even(n, v, view_roughness, view_f0)"
+    assert found["brushed_call"].startswith("shrm_brushed(n, view_tangent(n), v, ")
+    assert described_map(cases.irradiance(1), "a", "a.exr", Blocks())["brushed_call"] is None
+
+
 def test_parameters_that_vary_start_in_the_middle_of_the_first_map():
     """Maps refer to them by number; one of several maps goes over all of their ranges."""
     maps = [

@@ -5,6 +5,7 @@ allow.
 """
 
 import base64
+import json
 import re
 
 import numpy as np
@@ -20,6 +21,7 @@ from shrm_cli.export.pixels import encoded
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import DEFAULT_TAPS
+from tests import ggx
 from tests.brute_force import latlong_samples
 from tests.cli.helpers import ROOT
 from tests.web import proofs, viewer
@@ -156,6 +158,50 @@ def test_three_has_lights_in_place_of_lamps(browser, site):
         whole, dark, lit = (pictures[name, what][used] for name in ("whole", "dark", "lit"))
         assert proofs.relative(lit, whole) < most, what
         assert proofs.relative(dark, whole) > 0.2, what
+
+
+def test_babylon_has_lights_in_place_of_lamps(browser, site):
+    """They add what Lambert's surface and GGX reflect of them, and show the whole light again."""
+    folder, address = site
+    proofs.prepare(folder, "babylon")
+    directions = np.asarray(latlong_samples(128)[0]).reshape(128, 256, 3)
+    image = 0.5 + 0.3 * directions
+    for towards, color in (((1, 2, 0.5), (240, 180, 120)), ((-1, 1, 1), (50, 80, 150))):
+        image[directions @ towards > 0.9995 * np.linalg.norm(towards)] = color
+    probe = Probe.from_array(image, "latlong")
+    page = proofs.Page(browser, address, "babylon.bundle.js")
+    pictures = {}
+    for sun in (None, "split"):
+        asked = Asked(size=256, sun=sun)
+        made = packaged(Source("light", "light.exr", probe=probe), engine("babylon"), asked)
+        write(made, folder / "babylon", kept=False)
+        page.call("start", 128, True, proofs.VIEW)
+        page.call("environment", f"{address}/babylon/light.env")
+        for name in ("dark", "lit") if sun else ("whole",):
+            if name == "lit":
+                start = next(k for k, line in enumerate(made.loading) if "lamps" in line)
+                page.call("lights", "\n".join(made.loading[start:]))
+            for what in (None, 0.5, 1.0):
+                pictures[name, what] = proofs.ball.decoded(page.call("shade", what), 128)
+    assert not page.errors
+    page.close()
+    lamps = json.loads((folder / "babylon" / "light_lamps.json").read_text())["lamps"]
+    assert len(lamps) == 2
+    towards, energy = (
+        np.array([lamp[key] for lamp in lamps]) for key in ("direction", "irradiance")
+    )
+    normals, used, _ = proofs.shown(128)
+    normals = normals[used]
+    views = proofs.ball.views(normals, proofs.VIEW, 1000)
+    views /= np.linalg.norm(views, axis=-1, keepdims=True)
+    for what in (None, 0.5, 1.0):
+        whole, dark, lit = (pictures[name, what][used] for name in ("whole", "dark", "lit"))
+        if what is None:
+            wanted = np.maximum(normals @ towards.T, 0) @ energy / np.pi
+        else:
+            wanted = ggx.reflected(what, normals, views, towards, energy)[0]
+        assert proofs.relative(lit - dark, wanted) < 0.005, what
+        assert proofs.relative(lit, whole) < 0.1 < proofs.relative(dark, whole), what
 
 
 @pytest.mark.parametrize("surface", [(0.5, 0.6), (0.3, 0.9)])

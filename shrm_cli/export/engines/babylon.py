@@ -19,10 +19,10 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
-from shrm_cli.export.cubes import mirrored, to_lookup
+from shrm_cli.export.cubes import mirrored, packed_levels
 from shrm_cli.export.engine import Engine, Light, Package, halving
 from shrm_cli.export.harmonics import babylon, in_axes
-from shrm_cli.export.pixels import RGBD, TexelFormat, rgbd_pictures
+from shrm_cli.export.pixels import TexelFormat, rgbd_pictures
 from shrm_cli.export.quoting import string, uri
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
@@ -38,6 +38,8 @@ class Babylon(Engine):
 
     name = "babylon"
     title = "Babylon.js"
+    formats = auto = ("rgbd",)
+    lamps = 16
 
     def sizes(self, size: int) -> tuple[int, ...]:
         sizes = halving(size, 1)
@@ -60,13 +62,12 @@ class Babylon(Engine):
         if not light.levels:
             return made
         name = f"{light.name}.env"
-        cubes = [to_lookup(cube, LOOKUP) for cube in light.levels]
+        cubes = list(light.levels)
         while cubes[-1].shape[1] > 1:
             cubes.append(_halved(cubes[-1]))
-        levels, clipped = zip(
-            *(rgbd_pictures(cube, f"level {k}") for k, cube in enumerate(cubes)), strict=True
-        )
-        made.tell_clipped(name, RGBD, clipped)
+        packed = packed_levels(made, name, cubes, texels, LOOKUP)
+        sizes = [cube.shape[1] for cube in cubes]
+        levels = [rgbd_pictures(*level) for level in zip(packed, sizes, strict=True)]
         made.add_bytes(name, _env_file(levels, polynomials))
         made.told += [
             "axes: right-handed scenes look up (x, y, -z), so the cube and the polynomials are "
@@ -87,9 +88,9 @@ def _env_file(
 ) -> bytes:
     """Return the bytes of a file.
 
-    `levels` are PNG pictures of the six faces of each level, from `rgbd.rgbd_pictures`. The last
-    has one texel, each other one twice as many along an edge as the next. `irradiance` is RGB of
-    the polynomials x, y, z, xx, yy, zz, yz, zx and xy. Without it Babylon.js makes its own from the
+    `levels` are PNG pictures of the six faces of each level, from `rgbd_pictures`. The last has one
+    texel, each other one twice as many along an edge as the next. `irradiance` is RGB of the
+    polynomials x, y, z, xx, yy, zz, yz, zx and xy. Without it Babylon.js makes its own from the
     pictures.
     """
     pictures = [picture for level in levels for picture in level]
@@ -108,7 +109,7 @@ def _env_file(
     return _MARK + json.dumps(head, allow_nan=False).encode("ascii") + b"\0" + b"".join(pictures)
 
 
-def _halved(faces: Array) -> Array:
-    """Return the means of four texels each, shape (6, N/2, N/2, 3)."""
-    size = faces.shape[1] // 2
-    return np.asarray(faces.reshape(6, size, 2, size, 2, 3).mean(axis=(2, 4)))
+def _halved(cube: Array) -> Array:
+    """Return the means of four texels each of a cube, shape (6N, N, 3) -> (3N, N/2, 3)."""
+    size = cube.shape[1] // 2
+    return np.asarray(cube.reshape(6 * size, 2, size, 2, 3).mean(axis=(1, 3)))

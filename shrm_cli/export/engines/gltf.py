@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from shrm_cli.export.asset import EXTENSION
-from shrm_cli.export.cubes import mirrored, to_lookup
+from shrm_cli.export.cubes import mirrored, packed_levels
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.harmonics import ext_lights_image_based, in_axes
-from shrm_cli.export.pixels import RGBD, Clipped, TexelFormat, rgbd_pictures
+from shrm_cli.export.pixels import TexelFormat, rgbd_pictures
 from shrm_cli.export.quoting import string, uri
 
 LOOKUP = mirrored(1, 1, -1)
@@ -29,6 +29,7 @@ class Gltf(Engine):
 
     name = "gltf"
     title = "glTF EXT_lights_image_based"
+    formats = auto = ("rgbd",)
     takes_asset = True
     least = 16
     """Texels along an edge of the last level, as the extension's text has it."""
@@ -42,7 +43,16 @@ class Gltf(Engine):
         coefficients = light.nine()
         if not light.levels or coefficients is None:  # the extension asks for both
             return made
-        pictures, clipped = _pictures(light)
+        asset = light.asset
+        name = (
+            f"{light.name}.gltf" if asset is None else f"{light.name}_{Path(asset.path).stem}.glb"
+        )
+        packed = packed_levels(made, name, light.levels, texels, LOOKUP)
+        pictures = {
+            f"{light.name}_{k}_{face}.png": picture
+            for k, (data, cube) in enumerate(zip(packed, light.levels, strict=True))
+            for face, picture in enumerate(rgbd_pictures(data, cube.shape[1]))
+        }
         described = {
             "name": light.name,
             "intensity": 1.0,  # without it Babylon.js makes NaN of the coefficients
@@ -53,17 +63,14 @@ class Gltf(Engine):
             "specularImageSize": light.levels[0].shape[1],
             "specularImages": [list(range(6 * k, 6 * k + 6)) for k in range(len(light.levels))],
         }
-        if light.asset is None:
-            name = f"{light.name}.gltf"
+        if asset is None:
             images = [{"uri": uri(each)} for each in pictures]
             for each, picture in pictures.items():
                 made.add_bytes(each, picture)
             made.add_text(name, json.dumps(_document(described, images), allow_nan=False))
         else:
-            name = f"{light.name}_{Path(light.asset.path).stem}.glb"
-            made.add_bytes(name, light.asset.lit(described, list(pictures.values())))
-            made.told.append(f"the light is in each scene of the file: {light.asset.scenes}")
-        made.tell_clipped(name, RGBD, clipped)
+            made.add_bytes(name, asset.lit(described, list(pictures.values())))
+            made.told.append(f"the light is in each scene of the file: {asset.scenes}")
         made.told += [
             "axes: right-handed scenes look up (x, y, -z), so cube and coefficients are mirrored "
             "in z",
@@ -77,16 +84,6 @@ class Gltf(Engine):
             "scene.environmentTexture.gammaSpace = false; // which its loader forgets",
         ]
         return made
-
-
-def _pictures(light: Light) -> tuple[dict[str, bytes], list[Clipped]]:
-    """Return the faces of all levels as PNG files by their names, and what RGBD could not hold."""
-    found, lost = {}, []
-    for k, cube in enumerate(light.levels):
-        faces, clipped = rgbd_pictures(to_lookup(cube, LOOKUP), f"level {k}")
-        lost.append(clipped)
-        found.update({f"{light.name}_{k}_{face}.png": data for face, data in enumerate(faces)})
-    return found, lost
 
 
 def _document(light: dict[str, Any], images: list[dict[str, str]]) -> dict[str, Any]:

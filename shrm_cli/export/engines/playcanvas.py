@@ -14,12 +14,11 @@ References: PlayCanvas, scene/graphics/env-lighting.js (`generateAtlas`), and th
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, slices
-from shrm_cli.export.cubes import diffuse_cube
+from shrm_cli.export.cubes import decoded, diffuse_cube
 from shrm_cli.export.engine import Engine, Light, Package, halving
-from shrm_cli.export.pixels import TexelFormat, encoded, rgba_png
+from shrm_cli.export.pixels import TexelFormat, encoded, loss, rgba_png
 from shrm_cli.export.quoting import string, uri
 from shrm_cli.progress import at_once
 from shrm_cli.sphere.cube import CubeSampler
@@ -31,8 +30,6 @@ _MIPS = 6
 _UNIT = 256
 """Rows of the light itself in a picture of 512 texels, where a border is one texel wide."""
 _PLACES_AT_ONCE = 2**17
-_LARGEST = 64.0
-"""The largest radiance that a texel can hold."""
 
 
 class PlayCanvas(Engine):
@@ -40,6 +37,7 @@ class PlayCanvas(Engine):
 
     name = "playcanvas"
     title = "PlayCanvas"
+    formats = auto = ("rgbp",)
     mapping = "linear"
     wants_irradiance = False
     wants_diffuse = True
@@ -53,13 +51,15 @@ class PlayCanvas(Engine):
             return made  # one picture has both
         name = f"{light.name}_envAtlas.png"
         atlas = env_atlas(light.levels, diffuse_cube(light.diffuse))
-        data, clipped = encoded(atlas, RGBP, "the atlas")
-        made.tell_clipped(name, RGBP, [clipped])
+        data, clipped = encoded(atlas, texels, "the atlas")
+        made.tell_clipped(name, texels, [clipped])
+        found = decoded(data, texels, 1, len(atlas))
+        made.tell_lost(name, [loss("the atlas", atlas[None], found)])
         made.add_bytes(name, rgba_png(np.frombuffer(data, np.uint8).reshape(*atlas.shape[:2], 4)))
         made.told += [
             "the lat-longs of the atlas lie as ours do, +Z in the centre",
             "levels: roughness k / 5; diffuse surfaces take the lat-long of E / pi",
-            f"pixels: RGBP, 8 bits a channel, at most radiance {_LARGEST:g}",
+            f"pixels: {texels.title}, 8 bits a channel, at most radiance {texels.largest[0]:g}",
         ]
         made.loading += [
             'const atlas = new pc.Asset("light", "texture", '
@@ -119,16 +119,3 @@ def _fill_bordered(part: Array, sampler: CubeSampler, border: float, finer: int)
         part[rows] = np.maximum(means, 0)  # a cubic filter overshoots
 
     at_once(fill, list(slices(height, _PLACES_AT_ONCE // (finer**2 * width))))
-
-
-def _pack(radiance: Array) -> NDArray[np.uint8]:
-    """Encode linear radiance within 0 .. 64 in bytes: ``(rgb (8 - 7 a))^2``, shape (..., 4)."""
-    roots = np.sqrt(np.asarray(radiance, dtype=np.float64))
-    peak = np.maximum(roots.max(axis=-1, keepdims=True), 1.0)
-    alpha = np.floor(255 * (8 - np.minimum(peak, 8.0)) / 7)
-    colors = np.rint(255 * roots / (8 - 7 * alpha / 255))
-    return np.concatenate([colors, alpha], axis=-1).astype(np.uint8)
-
-
-RGBP = TexelFormat("rgbp", "RGBP", (_LARGEST,) * 3, 4, _pack, dimmest=5e-3)
-"""The format; it is no choice of users, because its pixels lie in a picture."""

@@ -94,5 +94,7 @@ class Three(Engine):
                 "scene.environment.isPMREMTexture = true;",
             ]
         else:
+            if texels.name.startswith("astc"):
+                made.told.append("loading: WebGLRenderer alone, as WebGPU has no ASTC of light")
             made.loading.append(f"scene.environment = await loadEnvironment({string(uri(name))});")
         made.loading.append("scene.background = scene.environment;")

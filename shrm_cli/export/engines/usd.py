@@ -21,5 +21,6 @@ class Usd(PanoramaEngine):
             name = "dome.exr"  # USD has no way to write such names
         add_exr(made, name, image, light)
         made.add_text(layer, usd_layer("Dome", name, light.discs))
-        made.told.append("a DomeLight_1 whose pole is +Y, and a DistantLight for each lamp")
+        lamps = ", and a DistantLight for each lamp" if light.discs else ""
+        made.told.append(f"a DomeLight_1 whose pole is +Y{lamps}")
         made.loading.append(f"# usdview {word(layer)}, or a sublayer of your stage")

@@ -72,8 +72,9 @@ Renderer.prototype.meshOf = function (number) {
 };
 
 // The map's own code, and its call. The user's mesh stands in the room of the map's probe.
-function shownCode(map) {
-  var call = map.boxed_call ? "view_boxed ? " + map.boxed_call + " : " + map.call : map.call;
+function shownCode(map, isBrushed) {
+  var call = isBrushed ? map.brushed_call
+    : map.boxed_call ? "view_boxed ? " + map.boxed_call + " : " + map.call : map.call;
   return map.code + "\nvec3 shrm_shown(vec3 n, vec3 v, vec3 p) {\n" +
     "  n = view_turn * n;\n  v = view_turn * v;\n  return " + call + ";\n}\n";
 }
@@ -133,27 +134,33 @@ Renderer.prototype.draw = function (target, side, state, shift) {
   else this.drawMesh(side, state, values);
 };
 
-Renderer.prototype.drawSphere = function (side, values) {
-  var scene = this.scene, isTruth = side.kind === "truth";
-  var program = this.program(isTruth ? "truth" : "sphere " + side.number, FULL_SCREEN, function () {
-    var seen = isTruth ? SEEN_TRUTH : shownCode(scene.maps[side.number]) + SEEN_MAP;
-    return HEAD + COMMON + seen + SPHERE;
+// The program of a map. Brushed surfaces have another one, because devices compile all that a
+// program might do before they draw: of a split sum that took a processor three seconds.
+Renderer.prototype.mapProgram = function (shape, side, values, vertex, rest) {
+  var map = this.scene.maps[side.number], isBrushed = map.brushed && values.view_anisotropy > 0;
+  return this.program(shape + side.number + (isBrushed ? " brushed" : ""), vertex, function () {
+    return HEAD + COMMON + shownCode(map, isBrushed) + rest;
   });
+};
+
+Renderer.prototype.drawSphere = function (side, values) {
+  var isTruth = side.kind === "truth";
+  var program = isTruth
+    ? this.program("truth", FULL_SCREEN, function () { return HEAD + COMMON + SEEN_TRUTH + SPHERE; })
+    : this.mapProgram("sphere ", side, values, FULL_SCREEN, SEEN_MAP + SPHERE);
   var own = isTruth ? { view_truth: this.truthTexture(side.number) } : this.texturesOf(side.number);
   this.fill(program, values, this.textures(own));
 };
 
 Renderer.prototype.drawMesh = function (side, state, values) {
-  var gl = this.gl, scene = this.scene, mesh = this.meshOf(state.shape);
+  var gl = this.gl, mesh = this.meshOf(state.shape);
   var behind = this.program("behind", FULL_SCREEN, function () {
     return HEAD + COMMON + BEHIND;
   });
   gl.clear(gl.DEPTH_BUFFER_BIT);
   this.fill(behind, values, this.textures({}));
   if (side.kind === "truth") return; // no truth of meshes is known
-  var program = this.program("mesh " + side.number, MESH_VERTEX, function () {
-    return HEAD + COMMON + shownCode(scene.maps[side.number]) + MESH;
-  });
+  var program = this.mapProgram("mesh ", side, values, MESH_VERTEX, MESH);
   gl.useProgram(program.program);
   setUniforms(gl, program, values);
   bindTextures(gl, program, this.textures(this.texturesOf(side.number)));

@@ -3,6 +3,7 @@ import { Engine } from "@babylonjs/core/Engines/engine.js";
 import { Scene } from "@babylonjs/core/scene.js";
 import { FreeCamera } from "@babylonjs/core/Cameras/freeCamera.js";
 import { Camera } from "@babylonjs/core/Cameras/camera.js";
+import { DirectionalLight } from "@babylonjs/core/Lights/directionalLight.js";
 import { Vector3 } from "@babylonjs/core/Maths/math.vector.js";
 import { Color3, Color4 } from "@babylonjs/core/Maths/math.color.js";
 import { CreateSphere } from "@babylonjs/core/Meshes/Builders/sphereBuilder.js";
@@ -79,6 +80,10 @@ window.shade = async (roughness, multiscatter = false) => {
   material.dispose();
   return base64(pixels);
 };
+
+// Run lines of a README that make lights.
+window.lights = (lines) =>
+  new Function("BABYLON", "scene", lines)({ Color3, DirectionalLight, Vector3 }, scene);
 
 // The light itself, 90 degrees across, along a horizontal direction.
 window.background = async (to) => {
