@@ -3,10 +3,12 @@
 What only some conversions need is imported by these: most take less time than imports do.
 """
 
+from __future__ import annotations
+
 import os
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,10 +19,12 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.messages import refuse_arguments
-from shrm_cli.probe.open import AnyProbe
 from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, using
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.open import AnyProbe
 
 
 def convert(

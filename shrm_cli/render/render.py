@@ -100,7 +100,8 @@ def render(
         else {"place": place, "radius": radius}
     )
     refuse_arguments("a sphere" if mesh is None else "a mesh", **unused)
-    given = several(maps, "maps")
+    is_scene = mesh is not None and is_scene_name(os.fspath(mesh))  # which names maps itself
+    given = several(maps, "" if is_scene else "maps")
     names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in given]
     opened = [each if isinstance(each, Map) else open_lit(each) for each in given]
     opened, _ = lit_maps(opened, names, _light(probe), None)
@@ -114,7 +115,7 @@ def render(
         drawing = on_sphere(lit, shape[0], surface)
     else:
         name = os.fspath(mesh)
-        if is_scene_name(name):
+        if is_scene:
             stage = Stage.of(read_scene(name, opened))
         else:
             shown = Shown(roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
