@@ -224,10 +224,8 @@ def transfer_plan(
         encodings = [each.colored for each in found.materials if each.colored]
         albedo = linear_colors(found.colors, encodings[0] if encodings else "linear")
     tangents = None if brush is None else brushed_tangents(found, brush)
-    product = None
-    if brdf is not None:
-        matrices = True
-    sites = None
+    matrices = matrices or brdf is not None
+    sites = product = None
     if order is None and matrices:
         order = DEFAULT_PRODUCT_ORDER
     elif order is None:
