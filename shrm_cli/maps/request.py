@@ -184,7 +184,7 @@ def _not_for(
     name: str, chosen: Representation, known: Mapping[str, Representation]
 ) -> ArgumentError:
     """Return the error that refuses an argument which a representation does not obey."""
-    of = owners(known, name)
+    of = owners({AUTO: registry.description(AUTO), **known}, name)
     if not of:
         return ArgumentError(name, "is no argument of prefilter")
     why = f"; {chosen.why_no_brdf}" if name == "brdf" else ""

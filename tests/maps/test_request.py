@@ -100,6 +100,8 @@ def test_what_does_not_apply_is_refused(probe):
     assert repr(Request.of("shrm", {"brdf": parse_spec(SPEC)}, probe).brdf) == repr(
         parse_spec(SPEC)
     )
+    with pytest.raises(ArgumentError, match="`seen` applies with `to` auto, shrm"):
+        Request.of("irradiance", {"seen": 0.05}, probe)
 
 
 @pytest.mark.parametrize(("to", "name"), [("splitsum", "levels"), ("she", "roughness")])
