@@ -395,6 +395,11 @@ def test_goals():
     assert Goal.of(0.2, 0.1) == Goal(0.2, 0.1)
 
 
+def test_half_of_a_goal_is_half_of_all_that_it_asks_for():
+    assert Goal(0.04, 0.06).halved() == Goal(0.02, 0.03)
+    assert Goal(0.04, None).halved() == Goal(0.02, None)
+
+
 def test_both_errors_are_judged():
     """Each in units of what is allowed; what takes long is not found out in vain."""
 
