@@ -127,15 +127,20 @@ def test_three_s_own_filter(browser, site, probe):
         assert off["both"] < (0.08 if 0.3 < rough < 1 else 0.01), rough
 
 
+def with_two_lamps(brighter):
+    """Smooth light with two lamps, of which the brighter one has this radiance."""
+    directions = np.asarray(latlong_samples(128)[0]).reshape(128, 256, 3)
+    image = 0.5 + 0.3 * directions
+    for towards, color in (((1, 2, 0.5), brighter), ((-1, 1, 1), (50, 80, 150))):
+        image[directions @ towards > 0.9995 * np.linalg.norm(towards)] = color
+    return Probe.from_array(image, "latlong")
+
+
 def test_three_has_lights_in_place_of_lamps(browser, site):
     """`--sun split` beside the same light in the cube: diffuse, and two rough metals."""
     folder, address = site
     proofs.prepare(folder, "three")
-    directions = np.asarray(latlong_samples(128)[0]).reshape(128, 256, 3)
-    image = 0.5 + 0.3 * directions
-    for towards, color in (((1, 2, 0.5), (400, 300, 200)), ((-1, 1, 1), (50, 80, 150))):
-        image[directions @ towards > 0.9995 * np.linalg.norm(towards)] = color
-    probe = Probe.from_array(image, "latlong")
+    probe = with_two_lamps((400, 300, 200))
     page = proofs.Page(browser, address, "three.bundle.js")
     pictures = {}
     for sun in (None, "split"):
@@ -164,11 +169,7 @@ def test_babylon_has_lights_in_place_of_lamps(browser, site):
     """They add what Lambert's surface and GGX reflect of them, and show the whole light again."""
     folder, address = site
     proofs.prepare(folder, "babylon")
-    directions = np.asarray(latlong_samples(128)[0]).reshape(128, 256, 3)
-    image = 0.5 + 0.3 * directions
-    for towards, color in (((1, 2, 0.5), (240, 180, 120)), ((-1, 1, 1), (50, 80, 150))):
-        image[directions @ towards > 0.9995 * np.linalg.norm(towards)] = color
-    probe = Probe.from_array(image, "latlong")
+    probe = with_two_lamps((240, 180, 120))
     page = proofs.Page(browser, address, "babylon.bundle.js")
     pictures = {}
     for sun in (None, "split"):
