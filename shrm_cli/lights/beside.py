@@ -224,7 +224,7 @@ class _Reflected:
 
         return cls(
             light, transfer, lobes, Change.of(split, transfer), shown, whole, error,
-            cache(lambda: reflected(lobes, light.coefficients, lobes.center)),
+            cache(lambda: reflected(lobes, light.coefficients, lobes.pixels)),
             None if shown.isotropic else LampsLit(_flux(split), radiance),
         )  # fmt: skip
 
@@ -285,10 +285,11 @@ class _Reflected:
         """Return the share of pixels that is wrong beside a perfect map of these degrees."""
         if last == 0 and self.pixels is not None:
             rest = project(self.change.pixels, self.lobes.order)
-            seen = reflected(self.lobes, rest.coefficients, self.lobes.center)
+            seen = reflected(self.lobes, rest.coefficients, self.lobes.pixels)
             with beside_lamps(self._lamps_beside(last)):
                 return share_of_points(rest, [self.lobes], seen, np.zeros_like(seen))
-        wrong = reflected(self.lobes, self.change.beyond(last).coefficients, self.lobes.center)
+        beyond = self.change.beyond(last).coefficients
+        wrong = reflected(self.lobes, beyond, self.lobes.pixels)
         return share_of_points(self.light, [self.lobes], self.seen(), wrong)
 
 

@@ -19,7 +19,7 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.lobe_expansion import Expansion as Lobe
 from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.lobes_lit import Lobes, lit, points, sample_views, together
+from shrm_cli.maps.lobes_lit import Lobes, judged, lit, sample_views, together
 from shrm_cli.maps.size import (
     Band,
     choose_size,
@@ -252,7 +252,8 @@ def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | Non
     lighting = _light_of(expansions)
     whole, _ = lit(lighting.coefficients * LUMINANCE, groups)
     # Lobes are those of 2 pi times the BRDF.
-    normals, views = (each[::_APART] for each in points(center))
+    at = judged(groups)
+    normals, views = at.normals[::_APART], at.views[::_APART]
     shown = 2 * np.pi * map_.radiance(normals, views) @ LUMINANCE
     return share_of_points(lighting, groups, whole[::_APART], shown - whole[::_APART], _APART)
 

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
 from hashlib import blake2b
-from itertools import islice, pairwise
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from shrm_cli.arrays import Array, Indices, Memo
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, from_angles, local_frame, normalize
 from shrm_cli.sphere.harmonics import complex_from_real, degrees
-from shrm_cli.sphere.wigner import small_d_degrees
+from shrm_cli.sphere.wigner import folded_small_d, small_d_degrees
 from shrm_cli.vocabulary import LUMINANCE, WRONG, Center
 
 _KEPT_ORDER = 96
@@ -49,6 +49,15 @@ _VIEWS, _AZIMUTHS = 24, 4
 a quarter was missing of 23 % (`charlie`, P = 12) and of 18 % (a measured cloth); 24 do as well as
 more.
 """
+_TIMES_BRUSHED = 2
+"""How many times as many angles anisotropic lobes are known at, which differ by the azimuth of the
+tangent, too. With as many as others, 3.8 to 8.9 parts of a thousand were wrong under a sunrise,
+depending on which azimuths these were."""
+_TURNS = np.pi * (3 - np.sqrt(5)) * np.arange(_RINGS)
+"""Rings are turned against each other by the golden angle, so that no meridian is special."""
+_TWISTS = np.pi * (3 - np.sqrt(5)) * np.arange(_RINGS * _AROUND)
+"""So are the azimuths of the views about each central direction, few of which would otherwise all
+look the same way."""
 _FADING = 0.25
 """The part of the known degrees that fades out where the light goes on beyond them. A principal map
 of 1 MB of `ward:ax=0.2,ay=0.2` has 10.0 % wrong pixels under a sunrise. 12.6 % were predicted where
@@ -57,11 +66,92 @@ mean light beyond them makes no rings that count."""
 _BLURRED = 10.0
 """The exponent at the end of a Gaussian over degrees. With 4 rings are seen; with 10 it
 blurs by 1.3 degrees (standard deviation) where the last one is 192."""
-_TURNS = np.pi * (3 - np.sqrt(5)) * np.arange(_RINGS)
-"""Rings are turned against each other by the golden angle, so that no meridian is special."""
-_TWISTS = np.pi * (3 - np.sqrt(5)) * np.arange(_RINGS * _AROUND)
-"""So are the azimuths of the views about each central direction, few of which would otherwise all
-look the same way."""
+
+
+def view_count(is_brushed: bool) -> int:
+    """Return the number of views at which lobes are known, unless all are the same."""
+    return _VIEWS * (_TIMES_BRUSHED if is_brushed else 1)
+
+
+def sample_views(center: Center, count: int = _VIEWS) -> tuple[Array, Array]:
+    """Return angles of views from the central direction that stand for all pixels of spheres.
+
+    About the mirror direction these pixels are uniform over all views. About the normal they are
+    so over the squared sine of the angle, above the horizon, and that angle is half the one from
+    the mirror direction: both are the same views. Views are dense where they graze the surface,
+    because errors are large there. About the tangent all views count alike.
+
+    Returns theta_o, of shape (count,), in radians, ascending, and, of the same shape, the share of
+    the pixels that each of them stands for.
+    """
+    left = 1 - (np.arange(count) + 0.5) / count
+    theta_o = np.arccos(2 * left**2 - 1)
+    return (theta_o / 2 if center == "normal" else theta_o), left / left.sum()
+
+
+def sample_tangents(count: int) -> Array:
+    """Return the azimuths of the views of `sample_views` from the tangent, radians, (count,)."""
+    return np.asarray(2 * np.pi * ((np.arange(count) + 0.5) * (np.sqrt(5) - 1) / 2 % 1))
+
+
+@record(eq=False)
+class Pixels:
+    """Points at which lobes about the mirror direction or the normal are lit; see `pixels`."""
+
+    center: Center
+    normals: Array
+    views: Array
+    """Both of shape (directions, views, azimuths, 3): unit vectors, world axes; read-only."""
+    azimuths: Array
+    """Those of the views about C, less the `_TWISTS`: shape (azimuths,), or that of all points."""
+    parts: Array
+    """How many of the pixels of a view a point stands for, 1 in the mean over those of a surface.
+    Shape (1, 1, azimuths), or that of all points."""
+    surfaces: tuple[slice, ...]
+    """The azimuths on each of the surfaces that are judged by themselves."""
+
+    def tangents(self, at: tuple[Indices, ...]) -> Array:
+        """Return the tangents of surfaces at some of the points, shape (..., 3).
+
+        `at` are the indices of their directions, views and azimuths, each of shape (...). The
+        azimuths of the views from the tangents are those of `sample_tangents`.
+        """
+        normals, views = self.normals[at], self.views[at]
+        towards = normalize(views - np.sum(normals * views, axis=-1, keepdims=True) * normals)
+        azimuth = sample_tangents(self.views.shape[1])[at[1], None]
+        return np.asarray(np.cos(azimuth) * towards - np.sin(azimuth) * np.cross(normals, towards))
+
+
+@cache
+def pixels(center: Center, is_brushed: bool = False) -> Pixels:
+    """Return the points for lobes about a center, of isotropic or of brushed surfaces.
+
+    Of brushed ones half of the azimuths are any, as on meshes that are brushed in all directions.
+    With the other half tangents are horizontal, see `shrm_cli.maps.brushed_pixels`.
+    """
+    theta = np.arccos(1 - (2 * np.arange(_RINGS) + 1) / _RINGS)[:, None]
+    phi = _TURNS[:, None] + 2 * np.pi / _AROUND * np.arange(_AROUND)
+    frames = local_frame(theta, phi).reshape(-1, 1, 1, 3, 3)
+    theta_o, _ = sample_views(center, view_count(is_brushed))
+    azimuths: Array = 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
+    parts: Array = np.ones((1, 1, _AZIMUTHS))
+    surfaces: tuple[slice, ...] = (slice(None),)
+    if is_brushed:
+        from shrm_cli.maps.brushed_pixels import horizontal  # few materials are brushed
+
+        around, some = horizontal(center, theta_o, sample_tangents(len(theta_o)), frames[:, 0, 0])
+        half = _AZIMUTHS // 2
+        any_way = np.broadcast_to(azimuths[::2], (*around.shape[:2], half))
+        azimuths = np.concatenate([any_way, around - _TWISTS[:, None, None]], axis=2)
+        parts = np.concatenate([np.ones_like(any_way), some], axis=2)
+        surfaces = slice(half), slice(half, None)
+    local = from_angles(theta_o[:, None], _TWISTS[:, None, None] + azimuths)
+    views = np.einsum("...ij,...j->...i", frames, local)
+    centers = np.broadcast_to(frames[..., 2], views.shape)
+    normals = bisector(centers, views) if center == "reflection" else centers.copy()
+    for each in (normals, views):
+        each.setflags(write=False)
+    return Pixels(center, normals, views, azimuths, parts, surfaces)
 
 
 @record(eq=False)
@@ -90,6 +180,11 @@ class Lobes:
     @property
     def order(self) -> int:
         return self.whole.shape[1] - 1
+
+    @property
+    def pixels(self) -> Pixels:
+        """The pixels that these lobes are judged by."""
+        return pixels(self.center, bool(np.iscomplexobj(self.whole)))
 
     @property
     def max_q(self) -> int:
@@ -130,6 +225,14 @@ class Lobes:
         both = _energy(error, added, light)
         amount = (np.sqrt(both**2 + square * more) - both) / np.maximum(square, 1e-300)
         return Lobes(whole, error + added * amount[:, None], self.center)
+
+    def at_views(self, count: int) -> "Lobes":
+        """Return them at a multiple of their views, where those differ, each for its neighbors."""
+        own = self.whole.shape[2]
+        if own in (1, count):
+            return self
+        whole, error = (each.repeat(count // own, axis=2) for each in (self.whole, self.error))
+        return Lobes(whole, error, self.center)
 
     def to_order(self, order: int) -> "Lobes":
         """Return them without the degrees beyond an order, and without errors."""
@@ -186,63 +289,8 @@ def _added(first: Array, second: Array) -> Array:
     return result
 
 
-def sample_views(center: Center, count: int = _VIEWS) -> tuple[Array, Array]:
-    """Return angles of views from the central direction that stand for all pixels of spheres.
-
-    About the mirror direction these pixels are uniform over all views. About the normal they are
-    so over the squared sine of the angle, above the horizon, and that angle is half the one from
-    the mirror direction: both are the same views. Views are dense where they graze the surface,
-    because errors are large there. About the tangent all views count alike.
-
-    Returns theta_o, of shape (count,), in radians, ascending, and, of the same shape, the share of
-    the pixels that each of them stands for.
-    """
-    left = 1 - (np.arange(count) + 0.5) / count
-    theta_o = np.arccos(2 * left**2 - 1)
-    return (theta_o / 2 if center == "normal" else theta_o), left / left.sum()
-
-
-def sample_tangents(count: int) -> Array:
-    """Return the azimuths of the views of `sample_views` from the tangent, radians, (count,)."""
-    return np.asarray(2 * np.pi * ((np.arange(count) + 0.5) * (np.sqrt(5) - 1) / 2 % 1))
-
-
-@cache
-def points(center: Center) -> tuple[Array, Array]:
-    """Return the points at which lobes about the mirror direction or the normal are `lit`.
-
-    Returns `normals` and `views`, each of shape (directions, views, azimuths, 3), unit vectors in
-    world axes; read-only.
-    """
-    theta = np.arccos(1 - (2 * np.arange(_RINGS) + 1) / _RINGS)[:, None]
-    phi = _TURNS[:, None] + 2 * np.pi / _AROUND * np.arange(_AROUND)
-    frames = local_frame(theta, phi).reshape(-1, 1, 1, 3, 3)
-    azimuths = _TWISTS[:, None, None] + 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
-    local = from_angles(sample_views(center)[0][:, None], azimuths)
-    views = np.einsum("...ij,...j->...i", frames, local)
-    centers = np.broadcast_to(frames[..., 2], views.shape)
-    normals = bisector(centers, views) if center == "reflection" else centers.copy()
-    for each in (normals, views):
-        each.setflags(write=False)
-    return normals, views
-
-
-def tangents(center: Center, at: tuple[Indices, ...]) -> Array:
-    """Return the tangents of surfaces at some of the `points`, shape (..., 3).
-
-    `at` are the indices of their directions, views and azimuths, each of shape (...). The azimuths
-    of the views from the tangents are those of `sample_tangents`.
-    """
-    count = points(center)[1].shape[1]
-    normals, views = (each[at] for each in points(center))
-    heights = np.sum(normals * views, axis=-1, keepdims=True)
-    towards = normalize(views - heights * normals)
-    azimuth = sample_tangents(count)[at[1], None]
-    return np.asarray(np.cos(azimuth) * towards - np.sin(azimuth) * np.cross(normals, towards))
-
-
-def reflected(lobes: Lobes, light: Array, center: Center) -> Array:
-    """Return the luminance of what lobes reflect of some light, at all `points` about a center.
+def reflected(lobes: Lobes, light: Array, at: Pixels) -> Array:
+    """Return the luminance of what lobes reflect of some light, at all pixels.
 
     `light`, of shape (n, 3), are its coefficients, world axes. They fade out as a Gaussian over the
     degrees of the lobes, for nothing else does not ring around lamps: at night, at 192 degrees that
@@ -253,16 +301,18 @@ def reflected(lobes: Lobes, light: Array, center: Center) -> Array:
     faded = np.zeros((len(fading), 3))
     known = light[: len(faded)]
     faded[: len(known)] = known * fading[: len(known), None]
-    if lobes.center != center:
-        lobes = lobes.recentered(len(sample_views(center)[0]))
-    whole, _ = lit(faded * LUMINANCE, [lobes])
-    return whole
+    lobes = lobes.at_views(at.views.shape[1])
+    if lobes.center != at.center:
+        lobes = lobes.recentered(at.views.shape[1])
+    return _about_own(faded * LUMINANCE, lobes, at)[0]
 
 
 def together(lobes: Iterable[Lobes]) -> list[Lobes]:
     """Add lobes about the same central direction; those of the highest order come first."""
     found: dict[Center, Lobes] = {}
-    for each in lobes:
+    lobes = list(lobes)
+    count = max(each.whole.shape[2] for each in lobes)
+    for each in (each.at_views(count) for each in lobes):
         found[each.center] = found[each.center] + each if each.center in found else each
     return sorted(found.values(), key=lambda each: -each.order)
 
@@ -277,14 +327,20 @@ def lit(light: Array, groups: Sequence[Lobes]) -> tuple[Array, Array]:
     Returns `whole` and `error`, each of shape (directions, views, azimuths).
     """
     first, *others = groups
-    views = max(each.whole.shape[2] for each in groups)
-    values = _about_own(light, first)
+    views, at = max(each.whole.shape[2] for each in groups), judged(groups)
+    values = _about_own(light, first, at)
     for each in others:
-        values = values + _about_own(light, each.recentered(views))
+        values = values + _about_own(light, each.recentered(views), at)
     return values[0], values[1]
 
 
-def _about_own(light: Array, lobes: Lobes) -> Array:
+def judged(groups: Sequence[Lobes]) -> Pixels:
+    """Return the pixels that lobes are judged by together."""
+    is_brushed = any(np.iscomplexobj(each.whole) for each in groups)
+    return pixels(groups[0].center, is_brushed)
+
+
+def _about_own(light: Array, lobes: Lobes, at: Pixels) -> Array:
     """Reflect light about the central directions of lobes.
 
     Returns an array of shape (2, directions, views, azimuths): the light that is reflected, and the
@@ -297,11 +353,12 @@ def _about_own(light: Array, lobes: Lobes) -> Array:
     known = None if kept is None else _identity(light)
     local = _local_light(light, lobes, known)
     if kept is None:
-        whole = _reflected(local, lobes.whole)
+        whole = _reflected(local, lobes.whole, at)
     else:  # the maps that are compared have the same whole lobes, and errors of their own
         own = lobes.known_as or _identity(lobes.whole)
-        whole = kept.get((known, own), lambda: _reflected(local, lobes.whole))
-    return np.stack([whole, _reflected(local, lobes.error)])
+        what = known, own, at
+        whole = kept.get(what, lambda: _reflected(local, lobes.whole, at))
+    return np.stack([whole, _reflected(local, lobes.error, at)])
 
 
 def _identity(array: Array) -> tuple[bytes, tuple[int, ...]]:
@@ -309,11 +366,11 @@ def _identity(array: Array) -> tuple[bytes, tuple[int, ...]]:
     return blake2b(array.tobytes()).digest(), array.shape
 
 
-def _reflected(local: Sequence[Array], lobes: Array) -> Array:
+def _reflected(local: Sequence[Array], lobes: Array, at: Pixels) -> Array:
     """Reflect the light about central directions by lobes, (directions, views, azimuths)."""
     max_q, views = len(lobes) - 1, lobes.shape[2]
     if not lobes.any():
-        return np.zeros((local[0].shape[-1], views, _AZIMUTHS))
+        return np.zeros((local[0].shape[-1], views, at.azimuths.shape[-1]))
     flat = lobes.transpose(0, 2, 1, 3).reshape(max_q + 1, views, -1)
     flat = flat.astype(np.complex64 if np.iscomplexobj(flat) else np.float32)
     parts = []
@@ -329,11 +386,19 @@ def _reflected(local: Sequence[Array], lobes: Array) -> Array:
     by_q = np.concatenate(parts, axis=1).reshape(2 * (max_q + 1), -1)
     # The sum over both signs of q is twice the real part of that over q > 0. Lobes lack Condon and
     # Shortley's signs, which the light has.
-    q, azimuths = np.arange(max_q + 1), 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
+    q = np.arange(max_q + 1)
     signs = np.where(q == 0, 1, 2) * (-1.0) ** q
-    waves = signs[:, None] * np.exp(1j * np.outer(q, azimuths))
-    values = by_q.T @ np.concatenate([waves.real, -waves.imag])
-    return np.asarray(values.reshape(views, -1, _AZIMUTHS).swapaxes(0, 1))
+    if at.azimuths.ndim == 1:
+        waves = signs[:, None] * np.exp(1j * np.outer(q, at.azimuths))
+        values = by_q.T @ np.concatenate([waves.real, -waves.imag])
+        return np.asarray(values.reshape(views, -1, len(at.azimuths)).swapaxes(0, 1))
+    real, imaginary = signs[:, None, None] * by_q.reshape(2, max_q + 1, views, -1)
+    waves = (real + 1j * imaginary).astype(np.complex64)
+    turn = np.exp(1j * at.azimuths.T).astype(np.complex64)
+    values = np.zeros_like(turn)
+    for wave in waves[::-1]:  # Horner's scheme
+        values = values * turn + wave
+    return np.asarray(values.real.T, dtype=float)
 
 
 def _local_light(light: Array, lobes: Lobes, known: object) -> list[Array]:
@@ -419,33 +484,15 @@ def _make_local_light(light: Array, order: int, orders: range) -> Array:
 
 
 def _ring_functions(order: int, orders: range) -> Iterable[Array]:
-    """Return what `_make_ring_functions` yields, kept for the next call unless it is large."""
-    made = _make_ring_functions(order, orders)
+    """Return the functions on the northern rings from the `_first_degree` on.
+
+    They are what `folded_small_d` yields, kept for the next call unless they are large.
+    """
+    theta = np.arccos(1 - (2 * np.arange(_RINGS // 2) + 1) / _RINGS)
+    made = folded_small_d(order, theta, orders, _AROUND, _first_degree(orders), _AT_ONCE)
     return made if order > _KEPT_ORDER else _known_rings.get((order, orders), lambda: list(made))
 
 
 def _first_degree(orders: range) -> int:
     """Return the first of the degrees that are computed together, below which no q is."""
     return orders[0] // _AT_ONCE * _AT_ONCE
-
-
-def _make_ring_functions(order: int, orders: range) -> Iterator[Array]:
-    """Yield ``d^l_mq(theta)`` on the northern rings, for some degrees at a time.
-
-    They begin with the `_first_degree`.
-
-    Yields arrays of single precision, of shape (degrees, `_AROUND`, rings / 2, orders q, blocks),
-    with ``m = k + _AROUND (b - blocks // 2)`` at k and b, zero where ``|m|`` or q are beyond the
-    degree.
-    """
-    theta = np.arccos(1 - (2 * np.arange(_RINGS // 2) + 1) / _RINGS)
-    degrees = small_d_degrees(order, theta, orders[-1], orders[0])
-    degrees = islice(degrees, _first_degree(orders), None)
-    while some := list(islice(degrees, _AT_ONCE)):
-        half = -(-some[-1][0] // _AROUND)
-        middle, blocks = half * _AROUND, 2 * half + 1
-        result = np.zeros((len(some), blocks * _AROUND, len(theta), len(orders)), np.float32)
-        for (degree, d), own in zip(some, result, strict=True):
-            own[middle - degree : middle + degree + 1, :, : d.shape[1]] = d.swapaxes(1, 2)
-        result = result.reshape(len(some), blocks, _AROUND, len(theta), len(orders))
-        yield np.ascontiguousarray(result.transpose(0, 2, 3, 4, 1))

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.brushed_transfer import azimuths_of
 from shrm_cli.brdf.transfer import TransferFunctions
-from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views
+from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views, view_count
 from shrm_cli.records import record
 from shrm_cli.reflected import last_visible
 from shrm_cli.vocabulary import Center
@@ -31,8 +31,8 @@ class BetweenNodes:
     @classmethod
     def of(cls, transfer: TransferFunctions, center: Center) -> "BetweenNodes":
         """Prepare to take values about a central direction at the views of `sample_views`."""
-        angles, _ = sample_views(center)
         is_brushed = transfer.azimuths.size > 0
+        angles, _ = sample_views(center, view_count(is_brushed))
         theta_o = transfer.theta_o
         if is_brushed:
             theta_o = theta_o[: len(theta_o) // (2 * len(azimuths_of(transfer).angles))]

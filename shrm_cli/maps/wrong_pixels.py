@@ -15,12 +15,12 @@ from functools import cache, cached_property
 import numpy as np
 
 from shrm_cli.arrays import Array, Indices
-from shrm_cli.maps.lobes_lit import Lobes, lit, points, reflected, sample_views, tangents, together
+from shrm_cli.maps.lobes_lit import Lobes, Pixels, judged, lit, reflected, sample_views, together
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import once_each, record
 from shrm_cli.sphere.directions import bisector, horizontal_tangents
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
-from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG, Center
+from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG
 
 
 def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
@@ -44,31 +44,43 @@ def share_of_points(
     `whole` and `error`, of shape (directions, views, azimuths), are what `lit` returns for light
     and lobes; or those of every direction that is so many `apart`.
     """
-    lamps, center, first = lamps_beside.get(), groups[0].center, lighting.coefficients[:1]
+    lamps, at, first = lamps_beside.get(), judged(groups), lighting.coefficients[:1]
     if lamps is None:
         limit = WRONG * np.maximum(whole, SEEN_FLOOR * _mean(first, groups))
-        shares = sample_views(center, error.shape[1])[1]
-        return float((np.abs(error) > limit).mean(axis=(0, 2)) @ shares)
-    shape = points(center)[1][::apart].shape[:-1]
-    some, shares = _some_points(shape)
-    whole, error = (np.broadcast_to(each, shape)[some] for each in (whole, error))
-    at = some[0] * apart, *some[1:]
-    whole, error = whole + lamps.lit.seen_at(center, at), error + lamps.wrong_at(center, at)
+        wrong = (np.abs(error) > limit) * at.parts
+        shares = sample_views(at.center, error.shape[1])[1]
+        return max(float(wrong[..., each].mean(axis=(0, 2)) @ shares) for each in at.surfaces)
     floor = SEEN_FLOOR * _mean(first + lamps.lit.first, groups)
-    is_wrong = np.abs(error) > WRONG * np.maximum(whole, floor)
-    return float(is_wrong.ravel() @ shares.ravel())
+    shape, found = at.views[::apart].shape[:-1], []
+    for each in at.surfaces:
+        some, shares = _some_points(at, shape, each)
+        seen, wrong = (np.broadcast_to(values, shape)[some] for values in (whole, error))
+        places = some[0] * apart, *some[1:]
+        seen, wrong = seen + lamps.lit.seen_at(at, places), wrong + lamps.wrong_at(at, places)
+        is_wrong = np.abs(wrong) > WRONG * np.maximum(seen, floor)
+        found.append(float(is_wrong.ravel() @ shares.ravel()))
+    return max(found)
 
 
-def _some_points(shape: tuple[int, ...]) -> tuple[tuple[Indices, ...], Array]:
-    """Return the indices of some of the sample points, and the share that each stands for.
+def _some_points(
+    at: Pixels, shape: tuple[int, ...], surface: slice
+) -> tuple[tuple[Indices, ...], Array]:
+    """Return the indices of some of the points of a surface, and the share that each stands for.
 
-    Lamps take long to integrate. Each direction has every third of the views, at one azimuth.
+    Lamps take long to integrate. Each direction has a few of the views, at one azimuth, which
+    stands for all of them: where tangents are horizontal the one that most normals have.
     """
     directions, views, azimuths = shape
+    count = _VIEWS_BESIDE // len(at.surfaces)
     direction = np.arange(directions)[:, None]
-    view = np.arange(views // 3) * 3 + direction % 3
+    view = np.arange(count) * (views // count) + direction % (views // count)
     shares = sample_views("reflection", views)[1][view]
-    return (direction, view, (direction + view) % azimuths), shares / float(shares.sum())
+    azimuth = (direction + view) % azimuths
+    if len(at.surfaces) > 1:
+        parts = at.parts[direction, view, surface]
+        azimuth = surface.indices(azimuths)[0] + parts.argmax(axis=-1)
+        shares = shares * parts.sum(axis=-1)
+    return (direction, view, azimuth), shares / float(shares.sum())
 
 
 def _mean(first: Array, groups: Sequence[Lobes]) -> float:
@@ -100,12 +112,12 @@ class LampsLit:
     def _known(self) -> dict[object, Array]:
         return {}
 
-    def seen_at(self, center: Center, at: tuple[Indices, ...]) -> Array:
-        """Return the luminance of it at some of the `points` about a center, as lobes tell it."""
-        known = center, at[0].tobytes()
+    def seen_at(self, at: Pixels, places: tuple[Indices, ...]) -> Array:
+        """Return the luminance of it at some of the pixels, as lobes tell it."""
+        known = at, *(each.tobytes() for each in places)
         if known not in self._known:
-            normals, views = (each[at] for each in points(center))
-            light = self.radiance(normals, tangents(center, at), views)
+            normals, views = at.normals[places], at.views[places]
+            light = self.radiance(normals, at.tangents(places), views)
             self._known[known] = 2 * np.pi * light @ LUMINANCE
         return self._known[known]
 
@@ -141,16 +153,15 @@ class LampsBeside:
     pixels: LampsLit | None = None
     """What is reflected of the lamps' own pixels, where lobes do not tell what is wrong."""
 
-    def wrong_at(self, center: Center, at: tuple[Indices, ...]) -> Array:
+    def wrong_at(self, at: Pixels, places: tuple[Indices, ...]) -> Array:
         """Return the luminance of what lobes reflect of that, as `LampsLit.seen_at`."""
         if self.pixels is not None:
-            return self.pixels.seen_at(center, at) - self.lit.seen_at(center, at)
-        return self._wrong_about(center)[at]
+            return self.pixels.seen_at(at, places) - self.lit.seen_at(at, places)
+        return self._wrong_about(at)[places]
 
     @once_each
-    def _wrong_about(self, center: Center) -> Array:
-        seen = reflected(self.lobes, self.wrong, center)
-        return np.broadcast_to(seen, points(center)[1].shape[:-1])
+    def _wrong_about(self, at: Pixels) -> Array:
+        return np.broadcast_to(reflected(self.lobes, self.wrong, at), at.views.shape[:-1])
 
 
 lamps_beside: ContextVar[LampsBeside | None] = ContextVar("lamps_beside", default=None)
@@ -167,6 +178,8 @@ def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
         lamps_beside.reset(token)
 
 
+_VIEWS_BESIDE = 8
+"""The number of views of each direction at which lamps are integrated, on all surfaces together."""
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""
 

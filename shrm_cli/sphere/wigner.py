@@ -9,6 +9,7 @@ exp(-i m a) d^l_mn(b) exp(-i n c)`` rotates complex harmonics with Condon-Shortl
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,6 +63,29 @@ def small_d_degrees(
         _set_edges(current, edge, degree, lowest)
         yield degree, current
         before, previous = previous, current
+
+
+def folded_small_d(
+    order: int, theta: Array, spins: range, around: int, first: int, at_once: int
+) -> Iterator[Array]:
+    """Yield ``d^l_mn(theta)`` for some degrees at a time, from the first to the order.
+
+    `theta` holds angles in radians, (angles,). `spins` are the columns n, from 0 on. Orders m that
+    differ by a multiple of `around` are side by side: they are the same wave at so many azimuths.
+
+    Yields arrays of single precision, of shape (degrees, around, angles, spins, blocks), with
+    ``m = k + around (b - blocks // 2)`` at k and b, zero where ``|m|`` or n are beyond the degree.
+    """
+    degrees = small_d_degrees(order, theta, spins[-1], spins[0])
+    degrees = islice(degrees, first, None)
+    while some := list(islice(degrees, at_once)):
+        half = -(-some[-1][0] // around)
+        middle, blocks = half * around, 2 * half + 1
+        result = np.zeros((len(some), blocks * around, len(theta), len(spins)), np.float32)
+        for (degree, d), own in zip(some, result, strict=True):
+            own[middle - degree : middle + degree + 1, :, : d.shape[1]] = d.swapaxes(1, 2)
+        result = result.reshape(len(some), blocks, around, len(theta), len(spins))
+        yield np.ascontiguousarray(result.transpose(0, 2, 3, 4, 1))
 
 
 def right_angle_rows(order: int, first: int = 0) -> Array:

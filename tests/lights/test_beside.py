@@ -6,8 +6,8 @@ import pytest
 import shrm_cli as shrm
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.lights import beside, shape
+from shrm_cli.maps import lobes_lit
 from shrm_cli.maps.lamps.rule import LitDiscs
-from shrm_cli.maps.lobes_lit import points, tangents
 from shrm_cli.maps.wrong_pixels import beside_lamps, wrong_share
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Goal
@@ -158,7 +158,7 @@ def test_what_discs_change_is_seen_though_the_error_is_small(brdf, monkeypatch):
     expected, found = measured(by_error)
     limit = 0.1 if by_error.brdf.isotropic else 0.02  # brushed ones are integrated, too
     assert np.linalg.norm(found - expected) < limit * np.linalg.norm(expected)
-    assert seen_beside(by_error) > 0.05
+    assert seen_beside(by_error) > 1.5 * policy.WRONG_BESIDE * 0.05
     by_pixels = beside.split_for(probe, brdf, Goal(0.05, 0.05))
     assert by_pixels.is_held
     assert seen_beside(by_pixels) <= 1.1 * policy.WRONG_BESIDE * 0.05
@@ -166,14 +166,13 @@ def test_what_discs_change_is_seen_though_the_error_is_small(brdf, monkeypatch):
 
 def test_discs_are_good_enough_for_brushed_metal_in_a_dark_studio():
     """They seemed wrong at 14 % of the points, and maps that held their corners had black rims."""
-    pixels = np.zeros((128, 256, 3), np.float32)
-    pixels[41:50, 62:72], pixels[52:60, 200:208] = 280, 170
+    boxes, points = np.zeros((128, 256, 3), np.float32), lobes_lit.pixels("reflection")
+    boxes[41:50, 62:72], boxes[52:60, 200:208] = 280, 170
     brdf = shrm.parse_spec("ggx:roughness=0.5,anisotropy=0.8,mapping=openpbr,f0=0.9/0.8/0.6")
-    found = beside.split_for(shrm.Probe.from_array(pixels), brdf, Goal(0.05, 0.05))
+    found = beside.split_for(shrm.Probe.from_array(boxes), brdf, Goal(0.05, 0.05))
     assert not found.is_held
     normals, views = (
-        np.reshape(each[::7, ::5, 1], (-1, 3))
-        for each in np.broadcast_arrays(*points("reflection"))
+        np.reshape(each[::7, ::5, 1], (-1, 3)) for each in (points.normals, points.views)
     )
     seen = Reference(found.split.probe, brdf).radiance(normals, views) @ LUMINANCE
     lit = LitDiscs(brdf, found.split.discs).radiance(normals, views) @ LUMINANCE
@@ -193,16 +192,17 @@ def test_what_discs_change_does_not_ring_under_sharp_lobes(rows):
 def measured(found):
     """What discs change of the light at some points, by integration and as it is known."""
     rng, brdf = np.random.default_rng(5), found.brdf
-    of_views = rng.integers(8, 16, 300)  # the middle ones of `sample_views`
+    points = found.lamps.lobes.pixels
+    third = points.views.shape[1] // 3
+    of_views = rng.integers(third, 2 * third, 300)  # the middle ones of `sample_views`
     at = rng.integers(0, 480, 300), of_views, rng.integers(0, 4, 300)
-    normals, views = (each[at] for each in points(brdf.center))
-    where = normals, tangents(brdf.center, at), views
+    where = points.normals[at], points.tangents(at), points.views[at]
     truth, rest = (Reference(each, brdf).brushed_radiance(*where)
                    for each in (found.split.probe, found.split.residual_probe))  # fmt: skip
     lit = LitDiscs(brdf, found.split.discs).brushed_radiance(*where)
-    light = found.lamps.lit.seen_at(brdf.center, at)
+    light = found.lamps.lit.seen_at(points, at)
     np.testing.assert_allclose(light, 2 * np.pi * lit @ LUMINANCE, rtol=1e-9)
-    wrong = found.lamps.wrong_at(brdf.center, at)
+    wrong = found.lamps.wrong_at(points, at)
     return 2 * np.pi * (truth - rest - lit) @ LUMINANCE, wrong
 
 

@@ -9,7 +9,7 @@ from scipy.special import sph_harm_y
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps.lamps.map import LampMap
-from shrm_cli.maps.lobes_lit import Lobes, lit, points, sample_views
+from shrm_cli.maps.lobes_lit import Lobes, lit, pixels, sample_views
 from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps, wrong_share
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.lighting import Lighting
@@ -127,7 +127,7 @@ def test_points_are_where_the_light_is_reflected():
     light = np.random.default_rng(4).normal(size=(9, 3))
     angles = sample_views("reflection")[0]
     found, _ = lit(light, [squared_cosine("reflection", angles)])
-    views = points("reflection")[1]
+    views = pixels("reflection").views
     harmonics = oracles.real_harmonics(2, views.reshape(-1, 3))
     by_degree = [harmonics[:, part] @ light[part].sum(axis=1) for part in (slice(1), slice(4, 9))]
     # The integral of (L.V)^2 = 1/3 + 2/3 P_2 times a harmonic, by the theorem of Funk and Hecke.
@@ -146,7 +146,7 @@ def test_light_of_many_degrees_is_known_about_every_direction():
     for degree, q in zip(*np.tril_indices(order + 1), strict=True):
         whole[q, degree, :, 0] = at_views[:, degree * (degree + 1) + q] / np.sqrt(2 if q else 1)
     found, _ = lit(light, [Lobes(whole, np.zeros_like(whole))])
-    views = points("reflection")[1][some]
+    views = pixels("reflection").views[some]
     exact = oracles.real_harmonics(order, views.reshape(-1, 3)) @ light.sum(axis=1)
     np.testing.assert_allclose(found[some].ravel(), exact, rtol=0, atol=1e-6 * np.ptp(exact))
 
@@ -281,6 +281,55 @@ def test_it_is_right_under_real_light(real_probes, name, spec):
         assert measured < predicted + max(0.25 * predicted, 0.005)
         if (spec, to) != NARROW:
             assert measured > predicted - max(0.25 * predicted, 0.005)
+
+
+def brushed_shares(probe, spec, made, count):
+    """The wrong pixels of spheres that are brushed around +Y, and of any that are brushed."""
+    rng = np.random.default_rng(13)
+    mirrored, views = (brute_force.unit(rng, count) for _ in range(2))
+    normals = mirrored + views
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    around = np.cross([0, 1, 0], normals)
+    around /= np.linalg.norm(around, axis=1, keepdims=True)
+    angle = rng.uniform(0, 2 * np.pi, (count, 1))
+    any_way = np.cos(angle) * around + np.sin(angle) * np.cross(normals, around)
+    reference, shares = Reference(probe, parse_spec(spec)), []
+    for tangents in (around, any_way):
+        truth = reference.brushed_radiance(normals, tangents, views)
+        shares.append(seen_errors(made.brushed_radiance(normals, tangents, views), truth))
+    return [each.wrong_share for each in shares]
+
+
+def low_sun():
+    """A sunset: light is brightest at the horizon, where brushed streaks stand upright."""
+    _, y, z = np.moveaxis(oracles.latlong_pixels(128, 64), -1, 0)
+    sky = 0.05 + 0.5 * np.exp(-((y / 0.2) ** 2)) + 400 * np.exp(300 * (0.99 * z + 0.1 * y - 1))
+    return np.float32(sky[..., None] * [1, 0.9, 0.8])
+
+
+def test_brushed_surfaces_are_judged_as_spheres_are_drawn():
+    """Of them more pixels are wrong than of meshes that are brushed in all directions."""
+    spec, probe = "ggx:roughness=0.5,anisotropy=0.8", Probe.from_array(low_sun())
+    made = prefilter_with_facts(probe, "principal", {"brdf": spec, "max_size": "1MB"})
+    spheres, meshes = brushed_shares(probe, spec, made.map, 1500)
+    assert spheres > 1.3 * meshes
+    assert made.summary()["predicted_wrong_share"] == pytest.approx(spheres, rel=0.15)
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("spec", [
+    "ggx:roughness=0.4,anisotropy=0.7,f0=gold", "ggx:roughness=0.5,anisotropy=0.8,f0=0.04",
+    "ward:ax=0.1,ay=0.3",
+])  # fmt: skip
+@pytest.mark.parametrize("name", ["night", "sunrise", "sunset"])
+def test_brushed_surfaces_are_right_under_real_light(real_probes, name, spec):
+    """Whichever surface is worse is told: under low suns spheres, at night meshes."""
+    probe = open_probe(real_probes / f"{name}.exr")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ShrmWarning)
+        made = prefilter_with_facts(probe, "principal", {"brdf": spec, "max_size": "500kB"})
+    measured = max(brushed_shares(probe, spec, made.map, 2500))
+    assert made.further["predicted_wrong_share"]() == pytest.approx(measured, rel=0.2, abs=0.005)
 
 
 @pytest.mark.parametrize("max_q", [0, 6, 8, 9, 15])
