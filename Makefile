@@ -106,7 +106,7 @@ demo: $(VENV)/.installed
 	$(SHRM) probe sky --size 64 -o build/demo/sky.exr
 	$(SHRM) prefilter build/demo/sky.exr --brdf '$(LACQUER)' -o build/demo/lacquer.shrm.exr
 	$(SHRM) compare build/demo/lacquer.shrm.exr --probe build/demo/sky.exr --view 110,15 \
-	  --exposure -4 --no-flip -o build/demo/lacquer.png $(DEMO_FLAGS)
+	  --no-flip -o build/demo/lacquer.png $(DEMO_FLAGS)
 	@echo "The picture is $$(pwd)/build/demo/lacquer.png: truth, map, difference"
 
 # The tests start hundreds of processes. Each would compile all of shrm again if no bytecode were kept.

@@ -96,7 +96,7 @@ def compare(
     spec: str | None,
     representations: bool,
     roughness: tuple[float, float] | None,
-    exposure: float,
+    exposure: float | None,
     amplify: float,
     output: str | None,
     no_picture: bool,
@@ -132,7 +132,7 @@ def compare(
         return
     from shrm_cli.files.image import file_type
     from shrm_cli.render.comparison import comparison_layout
-    from shrm_cli.render.image import expose, exposure_advice
+    from shrm_cli.render.image import expose, exposure_advice, shown_at
 
     _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", *options.READING_NAMES])
     shown["size"] = shown["size"] or _SIZE
@@ -162,10 +162,12 @@ def compare(
     how = "" if truth is None else f", {truth.statement}"
     report = [_table(result, how, labels[1:], flips is not None)]
     if target is not None:
-        settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
+        shows = compared.comparison.baseline
+        stops = shown_at(target, shows) if exposure is None else exposure
+        settings = {"maps": maps, "exposure": stops, "amplify": amplify, **result}
         report.append(_picture(target, compared.comparison, labels, settings))
-        exposed = expose(compared.comparison.baseline, exposure)
-        warnings += exposure_advice(target, exposed, exposure)
+        report += options.told_of_exposure(exposure, stops)
+        warnings += exposure_advice(target, expose(shows, stops), stops)
     report += shading.told_of_taps(opened, shown["taps"], shown["anisotropy"])
     conclude(result, report, warnings + _too_large(result))
 

@@ -190,9 +190,20 @@ def views_option(name: str) -> Callable[[Command], Command]:
 
 
 exposure_option = option(
-    "--exposure", STOPS, metavar="EV", default=0.0,
-    help="Stops: pictures are multiplied by 2^EV, in EXR too.",
+    "--exposure", STOPS, metavar="EV",
+    help="Stops: pictures are multiplied by 2^EV, in EXR too.  [default: 0, or, "
+    "where most of a PNG would be white, or all but black, what shows it, which is said]",
 )  # fmt: skip
+
+
+def told_of_exposure(asked: float | None, exposure: float) -> list[str]:
+    """Return a line about the exposure of a picture that would else show nothing."""
+    if asked is not None or not exposure:
+        return []
+    looks = "most of it is white" if exposure < 0 else "it is all but black"
+    return [f"  exposure       {exposure:g}, as at 0 {looks}; --exposure takes another"]
+
+
 precision_option = option(
     "--precision", click.Choice(vocabulary.PRECISIONS), default="auto",
     help="Pixel type of an EXR; auto is float where half overflows or costs dim light digits.",

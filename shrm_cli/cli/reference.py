@@ -41,7 +41,7 @@ def reference(
     force: bool,
     view: tuple[float, float],
     size: int,
-    exposure: float,
+    exposure: float | None,
     exact: bool,
     source_height: int | None,
     precision: Precision,
@@ -59,7 +59,7 @@ def reference(
     from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.maps.info import record_of
     from shrm_cli.reference import Reference
-    from shrm_cli.render.image import expose, exposure_advice
+    from shrm_cli.render.image import expose, exposure_advice, shown_at
     from shrm_cli.render.sphere import render_sphere
 
     source = shrm.open_probe(probe, options.make_read_options(reading))
@@ -70,7 +70,7 @@ def reference(
     result = {
         "view": list(view),
         "size": size,
-        "exposure": exposure,
+        "exposure": exposure or 0.0,
         "brdf": record_of(brdf),
         "probe": Path(probe).name,
         "probe_sha256": source.digest(),
@@ -83,18 +83,22 @@ def reference(
         usage.keep_other_picture(target, recipe)
     with progress_bar("integrating") as progress:
         truth = Reference(source, brdf, source_height, progress=progress, exact=exact)
-        pixels = expose(render_sphere(truth, shrm.Viewer(*view), size), exposure)
-    result |= {"source_pixels": truth.pixels, "truth_error": truth.error}
+        pixels = render_sphere(truth, shrm.Viewer(*view), size)
+    stops = shown_at(target, pixels) if exposure is None else exposure
+    pixels = expose(pixels, stops)
+    result |= {"source_pixels": truth.pixels, "truth_error": truth.error, "exposure": stops}
+    recipe["reference"]["exposure"] = stops
     attributes = picture_attributes(recipe, [source.chromaticities])
     pixel_type = write_picture(target, pixels, precision, attributes)
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
-    warnings += exposure_advice(target, pixels, exposure)
+    warnings += exposure_advice(target, pixels, stops)
     lines = [
         f"{target}: {size} x {size}, {pixel_type}",
         f"  BRDF           {brdf!r}",
         f"  view           azimuth {view[0]:g}, elevation {view[1]:g}",
         f"  source         {truth.pixels:,} pixels of {probe}",
         f"  truth          {truth.statement}",
+        *options.told_of_exposure(exposure, stops),
     ]
     told = {"file": target, **result, "precision": pixel_type}
     conclude(told, lines, warnings)

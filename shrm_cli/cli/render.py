@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +84,7 @@ def render(
     size: tuple[int, int],
     mesh: str | None,
     transfer: str | None,
-    exposure: float,
+    exposure: float | None,
     background: str | None,
     probe: str | None,
     window: str | None,
@@ -142,18 +143,20 @@ def render(
         drawing = _on_sphere(lit, size, shown_moments, values)
     else:
         drawing = _on_mesh(lit, mesh, baked, size, shown_moments, {**values, "transfer": transfer})
-    film = Film(drawing, shown_moments, [*map(usage.map_stem, lit.names)], exposure, skies, columns)
-    given = values | {"view": view, "vary": ways, "exposure": exposure, "background": background}
-    settings = _settings(lit, film, steps, given | {"probe": probe, "window": window})
+    labels = [*map(usage.map_stem, lit.names)]
+    film = Film(drawing, shown_moments, labels, exposure or 0.0, skies, columns)
+    given = values | {"view": view, "vary": ways, "background": background, "probe": probe}
     with progress_bar("rendering") as progress:
-        images = _doubted(film, targets[0], told, progress)
+        film, images, doubts = _exposed(film, targets[0], exposure is None, progress)
+        settings = _settings(lit, film, steps, given | {"window": window})
         if is_animated(pattern):
             written, lines = _write_animation(film, images, pattern, view[0], fps, max_memory)
         else:
             written, lines = _write_pictures(film, images, targets, precision, settings)
     told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     lines += _of_surfaces(mesh, drawing, lit.maps, values)
-    conclude({"files": written, **settings}, lines, drawing.warnings + told)
+    lines += options.told_of_exposure(exposure, film.exposure)
+    conclude({"files": written, **settings}, lines, drawing.warnings + doubts + told)
 
 
 def _of_surfaces(
@@ -191,7 +194,7 @@ def _settings(lit: Lit, film: Film, frames: int | None, given: dict[str, Any]) -
     moved = {name: given[name] for name in moving.LIGHT_MOVES if given[name] not in (None, ())}
     return {
         "maps": list(lit.names), "view": list(given["view"]), "vary": given["vary"] or None,
-        **film.drawing.said, "exposure": given["exposure"], "background": given["background"],
+        **film.drawing.said, "exposure": film.exposure, "background": given["background"],
         "probe": given["probe"], "window": given["window"], "frames": frames, **moved,
         "width": film.shape[1], "height": film.shape[0],
     }  # fmt: skip
@@ -266,17 +269,28 @@ def _on_mesh(
     return replace(drawing, said=said, warnings=[*warnings, *drawing.warnings])
 
 
-def _doubted(
-    film: Film, path: str, told: list[str], progress: Progress | None
-) -> Iterator[Picture]:
-    """Yield the pictures, and add to `told` which exposure would show the first one."""
-    from shrm_cli.render.image import exposure_advice
+def _exposed(
+    film: Film, path: str, is_free: bool, progress: Progress | None
+) -> tuple[Film, Iterator[Picture], list[str]]:
+    """Return the film and its pictures, and which exposure would show those that show nothing.
 
-    for number, picture in enumerate(film.pictures(progress)):
-        if number == 0:
-            for label, part in film.parts(picture):
-                told += exposure_advice(path, part, film.exposure, label)
-        yield picture
+    Where the exposure is free, the first picture tells which one shows something.
+    """
+    from shrm_cli.render.image import exposure_advice, shown_at
+
+    pictures = film.pictures(progress)
+    first = next(pictures)
+    stops = shown_at(path, *(part for _, part in film.parts(first))) if is_free else 0.0
+    if stops:
+        film = replace(film, exposure=stops)
+        pictures = film.pictures(progress)
+        first = next(pictures)
+    doubts = [
+        line
+        for label, part in film.parts(first)
+        for line in exposure_advice(path, part, film.exposure, label)
+    ]
+    return film, chain([first], pictures), doubts
 
 
 def _write_animation(

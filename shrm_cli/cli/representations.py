@@ -12,6 +12,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli import settings
 from shrm_cli.cli import usage
+from shrm_cli.cli.options import told_of_exposure
 from shrm_cli.cli.terminal import announce, columns, conclude, progress_bar
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.options import bytes_text, counted, listing
@@ -34,7 +35,7 @@ def print_representations(
     path: str,
     options: ReadOptions,
     roughness: tuple[float, float] | None,
-    exposure: float,
+    exposure: float | None,
     output: str | None,
     *,
     f0: str | None,
@@ -55,7 +56,7 @@ def print_representations(
         table_layout,
     )
     from shrm_cli.files.image import file_type, write_picture
-    from shrm_cli.render.image import expose, exposure_advice
+    from shrm_cli.render.image import expose, exposure_advice, shown_at
     from shrm_cli.render.lit import ggx_surface, reflectance
 
     if shrm.is_map(path):
@@ -84,11 +85,14 @@ def print_representations(
     warnings += _doubts(plan, table)
     report = [_report(table, path), *_left_out()]
     if output is not None:
-        pixels = table.sheet(exposure)
-        attributes = _attributes({**result, "exposure": exposure}, source.chromaticities)
+        shows = table.truth[:, 0]
+        stops = shown_at(output, shows) if exposure is None else exposure
+        pixels = table.sheet(stops)
+        attributes = _attributes({**result, "exposure": stops}, source.chromaticities)
         pixel_type = write_picture(output, pixels, attributes=attributes)
         report.append(f"{output}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
-        warnings += exposure_advice(output, expose(table.truth[:, 0], exposure), exposure)
+        report += told_of_exposure(exposure, stops)
+        warnings += exposure_advice(output, expose(shows, stops), stops)
     conclude(result, report, warnings)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.files.image import Picture
 from shrm_cli.vocabulary import LUMINANCE, MAX_STOPS
 
@@ -16,6 +17,9 @@ _WHITE, _BLACK = 0.1, 0.95
 which this share is below `_SEEN` is all but black. The dim rim of a small ball has 7 % of it."""
 _SEEN = 0.003
 """Ten of the 255 steps of sRGB."""
+_HALF = 0.5
+"""A picture whose exposure nobody named is made darker where this share of what is lit is white: a
+white ball in a studio at exposure 0 showed a tenth of itself."""
 
 
 def expose(pixels: ArrayLike, exposure: float) -> Picture:
@@ -46,27 +50,53 @@ def suitable_exposure(luminance: ArrayLike, weights: ArrayLike = 1.0) -> float:
     return float(np.clip(np.round(4 * np.log2(_SHOWN_AS / bright)) / 4, -_MOST_STOPS, _MOST_STOPS))
 
 
+def shown_at(path: str, *pictures: ArrayLike) -> float:
+    """Return the stops at which pictures of one file are drawn, unless somebody names others.
+
+    It is 0, at which files can be compared, unless most of a picture is white there, or all but
+    black. EXR is linear: it is 0. `pictures`, of shape (..., 3), are linear.
+    """
+    lit = np.concatenate([_lit(each) for each in pictures])
+    if path.lower().endswith(".exr") or not _hides(lit, _HALF):
+        return 0.0
+    suitable = suitable_exposure(lit)
+    return 0.0 if _hides(lit * 2.0**suitable) else suitable
+
+
 def exposure_advice(path: str, pixels: ArrayLike, exposure: float, label: str = "") -> list[str]:
     """Say which exposure shows a picture that is all but black or white; nothing of an EXR.
 
     `pixels`, of shape (..., 3), are linear and exposed by `exposure` stops. What is black in truth,
     as beside a sphere, does not count. `label` is what the sheet says of a part of it.
     """
-    luminance = np.asarray(pixels, dtype=float) @ np.array(LUMINANCE)
-    lit = luminance[np.isfinite(luminance) & (luminance > 0)]
-    if path.lower().endswith(".exr") or not lit.size:
+    lit = _lit(pixels)
+    if path.lower().endswith(".exr") or not _hides(lit):
         return []
-    low, high = np.quantile(lit, [_WHITE, _BLACK])
-    if high > _SEEN and low < 1:
-        return []
-    looks = "black" if high <= _SEEN else "white"
+    looks = "white" if np.median(lit) > _SEEN else "black"
     suitable = suitable_exposure(lit)
     better = exposure + suitable
     shows = f"`exposure` {better:g} shows it"
-    if high * 2.0**suitable <= _SEEN or low * 2.0**suitable >= 1 or abs(better) > MAX_STOPS:
+    if _hides(lit * 2.0**suitable) or abs(better) > MAX_STOPS:
         shows = "it is beyond what exposures show"
     name = f"{path}, {label}" if label else path
     return [f"{name}: all but {looks} at an exposure of {exposure:g}; {shows}"]
+
+
+def _lit(pixels: ArrayLike) -> Array:
+    """Return the luminance of what is lit in a linear picture, shape (n,)."""
+    luminance = np.asarray(pixels, dtype=float) @ np.array(LUMINANCE)
+    return np.asarray(luminance[np.isfinite(luminance) & (luminance > 0)])
+
+
+def _hides(lit: Array, white: float = _WHITE) -> bool:
+    """Whether a picture is all but black or white, by the luminance of what is lit in it.
+
+    It is white where no larger share than `white` is below 1.
+    """
+    if not lit.size:
+        return False
+    low, high = np.quantile(lit, [white, _BLACK])
+    return bool(high <= _SEEN or low >= 1)
 
 
 def weighted_quantiles(

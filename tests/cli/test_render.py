@@ -265,6 +265,24 @@ def test_dark_and_bright_limits_of_exposure(folder):
     assert np.isfinite(read("bright.exr")).all()
 
 
+def test_an_exposure_that_nobody_named_shows_the_picture(folder):
+    furnace(64.0).save(folder / "bright.exr", "float")
+    told = done("bright.exr", "--size", 32, "-o", "ball.png", "--json")
+    assert json.loads(told)["exposure"] == -7.25  # 64 becomes .42
+    assert "exposure       -7.25" in done("bright.exr", "--size", 32, "-o", "ball.png")
+    assert np.all(read("ball.png")[16, 16] == encode_srgb(np.float32([64 * 2**-7.25])))
+    # A sheet has one exposure, and its paper and labels stay as they are.
+    done("bright.exr", "bright.exr", "--size", 32, "-o", "sheet.png")
+    done("spot.exr", "spot.exr", "--size", 32, "-o", "other.png")
+    paper, other = read("sheet.png"), read("other.png")
+    assert paper.shape == other.shape
+    np.testing.assert_array_equal(paper[:3], other[:3])
+    done("bright.exr", "--size", 32, "-o", "ball.exr")
+    np.testing.assert_allclose(read("ball.exr")[16, 16, :3], 64, rtol=1e-3)
+    result = run("bright.exr", "--size", 32, "--exposure", 0, "-o", "ball.png")
+    assert "Warning: ball.png: all but white at an exposure of 0; --exposure -7.25" in result.stderr
+
+
 MAIN = "from shrm_cli.cli.main import main; main()"
 
 

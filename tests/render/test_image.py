@@ -12,7 +12,7 @@ from shrm_cli.errors import OutputError
 from shrm_cli.files.image import file_type, write_picture
 from shrm_cli.files.png import encode_srgb, png_bytes
 from shrm_cli.render.camera import whole_coverage
-from shrm_cli.render.image import expose, exposure_advice, suitable_exposure
+from shrm_cli.render.image import expose, exposure_advice, shown_at, suitable_exposure
 
 
 def read(path):
@@ -192,3 +192,27 @@ def test_a_picture_that_shows_nothing_says_which_exposure_would():
     for dim, stops in ((1e-12 * ball, 0), (expose(ball, -12), 26)):
         (line,) = exposure_advice("a.png", dim, stops)
         assert line.endswith("; it is beyond what exposures show")
+
+
+@pytest.mark.parametrize("stops", [-14, -9, 2, 9])
+def test_the_default_exposure_shows_what_would_be_white_or_black(stops):
+    ball = np.linspace(0.2, 0.8, 60, dtype=np.float32).reshape(4, 5, 3)
+    ball[0] = 0
+    other = np.zeros((2, 2, 3), np.float32)  # it shows nothing at any exposure
+    assert shown_at("a.png", ball) == shown_at("a.png", other) == 0
+    drawn = expose(ball, stops)
+    found = shown_at("a.png", drawn, other)
+    assert found == suitable_exposure(drawn[1:])
+    assert 0.3 < np.quantile(expose(drawn[1:], found), 0.75) < 0.5
+    assert shown_at("a.exr", drawn) == 0
+
+
+def test_the_default_exposure_is_none_where_half_of_a_picture_can_be_seen():
+    values = np.full((10, 1, 3), 7.0)
+    values[:6] = 0.9
+    assert shown_at("a.png", values) == 0
+    values[:6] = [[[0.9]], [[0.9]], [[0.9]], [[0.9]], [[7.0]], [[7.0]]]
+    assert shown_at("a.png", values) < 0
+    assert exposure_advice("a.png", values, 0) == []
+    # One bright pixel is not all that there is, and no exposure shows the rest.
+    assert shown_at("a.png", np.full((4, 3), 1e-30)) == 0
