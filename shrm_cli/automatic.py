@@ -162,7 +162,7 @@ class _Choice:
         """Whether lamps may be put beside the map, and shaders and pages could show them."""
         if self.request.sun is not None:
             return False
-        from shrm_cli.maps.lamps.models import bytes_of_table
+        from shrm_cli.maps.lamps.lobe import bytes_of_table
 
         own = bytes_of_table(self.request.brdf)
         return own is not None and own <= self.request.allowed

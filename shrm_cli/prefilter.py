@@ -224,7 +224,7 @@ def _advised(made: Prefiltered, probe: Probe, request: Request) -> Prefiltered:
     if request.splits or not untold:
         return made
     from shrm_cli.lights.beside import MUCH, lamps_share
-    from shrm_cli.maps.lamps.models import bytes_of_table
+    from shrm_cli.maps.lamps.lobe import bytes_of_table
 
     brdf = request.brdf
     if brdf.center == "tangent" or lamps_share(probe) <= MUCH:

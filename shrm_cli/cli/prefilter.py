@@ -175,7 +175,7 @@ def _request(to: str, given: Mapping[str, Any], probe: Probe, prints: Mapping[st
 
         check_tap_count(int(prints["taps"]), bool(prints["anisotropy"]))
     if prints["shader"] is not None and request.splits:
-        from shrm_cli.maps.lamps.models import check_has_code
+        from shrm_cli.maps.lamps.lobe import check_has_code
 
         check_has_code(request.brdf)
     return request

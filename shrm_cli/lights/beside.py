@@ -20,9 +20,8 @@ from shrm_cli.lights.shape import Change, of_pixels
 from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.info import probe_name
-from shrm_cli.maps.lamps.lobe import LobeTable, table_bytes
+from shrm_cli.maps.lamps.lobe import LobeTable, bytes_of_table, table_bytes
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
-from shrm_cli.maps.lamps.models import bytes_of_table
 from shrm_cli.maps.lamps.rule import LitDiscs
 from shrm_cli.maps.lobes_lit import Lobes, reflected
 from shrm_cli.maps.options import counted

@@ -353,6 +353,28 @@ def test_a_plain_run_loads_few_modules(tmp_path):
     assert modules_loaded(result) <= MOST_MODULES
 
 
+MODELS = f"""
+import atexit, sys
+def tell():
+    names = (name.rpartition(".") for name in sys.modules)
+    print("models", *sorted(own for folder, _, own in names if folder.endswith("brdf.models")))
+atexit.register(tell)
+{MAIN}"""
+
+
+def test_lamps_beside_a_map_do_not_load_all_models(tmp_path):
+    """What writes code for lamps knows a dozen of them, of which a map has one."""
+    probe, target = tmp_path / "p.exr", tmp_path / "m.exr"
+    done("probe", "sky", "--size", "64", "-o", str(probe))
+    command = "prefilter", str(probe), "--brdf", "phong", "--sun", "split", "-o", str(target)
+    result = process(*command, code=MODELS)
+    assert result.code == 0
+    assert "beside the map" in result.out
+    _, *models = result.out.splitlines()[-1].split()
+    assert "phong" in models
+    assert not {"ward", "eon", "oren_nayar", "cook_torrance", "blinn_phong"} & {*models}
+
+
 @pytest.mark.parametrize("form", ["irradiance", "splitsum", "she"])
 def test_a_conversion_of_what_stays_as_it_is_loads_few_modules(tmp_path, form):
     """Neither what makes such maps of probes, nor what other conversions need."""

@@ -19,6 +19,7 @@ from shrm_cli.brdf.measured import table
 from shrm_cli.brdf.vectors import from_half_angles
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.files.parts import Part, StoredPart
+from shrm_cli.maps.lamps.models import has_code, refuse_unknown
 from shrm_cli.maps.shader.language import Language, filled
 from shrm_cli.maps.shader.source import Table as Texture
 
@@ -187,3 +188,19 @@ def lobe_part(parts: Sequence[StoredPart]) -> StoredPart | None:
     """Return the part of a map's file that holds a table of its lamps' BRDF, if there is one."""
     last = parts[-1]
     return last if last.name == _NAME and last.attribute(table.ATTRIBUTE) is not None else None
+
+
+def bytes_of_table(brdf: Brdf) -> int | None:
+    """Return the bytes of the table by which shaders show what a BRDF reflects of lamps.
+
+    It is 0 where there is code of it, and None where there is neither.
+    """
+    if has_code(brdf):
+        return 0
+    return TABLE_BYTES if brdf.isotropic and brdf.center != "tangent" else None
+
+
+def check_has_code(brdf: Brdf) -> None:
+    """Raise MapError if shaders show what a BRDF reflects of lamps neither by code nor a table."""
+    if bytes_of_table(brdf) is None:
+        refuse_unknown(brdf)

@@ -6,34 +6,38 @@ under them. What they tabulate over the cosine of light or view, the code has as
 linear between, so that it computes what the BRDF does.
 """
 
+from __future__ import annotations
+
 import math
+import re
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color
-from shrm_cli.brdf.film import COSINES as FILM_COSINES
-from shrm_cli.brdf.layered.fuzzy import UnderFuzz
-from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, ThroughCoat
-from shrm_cli.brdf.layered.parts.interior import UnderCoat
-from shrm_cli.brdf.layered.parts.opaque import BorderLobe, MetalLobe, UnderBorder
-from shrm_cli.brdf.layered.parts.table import COSINES, Table
-from shrm_cli.brdf.models.ashikhmin_shirley import AshikhminShirley
-from shrm_cli.brdf.models.blinn_phong import BlinnPhong, normalization
-from shrm_cli.brdf.models.charlie import Charlie
-from shrm_cli.brdf.models.cook_torrance import CookTorrance
-from shrm_cli.brdf.models.disney_diffuse import DisneyDiffuse
-from shrm_cli.brdf.models.eon import Eon
-from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.brdf.models.lambertian import Lambertian
-from shrm_cli.brdf.models.microfacet import Microfacet
-from shrm_cli.brdf.models.oren_nayar import OrenNayar
-from shrm_cli.brdf.models.phong import Phong
-from shrm_cli.brdf.models.ward import Ward
 from shrm_cli.brdf.sums import weighted_terms
 from shrm_cli.brdf.vectors import GRAZING
 from shrm_cli.errors import MapError
-from shrm_cli.maps.lamps.lobe import TABLE_BYTES, LobeTable
 from shrm_cli.maps.shader.language import Language
+
+if TYPE_CHECKING:  # a map has one BRDF, and all of them together take long to load
+    from shrm_cli.brdf.layered.fuzzy import UnderFuzz
+    from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, ThroughCoat
+    from shrm_cli.brdf.layered.parts.interior import UnderCoat
+    from shrm_cli.brdf.layered.parts.opaque import BorderLobe, MetalLobe, UnderBorder
+    from shrm_cli.brdf.layered.parts.table import Table
+    from shrm_cli.brdf.models.ashikhmin_shirley import AshikhminShirley
+    from shrm_cli.brdf.models.blinn_phong import BlinnPhong
+    from shrm_cli.brdf.models.charlie import Charlie
+    from shrm_cli.brdf.models.cook_torrance import CookTorrance
+    from shrm_cli.brdf.models.disney_diffuse import DisneyDiffuse
+    from shrm_cli.brdf.models.eon import Eon
+    from shrm_cli.brdf.models.ggx import Ggx
+    from shrm_cli.brdf.models.lambertian import Lambertian
+    from shrm_cli.brdf.models.microfacet import Microfacet
+    from shrm_cli.brdf.models.oren_nayar import OrenNayar
+    from shrm_cli.brdf.models.phong import Phong
+    from shrm_cli.brdf.models.ward import Ward
 
 _SUM = """\
     float x = l.x + v.x, y = l.y + v.y, z = l.z + v.z;
@@ -74,9 +78,7 @@ class Functions:
         Raises MapError if there is no code of a term.
         """
         terms = weighted_terms(brdf)
-        for _, term in terms:
-            if not _is_known(term):
-                raise _has_none(term)
+        refuse_unknown(brdf)
         calls = [self.call(term, light, view) for _, term in terms]
         weights = [self.language.number(weight) for weight, _ in terms]
         found = self.language.combined(weights, calls)
@@ -84,15 +86,15 @@ class Functions:
 
     def call(self, brdf: Brdf, light: str, view: str) -> str:
         """Return the call of a BRDF's function, for a light and a view."""
-        takes_view = type(brdf) is not Lambertian
+        takes_view = _kind(brdf) != "Lambertian"
         header = f"vec3 shrm_brdf{{}}(vec3 l{', vec3 v' if takes_view else ''})"
-        name = self.named(header, brdf, lambda: _WRITERS[type(brdf)](brdf, self))
+        name = self.named(header, brdf, lambda: _WRITERS[_kind(brdf)](brdf, self))
         return f"{name}({light}, {view})" if takes_view else f"{name}({light})"
 
     def reflectance(self, lobe: Ggx | AshikhminShirley | CookTorrance) -> str:
         """Return the call of a facet's reflectance, where `size` is twice the cosine."""
-        of: Callable[..., list[str]] = _REFLECTANCES[type(lobe)]
-        if isinstance(lobe, Ggx) and lobe.film:
+        of: Callable[..., list[str]] = _REFLECTANCES[_kind(lobe)]
+        if getattr(lobe, "film", None):
             of = _film
         header, key = "vec3 shrm_reflectance{}(float cosine)", ("reflectance", lobe)
         name = self.named(header, key, lambda: of(lobe, self))
@@ -135,34 +137,27 @@ def has_code(brdf: Brdf) -> bool:
     return all(_is_known(term) for _, term in weighted_terms(brdf))
 
 
-def bytes_of_table(brdf: Brdf) -> int | None:
-    """Return the bytes of the table by which shaders show what a BRDF reflects of lamps.
-
-    It is 0 where there is code of it, and None where there is neither.
-    """
-    if has_code(brdf):
-        return 0
-    return TABLE_BYTES if brdf.isotropic and brdf.center != "tangent" else None
-
-
-def check_has_code(brdf: Brdf) -> None:
-    """Raise MapError if shaders show what a BRDF reflects of lamps neither by code nor a table."""
-    if bytes_of_table(brdf) is None:
-        raise _has_none(next(term for _, term in weighted_terms(brdf) if not _is_known(term)))
-
-
-def _has_none(term: Brdf) -> MapError:
-    known = ", ".join(each.name for each in _MODELS)
-    return MapError(
-        f"no code for the lamps beside the map: there is none of {term.name}, only of {known}, "
-        "their sums and layers; the map's own code is had without `sun`"
-    )
+def refuse_unknown(brdf: Brdf) -> None:
+    """Raise MapError if there is no code of a term of a BRDF."""
+    for _, term in weighted_terms(brdf):
+        if not _is_known(term):
+            known = ", ".join(re.sub("(?<!^)(?=[A-Z])", "-", kind).lower() for kind in _MODELS)
+            raise MapError(
+                f"no code for the lamps beside the map: there is none of {term.name}, only of "
+                f"{known}, their sums and layers; the map's own code is had without `sun`"
+            )
 
 
 def _is_known(brdf: Brdf) -> bool:
     """Tell it of a term, and of all that lies under it."""
-    within = _WITHIN.get(type(brdf))
-    return type(brdf) in _WRITERS and (within is None or _is_known(getattr(brdf, within)))
+    within = _WITHIN.get(_kind(brdf))
+    return _kind(brdf) in _WRITERS and (within is None or _is_known(getattr(brdf, within)))
+
+
+def _kind(brdf: Brdf) -> str:
+    """Return the name of the class of a BRDF, if it is one of shrm's own; else nothing."""
+    own = type(brdf)
+    return own.__name__ if own.__module__.startswith("shrm_cli.") else ""
 
 
 def _rgb(color: Color, language: Language) -> str:
@@ -265,6 +260,8 @@ def _ashikhmin_shirley(brdf: AshikhminShirley, functions: Functions) -> list[str
 
 
 def _blinn_phong(brdf: BlinnPhong, functions: Functions) -> list[str]:
+    from shrm_cli.brdf.models.blinn_phong import normalization
+
     language, n = functions.language, brdf.number("exponent")
     factor, half = language.number(normalization(n)), language.number(n / 2)
     return [
@@ -407,7 +404,7 @@ def _under_fuzz(brdf: UnderFuzz, functions: Functions) -> list[str]:
 
 def _table(table: Table, functions: Functions) -> list[str]:
     """Write what is linear between cosines that are squares of even steps."""
-    last, name = len(COSINES) - 1, functions.array(table.values)
+    last, name = len(table.values) - 1, functions.array(table.values)
     return [
         f"    float square = {last**2}.0 * min(max(cosine, 0.0), 1.0);",
         f"    int k = int(min(sqrt(square), {last - 1}.0));",
@@ -437,7 +434,7 @@ def _metal(lobe: MetalLobe, functions: Functions) -> list[str]:
 
 def _fresnel(lobe: BorderLobe | CoatLobe, functions: Functions) -> list[str]:
     language, square = functions.language, lobe.number("ior") ** 2
-    tint = lobe.color("tint") if isinstance(lobe, BorderLobe) else (1.0, 1.0, 1.0)
+    tint = lobe.color("tint") if _kind(lobe) == "BorderLobe" else (1.0, 1.0, 1.0)
     n2, rest = language.number(square), language.number(square - 1)
     return [
         f"    float deep = sqrt({rest} + cosine * cosine);",
@@ -450,51 +447,53 @@ def _fresnel(lobe: BorderLobe | CoatLobe, functions: Functions) -> list[str]:
 
 def _film(lobe: Ggx, functions: Functions) -> list[str]:
     """Write what is linear between even steps of the cosine."""
-    number, name = functions.language.number, functions.array(lobe.reflectance(FILM_COSINES))
-    first, step = FILM_COSINES[0], FILM_COSINES[1] - FILM_COSINES[0]
+    from shrm_cli.brdf.film import COSINES
+
+    number, name = functions.language.number, functions.array(lobe.reflectance(COSINES))
+    first, step = COSINES[0], COSINES[1] - COSINES[0]
     return [
         f"    float at = max((cosine - {number(first)}) / {number(step)}, 0.0);",
-        f"    int k = int(min(at, {len(FILM_COSINES) - 2}.0));",
+        f"    int k = int(min(at, {len(COSINES) - 2}.0));",
         f"    return mix({name}[k], {name}[k + 1], at - float(k));",
     ]
 
 
 _FIFTH = """\
     float less = 1.0 - cosine, rest = less * less * less * less * less;"""
-_REFLECTANCES: dict[type[Brdf], Callable[..., list[str]]] = {
-    Ggx: lambda lobe, functions: _schlick(lobe.color("f0"), functions),
-    AshikhminShirley: lambda lobe, functions: _schlick(lobe.color("specular"), functions),
-    CookTorrance: lambda lobe, functions: _schlick(lobe.color("f0"), functions),
-    MetalLobe: _metal,
-    BorderLobe: _fresnel,
-    CoatLobe: _fresnel,
+_REFLECTANCES: dict[str, Callable[..., list[str]]] = {
+    "Ggx": lambda lobe, functions: _schlick(lobe.color("f0"), functions),
+    "AshikhminShirley": lambda lobe, functions: _schlick(lobe.color("specular"), functions),
+    "CookTorrance": lambda lobe, functions: _schlick(lobe.color("f0"), functions),
+    "MetalLobe": _metal,
+    "BorderLobe": _fresnel,
+    "CoatLobe": _fresnel,
 }
-_MODELS: dict[type[Brdf], Callable[..., list[str]]] = {
-    Lambertian: _lambertian,
-    Ggx: _ggx,
-    Ward: _ward,
-    CookTorrance: _cook_torrance,
-    AshikhminShirley: _ashikhmin_shirley,
-    BlinnPhong: _blinn_phong,
-    Phong: _phong,
-    Microfacet: _microfacet,
-    Eon: _eon,
-    OrenNayar: _oren_nayar,
-    DisneyDiffuse: _disney_diffuse,
-    Charlie: _charlie,
+_MODELS: dict[str, Callable[..., list[str]]] = {
+    "Lambertian": _lambertian,
+    "Ggx": _ggx,
+    "Ward": _ward,
+    "CookTorrance": _cook_torrance,
+    "AshikhminShirley": _ashikhmin_shirley,
+    "BlinnPhong": _blinn_phong,
+    "Phong": _phong,
+    "Microfacet": _microfacet,
+    "Eon": _eon,
+    "OrenNayar": _oren_nayar,
+    "DisneyDiffuse": _disney_diffuse,
+    "Charlie": _charlie,
 }
-_WRITERS: dict[type[Brdf], Callable[..., list[str]]] = {
+_WRITERS: dict[str, Callable[..., list[str]]] = {
     **_MODELS,
-    MetalLobe: _ggx,
-    BorderLobe: _ggx,
-    CoatLobe: _ggx,
-    ThroughCoat: _through_coat,
-    UnderCoat: _under_coat,
-    UnderBorder: _under_border,
-    UnderFuzz: _under_fuzz,
-    LobeTable: lambda table, functions: table.code(functions.language),
+    "MetalLobe": _ggx,
+    "BorderLobe": _ggx,
+    "CoatLobe": _ggx,
+    "ThroughCoat": _through_coat,
+    "UnderCoat": _under_coat,
+    "UnderBorder": _under_border,
+    "UnderFuzz": _under_fuzz,
+    "LobeTable": lambda table, functions: table.code(functions.language),
 }
 """The models, the terms of layers and the tables that there is code of. A class that is derived
 from one may be another BRDF."""
-_WITHIN: dict[type[Brdf], str] = {UnderCoat: "part", UnderBorder: "diffuse", UnderFuzz: "term"}
+_WITHIN: dict[str, str] = {"UnderCoat": "part", "UnderBorder": "diffuse", "UnderFuzz": "term"}
 """What lies under a layer."""

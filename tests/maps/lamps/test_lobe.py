@@ -11,8 +11,7 @@ from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.maps.file import open_map
-from shrm_cli.maps.lamps.lobe import TABLE_BYTES, LobeTable
-from shrm_cli.maps.lamps.models import bytes_of_table
+from shrm_cli.maps.lamps.lobe import TABLE_BYTES, LobeTable, bytes_of_table
 from tests.brute_force import unit
 from tests.maps.lamps.test_map import made
 
