@@ -188,13 +188,12 @@ def _analyze_materials(
     """Print and draw the energy of each BRDF that F and P capture, by default as in figure 5.7."""
     from shrm_cli.analysis.analyze import MATERIAL_F, MATERIAL_P, material_energies
     from shrm_cli.analysis.plots import can_plot, plot_materials
-    from shrm_cli.brdf.spec import parse_spec
 
     target = None
     if can_plot() and not no_plots:
         target = f"{_stem(output or 'materials')}.energy.png"
         usage.check_outputs([target], specs=specs, draws=True)
-    brdfs = [parse_spec(spec) for spec in specs]
+    brdfs = [shrm.parse_spec(spec) for spec in specs]
     f, p = MATERIAL_F if order_f is None else order_f, MATERIAL_P if order_p is None else order_p
     with progress_bar("integrating") as progress:
         captured = material_energies(brdfs, f, p, progress)

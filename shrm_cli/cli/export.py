@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import FRACTION, PATH, Named, flag, option
@@ -17,8 +18,7 @@ from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
 if TYPE_CHECKING:
     from shrm_cli.export.engine import Engine
-    from shrm_cli.export.make import Asked, Source
-    from shrm_cli.probe.options import ReadOptions
+    from shrm_cli.export.make import Source
 
 
 def _installed() -> list[str]:
@@ -119,13 +119,13 @@ def export(
       shrm export probe.exr --for gltf --into chair.glb
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
-    from shrm_cli.export.make import Asked, check
+    from shrm_cli.export.make import check
 
     names = list(ENGINES) if "all" in engines else list(dict.fromkeys(engines))
     reading = options.make_read_options(values)
     name = usage.source_stem(sources[0], REPRESENTATIONS)
     is_kept = reading.working is not None
-    asked = Asked(
+    asked = shrm.Asked(
         size, texel_format, skybox, window, dfg, is_kept, max_error, into, firefly_safe, sun
     )
     chosen, failures = _found(names)
@@ -154,7 +154,7 @@ def export(
 
 def _all_exported(
     source: Source,
-    wanted: list[tuple[Engine, Path, Asked]],
+    wanted: list[tuple[Engine, Path, shrm.Asked]],
     output: str | None,
     force: bool,
     failures: list[str],
@@ -194,7 +194,9 @@ def _found(names: list[str]) -> tuple[list[Engine], list[str]]:
     return found, failures
 
 
-def _of_some(asked: Asked, engines: list[Engine], own: list[Asked]) -> dict[str, list[str]]:
+def _of_some(
+    asked: shrm.Asked, engines: list[Engine], own: list[shrm.Asked]
+) -> dict[str, list[str]]:
     """Return the engines that have each option which not all of them have."""
     found = {}
     for name, value in vars(asked).items():
@@ -205,22 +207,20 @@ def _of_some(asked: Asked, engines: list[Engine], own: list[Asked]) -> dict[str,
     return found
 
 
-def _opened(sources: tuple[str, ...], reading: ReadOptions) -> Source:
+def _opened(sources: tuple[str, ...], reading: shrm.ReadOptions) -> Source:
     """Open a probe, or maps, once for all engines."""
     from shrm_cli.export.make import Source
-    from shrm_cli.maps.file import is_map
-    from shrm_cli.probe.open import open_probe
 
-    if is_map(sources[0]):
+    if shrm.is_map(sources[0]):
         usage.refuse_inapplicable(options.reading_rules(False, "to probes; this is a map"))
     elif len(sources) > 1:
-        open_probe(sources[0], reading)  # or a file that is not there would be called a probe
+        shrm.open_probe(sources[0], reading)  # or a file that is not there would be called a probe
         raise usage.wrong_usage(f"{sources[0]} is a probe; export it alone")
     return Source.open(sources, usage.source_stem(sources[0], REPRESENTATIONS), reading)
 
 
 def _exported(
-    source: Source, engine: Engine, folder: Path, asked: Asked, force: bool
+    source: Source, engine: Engine, folder: Path, asked: shrm.Asked, force: bool
 ) -> tuple[dict[str, Any], list[str], list[str]]:
     """Make the files of one engine; return what is told as JSON, its lines, and warnings."""
     from shrm_cli.export.make import packaged, write

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import BOX, COUNTS, PATH, option
@@ -71,7 +72,6 @@ def grid(
     """
     from shrm_cli.rooms.export import WRITERS
     from shrm_cli.rooms.grid import is_grid, made_by, write_grid
-    from shrm_cli.rooms.make import grid as grid_of
     from shrm_cli.rooms.make import is_table
 
     target, suffix = _target(source, output)
@@ -93,7 +93,7 @@ def grid(
         announce([f"{source}: {len(plan.mesh.faces):,} triangles, {count} probes"])
 
     with progress_bar("projecting" if of_probes else "gathering") as progress:
-        found = grid_of(
+        found = shrm.grid(
             source, size=size, box=box, order=order, probe=probe, albedo=dict(albedo),
             emission=dict(emit), samples=samples, begin=begin, progress=progress,
         )  # fmt: skip
@@ -119,12 +119,10 @@ def grid(
 
 def _target(source: str, output: str | None) -> tuple[str, str]:
     """Return the name of the output, and its suffix in lower case."""
-    from shrm_cli.errors import OutputError
-
     target = output or f"{Path(source).stem}.grid.npz"
     suffix = Path(target).suffix.lower()
     if suffix not in _SUFFIXES:
-        raise OutputError(f"{target}: grids are written as {', '.join(_SUFFIXES)}; name it so")
+        raise shrm.OutputError(f"{target}: grids are written as {', '.join(_SUFFIXES)}; name it so")
     return target, suffix
 
 

@@ -17,7 +17,7 @@ from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
-    from shrm_cli.lights.edit import Edit, Tables
+    from shrm_cli.lights.edit import Tables
 
 _WRITTEN = (".txt", ".npy", ".json")
 
@@ -105,14 +105,14 @@ def _edit(values: dict[str, Any]) -> shrm.Edit:
     )
 
 
-def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> tuple[Tables, Any]:
+def _edited_tables(
+    file: str, output: str, add: Sequence[str], wanted: shrm.Edit
+) -> tuple[Tables, Any]:
     """Return the tables of a light file after the edit, with those of lights that are added."""
-    from shrm_cli.errors import ProbeError
-
     folder = Path(output).absolute().parent.resolve()
     for path in (file, *add):
         if Path(path).absolute().parent.resolve() != folder:
-            raise ProbeError(
+            raise shrm.ProbeError(
                 f"{path}: a light file names what lies beside it; write {Path(output).name} into "
                 "its folder"
             )
@@ -121,7 +121,7 @@ def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> 
     for path in add:
         more, own = _tables(path, working)
         if own != working:
-            raise ProbeError(f"{path}: its `working` is not that of {file}; make it the same")
+            raise shrm.ProbeError(f"{path}: its `working` is not that of {file}; make it the same")
         for kind, some in more.items():
             tables.setdefault(kind, []).extend(some)
     return tables, working
@@ -178,7 +178,7 @@ def basis(
 
     from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.geometry.load import load_mesh
-    from shrm_cli.render.basis import basis_maps, basis_names, basis_subject
+    from shrm_cli.render.basis import basis_names, basis_subject
     from shrm_cli.render.scene import Scene
     from shrm_cli.transfer.file import read_transfer
 
@@ -188,7 +188,7 @@ def basis(
     viewer, names = shrm.Viewer(*view), basis_names(order)
     loaded = None if mesh is None else load_mesh(mesh)
     baked = None if transfer is None else read_transfer(transfer)
-    subject, materials = basis_subject(basis_maps(order), loaded, baked, size, viewer)
+    subject, materials = basis_subject(shrm.basis_maps(order), loaded, baked, size, viewer)
     scene = Scene(subject, materials, names, exposure, None, columns)
     picture = np.maximum(scene.picture(viewer), 0)
     recipe = {

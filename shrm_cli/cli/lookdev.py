@@ -22,7 +22,6 @@ from shrm_cli.vocabulary import AUTO, DEFAULT_FPS, DEFAULT_FRAMES, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.lookdev.sheet import Lookdev
-    from shrm_cli.render.camera import Viewer
     from shrm_cli.render.sheet import Grid
 
 _FORMS = [each.name for each in descriptions().values() if each.needs_brdf]
@@ -138,7 +137,7 @@ def _check_sheet(grid: Grid, output: str, frames: int | None, max_memory: int | 
 
 def _write(
     made: Lookdev,
-    viewers: Sequence[Viewer],
+    viewers: Sequence[shrm.Viewer],
     targets: Sequence[str],
     precision: Precision,
     fps: float,

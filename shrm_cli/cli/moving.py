@@ -14,7 +14,6 @@ from shrm_cli.cli.types import BYTES, FILE, PATH, TURN, option, way, within
 from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
     from shrm_cli.render.moving import Key, Moment
     from shrm_cli.render.stage import Stage
 
@@ -148,7 +147,7 @@ def moments(
     return with_ways(found, ways)
 
 
-def open_others(paths: Sequence[str], maps: Sequence[Map]) -> list[Map]:
+def open_others(paths: Sequence[str], maps: Sequence[shrm.Map]) -> list[shrm.Map]:
     """Read the maps that others become, and check that they can."""
     from shrm_cli.render.moving import check_blend
 

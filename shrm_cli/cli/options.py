@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli import settings, vocabulary
 from shrm_cli.cli.types import (
     DIRECTION,
@@ -30,7 +31,6 @@ from shrm_cli.settings import limit_libraries
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Color
-    from shrm_cli.probe.options import ReadOptions
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -282,15 +282,15 @@ probe_options = several(
 )
 
 
-def make_read_options(values: dict[str, Any], sampling: str | None = None) -> ReadOptions:
+def make_read_options(values: dict[str, Any], sampling: str | None = None) -> shrm.ReadOptions:
     """Make `ReadOptions` from the values of `probe_options`, which are removed from `values`.
 
     `sampling` is where the edge pixels lie, in place of the value of --sampling. Raises
     click.BadParameter if --clamp is not positive, or an angle is not finite.
     """
-    from shrm_cli.probe.options import ReadOptions, with_keywords
+    from shrm_cli.probe.options import with_keywords
 
-    return with_keywords(ReadOptions(), reading_keywords(values, sampling))  # type: ignore[arg-type]
+    return with_keywords(shrm.ReadOptions(), reading_keywords(values, sampling))  # type: ignore[arg-type]
 
 
 def reading_keywords(values: dict[str, Any], sampling: str | None = None) -> dict[str, Any]:

@@ -230,13 +230,12 @@ def unclip(
     """
     import numpy as np
 
-    from shrm_cli.errors import ArgumentError
     from shrm_cli.sphere.directions import from_azimuth_elevation, to_azimuth_elevation
 
     for one, other in (("irradiance", "card"), ("irradiance", "ratio"), ("card", "ratio")):
         usage.exclude(one, other)
     if irradiance is None and card is None and ratio is None:
-        raise ArgumentError("card", "or `ratio` or `irradiance` must be given")
+        raise shrm.ArgumentError("card", "or `ratio` or `irradiance` must be given")
     usage.check_outputs([output], files=[source], suffixes=[".exr"])
     received = irradiance if card is None else np.pi / albedo * np.asarray(card)
     normal = from_azimuth_elevation(*facing)

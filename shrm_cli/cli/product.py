@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
@@ -14,7 +15,6 @@ from shrm_cli.cli.types import PATH, Spec, option, way
 from shrm_cli.naming import brdf_label
 
 if TYPE_CHECKING:
-    from shrm_cli.brdf.base import Brdf
     from shrm_cli.maps.product.steps import Steps
 
 
@@ -68,13 +68,12 @@ def product(
       shrm product ward:ax=0.5 --vary ay=0.1..0.5 -o worn.exr
       shrm product ward --vary ax=0.1..0.5 --vary ay=0.1..0.5 -o worn.exr
     """
-    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.maps.product.make import product_with_facts
     from shrm_cli.maps.product.prefilter import report
     from shrm_cli.maps.product.steps import ENOUGH
     from shrm_cli.maps.stored import store
 
-    brdf = parse_spec(spec)
+    brdf = shrm.parse_spec(spec)
     usage.refuse_inapplicable({"steps": usage.Applies(bool(vary), "with --vary")})
     ranges = _ranges(vary) or None
     label = brdf_label(",".join([spec, *vary]))
@@ -126,7 +125,7 @@ def _ranges(texts: tuple[str, ...]) -> list[tuple[str, float, float]]:
 
 
 def _keep_other_texture(
-    target: str, brdf: Brdf, order: int, size: int, chosen: Steps | None
+    target: str, brdf: shrm.Brdf, order: int, size: int, chosen: Steps | None
 ) -> None:
     """Refuse to replace a file that is not the texture of this BRDF, order, size and variation."""
     from shrm_cli.files.whole import kept

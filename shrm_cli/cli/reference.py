@@ -55,7 +55,6 @@ def reference(
     \b
       shrm reference probe.exr --brdf microfacet -o truth.png
     """
-    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.maps.info import record_of
     from shrm_cli.reference import Reference
@@ -63,7 +62,7 @@ def reference(
     from shrm_cli.render.sphere import render_sphere
 
     source = shrm.open_probe(probe, options.make_read_options(reading))
-    brdf = parse_spec(spec, primaries=source.chromaticities)
+    brdf = shrm.parse_spec(spec, primaries=source.chromaticities)
     target = output or f"{probe_stem(probe)}.{brdf_label(spec)}.reference.exr"
     file_type(target)
     usage.check_outputs([target], specs=[spec])

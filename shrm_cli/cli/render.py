@@ -19,9 +19,6 @@ from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 if TYPE_CHECKING:
     from shrm_cli.cli.stage import Baked
     from shrm_cli.files.image import Picture
-    from shrm_cli.maps.base import Map
-    from shrm_cli.maps.info import MapInfo
-    from shrm_cli.probe.probe import Probe
     from shrm_cli.progress import Progress
     from shrm_cli.render.drawing import Drawing, Film, Lit
     from shrm_cli.render.moving import Moment
@@ -157,7 +154,7 @@ def render(
 
 
 def _of_surfaces(
-    mesh: str | None, drawing: Drawing, maps: Sequence[Map], values: dict[str, Any]
+    mesh: str | None, drawing: Drawing, maps: Sequence[shrm.Map], values: dict[str, Any]
 ) -> list[str]:
     """Say which materials were drawn, and how split sums were looked up for them."""
     lines = []
@@ -199,7 +196,7 @@ def _settings(lit: Lit, film: Film, frames: int | None, given: dict[str, Any]) -
 
 def _lit(
     maps: Sequence[str],
-    light: Probe | ProbeGrid | None,
+    light: shrm.Probe | ProbeGrid | None,
     transfer: str | None,
     window: str | None,
     blend_to: Sequence[str],
@@ -336,7 +333,7 @@ def _default_name(maps: Sequence[str | None], mesh: str | None, frames: int | No
 
 
 def _attributes(
-    maps: Iterable[MapInfo], settings: dict[str, Any], said: dict[str, Any], moment: Moment
+    maps: Iterable[shrm.MapInfo], settings: dict[str, Any], said: dict[str, Any], moment: Moment
 ) -> dict[str, Any]:
     """Return the attributes of an EXR, whose bytes must not depend on the folders of files."""
     behind, light = settings["background"], settings["probe"]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.types import BRUSH, Parsed, option, within
 from shrm_cli.vocabulary import (
@@ -18,20 +18,16 @@ from shrm_cli.vocabulary import (
     TAP_COUNTS,
 )
 
-if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
-
 
 def _reflectance(text: str) -> str:
     """Return a text that `reflectance` understands, as it is."""
-    from shrm_cli.errors import BrdfError
     from shrm_cli.render.lit import reflectance
 
     if not text.strip() or set(text) & set(",:+*="):
         raise ValueError(f"{text!r} is not a colour such as 0.04, 1/0.78/0.34 or gold")
     try:
         reflectance(text)
-    except BrdfError as error:
+    except shrm.BrdfError as error:
         raise ValueError(str(error).removeprefix("ggx: ")) from None
     return text
 
@@ -72,14 +68,14 @@ brush_option = option(
 )  # fmt: skip
 
 
-def surface_rules(maps: Sequence[Map]) -> dict[str, usage.Applies]:
+def surface_rules(maps: Sequence[shrm.Map]) -> dict[str, usage.Applies]:
     """Return when the options of a surface apply: to maps of light alone."""
     holds = any(each.surface_arguments for each in maps)
     applies = usage.Applies(holds, "to split sums and SH exponentials, and no MAP is one")
     return {"roughness": applies, "f0": applies, **brushed_rules(maps)}
 
 
-def brushed_rules(maps: Sequence[Map]) -> dict[str, usage.Applies]:
+def brushed_rules(maps: Sequence[shrm.Map]) -> dict[str, usage.Applies]:
     """Return when the options of split sums of GGX apply."""
     asked = [each.surface_arguments for each in maps if each.surface_arguments]
     holds = bool(asked) and all("anisotropy" in each for each in asked)
@@ -91,7 +87,7 @@ def brushed_rules(maps: Sequence[Map]) -> dict[str, usage.Applies]:
     }
 
 
-def told_of_taps(maps: Sequence[Map], taps: int | None, anisotropy: float | None) -> list[str]:
+def told_of_taps(maps: Sequence[shrm.Map], taps: int | None, anisotropy: float | None) -> list[str]:
     """Say how split sums were looked up where nobody asked, which engines do otherwise."""
     is_asked = taps is not None or anisotropy
     if is_asked or all("anisotropy" not in each.surface_arguments for each in maps):
@@ -102,7 +98,7 @@ def told_of_taps(maps: Sequence[Map], taps: int | None, anisotropy: float | None
     ]
 
 
-def refuse_surface(maps: Sequence[Map]) -> None:
+def refuse_surface(maps: Sequence[shrm.Map]) -> None:
     """Refuse the options of a surface that none of the maps needs."""
     usage.refuse_inapplicable(surface_rules(maps))
     if asked := [each.surface_arguments for each in maps if each.surface_arguments]:
@@ -119,12 +115,12 @@ window_option = option(
 )  # fmt: skip
 
 
-def refuse_window(maps: Sequence[Map]) -> None:
+def refuse_window(maps: Sequence[shrm.Map]) -> None:
     """Refuse --window where no map needs light."""
     usage.refuse_inapplicable({"window": to_unlit(maps)})
 
 
-def to_unlit(maps: Sequence[Map]) -> usage.Applies:
+def to_unlit(maps: Sequence[shrm.Map]) -> usage.Applies:
     """Whether options about the light of product textures apply."""
     from shrm_cli.maps.kinds import MaterialMap
 

@@ -14,9 +14,7 @@ from shrm_cli.cli.shading import brush_option, brushed_rules, refuse_window
 from shrm_cli.cli.types import PATH, VECTOR, flag, option, within
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
     from shrm_cli.probe.disc import Disc
-    from shrm_cli.probe.probe import Probe
     from shrm_cli.render.mesh import MeshSubject
     from shrm_cli.render.stage import Stage
     from shrm_cli.rooms.grid import ProbeGrid
@@ -77,7 +75,7 @@ mesh_options = options.several(
 
 
 def open_stage(
-    mesh: str, maps: Sequence[Map], names: Sequence[str], values: Mapping[str, Any]
+    mesh: str, maps: Sequence[shrm.Map], names: Sequence[str], values: Mapping[str, Any]
 ) -> tuple[Stage, list[str]]:
     """Read a mesh or a scene, and check that there is a map for all of it.
 
@@ -86,7 +84,6 @@ def open_stage(
 
     Returns the stage, and warnings.
     """
-    from shrm_cli.errors import ArgumentError
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.render.scene_file import Shown, as_irradiance, is_scene_name, read_scene
     from shrm_cli.render.stage import Stage
@@ -106,7 +103,9 @@ def open_stage(
         light = None if irradiance is None else as_irradiance(irradiance)
         found = load_mesh(mesh)
         if light is not None and (values["plain"] or not found.materials):
-            raise ArgumentError("irradiance", f"does not apply: no materials are drawn of {mesh}")
+            raise shrm.ArgumentError(
+                "irradiance", f"does not apply: no materials are drawn of {mesh}"
+            )
         given = {name: values[name] for name in OF_SURFACES}
         shown = Shown(None, **{**given, "irradiance": light, "plain": bool(values["plain"])})
         primaries = maps[0].info.chromaticities if maps else None
@@ -158,7 +157,7 @@ class Baked:
     """A transfer, and the light that it is drawn under."""
 
     transfer: Transfer
-    maps: list[Map]
+    maps: list[shrm.Map]
     names: list[str]
     """`maps` and `names`: the maps that pictures are drawn of, lit, and their files' names."""
     discs: tuple[Disc, ...]
@@ -176,16 +175,16 @@ class Baked:
         ]
         return [[one] * len(stage.looks) for one in each]
 
-    def with_maps(self, maps: Sequence[Map]) -> Baked:
+    def with_maps(self, maps: Sequence[shrm.Map]) -> Baked:
         """Return the same transfer under other maps, which hold all of their light."""
         return replace(self, maps=list(maps), names=[""] * len(maps), discs=())
 
 
 def open_baked(
     transfer: str,
-    maps: Sequence[Map],
+    maps: Sequence[shrm.Map],
     names: Sequence[str],
-    light: Probe | ProbeGrid | None,
+    light: shrm.Probe | ProbeGrid | None,
     window: str | None,
 ) -> Baked:
     """Read a transfer, and light the maps that it shades.
@@ -196,7 +195,6 @@ def open_baked(
     `light` is that of maps that hold none.
     """
     from shrm_cli.maps.info import probe_name
-    from shrm_cli.probe.probe import Probe
     from shrm_cli.render.lit import lit_maps
     from shrm_cli.rooms.lit import InGrid
     from shrm_cli.transfer.file import read_transfer
@@ -205,7 +203,7 @@ def open_baked(
         raise click.UsageError("Missing argument 'MAP...', or --probe for a diffuse surface")
     baked = read_transfer(transfer)
     warnings = _of_another_brdf(transfer, baked.facts.brdf, maps, names)
-    if light is not None and not isinstance(light, Probe):  # of a grid, whose lamps are in it
+    if light is not None and not isinstance(light, shrm.Probe):  # of a grid, whose lamps are in it
         lit, told = lit_maps(maps, names, light, window)
         told = warnings + told
         return Baked(baked, lit or [InGrid(light, "")], list(names) or ["grid"], (), told)
@@ -235,7 +233,7 @@ def open_baked(
 
 
 def _of_another_brdf(
-    transfer: str, baked: str, maps: Sequence[Map], names: Sequence[str]
+    transfer: str, baked: str, maps: Sequence[shrm.Map], names: Sequence[str]
 ) -> list[str]:
     """Return a line for each map that is not of the BRDF which bounces were `baked` for, if any."""
     from shrm_cli.maps.info import spec_of

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.maps.options import Option, parse_bytes
 from shrm_cli.vocabulary import MAX_LEVELS, MAX_PICTURE_SIZE, MAX_STOPS, PRIMARIES
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from shrm_cli.brdf.base import Brdf
 
 _START = re.compile(r"(?:^|\+|=\()(?:[0-9.eE+-]*\*)?")
 """Where terms begin: with a weight, after a plus or in the parentheses of a value."""
@@ -466,21 +466,20 @@ def _endings(term: str) -> list[str]:
     """Return what a term may become: with a name, with a parameter's name, or with its value."""
     from shrm_cli.brdf.base import COMMA, cut
     from shrm_cli.brdf.library import find_model, model_names
-    from shrm_cli.errors import BrdfError
 
     name, colon, values = term.partition(":")
     if not colon:
         return [each for each in model_names() if each.startswith(name)]
     try:
         model = find_model(name)
-    except BrdfError:
+    except shrm.BrdfError:
         return []
     *given, current = cut(COMMA, values)
     before = f"{name}:{','.join([*given, ''])}"
     return [before + each for each in _settings(model, given, current)]
 
 
-def _settings(model: type[Brdf], given: list[str], current: str) -> list[str]:
+def _settings(model: type[shrm.Brdf], given: list[str], current: str) -> list[str]:
     """Return what may stand for the last ``key=value``, after those that are given."""
     key, equals, value = current.partition("=")
     if not equals:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+import shrm_cli as shrm
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.files.whole import check_target, kept, note
 from shrm_cli.messages import ARGUMENT
@@ -26,9 +27,7 @@ from shrm_cli.records import record
 from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
     from shrm_cli.maps.request import Request
-    from shrm_cli.probe.probe import Probe
 
 
 @record
@@ -196,7 +195,7 @@ def _keep_foreign(target: str) -> None:
         raise OutputError(f"{target}: exists, and shrm did not draw it; name it, or another, by -o")
 
 
-def keep_other_map(target: str, probe: Probe, request: Request, precision: Precision) -> None:
+def keep_other_map(target: str, probe: shrm.Probe, request: Request, precision: Precision) -> None:
     """Refuse to replace a map that was not made like the one that is asked for."""
     from shrm_cli.batch.made import difference
 
@@ -222,13 +221,12 @@ def keep_edited(target: str) -> bool:
     return found is not None or holds_nothing(target)
 
 
-def readable_map(path: str) -> Map | None:
+def readable_map(path: str) -> shrm.Map | None:
     """Return the map in a file that is only looked at, and is no input; None if it is no map."""
     from shrm_cli.files.whole import protecting
-    from shrm_cli.maps.file import open_map
 
     with suppress(MapError), protecting():
-        return open_map(path)
+        return shrm.open_map(path)
     return None
 
 
