@@ -20,12 +20,6 @@ MAX_LAMP = 0.02
 """The most that the default texels of an engine may change a lamp that spare ones keep."""
 
 
-def refuse_missing(name: str | None) -> None:
-    """Refuse a format whose encoder is not installed, before work begins."""
-    if name is not None and name.startswith("astc"):
-        astc.library()
-
-
 def packed(engine: Engine, light: Light, name: str | None, max_error: float | None) -> Package:
     """Return the files of an engine, with texels that keep an error.
 

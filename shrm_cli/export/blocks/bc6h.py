@@ -362,8 +362,10 @@ def _packed(written: Whole, mode: Whole, indices: Whole, partition: Whole) -> ND
     for k, each in enumerate(MODES):
         here = np.flatnonzero(mode == k)
         if here.size:
-            packed = _differences(each, written[..., here])
-            data[here] = pack(each, packed, indices[:, here], partition[here])
+            ends = written[..., here]
+            if not each.is_whole:
+                ends[1:] -= ends[0]
+            data[here] = pack(each, ends, indices[:, here], partition[here])
     return data
 
 
@@ -381,11 +383,6 @@ def _written(ends: Floats, lines: int) -> tuple[Whole, Whole]:
         best = np.where(holds, near, best)
         mode = np.where(holds, k, mode)
     return best, mode
-
-
-def _differences(mode: Mode, written: Whole) -> Whole:
-    """Return ends as a mode writes them."""
-    return written if mode.is_whole else np.concatenate([written[:1], written[1:] - written[0]])
 
 
 def _unquantized(written: Whole, mode: Whole) -> Floats:

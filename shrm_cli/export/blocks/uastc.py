@@ -103,7 +103,8 @@ def prices_of(blocks: Array) -> lines.Floats:
     of_some, factor = prices[some] * ~lines.is_steep(texels), np.float32(1)
     for _ in range(_TRIES):
         data = pack(numbers, _chosen(errors, numbers, factor * of_some))
-        factor *= np.float32(max(1.0, 2 ** (_DEARER * (rate.mean_bits(data) - _MOST_BITS))))
+        bits = float(rate.bits_of_bytes(data)[data].mean())
+        factor *= np.float32(max(1.0, 2 ** (_DEARER * (bits - _MOST_BITS))))
     return factor * prices
 
 
