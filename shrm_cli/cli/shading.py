@@ -7,16 +7,9 @@ from collections.abc import Sequence
 import click
 
 import shrm_cli as shrm
+from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.types import BRUSH, Parsed, option, within
-from shrm_cli.vocabulary import (
-    DEFAULT_EVEN_TAPS,
-    DEFAULT_ROUGHNESS,
-    DEFAULT_TAPS,
-    EVEN_LOOK_UPS,
-    MIN_ROUGHNESS,
-    TAP_COUNTS,
-)
 
 
 def _reflectance(text: str) -> str:
@@ -32,14 +25,17 @@ def _reflectance(text: str) -> str:
     return text
 
 
+_TAPS = [str(n) for n in sorted({*vocabulary.EVEN_LOOK_UPS, *vocabulary.TAP_COUNTS})]
+
+
 def _as_number(context: object, parameter: object, value: str | None) -> int | None:
     return None if value is None else int(value)
 
 
 roughness_option = option(
-    "--roughness", within(MIN_ROUGHNESS, 1), metavar="R",
+    "--roughness", within(vocabulary.MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
-    f"as.  [default: {DEFAULT_ROUGHNESS:g}]",
+    f"as.  [default: {vocabulary.DEFAULT_ROUGHNESS:g}]",
 )  # fmt: skip
 f0_option = option(
     "--f0", Parsed("F0", _reflectance),
@@ -53,11 +49,11 @@ brushed_options = options.several(
         "the tangents, which run around +Y on spheres.  [default: 0]",
     ),
     option(
-        "--taps", click.Choice([str(n) for n in sorted({*EVEN_LOOK_UPS, *TAP_COUNTS})]),
+        "--taps", click.Choice(_TAPS),
         callback=_as_number,
         help="Look-ups of a split sum where the lobe lies: 1, 2 or 3, or with --anisotropy 3, 5 or "
         "8; 0 for one about the mirror direction, as engines do.  [default: "
-        f"{DEFAULT_EVEN_TAPS}; with --anisotropy {DEFAULT_TAPS}]",
+        f"{vocabulary.DEFAULT_EVEN_TAPS}; with --anisotropy {vocabulary.DEFAULT_TAPS}]",
     ),
 )  # fmt: skip
 
@@ -93,8 +89,8 @@ def told_of_taps(maps: Sequence[shrm.Map], taps: int | None, anisotropy: float |
     if is_asked or all("anisotropy" not in each.surface_arguments for each in maps):
         return []
     return [
-        f"split sums were looked up {DEFAULT_EVEN_TAPS} times, where the lobe lies; engines do it "
-        "once, about the mirror direction: --taps 0 shows that"
+        f"split sums were looked up {vocabulary.DEFAULT_EVEN_TAPS} times, where the lobe lies; "
+        "engines do it once, about the mirror direction: --taps 0 shows that"
     ]
 
 
