@@ -179,7 +179,7 @@ def basis(
     from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.render.basis import basis_names, basis_subject
-    from shrm_cli.render.scene import Scene
+    from shrm_cli.render.drawing import Scene
     from shrm_cli.transfer.file import read_transfer
 
     file_type(output)

@@ -26,7 +26,15 @@ from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
-from shrm_cli.transfer.gather import DiffuseLight, Gathering, GlossyLight, Sent, Sites, sites_of
+from shrm_cli.transfer.gather import (
+    DiffuseLight,
+    Gathering,
+    GlossyLight,
+    Sent,
+    Sites,
+    sites_of,
+    sufficient_order,
+)
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
 
@@ -200,7 +208,7 @@ def transfer_plan(
 ) -> Plan:
     """Return what is baked of a mesh; `bake` does it.
 
-    `order` is by default what the mesh needs, see `shrm_cli.transfer.orders`; with matrices, whose
+    `order` is by default what the mesh needs, see `shrm_cli.transfer.gather`; with matrices, whose
     size grows with its fourth power, it is `DEFAULT_PRODUCT_ORDER`. `albedo` is what the mesh
     reflects, as `Plan` takes it, or ``"vertex"``, the colors of its vertices; by default what its
     materials say, if they do, and else `ALBEDO`. `brush` says the tangents of the matrices, as
@@ -225,8 +233,6 @@ def transfer_plan(
     if order is None and matrices:
         order = vocabulary.DEFAULT_PRODUCT_ORDER
     elif order is None:
-        from shrm_cli.transfer.orders import sufficient_order
-
         sites = sites_of(found, texture)
         order = sufficient_order(sites, Rays(found))
     if brdf is not None:
