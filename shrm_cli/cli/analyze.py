@@ -111,14 +111,14 @@ def analyze(
     """
     if others:
         of_one = [name for name in usage.given_options() if name not in _OF_MATERIALS]
-        usage.refuse_inapplicable(dict.fromkeys(of_one, usage.Applies(False, "to a single BRDF")))
+        usage.refuse_inapplicable(dict.fromkeys(of_one, (False, "to a single BRDF")))
         _analyze_materials([spec, *others], order_f, order_p, output, no_plots)
         return
     from shrm_cli.analysis.plots import can_plot
     from shrm_cli.maps.info import record_of
 
     of_probe = [*reading, "views", "size", "source_height", "exposure"]
-    rules = dict.fromkeys(of_probe, usage.Applies(probe is not None, "with --probe"))
+    rules = dict.fromkeys(of_probe, (probe is not None, "with --probe"))
     usage.refuse_inapplicable(rules)
     usage.exclude("output", "no_plots")
     source = None if probe is None else shrm.open_probe(probe, options.make_read_options(reading))

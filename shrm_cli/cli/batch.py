@@ -247,7 +247,7 @@ def _gathering_of(collect: str | None, order: int, what: What, window: str) -> G
     from shrm_cli.batch.collect import check_collection
     from shrm_cli.batch.work import Gathering
 
-    rule = usage.Applies(collect is not None, "with --collect")
+    rule = (collect is not None, "with --collect")
     usage.refuse_inapplicable(
         dict.fromkeys(("collect_order", "collect_what", "collect_window"), rule)
     )

@@ -217,11 +217,11 @@ def _check_usage(
     """Refuse a single map without a truth, and options that would have no effect."""
     is_range = roughness is not None and roughness[0] < roughness[1]
     usage.refuse_inapplicable({
-        **dict.fromkeys(_OF_REPRESENTATIONS, usage.Applies(False, "with --representations")),
-        "roughness": usage.Applies(
+        **dict.fromkeys(_OF_REPRESENTATIONS, (False, "with --representations")),
+        "roughness": (
             not is_range, "as a range with --representations; give one number"
         ),
-        **dict.fromkeys(of_truth, usage.Applies(probe is not None, "with --probe")),
+        **dict.fromkeys(of_truth, (probe is not None, "with --probe")),
     })  # fmt: skip
     if probe is None and len(maps) == 1:
         raise usage.wrong_usage(
@@ -241,10 +241,10 @@ def _check_representations(
     is_range = roughness is None or roughness[0] < roughness[1]
     place = "without --representations, where the probe stands in the place of MAP"
     usage.refuse_inapplicable({
-        "probe": usage.Applies(False, place),
-        **dict.fromkeys(_OF_MAPS, usage.Applies(False, "to maps, without --representations")),
-        "exposure": usage.Applies(output is not None, "to the picture, with -o"),
-        "steps": usage.Applies(is_range, "to a range of --roughness such as 0.5..1"),
+        "probe": (False, place),
+        **dict.fromkeys(_OF_MAPS, (False, "to maps, without --representations")),
+        "exposure": (output is not None, "to the picture, with -o"),
+        "steps": (is_range, "to a range of --roughness such as 0.5..1"),
     })  # fmt: skip
 
 

@@ -77,11 +77,11 @@ def grid(
     target, suffix = _target(source, output)
     usage.check_outputs([target], files=[source, *([probe] if probe else [])])
     is_baked, of_probes = is_grid(source), is_table(source)
-    of_rooms = usage.Applies(not (of_probes or is_baked), "to rooms")
+    of_rooms = (not (of_probes or is_baked), "to rooms")
     usage.refuse_inapplicable(
         dict.fromkeys(("size", "box", "probe", "albedo", "emit", "samples"), of_rooms)
-        | {"order": usage.Applies(not is_baked, "to rooms and tables")}
-        | {"light": usage.Applies(suffix != ".npz", "to other files than .npz, which holds both")}
+        | {"order": (not is_baked, "to rooms and tables")}
+        | {"light": (suffix != ".npz", "to other files than .npz, which holds both")}
     )
     planned: list[RoomPlan] = []
 

@@ -67,7 +67,7 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
 
     usage.check_outputs([output], files=[file, *add], suffixes=(*_WRITTEN, ".toml"))
     to_tables = output.lower().endswith(".toml")
-    usage.refuse_inapplicable({"order": usage.Applies(not to_tables, "to coefficients")})
+    usage.refuse_inapplicable({"order": (not to_tables, "to coefficients")})
     usage.refuse_inapplicable(
         options.reading_rules(not to_tables, "to coefficients; a light file has them")
     )
@@ -184,7 +184,7 @@ def basis(
 
     file_type(output)
     usage.check_outputs([output], files=[each for each in (mesh, transfer) if each], draws=True)
-    usage.refuse_inapplicable({"transfer": usage.Applies(mesh is not None, "to a mesh")})
+    usage.refuse_inapplicable({"transfer": (mesh is not None, "to a mesh")})
     viewer, names = shrm.Viewer(*view), basis_names(order)
     loaded = None if mesh is None else load_mesh(mesh)
     baked = None if transfer is None else read_transfer(transfer)

@@ -90,8 +90,8 @@ def lookdev(
     suffix = Path(output).suffix.lower()
     usage.refuse_inapplicable(
         {
-            "frames": usage.Applies(suffix != ".html", "to pictures; a page shows one view"),
-            "precision": usage.Applies(suffix == ".exr", "to EXR"),
+            "frames": (suffix != ".html", "to pictures; a page shows one view"),
+            "precision": (suffix == ".exr", "to EXR"),
         }
     )
     steps, targets = frame_targets(output, frames)

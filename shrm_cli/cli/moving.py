@@ -90,9 +90,7 @@ def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str
     from shrm_cli.render.moving import check_one_file, frame_paths
 
     moving = is_animated(output)
-    usage.refuse_inapplicable(
-        {"fps": usage.Applies(moving, "to moving pictures, .apng, .gif and .mp4")}
-    )
+    usage.refuse_inapplicable({"fps": (moving, "to moving pictures, .apng, .gif and .mp4")})
     if moving:
         check_one_file(output, "a moving picture")
         check_animation(output)
@@ -109,7 +107,7 @@ def scene_keys(mesh: str | None) -> list[Key]:
     from shrm_cli.render.scene_file import is_scene_name
 
     keys = read_keys(mesh) if mesh is not None and is_scene_name(mesh) else []
-    said = usage.Applies(not keys, "without [[key]] in the scene, which says it")
+    said = (not keys, "without [[key]] in the scene, which says it")
     usage.refuse_inapplicable({"frames": said, "turn_light": said, "blend": said, "vary": said})
     return keys
 
@@ -124,14 +122,14 @@ def moments(
     """Return the frames that are drawn, or the one picture; parameters go the ways over them."""
     from shrm_cli.render.moving import Moment, moving_light, turntable, with_ways
 
-    blends = usage.Applies(bool(values["blend_to"]), "with --blend-to")
+    blends = (bool(values["blend_to"]), "with --blend-to")
     usage.refuse_inapplicable({"blend": blends, "background_to": blends})
-    shown = usage.Applies("background" in usage.given_options(), "with --background")
+    shown = ("background" in usage.given_options(), "with --background")
     usage.refuse_inapplicable({"background_to": shown})
     if keys:
         from shrm_cli.render.moving import moments_between
 
-        if blends.holds != any(each.blend is not None for each in keys):
+        if blends[0] != any(each.blend is not None for each in keys):
             raise click.UsageError("--blend-to and a blend in [[key]] of the scene need each other")
         return moments_between(keys, shrm.Viewer(*view))
     turn, share = values["turn_light"], None
@@ -165,7 +163,7 @@ def open_other_light(stage: Stage, values: dict[str, Any]) -> Stage:
     from shrm_cli.render.scene_file import as_irradiance
 
     blends, first, second = (values[k] for k in ("blend_to", "irradiance", "irradiance_to"))
-    with_both = usage.Applies(bool(blends and first), "with --blend-to and --irradiance")
+    with_both = (bool(blends and first), "with --blend-to and --irradiance")
     usage.refuse_inapplicable({"irradiance_to": with_both})
     if second is not None:
         other = as_irradiance(second)

@@ -309,7 +309,7 @@ def reading_keywords(values: dict[str, Any], sampling: str | None = None) -> dic
 
 def reading_rules(holds: bool, words: str) -> dict[str, Applies]:
     """Return rules for `refuse_inapplicable` about the options for reading a probe's file."""
-    return dict.fromkeys(READING_NAMES, Applies(holds, words))
+    return dict.fromkeys(READING_NAMES, (holds, words))
 
 
 def shared_options(*names: str) -> Callable[[Command], Command]:

@@ -221,13 +221,13 @@ def _rules_of_printing(to: str) -> dict[str, usage.Applies]:
     rules = {}
     for name in _PRINTS:
         if to == vocabulary.AUTO:
-            rules[name] = usage.Applies(True, "")
+            rules[name] = (True, "")
             continue
         of = [each.name for each in known.values() if name in (own.name for own in each.options)]
-        rules[name] = usage.Applies(to in of, f"with --to {listing(of, 'or')}")
+        rules[name] = (to in of, f"with --to {listing(of, 'or')}")
     for name, other in _PRINTED_WITH.items():
-        if rules[name].holds:
-            rules[name] = usage.Applies(other in usage.given_options(), f"with --{other}")
+        if rules[name][0]:
+            rules[name] = (other in usage.given_options(), f"with --{other}")
     return rules
 
 

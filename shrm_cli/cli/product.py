@@ -74,7 +74,7 @@ def product(
     from shrm_cli.maps.stored import store
 
     brdf = shrm.parse_spec(spec)
-    usage.refuse_inapplicable({"steps": usage.Applies(bool(vary), "with --vary")})
+    usage.refuse_inapplicable({"steps": (bool(vary), "with --vary")})
     ranges = _ranges(vary) or None
     label = brdf_label(",".join([spec, *vary]))
     target = output or f"{label}.product.exr"

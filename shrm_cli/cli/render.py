@@ -127,7 +127,7 @@ def render(
     steps, targets = moving.frame_targets(pattern, frames)
     shown_moments = moving.moments(view, steps, values, keys, ways)
     if not is_animated(pattern):
-        usage.refuse_inapplicable({"max_memory": usage.Applies(False, "to moving pictures")})
+        usage.refuse_inapplicable({"max_memory": (False, "to moving pictures")})
         file_type(pattern)
     reading = options.make_read_options(values)
     probes = {path: shrm.open_probe(path, reading) for path in named if path is not None}
@@ -177,8 +177,8 @@ def _refuse_no_map(mesh: str | None, probe: str | None) -> None:
 def _refuse_others(mesh: str | None, values: dict[str, Any], has_probe: bool) -> None:
     """Refuse the place of what is no sphere or is under light that moves, and reading no probe."""
     rests = mesh is None and not any(values[name] for name in moving.LIGHT_MOVES)
-    placed = usage.Applies(rests and values["place"] is not None, "with --place")
-    of_spheres = usage.Applies(rests, "to spheres under light that rests")
+    placed = (rests and values["place"] is not None, "with --place")
+    of_spheres = (rests, "to spheres under light that rests")
     reading = options.reading_rules(has_probe, "with --background or --probe")
     usage.refuse_inapplicable({"place": of_spheres, "radius": placed, **reading})
 

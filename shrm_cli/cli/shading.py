@@ -67,7 +67,7 @@ brush_option = option(
 def surface_rules(maps: Sequence[shrm.Map]) -> dict[str, usage.Applies]:
     """Return when the options of a surface apply: to maps of light alone."""
     holds = any(each.surface_arguments for each in maps)
-    applies = usage.Applies(holds, "to split sums and SH exponentials, and no MAP is one")
+    applies = (holds, "to split sums and SH exponentials, and no MAP is one")
     return {"roughness": applies, "f0": applies, **brushed_rules(maps)}
 
 
@@ -76,10 +76,11 @@ def brushed_rules(maps: Sequence[shrm.Map]) -> dict[str, usage.Applies]:
     asked = [each.surface_arguments for each in maps if each.surface_arguments]
     holds = bool(asked) and all("anisotropy" in each for each in asked)
     return {
-        "anisotropy": usage.Applies(
-            holds, "to split sums of GGX; other forms take a BRDF, ggx:anisotropy=, when made"
+        "anisotropy": (
+            holds,
+            "to split sums of GGX; other forms take a BRDF, ggx:anisotropy=, when made",
         ),
-        "taps": usage.Applies(holds, "to split sums of GGX"),
+        "taps": (holds, "to split sums of GGX"),
     }
 
 
@@ -99,9 +100,7 @@ def refuse_surface(maps: Sequence[shrm.Map]) -> None:
     usage.refuse_inapplicable(surface_rules(maps))
     if asked := [each.surface_arguments for each in maps if each.surface_arguments]:
         is_ggx = any("f0" in each for each in asked)
-        usage.refuse_inapplicable(
-            {"f0": usage.Applies(is_ggx, "to maps of GGX, and no MAP is one")}
-        )
+        usage.refuse_inapplicable({"f0": (is_ggx, "to maps of GGX, and no MAP is one")})
 
 
 window_option = option(
@@ -121,4 +120,4 @@ def to_unlit(maps: Sequence[shrm.Map]) -> usage.Applies:
     from shrm_cli.maps.kinds import MaterialMap
 
     holds = any(isinstance(each, MaterialMap) for each in maps)
-    return usage.Applies(holds, "to product textures that hold no light, and no MAP is one")
+    return (holds, "to product textures that hold no light, and no MAP is one")

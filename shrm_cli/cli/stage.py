@@ -89,15 +89,15 @@ def open_stage(
     from shrm_cli.render.stage import Stage
 
     if is_scene_name(mesh):
-        in_scene = usage.Applies(False, "to a single mesh; a scene says it of each object")
+        in_scene = (False, "to a single mesh; a scene says it of each object")
         usage.refuse_inapplicable({k: in_scene for k in OF_SURFACES if k != "vary" or values[k]})
         stage = Stage.of(read_scene(mesh, list(maps)))
     else:
         lit = any(each.surface_arguments for each in maps)
-        alone = usage.Applies(lit, "to maps of light alone, such as split sums")
+        alone = (lit, "to maps of light alone, such as split sums")
         usage.refuse_inapplicable({"roughness": alone, "f0": alone, "irradiance": alone})
         usage.refuse_inapplicable(brushed_rules(maps))
-        varies = usage.Applies(any(each.varies for each in maps), "to maps of shrm product --vary")
+        varies = (any(each.varies for each in maps), "to maps of shrm product --vary")
         usage.refuse_inapplicable({"vary": varies})
         irradiance = values["irradiance"]
         light = None if irradiance is None else as_irradiance(irradiance)
@@ -135,9 +135,9 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | N
 
     `follows` is what --vary lets parameters follow, if anything.
     """
-    with_mesh = usage.Applies(mesh is not None, "with --mesh")
+    with_mesh = (mesh is not None, "with --mesh")
     usage.refuse_inapplicable({k: with_mesh for k in _OPTIONS if k != "vary"})
-    spread = usage.Applies(mesh is not None, "with --mesh, or as NAME=X")
+    spread = (mesh is not None, "with --mesh, or as NAME=X")
     usage.refuse_inapplicable({"vary": spread} if follows else {})
     if transfer is not None and mesh is not None:
         from shrm_cli.render.scene_file import is_scene_name
@@ -146,9 +146,7 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | N
             raise click.UsageError(
                 "--transfer applies to a single mesh, not to a scene; name the mesh that was baked"
             )
-    baked = usage.Applies(
-        transfer is None, "without --transfer, which was baked with what it needs"
-    )
+    baked = (transfer is None, "without --transfer, which was baked with what it needs")
     usage.refuse_inapplicable({name: baked for name in OF_SURFACES if name != "vary"})
 
 

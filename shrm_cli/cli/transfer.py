@@ -98,9 +98,9 @@ def transfer(
 
     matrices = matrices or brdf is not None
     usage.refuse_inapplicable({
-        "brush": usage.Applies(matrices, "with --matrices"),
-        "brdf": usage.Applies(bounces > 0, "with --bounces; shadows alone are the same for all"),
-        "albedo": usage.Applies(brdf is None, "without --brdf"),
+        "brush": (matrices, "with --matrices"),
+        "brdf": (bounces > 0, "with --bounces; shadows alone are the same for all"),
+        "albedo": (brdf is None, "without --brdf"),
     })  # fmt: skip
     target = output or f"{Path(mesh).stem}.transfer.npz"
     suffix = _checked_suffix(target, matrices, texture)

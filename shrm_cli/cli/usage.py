@@ -23,21 +23,14 @@ from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.files.whole import check_target, kept, note
 from shrm_cli.messages import ARGUMENT
 from shrm_cli.naming import probe_stem
-from shrm_cli.records import record
 from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
     from shrm_cli.maps.request import Request
 
 
-@record
-class Applies:
-    """Whether an option applies."""
-
-    holds: bool
-    """Whether the option applies in this run."""
-    words: str
-    """Where the option applies, for the error message: ``with --probe`` or ``to maps``."""
+Applies = tuple[bool, str]
+"""Whether an option applies in this run; and where it does, for messages: ``with --probe``."""
 
 
 def flags(message: str, typed: Iterable[str] | None = None) -> str:
@@ -115,9 +108,9 @@ def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:
     `rules` are rules by the names of the options' values. Options without a rule always apply.
     """
     for name, flag in given_options().items():
-        rule = rules.get(name)
-        if rule is not None and not rule.holds:
-            raise wrong_usage(f"{flag} applies {rule.words}; leave it out")
+        holds, words = rules.get(name, (True, ""))
+        if not holds:
+            raise wrong_usage(f"{flag} applies {words}; leave it out")
 
 
 @contextmanager

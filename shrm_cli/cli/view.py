@@ -149,12 +149,12 @@ def _check_usage(has_probe: bool, has_output: bool, no_truth: bool) -> bool:
     has_truth = has_probe and not no_truth
     usage.refuse_inapplicable({
         **options.reading_rules(has_probe, "with --probe"),
-        "no_truth": usage.Applies(has_probe, "with --probe"),
-        **dict.fromkeys(_OF_TRUTH, usage.Applies(has_truth, "to the truth, with --probe")),
-        "max_size": usage.Applies(has_output, "with -o"),
-        "lossless": usage.Applies(has_output, "with -o"),
-        "no_open": usage.Applies(not has_output, "without -o"),
-        "as_json": usage.Applies(has_output, "with -o"),
+        "no_truth": (has_probe, "with --probe"),
+        **dict.fromkeys(_OF_TRUTH, (has_truth, "to the truth, with --probe")),
+        "max_size": (has_output, "with -o"),
+        "lossless": (has_output, "with -o"),
+        "no_open": (not has_output, "without -o"),
+        "as_json": (has_output, "with -o"),
     })  # fmt: skip
     usage.exclude("no_truth", "brdf")
     return has_truth
