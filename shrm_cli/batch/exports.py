@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from shrm_cli.batch.job import Job
-from shrm_cli.batch.made import DAMAGED, MISSING, Difference, differing
-from shrm_cli.batch.outputs import RECORD
+from shrm_cli.batch.made import DAMAGED, MISSING, RECORD, Difference, differing
 from shrm_cli.errors import ArgumentError, OutputError
 from shrm_cli.export.cubes import LARGE
 from shrm_cli.export.engine import engine as engine_of

@@ -7,7 +7,7 @@ import numpy as np
 from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import ArgumentError, PluginError, ShrmError
 from shrm_cli.export.blocks import astc, bc6h, uastc
-from shrm_cli.export.blocks.lamps import Found, with_lamps
+from shrm_cli.export.blocks.lines import Found, with_lamps
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.pixels import FORMATS, PICTURES, Loss, TexelFormat, Words
 from shrm_cli.messages import explained

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.export.blocks import lamps, lines
+from shrm_cli.export.blocks import lines
 from shrm_cli.export.blocks.rate import bits_of_bytes, cheap_steps, starting_prices
 from shrm_cli.records import record
 from shrm_cli.vocabulary import LARGEST_HALF
@@ -190,7 +190,7 @@ SPACE = lines.Space(_numbers, _light, 1024 * 64 / 31, _FRACTIONS)
 prices_of = starting_prices
 
 
-def encoded(blocks: Array, prices: lines.Floats) -> lamps.Found:
+def encoded(blocks: Array, prices: lines.Floats) -> lines.Found:
     """Return blocks of shape (3, 16, n), encoded."""
     texels = lines.Texels.of(np.minimum(blocks, LARGEST), SPACE)
     every = np.zeros(blocks.shape[-1], dtype=np.int64)
@@ -207,17 +207,17 @@ def encoded(blocks: Array, prices: lines.Floats) -> lamps.Found:
     return found
 
 
-def searched(blocks: Array) -> lamps.Found:
+def searched(blocks: Array) -> lines.Found:
     """Return blocks of shape (3, 16, n) encoded as well as may be, which takes its time."""
     texels = lines.Texels.of(np.minimum(blocks, LARGEST), SPACE)
     count = blocks.shape[-1]
     partitions = np.concatenate(list(_partitions(texels, _MANY)))
     found = []
     for number, ways in ((1, np.zeros(count, dtype=np.int64)), (2, partitions)):
-        ways = np.tile(ways, len(lamps.STARTS))
-        start = np.repeat(lamps.STARTS, len(ways) // len(lamps.STARTS))
+        ways = np.tile(ways, len(lines.STARTS))
+        start = np.repeat(lines.STARTS, len(ways) // len(lines.STARTS))
         every = texels[np.arange(len(ways)) % count]
-        found.append(lamps.best(_with_lines(every, ways, number, start), len(ways) // count))
+        found.append(lines.best(_with_lines(every, ways, number, start), len(ways) // count))
     one, two = found
     one.replace(np.arange(count), two)
     return one
@@ -260,8 +260,8 @@ def _with_lines(
     number: int,
     start: Array | None = None,
     prices: lines.Floats | None = None,
-) -> lamps.Found:
-    """Return blocks of one line or two; with starts as `lamps.refined` has them, by light.
+) -> lines.Found:
+    """Return blocks of one line or two; with starts as `lines.refined` has them, by light.
 
     Where there are prices, steps on one line are cheap ones, and errors hold what bits cost.
     """
@@ -273,13 +273,13 @@ def _with_lines(
     for members, anchor in zip(sets, anchors, strict=False):
         fitted = lines.line(texels, members, count)
         if start is not None:
-            fitted = lamps.refined(texels, members, fitted, count, start)
+            fitted = lines.refined(texels, members, fitted, count, start)
         # The number of the anchor has no highest bit, so it lies in the first half of its line.
         is_late = lines.along(texels.chosen(anchor), *fitted) > 0.5
         ends.append(np.where(is_late, fitted[::-1], fitted))
     written, mode = _written(np.concatenate(ends), number)
     whole = _unquantized(written, mode)
-    near = lines.steps if start is None else lamps.nearest
+    near = lines.steps if start is None else lines.nearest
     indices = near(texels, whole[:2], count)
     if prices is not None and prices.any():
         indices = _cheap_steps(texels, whole, written, mode, prices)
@@ -299,12 +299,12 @@ def _with_lines(
     for anchor in anchors[:number]:
         indices[anchor, every] = np.minimum(indices[anchor, every], count // 2 - 1)
     values = lines.between(whole, _FRACTIONS[count][indices], second)
-    off = lamps.light_error(SPACE.light(values), texels.light)
+    off = lines.light_error(SPACE.light(values), texels.light)
     error = lines.squared_error(texels, values) if start is None else off
     data = _packed(written, mode, indices, partition)
     if prices is not None:
         error = error + prices * bits_of_bytes(data)[data].sum(axis=1)
-    return lamps.Found(data, error, off)
+    return lines.Found(data, error, off)
 
 
 def _cheap_steps(
@@ -318,7 +318,7 @@ def _cheap_steps(
 
     From the third texel on two fill a byte.
     """
-    errors = lamps.step_errors(texels, ends, 16) * lines.relative_weights(texels.light)
+    errors = lines.step_errors(texels, ends, 16) * lines.relative_weights(texels.light)
 
     def packed(indices: lines.Whole) -> NDArray[np.uint8]:
         return _packed(written, mode, indices, 0 * mode)
