@@ -14,7 +14,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.brdf import order_text, order_values
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import DIRECTION, FRACTION, PATH, STOPS, Spec, flag, option
+from shrm_cli.cli.types import DIRECTION, FRACTION, PATH, Spec, flag, option, whole
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT
@@ -35,21 +35,18 @@ _OF_MATERIALS = {
 @click.command()
 @click.argument("others", metavar="[SPEC...]", nargs=-1, type=Spec())
 @options.brdf_option
+@options.lit_by("Light probe, for the accuracy of the reflected light and pictures of it.")
 @option(
-    "--probe", PATH, metavar="PROBE",
-    help="Light probe, for the accuracy of the reflected light and pictures of it.",
-)  # fmt: skip
-@option(
-    "--eps tolerances", FRACTION, metavar="X", multiple=True, default=_TOLERANCES,
+    "--eps tolerances X", FRACTION, multiple=True, default=_TOLERANCES,
     help="Tolerance to find the orders for; may be given several times.",
 )  # fmt: skip
 @option(
-    "--order-f", click.IntRange(0, MAX_ORDER_F),
+    "--order-f", whole(0, MAX_ORDER_F),
     help="Largest F, also that of the pictures.  [default: 32, or what the tolerances need; of the "
     "pictures at most 128]",
 )  # fmt: skip
 @option(
-    "--order-p", click.IntRange(0, MAX_ORDER_P),
+    "--order-p", whole(0, MAX_ORDER_P),
     help="Largest P of the energies, and P of the accuracies.  [default: 8, or what the "
     "tolerances need; of the accuracies what the least tolerance needs]",
 )  # fmt: skip
@@ -58,21 +55,15 @@ _OF_MATERIALS = {
     help="Direction to the viewer of the pictures, degrees: azimuth from +Z towards +X, "
     "elevation. May be given several times.",
 )  # fmt: skip
+@option("--size", whole(16, 2048), "Width and height of a sphere's picture, pixels.", default=96)
 @option(
-    "--size", click.IntRange(16, 2048), default=96,
-    help="Width and height of a sphere's picture, pixels.",
-)  # fmt: skip
-@option(
-    "--source-height", click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
+    "--source-height ROWS", whole(2, MAX_SOURCE_HEIGHT),
     help="Rows that the probe is averaged down to for the exact pictures: few are faster, but "
     "move small lights, at 128 rows by about 1 % of error.",
 )  # fmt: skip
+@options.stops("Stops: the pictures are multiplied by 2^EV.  [default: highlights come out white]")
 @option(
-    "--exposure", STOPS, metavar="EV",
-    help="Stops: the pictures are multiplied by 2^EV.  [default: highlights come out white]",
-)  # fmt: skip
-@option(
-    "-o --output", PATH, metavar="PREFIX",
+    "-o --output PREFIX", PATH,
     help="Write PREFIX.energy.png, PREFIX.accuracy.png and PREFIX.pictures.png, or PROBE.BRDF."
     "*.png into a folder of that name.  [default: PROBE.BRDF in the current folder]",
 )  # fmt: skip

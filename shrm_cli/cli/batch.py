@@ -18,7 +18,7 @@ from shrm_cli.cli.export import texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_message, progress_bar, tell, ticking
-from shrm_cli.cli.types import FILE, PATH, Named, flag, option
+from shrm_cli.cli.types import FILE, PATH, Named, flag, option, whole
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import installed_names
 from shrm_cli.settings import limit_libraries
@@ -55,11 +55,11 @@ _RUNNING = {
 
 _gather_options = options.several(
     option(
-        "--collect", FILE, metavar="FILE",
+        "--collect FILE", FILE,
         help="Gather the coefficients of all probes in one .npz or .parquet.",
     ),
     option(
-        "--collect-order", click.IntRange(0, MAX_COLLECTED_ORDER), default=2,
+        "--collect-order", whole(0, MAX_COLLECTED_ORDER), default=2,
         help="Largest degree of these coefficients.",
     ),
     option(
@@ -67,7 +67,7 @@ _gather_options = options.several(
         help="Coefficients of the light, or of the irradiance it gives.",
     ),
     option(
-        "--collect-window", str, metavar="NAME[:WIDTH]", default="none",
+        "--collect-window NAME[:WIDTH]", str, default="none",
         help="Factors of the degrees, as `shrm prefilter --to irradiance --window` has them.",
     ),
 )  # fmt: skip
@@ -87,7 +87,7 @@ _gather_options = options.several(
     help="An engine whose files are exported, a folder each. May be repeated.",
 )  # fmt: skip
 @option(
-    "-o --output", str, metavar="NAME",
+    "-o --output NAME", str,
     help="Names of the outputs, with {probe}, {folder}, {brdf}, {to} and {engine} in them; their "
     "folders are made.  [default: {probe}.{brdf}.{to}.exr, {probe}.{engine} of exports]",
 )  # fmt: skip
@@ -95,17 +95,17 @@ _gather_options = options.several(
 @options.several(*texel_options)
 @options.read_options
 @option(
-    "--jobs", click.IntRange(1, 1024), metavar="N",
+    "--jobs N", whole(1, 1024),
     help="Processes that work at a time.  [default: as many as there are processors]",
 )  # fmt: skip
 @option(
-    "--scheduler", str, metavar="ADDRESS",
+    "--scheduler ADDRESS", str,
     help="Work on a dask.distributed cluster, such as tcp://host:8786; local starts one here.",
 )  # fmt: skip
 @farm_options
 @_gather_options
 @option(
-    "--contact contact_page", PATH, metavar="PAGE.html",
+    "--contact contact_page PAGE.html", PATH,
     help="Put all outputs onto one page, drawn small, with sizes and errors.",
 )  # fmt: skip
 @flag("--force", "Make all outputs again, and replace others' files.")

@@ -11,7 +11,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar, tell, warn
-from shrm_cli.cli.types import FRACTION, PATH, Spec, option
+from shrm_cli.cli.types import FRACTION, PATH, Spec, option, whole
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -32,15 +32,12 @@ _GROUPS = {
 @click.command()
 @click.argument("spec", metavar="[SPEC|FILE]", type=Spec(), required=False)
 @option(
-    "--eps tolerances", FRACTION, metavar="X", multiple=True,
+    "--eps tolerances X", FRACTION, multiple=True,
     help="Tolerance to print the orders for; may be given several times.  [default: 0.1 0.03 0.01]",
 )  # fmt: skip
+@option("--save target FILE", PATH, "Write it as a table instead: .exr, .npz, or MERL's .binary.")
 @option(
-    "--save target", PATH, metavar="FILE",
-    help="Write it as a table instead: .exr, .npz, or MERL's .binary.",
-)  # fmt: skip
-@option(
-    "--walk paths", click.IntRange(2, 1024), metavar="N",
+    "--walk paths N", whole(2, 1024),
     help="Compare coated:base=(...) with random walks between coat and base instead: N paths for "
     "each of 512 lights.",
 )  # fmt: skip

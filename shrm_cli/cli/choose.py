@@ -29,23 +29,11 @@ _HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
 @click.command()
 @click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=PATH)
 @options.materials_option
-@option(
-    "--budget", BYTES, "The most bytes of a map, such as 200kB.  [default: 32 MB]", metavar="BYTES"
-)
-@option(
-    "--error", FRACTION, metavar="X",
-    help="The RMS error of the light that is good enough.  [default: 0.05]",
-)  # fmt: skip
-@option(
-    "--seen", FRACTION, metavar="X",
-    help="The share of pixels that may be wrong by over 5 %.  [default: 0.05]",
-)  # fmt: skip
-@option(
-    "-o --output", PATH, "Draw error against bytes and against the shader's cost.", metavar="PNG"
-)
-@option(
-    "--map target", PATH, "Write the recommended map, of one probe and one material.", metavar="EXR"
-)
+@option("--budget BYTES", BYTES, "The most bytes of a map, such as 200kB.  [default: 32 MB]")
+@option("--error X", FRACTION, "The RMS error of the light that is good enough.  [default: 0.05]")
+@option("--seen X", FRACTION, "The share of pixels that may be wrong by over 5 %.  [default: 0.05]")
+@options.written_to("Draw error against bytes and against the shader's cost.", metavar="PNG")
+@option("--map target EXR", PATH, "Write the recommended map, of one probe and one material.")
 @options.probe_options
 @options.report_options
 def choose(

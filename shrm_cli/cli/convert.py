@@ -9,7 +9,7 @@ from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import surface_options
 from shrm_cli.cli.terminal import conclude, echo, progress_bar
-from shrm_cli.cli.types import BYTES, DIRECTION, PATH, Named, flag, option
+from shrm_cli.cli.types import BYTES, DIRECTION, PATH, Named, flag, option, whole
 from shrm_cli.files.whole import keeping
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions, installed_names
@@ -60,18 +60,18 @@ _plain_options = options.several(
     help="Axes of the view in an SHRM.  [default: those of IN]",
 )  # fmt: skip
 @option(
-    "--order-p", click.IntRange(0, vocabulary.MAX_ORDER_P),
+    "--order-p", whole(0, vocabulary.MAX_ORDER_P),
     help="Order P of the SHRM.  [default: as high as IN has it or determines it]",
 )  # fmt: skip
 @option(
-    "--max-size", BYTES, metavar="BYTES",
+    "--max-size BYTES", BYTES,
     help="Most bytes of the map in half precision, where its views or P are not given.  "
     f"[default: {vocabulary.DEFAULT_MAX_SIZE // 10**6}MB, or those of IN]",
 )  # fmt: skip
 @options.representation_options(_converts)
 @_plain_options
 @option(
-    "--size", click.IntRange(1, 8192),
+    "--size", whole(1, 8192),
     help="Texels along a face's edge; height of a lat-long or angular map.  [default: as fine]",
 )  # fmt: skip
 @option(

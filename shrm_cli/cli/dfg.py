@@ -11,7 +11,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar, tell
-from shrm_cli.cli.types import PATH, flag, option
+from shrm_cli.cli.types import PATH, flag, option, whole
 from shrm_cli.files.whole import keeping
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import CONTAINERS, Precision
@@ -24,7 +24,7 @@ _COLUMNS = "fdez-aguera", "turquin", "gltf", "filament"
 
 
 @click.command()
-@option("--size", click.IntRange(2, 1024), "Texels along both edges.", default=128)
+@option("--size", whole(2, 1024), "Texels along both edges.", default=128)
 @option(
     "--multiscatter/--no-multiscatter", bool, default=False,
     help="Channels for shaders that add light which meets several facets.",

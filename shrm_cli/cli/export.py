@@ -11,7 +11,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import FRACTION, PATH, Named, flag, option
+from shrm_cli.cli.types import FRACTION, PATH, Named, flag, option, whole
 from shrm_cli.errors import ShrmError
 from shrm_cli.maps.options import listing
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
@@ -36,12 +36,12 @@ texel_options = (
         "--max-error, ASTC aside, which few desktops read.  [default: the engine's]",
     ),
     option(
-        "--max-error", FRACTION, metavar="X",
+        "--max-error X", FRACTION,
         help="Refuse texels that change a level by more: its RMS, 95 % of its texels, or the "
         "energy of a lamp.  [default: .03 of auto]",
     ),
     option(
-        "--skybox", click.IntRange(0, 4096),
+        "--skybox", whole(0, 4096),
         help="Texels along an edge of a sharp cube for the background, 0 for none.",
     ),
     flag("--dfg", "The environment-BRDF table, where the engine takes it."),
@@ -62,22 +62,22 @@ _OPTIONS = {"texels": "format", "table": "dfg", "safe": "firefly_safe"}
     help="Who loads it; several may be named; all are those of shrm itself.",
 )  # fmt: skip
 @option(
-    "-o --output", PATH, metavar="DIR",
+    "-o --output DIR", PATH,
     help="Folder to write into; of several engines each gets a folder of its name in it.  "
     "[default: NAME.ENGINE in the current folder]",
 )  # fmt: skip
 @usage.force_option
 @option(
-    "--size", click.IntRange(1, 4096),
+    "--size", whole(1, 4096),
     help="Texels along an edge of level 0, or rows of a lat-long.  [default: the engine's]",
 )  # fmt: skip
 @option(
-    "--window", str, metavar="NAME[:WIDTH]",
+    "--window NAME[:WIDTH]", str,
     help="Window of the nine coefficients, as of irradiance: none, hann, lanczos, or auto, the "
     "least that leaves nothing negative.  [default: auto]",
 )  # fmt: skip
 @option(
-    "--into", PATH, metavar="MODEL",
+    "--into MODEL", PATH,
     help="Put the light into a copy of a glTF file, .glb or .gltf, where the engine reads glTF.",
 )  # fmt: skip
 @options.several(*texel_options)

@@ -11,7 +11,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
-from shrm_cli.cli.types import BOX, COUNTS, PATH, option
+from shrm_cli.cli.types import BOX, COUNTS, PATH, option, whole
 from shrm_cli.files.whole import keeping, kept
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 
@@ -32,11 +32,9 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
     "--size", COUNTS, "Probes along x, y and z.  [default: 16 along the longest edge of the box]"
 )
 @option("--box", BOX, "Two corners of the box with the probes.  [default: all of the room]")
-@option("--order", click.IntRange(1, MAX_GRID_ORDER), "Largest degree of the harmonics.", default=2)
+@option("--order", whole(1, MAX_GRID_ORDER), "Largest degree of the harmonics.", default=2)
 @options.room_options
-@option(
-    "--samples", click.IntRange(16, 65536), "Directions along which each probe looks.", default=1024
-)
+@option("--samples", whole(16, 65536), "Directions along which each probe looks.", default=1024)
 @option(
     "--light", click.Choice(["all", "reflected"]), default="all",
     help="reflected leaves out what comes straight from lamps, which engines may add "

@@ -29,12 +29,9 @@ def light() -> None:
 
 @light.command()
 @click.argument("file", metavar="LIGHT", type=PATH)
+@options.written_to("Coefficients as .txt, .npy or .json, or a light file, .toml.", required=True)
 @option(
-    "-o --output", PATH, required=True,
-    help="Coefficients as .txt, .npy or .json, or a light file, .toml.",
-)  # fmt: skip
-@option(
-    "--order", click.IntRange(0, 32), metavar="N",
+    "--order N", click.IntRange(0, 32),
     help="Order of the coefficients.  [default: theirs, 4 of light files and images]",
 )  # fmt: skip
 @option(
@@ -46,7 +43,7 @@ def light() -> None:
     help="Multiply the light about a direction by X, half of the way at W degrees from it (30).",
 )  # fmt: skip
 @option("--rotate", TURN, "Turn the light about x, y, z or an axis X/Y/Z.")
-@option("--add", PATH, "Add another light.", multiple=True, metavar="LIGHT")
+@option("--add LIGHT", PATH, "Add another light.", multiple=True)
 @options.probe_options
 @options.report_options
 def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **values: Any) -> None:
@@ -145,14 +142,9 @@ def _tables(path: str, working: Any) -> tuple[Tables, Any]:
 @option("--order", click.IntRange(0, 8), "Largest degree.", default=2)
 @options.view_option
 @option("--size", click.IntRange(16, 2048), "Width and height of a picture, pixels.", default=192)
-@option("--exposure", STOPS, "Stops.", metavar="EV", default=1.0)
-@option(
-    "--transfer", PATH, "What shrm transfer baked of the mesh: its own shadows.", metavar="FILE"
-)
-@option(
-    "--columns", click.IntRange(1), metavar="N",
-    help="Columns of the sheet.  [default: as square as possible]",
-)  # fmt: skip
+@option("--exposure EV", STOPS, "Stops.", default=1.0)
+@option("--transfer FILE", PATH, "What shrm transfer baked of the mesh: its own shadows.")
+@option("--columns N", click.IntRange(1), "Columns of the sheet.  [default: as square as possible]")
 @options.precision_option
 @options.report_options
 def basis(

@@ -10,7 +10,7 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.types import BYTES, FILE, PATH, TURN, option, way, within
+from shrm_cli.cli.types import BYTES, FILE, PATH, TURN, option, way, whole, within
 from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
@@ -18,16 +18,15 @@ if TYPE_CHECKING:
     from shrm_cli.render.stage import Stage
 
 fps_option = option(
-    "--fps", within(0.1, 120), metavar="X",
-    help=f"Frames a second of a moving picture.  [default: {DEFAULT_FPS:g}]",
-)  # fmt: skip
+    "--fps X", within(0.1, 120), f"Frames a second of a moving picture.  [default: {DEFAULT_FPS:g}]"
+)
 max_memory_option = option(
-    "--max-memory", BYTES, metavar="BYTES",
+    "--max-memory BYTES", BYTES,
     help="The most memory that pictures may take, such as 2GB: GIF and APNG hold all frames.  "
     "[default: half of the machine's]",
 )  # fmt: skip
 frames_option = option(
-    "--frames", click.IntRange(1, 9999), metavar="N",
+    "--frames N", whole(1, 9999),
     help="Walk around it in N steps, or let its light or what varies move in as many: a file for "
     "each, whose name holds %04d, or one moving picture.  "
     f"[default of .apng, .gif, .mp4: {DEFAULT_FRAMES}]",
@@ -39,22 +38,19 @@ light_options = options.several(
         "of them with --frames.",
     ),
     option(
-        "--blend-to", FILE, metavar="MAP", multiple=True,
+        "--blend-to MAP", FILE, multiple=True,
         help="The map of the same BRDF whose light that of MAP becomes, over the frames; one for "
         "each MAP.",
     ),
     option(
-        "--blend", within(0, 1), metavar="X",
+        "--blend X", within(0, 1),
         help="How much of the light is that of --blend-to, in the last frame.  [default: 1]",
     ),
     option(
-        "--irradiance-to", FILE, metavar="MAP",
+        "--irradiance-to MAP", FILE,
         help="Irradiance map that --irradiance becomes with --blend-to.",
     ),
-    option(
-        "--background-to", PATH, metavar="PROBE",
-        help="Light probe that --background becomes with --blend-to.",
-    ),
+    option("--background-to PROBE", PATH, "Light probe that --background becomes with --blend-to."),
 )  # fmt: skip
 """The options of light that moves."""
 LIGHT_MOVES = ("turn_light", "blend_to", "blend", "irradiance_to", "background_to")

@@ -11,7 +11,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.photo import ball, brackets, unclip
 from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
-from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, SUN, VECTOR, flag, option
+from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, SUN, VECTOR, flag, option, whole
 from shrm_cli.files.whole import check_target
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import LARGEST_HALF, MAX_LATLONG_HEIGHT, Precision
@@ -30,7 +30,7 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
 image_options = options.several(
     option("-o --output", PATH, "OpenEXR file to write.", required=True, callback=_checked),
     option(
-        "--size", click.IntRange(2, MAX_LATLONG_HEIGHT), default=256,
+        "--size", whole(2, MAX_LATLONG_HEIGHT), default=256,
         help="Height in pixels; the image is twice as wide.",
     ),
     options.precision_option,
@@ -156,7 +156,7 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
     help="Two corners of the box that stands for the room where light is looked up.  "
     "[default: that of what is seen from there]",
 )  # fmt: skip
-@option("--samples", click.IntRange(2, 65536), "Paths of light through each pixel.", default=64)
+@option("--samples", whole(2, 65536), "Paths of light through each pixel.", default=64)
 @options.report_options
 def capture(
     mesh: str,

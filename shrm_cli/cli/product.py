@@ -11,7 +11,7 @@ import shrm_cli as shrm
 from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import PATH, Spec, option, way
+from shrm_cli.cli.types import Spec, option, way, whole
 from shrm_cli.naming import brdf_label
 
 if TYPE_CHECKING:
@@ -21,27 +21,25 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("spec", metavar="BRDF", type=Spec())
 @option(
-    "--order", click.IntRange(0, vocabulary.MAX_PRODUCT_ORDER),
+    "--order", whole(0, vocabulary.MAX_PRODUCT_ORDER),
     default=vocabulary.DEFAULT_PRODUCT_ORDER, help="Largest degree of the light's harmonics.",
 )  # fmt: skip
 @option(
-    "--size", click.IntRange(8, vocabulary.MAX_PRODUCT_SIZE),
+    "--size", whole(8, vocabulary.MAX_PRODUCT_SIZE),
     default=vocabulary.DEFAULT_PRODUCT_SIZE,
     help="Texels along the edge of the parabolic map of views.",
 )  # fmt: skip
 @option(
-    "--vary", str, metavar="NAME=LOW..HIGH", multiple=True,
+    "--vary NAME=LOW..HIGH", str, multiple=True,
     help="A parameter of the BRDF that varies over the surface: a texture for each of --steps "
     "values. Two may vary, by few textures of which all others are sums.",
 )  # fmt: skip
 @option(
-    "--steps", click.IntRange(2, 64), metavar="N",
+    "--steps N", whole(2, 64),
     help="Values of each --vary, closest where the BRDF changes most.  [default: as many as miss "
     "1% between them]",
 )  # fmt: skip
-@option(
-    "-o --output", PATH, "OpenEXR file to write.  [default: BRDF.product.exr in the current folder]"
-)
+@options.written_to("OpenEXR file to write.  [default: BRDF.product.exr in the current folder]")
 @usage.force_option
 @options.precision_option
 @options.report_options

@@ -12,7 +12,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import moving, options, shading, stage, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import FILE, PATH, PICTURE_SIZE, VECTOR, option, within
+from shrm_cli.cli.types import FILE, PATH, PICTURE_SIZE, VECTOR, option, whole, within
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
@@ -47,27 +47,24 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     "probe was]",
 )  # fmt: skip
 @option(
-    "--radius", within(0, 1e30), metavar="R",
+    "--radius R", within(0, 1e30),
     help="Of that sphere, in the box's unit.  [default: a tenth of the box's shortest edge]",
 )  # fmt: skip
 @shading.surface_options
 @shading.brushed_options
 @options.exposure_option
 @option(
-    "--background", PATH, metavar="PROBE",
+    "--background PROBE", PATH,
     help="Light probe to show behind it, of a sphere 50 degrees across.  [default: black]",
 )  # fmt: skip
-@option(
-    "--probe", PATH, metavar="PROBE",
-    help="Light of product textures that hold none: a probe, or a grid of probes.",
-)  # fmt: skip
+@options.lit_by("Light of product textures that hold none: a probe, or a grid of probes.")
 @shading.window_option
 @moving.frames_option
 @moving.fps_option
 @moving.max_memory_option
 @moving.light_options
 @option(
-    "--columns", click.IntRange(1), metavar="N",
+    "--columns N", whole(1),
     help="Columns of the contact sheet of several maps.  [default: as square as possible]",
 )  # fmt: skip
 @options.precision_option

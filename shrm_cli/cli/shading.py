@@ -33,7 +33,7 @@ def _as_number(context: object, parameter: object, value: str | None) -> int | N
 
 
 roughness_option = option(
-    "--roughness", within(vocabulary.MIN_ROUGHNESS, 1), metavar="R",
+    "--roughness R", within(vocabulary.MIN_ROUGHNESS, 1),
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     f"as.  [default: {vocabulary.DEFAULT_ROUGHNESS:g}]",
 )  # fmt: skip
@@ -44,7 +44,7 @@ f0_option = option(
 surface_options = options.several(roughness_option, f0_option)
 brushed_options = options.several(
     option(
-        "--anisotropy", within(0, 1), metavar="S",
+        "--anisotropy S", within(0, 1),
         help="Anisotropy of that surface under split sums, as in glTF: its brush marks run across "
         "the tangents, which run around +Y on spheres.  [default: 0]",
     ),
@@ -104,7 +104,7 @@ def refuse_surface(maps: Sequence[shrm.Map]) -> None:
 
 
 window_option = option(
-    "--window", str, metavar="NAME[:WIDTH]",
+    "--window NAME[:WIDTH]", str,
     help="Of the light of product textures that hold none: none, hann, lanczos, or auto, the "
     "least that leaves no black spots.  [default: auto]",
 )  # fmt: skip

@@ -32,29 +32,29 @@ _NAMED = 3
 
 mesh_options = options.several(
     option(
-        "--mesh", PATH, metavar="FILE",
+        "--mesh FILE", PATH,
         help="OBJ, PLY, STL, glTF or GLB to draw in place of the sphere, or a TOML scene.",
     ),
     option(
-        "--fov", within(0.01, 170), metavar="DEGREES",
+        "--fov DEGREES", within(0.01, 170),
         help="Angle of view of the camera before a mesh, across the shorter edge.  "
         "[default: 35]",
     ),
     option(
-        "--distance", within(0, _LARGEST), metavar="D",
+        "--distance D", within(0, _LARGEST),
         help="From the camera to its target, in the mesh's unit.  [default: all is seen]",
     ),
     option("--target", VECTOR, "What the camera looks at.  [default: the middle of the mesh]"),
     brush_option,
     option(
-        "--vary", str, metavar="vertex|IMAGE|NAME=X", multiple=True,
+        "--vary vertex|IMAGE|NAME=X", str, multiple=True,
         help="What the parameter of a product texture follows that varies: the brightness of "
         "the mesh's vertex colours, or of an image over its texture coordinates. Of two "
         "parameters the first follows their red, the second their green. Or its value, "
         "NAME=LOW..HIGH over --frames.",
     ),
     option(
-        "--irradiance", PATH, metavar="MAP",
+        "--irradiance MAP", PATH,
         help="Irradiance map, or grid of probes: light of the diffuse part of the mesh's "
         "materials.",
     ),
@@ -66,7 +66,7 @@ mesh_options = options.several(
         help="Look light up as if all of it were far away, whatever box the map knows of.",
     ),
     option(
-        "--transfer", PATH, metavar="FILE",
+        "--transfer FILE", PATH,
         help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps, product "
         "textures, and with --probe in place of a MAP.",
     ),

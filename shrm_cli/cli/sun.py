@@ -9,7 +9,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, echo, progress_bar, warn
-from shrm_cli.cli.types import FRACTION, PATH, option, within
+from shrm_cli.cli.types import FRACTION, PATH, option, whole, within
 from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
 
@@ -21,25 +21,22 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("probe", type=PATH)
 @option(
-    "-o --output", PATH, metavar="EXR",
+    "-o --output EXR", PATH,
     help="Write the residual: the probe with its lamps replaced by what is around them.",
 )  # fmt: skip
-@option(
-    "--light-file", PATH, metavar="TOML",
-    help="Write residual and discs as a probe of all commands; needs -o.",
-)  # fmt: skip
-@option("--usd", PATH, "Write a DomeLight_1 and DistantLights; needs -o.", metavar="USDA")
+@option("--light-file TOML", PATH, "Write residual and discs as a probe of all commands; needs -o.")
+@option("--usd USDA", PATH, "Write a DomeLight_1 and DistantLights; needs -o.")
 @option(
     "--for engine", click.Choice(LIGHT_ENGINES),
     help="Print lines that make the lamps there, instead of the report.",
 )  # fmt: skip
 @option(
-    "--error", FRACTION, default=LAMP_ERROR, metavar="X",
+    "--error X", FRACTION, default=LAMP_ERROR,
     help="RMS error of the irradiance that discs may make; what gives less is no lamp.",
 )  # fmt: skip
-@option("--count", click.IntRange(0, 100), "The most lamps.", default=LAMP_COUNT)
+@option("--count", whole(0, 100), "The most lamps.", default=LAMP_COUNT)
 @option(
-    "--sun-radius", within(0.001, 90), metavar="DEG",
+    "--sun-radius DEG", within(0.001, 90),
     help="Radius of the brightest lamp, instead of the one found; the sun's is 0.265.",
 )  # fmt: skip
 @options.precision_option

@@ -70,6 +70,10 @@ def FRACTION(text: str) -> float:
     return number
 
 
+whole = click.IntRange
+"""The type of a whole number between two others, or one of them."""
+
+
 def within(low: float, high: float) -> Parsed:
     """Return the type of a number between two others, or one of them, and never NaN."""
 
@@ -345,11 +349,15 @@ PATH, FILE = click.Path(readable=False), click.Path(dir_okay=False, readable=Fal
 def option(names: str, type: Any, help: str, **more: Any) -> Callable[[Any], Any]:
     """Return the decorator that adds an option to a command; its help shows the default, if any.
 
-    `names` are the words that click takes one by one: ``-o --output``. `more` are other arguments
-    of click's.
+    `names` are the words that click takes one by one, and behind them, with capitals, what the help
+    calls the value, unless it is what the type says: ``-o --output PNG``. `more` are other
+    arguments of click's.
     """
+    *words, last = names.split()
     more.setdefault("show_default", "default" in more)
-    return click.option(*names.split(), type=type, help=help, **more)
+    more |= {"metavar": last} if last != last.lower() else {}
+    words += [last] if last == last.lower() else []
+    return click.option(*words, type=type, help=help, **more)
 
 
 def flag(names: str, help: str, **more: Any) -> Callable[[Any], Any]:

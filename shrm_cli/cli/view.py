@@ -10,7 +10,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import brush_option, brushed_options, surface_options, surface_rules
 from shrm_cli.cli.terminal import conclude, echo, progress_bar, warn
-from shrm_cli.cli.types import BYTES, DIRECTION, FILE, PATH, STOPS, flag, option
+from shrm_cli.cli.types import BYTES, DIRECTION, FILE, PATH, flag, option, whole
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -33,12 +33,9 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     help="HTML to write: one file that needs no network.  [default: serve the page on this "
     "machine and open a browser]",
 )  # fmt: skip
+@options.lit_by("Light probe to show behind the shape, and to compute the truth of.")
 @option(
-    "--probe", PATH, metavar="PROBE",
-    help="Light probe to show behind the shape, and to compute the truth of.",
-)  # fmt: skip
-@option(
-    "--mesh", PATH, metavar="FILE",
+    "--mesh FILE", PATH,
     help="OBJ, PLY, STL, glTF or GLB to show the maps on, besides a sphere and a figure.",
 )  # fmt: skip
 @option(
@@ -49,19 +46,16 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 @surface_options
 @brushed_options
 @brush_option
-@option(
-    "--exposure", STOPS, metavar="EV",
-    help="Stops at the beginning.  [default: what suits the first MAP]",
-)  # fmt: skip
+@options.stops("Stops at the beginning.  [default: what suits the first MAP]")
 @options.optional_brdf_option
 @option(
-    "--truth-size", click.IntRange(16, 1024), metavar="N", default=_TRUTH_SIZE,
+    "--truth-size N", whole(16, 1024), default=_TRUTH_SIZE,
     help="Points of the truth along the edge of its picture.",
 )  # fmt: skip
 @options.truth_options
 @flag("--no-truth", "Compute no truth; the probe is shown all the same.")
 @option(
-    "--max-size", BYTES, metavar="BYTES", default=str(_MAX_SIZE), show_default=False,
+    "--max-size BYTES", BYTES, default=str(_MAX_SIZE), show_default=False,
     help="The most that a page with -o may take, such as 20MB. The probe behind the shape is made "
     "smaller to keep it; maps are not.  [default: 64MB]",
 )  # fmt: skip
