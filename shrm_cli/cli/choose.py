@@ -40,8 +40,6 @@ def choose(
     probes: tuple[str, ...],
     specs: tuple[str, ...],
     budget: int | None,
-    error: float | None,
-    seen: float | None,
     output: str | None,
     target: str | None,
     **values: Any,
@@ -70,7 +68,7 @@ def choose(
     usage.check_outputs([each for each in (target,) if each], suffixes=(".exr",))
     for spec in specs:
         shrm.parse_spec(spec)  # what is wrong with a material is said before the work begins
-    goal = {name: x for name, x in (("error", error), ("seen", seen)) if x is not None}
+    goal = {name: value for name, value in values.items() if value is not None}
     found: list[tuple[str, shrm.Choice]] = []
     failures, warnings = [], []
     with progress_bar("choosing") as progress:

@@ -92,9 +92,6 @@ def convert(
     to_orientation: vocabulary.Orientation | None,
     to_sampling: vocabulary.Sampling | None,
     view: tuple[float, float] | None,
-    by: vocabulary.Lookup | None,
-    roughness: float | None,
-    f0: str | None,
     mips: bool,
     precision: vocabulary.Precision,
     **values: Any,
@@ -138,8 +135,7 @@ def convert(
     with usage.renamed(**_OURS), progress_bar("converting") as progress:
         made = shrm.convert(
             source, target, size=size, orientation=to_orientation, sampling=to_sampling,
-            shader=shader, view=view, by=by, roughness=roughness, f0=f0, mips=mips,
-            reading=reading, progress=progress, **own,
+            shader=shader, view=view, mips=mips, reading=reading, progress=progress, **own,
         )  # fmt: skip
         written = made.save(path, precision)
     code = written.result.get("shader")

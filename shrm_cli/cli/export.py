@@ -52,7 +52,8 @@ texel_options = (
 )  # fmt: skip
 """How the files of engines are packed, and what comes with them."""
 _OPTIONS = {"texels": "format", "table": "dfg", "safe": "firefly_safe"}
-"""Attributes of `Asked` that options have other names for."""
+_ATTRIBUTES = {"texel_format": "texels", "dfg": "table", "firefly_safe": "safe"}
+"""Attributes of `Asked` that options have other names for, and by the names of their values."""
 
 
 @click.command()
@@ -93,15 +94,6 @@ def export(
     engines: tuple[str, ...],
     output: str | None,
     force: bool,
-    size: int | None,
-    texel_format: str | None,
-    max_error: float | None,
-    skybox: int | None,
-    window: str | None,
-    dfg: bool,
-    into: str | None,
-    firefly_safe: bool,
-    sun: str | None,
     **values: Any,
 ) -> None:
     """Make the files that an engine loads, and a README with the code that loads them.
@@ -125,9 +117,8 @@ def export(
     reading = options.make_read_options(values)
     name = usage.source_stem(sources[0], REPRESENTATIONS)
     is_kept = reading.working is not None
-    asked = shrm.Asked(
-        size, texel_format, skybox, window, dfg, is_kept, max_error, into, firefly_safe, sun
-    )
+    given = {_ATTRIBUTES.get(name, name): value for name, value in values.items()}
+    asked = shrm.Asked(**given, keeps_primaries=is_kept)
     chosen, failures = _found(names)
     with usage.renamed(**_OPTIONS):
         own = asked.of_several(chosen)

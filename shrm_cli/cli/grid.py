@@ -45,15 +45,12 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
 def grid(
     source: str,
     output: str | None,
-    size: tuple[int, int, int] | None,
-    box: tuple[float, ...] | None,
-    order: int,
     probe: str | None,
     albedo: options.NamedColors,
     emit: options.NamedColors,
-    samples: int,
     light: str,
     force: bool,
+    **values: Any,
 ) -> None:
     """Find the light at the points of a grid in a room, for surfaces that move in it.
 
@@ -92,8 +89,8 @@ def grid(
 
     with progress_bar("projecting" if of_probes else "gathering") as progress:
         found = shrm.grid(
-            source, size=size, box=box, order=order, probe=probe, albedo=dict(albedo),
-            emission=dict(emit), samples=samples, begin=begin, progress=progress,
+            source, probe=probe, albedo=dict(albedo), emission=dict(emit), begin=begin,
+            progress=progress, **values,
         )  # fmt: skip
     with keeping(*([] if force or output else [target])):
         if suffix == ".npz":

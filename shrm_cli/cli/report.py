@@ -71,10 +71,6 @@ def report(
     brdfs: tuple[str, ...],
     to: tuple[str, ...],
     output: str,
-    angles: tuple[tuple[float, float], ...],
-    picture_size: int,
-    truth_height: int | None,
-    exact: bool,
     exposure: float | None,
     no_flip: bool,
     no_view: bool,
@@ -99,8 +95,7 @@ def report(
     command = shlex.join(["shrm", "report", *options.words_of_call()])
     with progress_bar("measuring") as progress:
         made = shrm.report(
-            light, brdfs, to, angles=angles, picture_size=picture_size, truth_height=truth_height,
-            exact=exact, flips=not no_flip, progress=progress, **arguments,
+            light, brdfs, to, flips=not no_flip, progress=progress, **arguments,
             look=shrm.Look(
                 exposure, not no_view, max_page, command, _options(), usage.flags,
                 shlex.join(options.words_of_reading()),

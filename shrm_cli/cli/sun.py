@@ -48,11 +48,8 @@ def sun(
     light_file: str | None,
     usd: str | None,
     engine: str | None,
-    error: float,
-    count: int,
-    sun_radius: float | None,
     precision: Precision,
-    **reading: Any,
+    **values: Any,
 ) -> None:
     """Find the lamps of PROBE, such as the sun, and take them out of it.
 
@@ -70,7 +67,7 @@ def sun(
             raise usage.wrong_usage(f"{name} names the residual; give -o FILE.exr, too")
     if engine is not None and usage.wants_json():
         raise usage.wrong_usage("--for excludes --json")
-    read_as = options.make_read_options(reading)
+    read_as = options.make_read_options(values)
     from shrm_cli.progress import Rising, using
 
     found = shrm.open_probe(probe, read_as)
@@ -79,7 +76,7 @@ def sun(
         if path is not None:
             usage.check_outputs([path], suffixes=[suffix])
     with progress_bar("looking for lamps") as progress, using(Rising(progress)):
-        split = shrm.split_lamps(found, error, count, sun_radius)
+        split = shrm.split_lamps(found, **values)
         result = _result(probe, split)
     written = _write(split, output, light_file, usd, precision)
     result |= written

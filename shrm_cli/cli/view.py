@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 _MAX_SIZE = 64 * 10**6
 """The most bytes of a page that is written, where no other number is given."""
 _TRUTH_SIZE = 192
-_SHOWN = (
-    "views", "roughness", "f0", "anisotropy", "taps", "brush", "exposure", "source_height", "exact",
-)  # fmt: skip
-"""Arguments that `shrm_cli.view.show.view` takes as they are."""
 _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 
 
@@ -93,7 +89,6 @@ def view(
     """
     from shrm_cli.files.whole import write_bytes
 
-    shown_as = {name: values.pop(name) for name in _SHOWN}
     has_truth = _check_usage(probe is not None, output is not None, no_truth)
     reading = options.make_read_options(values)
     light = None if probe is None else shrm.open_probe(probe, reading)
@@ -104,7 +99,7 @@ def view(
     usage.refuse_inapplicable(surface_rules(opened))
     with progress_bar("integrating") as progress:
         shown = shrm.view(
-            opened, light, brdf, names=maps, mesh=mesh, **shown_as,
+            opened, light, brdf, names=maps, mesh=mesh, **values,
             truth_size=truth_size if has_truth else 0, max_size=max_size if output else None,
             rounded=output is not None and not lossless, progress=progress,
         )  # fmt: skip
@@ -122,7 +117,7 @@ def view(
         "file": output,
         "bytes": len(text),
         "maps": list(maps),
-        "views": [list(each) for each in shown_as["views"]],
+        "views": [list(each) for each in values["views"]],
         "rounding_error": shown.scene.blocks.rounding_error,
         "truths": len(shown.scene.description["truths"]),
     }
