@@ -54,10 +54,9 @@ _photo_options = options.several(
 @_photo_options
 def brackets(
     photos: tuple[str, ...],
-    times: tuple[float, ...] | None,
-    linear: bool,
     output: str,
     precision: Precision,
+    **merging: Any,
 ) -> None:
     """Merge exposures of a scene that does not move into one linear picture.
 
@@ -70,7 +69,7 @@ def brackets(
     """
     usage.check_outputs([output], files=photos, suffixes=[".exr"])
     with progress_bar("merging") as progress, using(progress):
-        made = shrm.merge_brackets(photos, times, linear)
+        made = shrm.merge_brackets(photos, **merging)
     exposures = made.exposures.tolist()
     differences = [each if each == each else None for each in made.differences.tolist()]
     facts = {

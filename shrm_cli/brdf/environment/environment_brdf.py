@@ -89,6 +89,8 @@ class LobeMoments(material_albedo.ViewTable):
     """
 
     def __init__(self, roughness: float) -> None:
+        if not 0 <= roughness <= 1:
+            raise MapError(f"roughness {roughness:g} is outside 0 .. 1")
         super().__init__(max(roughness**2, _LEAST_ALPHA))
         self.roughness = roughness
 
@@ -209,18 +211,12 @@ def moments_table(size: int) -> Array:
     return table
 
 
-class DirectionalAlbedo:
+class DirectionalAlbedo(LobeMoments):
     """The environment BRDF of one roughness, tabulated over N.V for rendering."""
-
-    def __init__(self, roughness: float) -> None:
-        if not 0 <= roughness <= 1:
-            raise MapError(f"roughness {roughness:g} is outside 0 .. 1")
-        self.roughness = roughness
-        self._moments = LobeMoments(roughness)
 
     def scale_bias(self, cosines: ArrayLike) -> tuple[Array, Array]:
         """Interpolate scale and bias at N.V, each of the shape of `cosines`."""
-        total, bias = self._moments.totals(cosines)
+        total, bias = self.totals(cosines)
         return total - bias, bias
 
     def __call__(self, cosines: ArrayLike, f0: ArrayLike) -> Array:
