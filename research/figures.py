@@ -30,8 +30,8 @@ from shrm_cli.reference import Reference
 from shrm_cli.reflected import predicted_error
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import compare_spheres
+from shrm_cli.render.drawing import SphereSubject
 from shrm_cli.render.image import expose
-from shrm_cli.render.scene import SphereSubject
 from shrm_cli.render.sheet import Grid, draw_grid
 from shrm_cli.sphere.harmonics import degrees
 

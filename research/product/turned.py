@@ -14,7 +14,7 @@ from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.scene import SphereSubject
+from shrm_cli.render.drawing import SphereSubject
 from shrm_cli.sphere.directions import turn_matrix
 from shrm_cli.sphere.rotation import transform_coefficients
 

@@ -10,7 +10,7 @@ import json
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal, Protocol, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.vocabulary import MAX_ORDER_F
+
+if TYPE_CHECKING:
+    from shrm_cli.batch.work import Result
 
 What = Literal["radiance", "irradiance"]
 
@@ -48,19 +51,6 @@ _UNITS = {
 _SAID = ("version", "shrm", "what", "order", "window", "shape", "channels", "basis", "units")
 _DIGEST = 64
 """The characters of a SHA-256 digest."""
-
-
-class Gathered(Protocol):
-    """What is known of one probe; without coefficients it is left out."""
-
-    @property
-    def probe(self) -> str: ...
-
-    @property
-    def coefficients(self) -> Array | None: ...
-
-    @property
-    def digest(self) -> str: ...
 
 
 @record(eq=False)
@@ -91,7 +81,7 @@ class Collection:
 
     @classmethod
     def of(
-        cls, found: Iterable[Gathered], what: What, order: int, window: str = "none"
+        cls, found: "Iterable[Result]", what: What, order: int, window: str = "none"
     ) -> "Collection":
         """Gather what was found of each probe, in this order, where it has coefficients."""
         kept = [each for each in found if each.coefficients is not None]

@@ -9,7 +9,7 @@ from pathlib import PurePath
 from typing import Any
 
 from shrm_cli.batch.job import Chunk, Job, Recipe
-from shrm_cli.batch.outputs import without_outputs
+from shrm_cli.batch.made import without_outputs
 from shrm_cli.brdf.spec import named_files, names_file, parse_spec
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
 from shrm_cli.files.exr_header import holds_nothing, is_output

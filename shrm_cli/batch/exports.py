@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from shrm_cli.batch.job import Job
-from shrm_cli.batch.made import DAMAGED, MISSING, Difference, differing
-from shrm_cli.batch.outputs import RECORD
+from shrm_cli.batch.made import DAMAGED, MISSING, RECORD, Difference, differing
 from shrm_cli.errors import ArgumentError, OutputError
 from shrm_cli.export.cubes import LARGE
 from shrm_cli.export.engine import engine as engine_of
@@ -159,12 +158,9 @@ def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
 
 
 def _asked(arguments: Mapping[str, Any], keeps_primaries: bool = False) -> Asked:
-    return Asked(
-        size=arguments.get("size"), texels=arguments.get("format"), skybox=arguments.get("skybox"),
-        window=arguments.get("window"), table=bool(arguments.get("dfg")),
-        keeps_primaries=keeps_primaries, max_error=arguments.get("max_error"),
-        safe=bool(arguments.get("firefly_safe")), sun=arguments.get("sun"),
-    )  # fmt: skip
+    given = {_ATTRIBUTES.get(name, name): value for name, value in arguments.items()}
+    given.pop("engine", None)
+    return Asked(**given, keeps_primaries=keeps_primaries)
 
 
 def _options(job: Job, probe: Probe) -> dict[str, Any]:

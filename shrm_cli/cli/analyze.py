@@ -14,7 +14,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.brdf import order_text, order_values
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import DIRECTION, FRACTION, PATH, STOPS, Spec, flag, option
+from shrm_cli.cli.types import DIRECTION, FRACTION, PATH, Spec, flag, option, whole
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT
@@ -35,21 +35,18 @@ _OF_MATERIALS = {
 @click.command()
 @click.argument("others", metavar="[SPEC...]", nargs=-1, type=Spec())
 @options.brdf_option
+@options.lit_by("Light probe, for the accuracy of the reflected light and pictures of it.")
 @option(
-    "--probe", PATH, metavar="PROBE",
-    help="Light probe, for the accuracy of the reflected light and pictures of it.",
-)  # fmt: skip
-@option(
-    "--eps tolerances", FRACTION, metavar="X", multiple=True, default=_TOLERANCES,
+    "--eps tolerances X", FRACTION, multiple=True, default=_TOLERANCES,
     help="Tolerance to find the orders for; may be given several times.",
 )  # fmt: skip
 @option(
-    "--order-f", click.IntRange(0, MAX_ORDER_F),
+    "--order-f", whole(0, MAX_ORDER_F),
     help="Largest F, also that of the pictures.  [default: 32, or what the tolerances need; of the "
     "pictures at most 128]",
 )  # fmt: skip
 @option(
-    "--order-p", click.IntRange(0, MAX_ORDER_P),
+    "--order-p", whole(0, MAX_ORDER_P),
     help="Largest P of the energies, and P of the accuracies.  [default: 8, or what the "
     "tolerances need; of the accuracies what the least tolerance needs]",
 )  # fmt: skip
@@ -58,21 +55,15 @@ _OF_MATERIALS = {
     help="Direction to the viewer of the pictures, degrees: azimuth from +Z towards +X, "
     "elevation. May be given several times.",
 )  # fmt: skip
+@option("--size", whole(16, 2048), "Width and height of a sphere's picture, pixels.", default=96)
 @option(
-    "--size", click.IntRange(16, 2048), default=96,
-    help="Width and height of a sphere's picture, pixels.",
-)  # fmt: skip
-@option(
-    "--source-height", click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
+    "--source-height ROWS", whole(2, MAX_SOURCE_HEIGHT),
     help="Rows that the probe is averaged down to for the exact pictures: few are faster, but "
     "move small lights, at 128 rows by about 1 % of error.",
 )  # fmt: skip
+@options.stops("Stops: the pictures are multiplied by 2^EV.  [default: highlights come out white]")
 @option(
-    "--exposure", STOPS, metavar="EV",
-    help="Stops: the pictures are multiplied by 2^EV.  [default: highlights come out white]",
-)  # fmt: skip
-@option(
-    "-o --output", PATH, metavar="PREFIX",
+    "-o --output PREFIX", PATH,
     help="Write PREFIX.energy.png, PREFIX.accuracy.png and PREFIX.pictures.png, or PROBE.BRDF."
     "*.png into a folder of that name.  [default: PROBE.BRDF in the current folder]",
 )  # fmt: skip
@@ -111,14 +102,14 @@ def analyze(
     """
     if others:
         of_one = [name for name in usage.given_options() if name not in _OF_MATERIALS]
-        usage.refuse_inapplicable(dict.fromkeys(of_one, usage.Applies(False, "to a single BRDF")))
+        usage.refuse_inapplicable(dict.fromkeys(of_one, (False, "to a single BRDF")))
         _analyze_materials([spec, *others], order_f, order_p, output, no_plots)
         return
     from shrm_cli.analysis.plots import can_plot
     from shrm_cli.maps.info import record_of
 
     of_probe = [*reading, "views", "size", "source_height", "exposure"]
-    rules = dict.fromkeys(of_probe, usage.Applies(probe is not None, "with --probe"))
+    rules = dict.fromkeys(of_probe, (probe is not None, "with --probe"))
     usage.refuse_inapplicable(rules)
     usage.exclude("output", "no_plots")
     source = None if probe is None else shrm.open_probe(probe, options.make_read_options(reading))
@@ -188,13 +179,12 @@ def _analyze_materials(
     """Print and draw the energy of each BRDF that F and P capture, by default as in figure 5.7."""
     from shrm_cli.analysis.analyze import MATERIAL_F, MATERIAL_P, material_energies
     from shrm_cli.analysis.plots import can_plot, plot_materials
-    from shrm_cli.brdf.spec import parse_spec
 
     target = None
     if can_plot() and not no_plots:
         target = f"{_stem(output or 'materials')}.energy.png"
         usage.check_outputs([target], specs=specs, draws=True)
-    brdfs = [parse_spec(spec) for spec in specs]
+    brdfs = [shrm.parse_spec(spec) for spec in specs]
     f, p = MATERIAL_F if order_f is None else order_f, MATERIAL_P if order_p is None else order_p
     with progress_bar("integrating") as progress:
         captured = material_energies(brdfs, f, p, progress)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli import settings
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.contact import write_contacts
@@ -17,7 +18,7 @@ from shrm_cli.cli.export import texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_message, progress_bar, tell, ticking
-from shrm_cli.cli.types import FILE, PATH, Named, flag, option
+from shrm_cli.cli.types import FILE, PATH, Named, flag, option, whole
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import installed_names
 from shrm_cli.settings import limit_libraries
@@ -25,11 +26,10 @@ from shrm_cli.vocabulary import AUTO, ENGINES, EXPORT, MAX_COLLECTED_ORDER, REPR
 
 if TYPE_CHECKING:
     from shrm_cli.batch.collect import What
-    from shrm_cli.batch.entry import Entry
     from shrm_cli.batch.job import Chunk
     from shrm_cli.batch.log import Log, Totals
     from shrm_cli.batch.run import Workers
-    from shrm_cli.batch.work import Gathering, Result, Terms
+    from shrm_cli.batch.work import Gathering, Result
 
 _DEFAULT_LOG = "batch.jsonl"
 _MOST_REASONS = 5
@@ -55,11 +55,11 @@ _RUNNING = {
 
 _gather_options = options.several(
     option(
-        "--collect", FILE, metavar="FILE",
+        "--collect FILE", FILE,
         help="Gather the coefficients of all probes in one .npz or .parquet.",
     ),
     option(
-        "--collect-order", click.IntRange(0, MAX_COLLECTED_ORDER), default=2,
+        "--collect-order", whole(0, MAX_COLLECTED_ORDER), default=2,
         help="Largest degree of these coefficients.",
     ),
     option(
@@ -67,7 +67,7 @@ _gather_options = options.several(
         help="Coefficients of the light, or of the irradiance it gives.",
     ),
     option(
-        "--collect-window", str, metavar="NAME[:WIDTH]", default="none",
+        "--collect-window NAME[:WIDTH]", str, default="none",
         help="Factors of the degrees, as `shrm prefilter --to irradiance --window` has them.",
     ),
 )  # fmt: skip
@@ -87,7 +87,7 @@ _gather_options = options.several(
     help="An engine whose files are exported, a folder each. May be repeated.",
 )  # fmt: skip
 @option(
-    "-o --output", str, metavar="NAME",
+    "-o --output NAME", str,
     help="Names of the outputs, with {probe}, {folder}, {brdf}, {to} and {engine} in them; their "
     "folders are made.  [default: {probe}.{brdf}.{to}.exr, {probe}.{engine} of exports]",
 )  # fmt: skip
@@ -95,17 +95,17 @@ _gather_options = options.several(
 @options.several(*texel_options)
 @options.read_options
 @option(
-    "--jobs", click.IntRange(1, 1024), metavar="N",
+    "--jobs N", whole(1, 1024),
     help="Processes that work at a time.  [default: as many as there are processors]",
 )  # fmt: skip
 @option(
-    "--scheduler", str, metavar="ADDRESS",
+    "--scheduler ADDRESS", str,
     help="Work on a dask.distributed cluster, such as tcp://host:8786; local starts one here.",
 )  # fmt: skip
 @farm_options
 @_gather_options
 @option(
-    "--contact contact_page", PATH, metavar="PAGE.html",
+    "--contact contact_page PAGE.html", PATH,
     help="Put all outputs onto one page, drawn small, with sizes and errors.",
 )  # fmt: skip
 @flag("--force", "Make all outputs again, and replace others' files.")
@@ -149,7 +149,6 @@ def batch(
     from shrm_cli.batch.batch import workers
     from shrm_cli.batch.entry import check_others, checked
     from shrm_cli.batch.job import by_probe
-    from shrm_cli.batch.work import Terms
 
     if commands or openjd:
         refuse_for_farms()
@@ -167,7 +166,7 @@ def batch(
         write_farm_files(options.words_of_call(), commands, openjd, len(chunks), chunk)
         return
     chunks = named_parts(chunks, share, [collect, contact_page])
-    terms = Terms(force, dry_run, settings.current().cache, gathering)
+    terms = shrm.Terms(force, dry_run, settings.current().cache, gathering)
     if gathering is not None:
         chunks = [replace(chunk, collects=True) for chunk in chunks]
     if contact_page is not None:
@@ -190,9 +189,9 @@ def _stands_for_more(name: str) -> bool:
     return glob.has_magic(name) or is_remote(name)
 
 
-def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) -> list[Entry]:
+def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) -> list[shrm.Entry]:
     """Return what is to be made, from a manifest or from the options."""
-    from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry, every_engine
+    from shrm_cli.batch.entry import DEFAULT_OUTPUT, every_engine
     from shrm_cli.batch.manifest import is_manifest, read_manifest
     from shrm_cli.probe.reader import check_file
 
@@ -224,14 +223,14 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
     if makes_none and not {"brdfs", "to", "engines", "output"} & given.keys():
         to = ()
     return [
-        Entry(
+        shrm.Entry(
             probes, brdfs, to, output, arguments, {}, reading, precision, runs_code=True,
             engines=engines,
         )
     ]  # fmt: skip
 
 
-def _without_jobs(entries: list[Entry], left_out: list[str]) -> list[Chunk]:
+def _without_jobs(entries: list[shrm.Entry], left_out: list[str]) -> list[Chunk]:
     """Return chunks of probes of which only coefficients are gathered."""
     from shrm_cli.batch.entry import found_probes
     from shrm_cli.batch.job import Chunk
@@ -248,7 +247,7 @@ def _gathering_of(collect: str | None, order: int, what: What, window: str) -> G
     from shrm_cli.batch.collect import check_collection
     from shrm_cli.batch.work import Gathering
 
-    rule = usage.Applies(collect is not None, "with --collect")
+    rule = (collect is not None, "with --collect")
     usage.refuse_inapplicable(
         dict.fromkeys(("collect_order", "collect_what", "collect_window"), rule)
     )
@@ -271,7 +270,7 @@ def _write_gathered(
 
 def _run(
     chunks: list[Chunk],
-    terms: Terms,
+    terms: shrm.Terms,
     place: AbstractContextManager[tuple[Workers, bool]],
     log: str | None,
     collect: str | None,
@@ -333,12 +332,12 @@ def _check_count(chunks: list[Chunk]) -> None:
 
 def _show(chunks: list[Chunk], totals: Totals, target: str) -> None:
     """Put all outputs that are there onto one page, and what failed."""
-    from shrm_cli.report.contact import Contacts, draw_contacts
+    from shrm_cli.report.contact import Contacts
 
     outputs = [job.output for chunk in chunks for job in chunk.jobs]
     there = [output for output in outputs if os.path.isfile(output)]
     with progress_bar("drawing") as progress:
-        found = draw_contacts(there, progress) if there else Contacts()
+        found = shrm.draw_contacts(there, progress) if there else Contacts()
     failed = [(each["output"], each["error"]) for each in totals.failures if each.get("output")]
     found.failures = [*failed, *found.failures]
     write_contacts(found, target, "shrm batch")

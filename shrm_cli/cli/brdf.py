@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar, tell, warn
-from shrm_cli.cli.types import FRACTION, PATH, Spec, option
+from shrm_cli.cli.types import FRACTION, PATH, Spec, option, whole
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
-    from shrm_cli.brdf.base import Brdf
     from shrm_cli.orders import Orders
 
 _REFUSED = "`--to principal` and `shrm product` hold it, other forms refuse it"
@@ -32,15 +32,12 @@ _GROUPS = {
 @click.command()
 @click.argument("spec", metavar="[SPEC|FILE]", type=Spec(), required=False)
 @option(
-    "--eps tolerances", FRACTION, metavar="X", multiple=True,
+    "--eps tolerances X", FRACTION, multiple=True,
     help="Tolerance to print the orders for; may be given several times.  [default: 0.1 0.03 0.01]",
 )  # fmt: skip
+@option("--save target FILE", PATH, "Write it as a table instead: .exr, .npz, or MERL's .binary.")
 @option(
-    "--save target", PATH, metavar="FILE",
-    help="Write it as a table instead: .exr, .npz, or MERL's .binary.",
-)  # fmt: skip
-@option(
-    "--walk paths", click.IntRange(2, 1024), metavar="N",
+    "--walk paths N", whole(2, 1024),
     help="Compare coated:base=(...) with random walks between coat and base instead: N paths for "
     "each of 512 lights.",
 )  # fmt: skip
@@ -63,7 +60,6 @@ def brdf(
             raise click.UsageError("--walk needs a coated BRDF; name one before it")
         _list()
         return
-    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.progress import Rising, using
 
     if target is not None:
@@ -74,7 +70,7 @@ def brdf(
         return
     remarks: list[str] = []
     with progress_bar("expanding") as progress:
-        chosen = parse_spec(spec)
+        chosen = shrm.parse_spec(spec)
         asked = (tolerances or _TOLERANCES) if chosen.isotropic else ()
         with using(Rising(progress)):
             rows, captured = _orders(chosen, asked, remarks) if asked else ([], [])
@@ -106,7 +102,6 @@ def _save(spec: str, target: str) -> None:
     """Write a BRDF as a table, read it back, and print how far the table is from the BRDF."""
     from shrm_cli.brdf.examine import difference
     from shrm_cli.brdf.measured import open_measured
-    from shrm_cli.brdf.spec import parse_spec
 
     suffix = Path(target).suffix.lower()
     if suffix not in _SUFFIXES:
@@ -114,7 +109,7 @@ def _save(spec: str, target: str) -> None:
             f"{target!r} does not end with {', '.join(_SUFFIXES)}", param_hint="'--save'"
         )
     usage.check_outputs([target], specs=[spec])
-    chosen = parse_spec(spec)
+    chosen = shrm.parse_spec(spec)
     if suffix == ".binary":
         from shrm_cli.brdf.measured.merl import write_merl
 
@@ -135,10 +130,9 @@ def _save(spec: str, target: str) -> None:
 def _walk(spec: str, paths: int) -> None:
     """Print how far a coated BRDF is from a random walk."""
     from shrm_cli.brdf.layered.parts.walk import VIEWS, compared
-    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.maps.info import record_of
 
-    chosen = parse_spec(spec)
+    chosen = shrm.parse_spec(spec)
     found = compared(chosen, paths)
     rows = [f"  {'degrees':<12} {' '.join(f'{view:>6}' for view in VIEWS)}  from the normal"]
     for name, values in (("albedo", found.albedo), ("walk", found.walked), ("noise", found.noise)):
@@ -183,7 +177,7 @@ def _anisotropy(model: Any) -> list[str]:
 
 
 def _orders(
-    chosen: Brdf, tolerances: Sequence[float], remarks: list[str]
+    chosen: shrm.Brdf, tolerances: Sequence[float], remarks: list[str]
 ) -> tuple[list[dict[str, Any]], list[float]]:
     """Find the orders that tolerances ask for, with one search, for the smallest of them.
 
@@ -192,12 +186,11 @@ def _orders(
     Returns the orders for each tolerance, or why there are none, and the energy that P = 0 .. 5
     capture within the order F of the last tolerance that can be met; empty if none can.
     """
-    from shrm_cli.errors import BrdfError, OrderError
     from shrm_cli.orders import known_coefficients, sufficient_orders
 
     try:
         coefficients = known_coefficients(chosen, min(tolerances))
-    except BrdfError as error:
+    except shrm.BrdfError as error:
         return [{"epsilon": eps, "error": str(error)} for eps in tolerances], []
     if coefficients.remark is not None:
         remarks.append(f"{chosen!r} is {coefficients.remark}")
@@ -206,7 +199,7 @@ def _orders(
     for eps in tolerances:
         try:
             orders = sufficient_orders(chosen, coefficients, eps)
-        except OrderError as error:
+        except shrm.OrderError as error:
             rows.append({"epsilon": eps, "error": str(error)})
             continue
         rows.append(order_values(orders))
@@ -215,10 +208,12 @@ def _orders(
     return rows, captured
 
 
-def _explain(chosen: Brdf, rows: list[dict[str, Any]], captured: list[float]) -> dict[str, Any]:
-    from shrm_cli.brdf.examine import ANGLES, examine
+def _explain(
+    chosen: shrm.Brdf, rows: list[dict[str, Any]], captured: list[float]
+) -> dict[str, Any]:
+    from shrm_cli.brdf.examine import ANGLES
 
-    found = examine(chosen)
+    found = shrm.examine(chosen)
     report = {
         **_describe(chosen),
         "values": chosen.values,
@@ -243,7 +238,7 @@ def _explain(chosen: Brdf, rows: list[dict[str, Any]], captured: list[float]) ->
     return report
 
 
-def _text(chosen: Brdf, report: dict[str, Any]) -> list[str]:
+def _text(chosen: shrm.Brdf, report: dict[str, Any]) -> list[str]:
     lines = [f"{chosen!r}: {chosen.summary}"]
     lines += [f"  source      {chosen.source}", f"  centre      {chosen.center}"]
     lines += [f"  parameter   {line}" for line in _parameter_lines(chosen)]
@@ -260,7 +255,7 @@ def _text(chosen: Brdf, report: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _examination_lines(chosen: Brdf, found: dict[str, Any]) -> list[str]:
+def _examination_lines(chosen: shrm.Brdf, found: dict[str, Any]) -> list[str]:
     fibre = chosen.center == "tangent"
     axis = "tangent" if fibre else "normal"
     low, high = min(found["smallest"]), max(found["largest"])

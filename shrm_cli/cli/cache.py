@@ -2,6 +2,7 @@
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli import bytecode, settings
 from shrm_cli.cli import options
 from shrm_cli.cli.terminal import tell
@@ -21,10 +22,10 @@ def cache() -> None:
 @options.report_options
 def info() -> None:
     """Say where the cache is, and how large."""
-    from shrm_cli.brdf.cache import MOST_BYTES, cache_usage
+    from shrm_cli.brdf.cache import MOST_BYTES
 
     where = str(settings.cache_folder())
-    count, size = _with_modules(where, *cache_usage())
+    count, size = _with_modules(where, *shrm.cache_usage())
     line = f"{where}: {_amount(count, size)}, at most {bytes_text(MOST_BYTES)}"
     tell({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES}, [line])
 
@@ -33,12 +34,10 @@ def info() -> None:
 @options.report_options
 def clear() -> None:
     """Remove everything in the cache."""
-    from shrm_cli.brdf.cache import clear_cache
-
     where = str(settings.cache_folder())
     modules = _with_modules(where)
     bytecode.clear(where)
-    count, size = (a + b for a, b in zip(clear_cache(), modules, strict=True))
+    count, size = (a + b for a, b in zip(shrm.clear_cache(), modules, strict=True))
     line = f"{where}: {_amount(count, size)} removed"
     tell({"folder": where, "removed": count, "bytes": size}, [line])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -15,9 +15,6 @@ from shrm_cli.cli.types import BYTES, FRACTION, PATH, option
 from shrm_cli.extras import install
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import bytes_text
-
-if TYPE_CHECKING:
-    from shrm_cli.choose.offer import Choice, Offer
 
 _MOST_ROWS = 24
 """The most pairs of a probe and a material that one picture shows."""
@@ -32,31 +29,17 @@ _HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
 @click.command()
 @click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=PATH)
 @options.materials_option
-@option(
-    "--budget", BYTES, "The most bytes of a map, such as 200kB.  [default: 32 MB]", metavar="BYTES"
-)
-@option(
-    "--error", FRACTION, metavar="X",
-    help="The RMS error of the light that is good enough.  [default: 0.05]",
-)  # fmt: skip
-@option(
-    "--seen", FRACTION, metavar="X",
-    help="The share of pixels that may be wrong by over 5 %.  [default: 0.05]",
-)  # fmt: skip
-@option(
-    "-o --output", PATH, "Draw error against bytes and against the shader's cost.", metavar="PNG"
-)
-@option(
-    "--map target", PATH, "Write the recommended map, of one probe and one material.", metavar="EXR"
-)
+@option("--budget BYTES", BYTES, "The most bytes of a map, such as 200kB.  [default: 32 MB]")
+@option("--error X", FRACTION, "The RMS error of the light that is good enough.  [default: 0.05]")
+@option("--seen X", FRACTION, "The share of pixels that may be wrong by over 5 %.  [default: 0.05]")
+@options.written_to("Draw error against bytes and against the shader's cost.", metavar="PNG")
+@option("--map target EXR", PATH, "Write the recommended map, of one probe and one material.")
 @options.probe_options
 @options.report_options
 def choose(
     probes: tuple[str, ...],
     specs: tuple[str, ...],
     budget: int | None,
-    error: float | None,
-    seen: float | None,
     output: str | None,
     target: str | None,
     **values: Any,
@@ -74,8 +57,6 @@ def choose(
       shrm choose city.exr studio.exr --brdf lambertian --brdf ggx -o choose.png
       shrm choose probe.exr --brdf 0.94*lambertian+ggx:f0=0.04 --map paint.exr
     """
-    from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.errors import ShrmError
     from shrm_cli.probe.shared import shared
     from shrm_cli.progress import Stages
 
@@ -86,16 +67,16 @@ def choose(
     usage.check_outputs([each for each in (output,) if each], specs=specs, suffixes=(".png",))
     usage.check_outputs([each for each in (target,) if each], suffixes=(".exr",))
     for spec in specs:
-        parse_spec(spec)  # what is wrong with a material is said before the work begins
-    goal = {name: x for name, x in (("error", error), ("seen", seen)) if x is not None}
-    found: list[tuple[str, Choice]] = []
+        shrm.parse_spec(spec)  # what is wrong with a material is said before the work begins
+    goal = {name: value for name, value in values.items() if value is not None}
+    found: list[tuple[str, shrm.Choice]] = []
     failures, warnings = [], []
     with progress_bar("choosing") as progress:
         stages = Stages(progress, pairs)
         for path in probes:
             try:
                 light = shared(shrm.open_probe(path, reading))
-            except ShrmError as reason:
+            except shrm.ShrmError as reason:
                 failures.append(usage.flags(str(reason)))
                 continue
             for spec in specs:
@@ -104,7 +85,7 @@ def choose(
                         (path, each)
                         for each in shrm.choose(light, spec, budget, progress=stages.within, **goal)
                     ]
-                except ShrmError as reason:
+                except shrm.ShrmError as reason:
                     failures.append(f"{path}, {spec}: {usage.flags(str(reason))}")
                 stages.done(len(found) + len(failures), pairs)
             warnings += [f"{path}: {line}" for line in light.report.warnings()]
@@ -120,7 +101,7 @@ def choose(
 
 
 def _write(
-    found: Sequence[tuple[str, Choice]], output: str | None, target: str | None
+    found: Sequence[tuple[str, shrm.Choice]], output: str | None, target: str | None
 ) -> list[str]:
     """Write the picture and the map that are asked for, and return their names."""
     from shrm_cli.analysis.plots import plot_offers
@@ -147,7 +128,7 @@ def _check_usage(pairs: int, output: str | None, target: str | None) -> None:
         raise click.ClickException(f"-o needs matplotlib; {install('plots')}")
 
 
-def _values(path: str, choice: Choice) -> dict[str, Any]:
+def _values(path: str, choice: shrm.Choice) -> dict[str, Any]:
     """Return a choice as JSON has it; docs/choose.md says what each key means."""
     return {
         "probe": path,
@@ -162,7 +143,7 @@ def _values(path: str, choice: Choice) -> dict[str, Any]:
     }
 
 
-def _report(path: str, choice: Choice) -> list[str]:
+def _report(path: str, choice: shrm.Choice) -> list[str]:
     """Return the table of a probe and a material, and what is recommended."""
     rows = [_HEADS, *(_row(each, each is choice.recommended) for each in choice.offers)]
     return [
@@ -173,7 +154,7 @@ def _report(path: str, choice: Choice) -> list[str]:
     ]
 
 
-def _row(offer: Offer, is_best: bool) -> tuple[str, ...]:
+def _row(offer: shrm.Offer, is_best: bool) -> tuple[str, ...]:
     marks = "".join(
         sign if holds else " "
         for sign, holds in ((">", is_best), ("b", offer.on_front), ("c", offer.on_cost_front))
@@ -194,7 +175,7 @@ def _share(value: float, is_measured: bool) -> str:
     return f"{'~' if is_measured else ''}{value:.1%}"
 
 
-def _misfit(path: str, choice: Choice) -> str:
+def _misfit(path: str, choice: shrm.Choice) -> str:
     """Return why nothing is recommended: no form holds it, or the budget is below the least."""
     if not choice.offers:
         return f"{path}, {choice.brdf}: no form holds it; take shrm prefilter"
@@ -203,7 +184,7 @@ def _misfit(path: str, choice: Choice) -> str:
     return f"{path}, {choice.brdf}: no form fits in {most}, the least takes {least}; raise --budget"
 
 
-def _advice(path: str, choice: Choice) -> list[str]:
+def _advice(path: str, choice: shrm.Choice) -> list[str]:
     """Return what to take, why, and the command that makes it."""
     best = choice.recommended
     room = "" if choice.budget is None else f" within {bytes_text(choice.budget)}"

@@ -37,11 +37,9 @@ _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
 
 @click.command()
 @click.argument("maps", metavar="MAP...", nargs=-1, required=True, type=FILE)
+@options.lit_by("Compare with the truth: the integral under this light probe.")
 @option(
-    "--probe", PATH, "Compare with the truth: the integral under this light probe.", metavar="PROBE"
-)
-@option(
-    "--brdf spec", Spec(), metavar="SPEC",
+    "--brdf spec SPEC", Spec(),
     help="BRDF of the truth.  [default: the one of all maps; measured files are looked for beside "
     "the maps]",
 )  # fmt: skip
@@ -50,7 +48,7 @@ _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
     help="Compare what --to can make of one light probe, given as MAP: storage, time, error.",
 )  # fmt: skip
 @option(
-    "--roughness", interval(MIN_ROUGHNESS, 1), metavar="R",
+    "--roughness R", interval(MIN_ROUGHNESS, 1),
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     "as; of --representations A..B.  [default: 0.5; 0.5..1]",
 )  # fmt: skip
@@ -58,16 +56,16 @@ _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
 @shading.brushed_options
 @shading.window_option
 @option(
-    "--steps", click.IntRange(2, 32), metavar="N",
+    "--steps N", click.IntRange(2, 32),
     help="Roughnesses of --representations, evenly spaced.  [default: 4]",
 )  # fmt: skip
 @option(
-    "--eps", FRACTION, metavar="X", default=DEFAULT_EPS,
+    "--eps X", FRACTION, default=DEFAULT_EPS,
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
 @options.truth_options
 @option(
-    "--max-memory", BYTES, metavar="BYTES",
+    "--max-memory BYTES", BYTES,
     help="Of --representations: the most memory that may be taken, such as 2GB. Maps are made "
     "smaller to keep it; pictures that exceed it are refused.  [default: half of the machine's]",
 )  # fmt: skip
@@ -78,9 +76,7 @@ _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
     "--representations 96, and 128 with -o]",
 )  # fmt: skip
 @options.exposure_option
-@option(
-    "--amplify", within(1e-6, 1e6), "Factor of the difference images.", metavar="X", default=1.0
-)
+@option("--amplify X", within(1e-6, 1e6), "Factor of the difference images.", default=1.0)
 @option(
     "-o --output", PATH,
     help="PNG or EXR to write.  [default: compare.png in the current folder; with "
@@ -219,11 +215,11 @@ def _check_usage(
     """Refuse a single map without a truth, and options that would have no effect."""
     is_range = roughness is not None and roughness[0] < roughness[1]
     usage.refuse_inapplicable({
-        **dict.fromkeys(_OF_REPRESENTATIONS, usage.Applies(False, "with --representations")),
-        "roughness": usage.Applies(
+        **dict.fromkeys(_OF_REPRESENTATIONS, (False, "with --representations")),
+        "roughness": (
             not is_range, "as a range with --representations; give one number"
         ),
-        **dict.fromkeys(of_truth, usage.Applies(probe is not None, "with --probe")),
+        **dict.fromkeys(of_truth, (probe is not None, "with --probe")),
     })  # fmt: skip
     if probe is None and len(maps) == 1:
         raise usage.wrong_usage(
@@ -243,10 +239,10 @@ def _check_representations(
     is_range = roughness is None or roughness[0] < roughness[1]
     place = "without --representations, where the probe stands in the place of MAP"
     usage.refuse_inapplicable({
-        "probe": usage.Applies(False, place),
-        **dict.fromkeys(_OF_MAPS, usage.Applies(False, "to maps, without --representations")),
-        "exposure": usage.Applies(output is not None, "to the picture, with -o"),
-        "steps": usage.Applies(is_range, "to a range of --roughness such as 0.5..1"),
+        "probe": (False, place),
+        **dict.fromkeys(_OF_MAPS, (False, "to maps, without --representations")),
+        "exposure": (output is not None, "to the picture, with -o"),
+        "steps": (is_range, "to a range of --roughness such as 0.5..1"),
     })  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import PATH, option
@@ -30,12 +31,12 @@ def contact(maps: tuple[str, ...], output: str, title: str) -> None:
     \b
       shrm contact build -o build/index.html
     """
-    from shrm_cli.report.contact import draw_contacts, found_maps
+    from shrm_cli.report.contact import found_maps
 
     files = found_maps(maps)
     usage.check_outputs([output], files=files, suffixes=usage.PAGES)
     with progress_bar("drawing") as progress:
-        found = draw_contacts(files, progress)
+        found = shrm.draw_contacts(files, progress)
     if not found.maps:
         raise click.ClickException(_reason(*found.failures[0]))
     size = write_contacts(found, output, title)
@@ -63,8 +64,7 @@ def _reason(name: str, why: str) -> str:
 def write_contacts(found: Contacts, output: str, title: str) -> int:
     """Write the page, whole or not at all, and return its bytes."""
     from shrm_cli.files.whole import write_bytes
-    from shrm_cli.report.contact import contact_page
 
-    text = contact_page(found, output, title, usage.flags).encode("utf-8", "replace")
+    text = shrm.contact_page(found, output, title, usage.flags).encode("utf-8", "replace")
     write_bytes(output, text)
     return len(text)

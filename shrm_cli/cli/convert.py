@@ -9,7 +9,7 @@ from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import surface_options
 from shrm_cli.cli.terminal import conclude, echo, progress_bar
-from shrm_cli.cli.types import BYTES, DIRECTION, PATH, Named, flag, option
+from shrm_cli.cli.types import BYTES, DIRECTION, PATH, Named, flag, option, whole
 from shrm_cli.files.whole import keeping
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions, installed_names
@@ -60,18 +60,18 @@ _plain_options = options.several(
     help="Axes of the view in an SHRM.  [default: those of IN]",
 )  # fmt: skip
 @option(
-    "--order-p", click.IntRange(0, vocabulary.MAX_ORDER_P),
+    "--order-p", whole(0, vocabulary.MAX_ORDER_P),
     help="Order P of the SHRM.  [default: as high as IN has it or determines it]",
 )  # fmt: skip
 @option(
-    "--max-size", BYTES, metavar="BYTES",
+    "--max-size BYTES", BYTES,
     help="Most bytes of the map in half precision, where its views or P are not given.  "
     f"[default: {vocabulary.DEFAULT_MAX_SIZE // 10**6}MB, or those of IN]",
 )  # fmt: skip
 @options.representation_options(_converts)
 @_plain_options
 @option(
-    "--size", click.IntRange(1, 8192),
+    "--size", whole(1, 8192),
     help="Texels along a face's edge; height of a lat-long or angular map.  [default: as fine]",
 )  # fmt: skip
 @option(
@@ -92,9 +92,6 @@ def convert(
     to_orientation: vocabulary.Orientation | None,
     to_sampling: vocabulary.Sampling | None,
     view: tuple[float, float] | None,
-    by: vocabulary.Lookup | None,
-    roughness: float | None,
-    f0: str | None,
     mips: bool,
     precision: vocabulary.Precision,
     **values: Any,
@@ -138,8 +135,7 @@ def convert(
     with usage.renamed(**_OURS), progress_bar("converting") as progress:
         made = shrm.convert(
             source, target, size=size, orientation=to_orientation, sampling=to_sampling,
-            shader=shader, view=view, by=by, roughness=roughness, f0=f0, mips=mips,
-            reading=reading, progress=progress, **own,
+            shader=shader, view=view, mips=mips, reading=reading, progress=progress, **own,
         )  # fmt: skip
         written = made.save(path, precision)
     code = written.result.get("shader")
@@ -151,9 +147,7 @@ def convert(
 def _rules_of_source(is_map: bool) -> dict[str, usage.Applies]:
     """Return, for each option of reading, whether it applies to the file that is converted."""
     rules = options.reading_rules(not is_map, "to probes; IN is a map")
-    return rules | dict.fromkeys(
-        (*options.TURNS, *options.COLORS), usage.Applies(True, "to probes and maps")
-    )
+    return rules | dict.fromkeys((*options.TURNS, *options.COLORS), (True, "to probes and maps"))
 
 
 def _rules(target: str) -> dict[str, usage.Applies]:
@@ -162,20 +156,20 @@ def _rules(target: str) -> dict[str, usage.Applies]:
     of_brdf = [name for name, each in known.items() if each.needs_brdf]
     framed = owners(known, "frame")
     rules = {
-        "frame": usage.Applies(target in framed, f"with --to {listing(framed, 'or')}"),
+        "frame": (target in framed, f"with --to {listing(framed, 'or')}"),
         **dict.fromkeys(
             ("order_p", "max_size"),
-            usage.Applies(target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
+            (target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
         ),
-        "shader": usage.Applies(target not in vocabulary.LAYOUTS, "to all but images"),
+        "shader": (target not in vocabulary.LAYOUTS, "to all but images"),
         **dict.fromkeys(
             ("size", "to_orientation", "to_sampling"),
-            usage.Applies(target != vocabulary.LAYERS, f"to all but --to {vocabulary.LAYERS}"),
+            (target != vocabulary.LAYERS, f"to all but --to {vocabulary.LAYERS}"),
         ),
     }
     for each in filter(_converts, all_options(known).values()):
         of = owners(known, each.name)
-        rules.setdefault(each.name, usage.Applies(target in of, f"with --to {listing(of, 'or')}"))
+        rules.setdefault(each.name, (target in of, f"with --to {listing(of, 'or')}"))
     return rules
 
 
@@ -191,20 +185,20 @@ def _default_name(source: str, target: str) -> str:
 def _plain_rules(target: str, is_map: bool, view: object, mips: bool) -> dict[str, usage.Applies]:
     """Return when the options of plain images apply, and when those of other conversions do not."""
     seen = view is not None
-    with_view = usage.Applies(seen, "with --view")
+    with_view = (seen, "with --view")
     rules = {
-        "view": usage.Applies(is_map and target == "latlong", "with --to latlong, to maps"),
-        "mips": usage.Applies(
+        "view": (is_map and target == "latlong", "with --to latlong, to maps"),
+        "mips": (
             is_map and target in vocabulary.MIP_LAYOUTS and not seen,
             "to split sums, with --to latlong or openexr",
         ),
         **dict.fromkeys(("by", "roughness", "f0"), with_view),
     }
     if seen or mips:
-        rules["to_orientation"] = usage.Applies(False, "to cubes; OpenEXR's is written here")
+        rules["to_orientation"] = (False, "to cubes; OpenEXR's is written here")
     if mips and target == "openexr":
-        rules["to_sampling"] = usage.Applies(False, "to lat-longs; cubes have texel centers here")
-        rules["size"] = usage.Applies(False, "to lat-longs; the levels of a cube are copied")
+        rules["to_sampling"] = (False, "to lat-longs; cubes have texel centers here")
+        rules["size"] = (False, "to lat-longs; the levels of a cube are copied")
     return rules
 
 

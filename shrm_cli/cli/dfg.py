@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import progress_bar, tell
-from shrm_cli.cli.types import PATH, flag, option
+from shrm_cli.cli.types import PATH, flag, option, whole
 from shrm_cli.files.whole import keeping
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import CONTAINERS, Precision
@@ -23,7 +24,7 @@ _COLUMNS = "fdez-aguera", "turquin", "gltf", "filament"
 
 
 @click.command()
-@option("--size", click.IntRange(2, 1024), "Texels along both edges.", default=128)
+@option("--size", whole(2, 1024), "Texels along both edges.", default=128)
 @option(
     "--multiscatter/--no-multiscatter", bool, default=False,
     help="Channels for shaders that add light which meets several facets.",
@@ -77,23 +78,21 @@ def dfg(
       shrm dfg --brdf charlie -o sheen.ktx2
       shrm dfg --columns filament -o dfg.ktx2
     """
-    from shrm_cli.brdf.environment.dfg import dfg as table_of
     from shrm_cli.brdf.environment.dfg import kind_of
     from shrm_cli.brdf.environment.file import MEANINGS, write_dfg
-    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.export.table import SUFFIXES, check_texture, write_texture
 
     for one, other in combinations(("multiscatter", "moments", "columns", "brdf"), 2):
         usage.exclude(one, other)
     usage.check_outputs([output], specs=[brdf], suffixes=(*CONTAINERS, *SUFFIXES))
     kind: Kind | None = "moments" if moments else "multiscatter" if multiscatter else columns
-    material = None if brdf is None else parse_spec(brdf)
+    material = None if brdf is None else shrm.parse_spec(brdf)
     is_texture = output.lower().endswith(SUFFIXES)
     if is_texture:
         known = kind or "scale-bias" if material is None else kind_of(material)
         check_texture(output, len(MEANINGS[known].names), precision)
     with progress_bar("integrating") as progress, using(progress):
-        made = table_of(material, kind=kind, size=size)
+        made = shrm.dfg(material, kind=kind, size=size)
     is_kept = not force and "output" not in usage.given_options()
     with keeping(*([output] if is_kept else [])):
         if is_texture:

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import FRACTION, PATH, Named, flag, option
+from shrm_cli.cli.types import FRACTION, PATH, Named, flag, option, whole
 from shrm_cli.errors import ShrmError
 from shrm_cli.maps.options import listing
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
 if TYPE_CHECKING:
     from shrm_cli.export.engine import Engine
-    from shrm_cli.export.make import Asked, Source
-    from shrm_cli.probe.options import ReadOptions
+    from shrm_cli.export.make import Source
 
 
 def _installed() -> list[str]:
@@ -36,12 +36,12 @@ texel_options = (
         "--max-error, ASTC aside, which few desktops read.  [default: the engine's]",
     ),
     option(
-        "--max-error", FRACTION, metavar="X",
+        "--max-error X", FRACTION,
         help="Refuse texels that change a level by more: its RMS, 95 % of its texels, or the "
         "energy of a lamp.  [default: .03 of auto]",
     ),
     option(
-        "--skybox", click.IntRange(0, 4096),
+        "--skybox", whole(0, 4096),
         help="Texels along an edge of a sharp cube for the background, 0 for none.",
     ),
     flag("--dfg", "The environment-BRDF table, where the engine takes it."),
@@ -52,7 +52,8 @@ texel_options = (
 )  # fmt: skip
 """How the files of engines are packed, and what comes with them."""
 _OPTIONS = {"texels": "format", "table": "dfg", "safe": "firefly_safe"}
-"""Attributes of `Asked` that options have other names for."""
+_ATTRIBUTES = {"texel_format": "texels", "dfg": "table", "firefly_safe": "safe"}
+"""Attributes of `Asked` that options have other names for, and by the names of their values."""
 
 
 @click.command()
@@ -62,22 +63,22 @@ _OPTIONS = {"texels": "format", "table": "dfg", "safe": "firefly_safe"}
     help="Who loads it; several may be named; all are those of shrm itself.",
 )  # fmt: skip
 @option(
-    "-o --output", PATH, metavar="DIR",
+    "-o --output DIR", PATH,
     help="Folder to write into; of several engines each gets a folder of its name in it.  "
     "[default: NAME.ENGINE in the current folder]",
 )  # fmt: skip
 @usage.force_option
 @option(
-    "--size", click.IntRange(1, 4096),
+    "--size", whole(1, 4096),
     help="Texels along an edge of level 0, or rows of a lat-long.  [default: the engine's]",
 )  # fmt: skip
 @option(
-    "--window", str, metavar="NAME[:WIDTH]",
+    "--window NAME[:WIDTH]", str,
     help="Window of the nine coefficients, as of irradiance: none, hann, lanczos, or auto, the "
     "least that leaves nothing negative.  [default: auto]",
 )  # fmt: skip
 @option(
-    "--into", PATH, metavar="MODEL",
+    "--into MODEL", PATH,
     help="Put the light into a copy of a glTF file, .glb or .gltf, where the engine reads glTF.",
 )  # fmt: skip
 @options.several(*texel_options)
@@ -93,15 +94,6 @@ def export(
     engines: tuple[str, ...],
     output: str | None,
     force: bool,
-    size: int | None,
-    texel_format: str | None,
-    max_error: float | None,
-    skybox: int | None,
-    window: str | None,
-    dfg: bool,
-    into: str | None,
-    firefly_safe: bool,
-    sun: str | None,
     **values: Any,
 ) -> None:
     """Make the files that an engine loads, and a README with the code that loads them.
@@ -119,15 +111,14 @@ def export(
       shrm export probe.exr --for gltf --into chair.glb
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
-    from shrm_cli.export.make import Asked, check
+    from shrm_cli.export.make import check
 
     names = list(ENGINES) if "all" in engines else list(dict.fromkeys(engines))
     reading = options.make_read_options(values)
     name = usage.source_stem(sources[0], REPRESENTATIONS)
     is_kept = reading.working is not None
-    asked = Asked(
-        size, texel_format, skybox, window, dfg, is_kept, max_error, into, firefly_safe, sun
-    )
+    given = {_ATTRIBUTES.get(name, name): value for name, value in values.items()}
+    asked = shrm.Asked(**given, keeps_primaries=is_kept)
     chosen, failures = _found(names)
     with usage.renamed(**_OPTIONS):
         own = asked.of_several(chosen)
@@ -154,7 +145,7 @@ def export(
 
 def _all_exported(
     source: Source,
-    wanted: list[tuple[Engine, Path, Asked]],
+    wanted: list[tuple[Engine, Path, shrm.Asked]],
     output: str | None,
     force: bool,
     failures: list[str],
@@ -194,7 +185,9 @@ def _found(names: list[str]) -> tuple[list[Engine], list[str]]:
     return found, failures
 
 
-def _of_some(asked: Asked, engines: list[Engine], own: list[Asked]) -> dict[str, list[str]]:
+def _of_some(
+    asked: shrm.Asked, engines: list[Engine], own: list[shrm.Asked]
+) -> dict[str, list[str]]:
     """Return the engines that have each option which not all of them have."""
     found = {}
     for name, value in vars(asked).items():
@@ -205,22 +198,20 @@ def _of_some(asked: Asked, engines: list[Engine], own: list[Asked]) -> dict[str,
     return found
 
 
-def _opened(sources: tuple[str, ...], reading: ReadOptions) -> Source:
+def _opened(sources: tuple[str, ...], reading: shrm.ReadOptions) -> Source:
     """Open a probe, or maps, once for all engines."""
     from shrm_cli.export.make import Source
-    from shrm_cli.maps.file import is_map
-    from shrm_cli.probe.open import open_probe
 
-    if is_map(sources[0]):
+    if shrm.is_map(sources[0]):
         usage.refuse_inapplicable(options.reading_rules(False, "to probes; this is a map"))
     elif len(sources) > 1:
-        open_probe(sources[0], reading)  # or a file that is not there would be called a probe
+        shrm.open_probe(sources[0], reading)  # or a file that is not there would be called a probe
         raise usage.wrong_usage(f"{sources[0]} is a probe; export it alone")
     return Source.open(sources, usage.source_stem(sources[0], REPRESENTATIONS), reading)
 
 
 def _exported(
-    source: Source, engine: Engine, folder: Path, asked: Asked, force: bool
+    source: Source, engine: Engine, folder: Path, asked: shrm.Asked, force: bool
 ) -> tuple[dict[str, Any], list[str], list[str]]:
     """Make the files of one engine; return what is told as JSON, its lines, and warnings."""
     from shrm_cli.export.make import packaged, write

@@ -10,7 +10,7 @@ import click
 from shrm_cli.cli import usage
 from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo, echo_message
-from shrm_cli.cli.types import FILE, Parsed, option
+from shrm_cli.cli.types import FILE, Parsed, option, whole
 from shrm_cli.messages import has_secret, shown
 
 if TYPE_CHECKING:
@@ -35,18 +35,13 @@ def _part(text: str) -> tuple[int, int, int]:
 
 farm_options = several(
     option(
-        "--commands", FILE, metavar="FILE",
+        "--commands FILE", FILE,
         help="Write command lines for a farm, one for each chunk, and make nothing; - prints them.",
     ),
+    option("--openjd FILE", FILE, "Write an Open Job Description template instead; - prints it."),
+    option("--chunk N", whole(1, 10**9), "Probes of a chunk, about.", default=100),
     option(
-        "--openjd", FILE, "Write an Open Job Description template instead; - prints it.",
-        metavar="FILE",
-    ),
-    option(
-        "--chunk", click.IntRange(1, 10**9), "Probes of a chunk, about.", default=100, metavar="N"
-    ),
-    option(
-        "--share", Parsed("K/N", _part), metavar="K/N|A-B/N",
+        "--share K/N|A-B/N", Parsed("K/N", _part),
         help="Make one part of N, or several, as the command lines of farms do.",
     ),
 )  # fmt: skip

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
-from shrm_cli.cli.types import BOX, COUNTS, PATH, option
+from shrm_cli.cli.types import BOX, COUNTS, PATH, option, whole
 from shrm_cli.files.whole import keeping, kept
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 
@@ -31,11 +32,9 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
     "--size", COUNTS, "Probes along x, y and z.  [default: 16 along the longest edge of the box]"
 )
 @option("--box", BOX, "Two corners of the box with the probes.  [default: all of the room]")
-@option("--order", click.IntRange(1, MAX_GRID_ORDER), "Largest degree of the harmonics.", default=2)
+@option("--order", whole(1, MAX_GRID_ORDER), "Largest degree of the harmonics.", default=2)
 @options.room_options
-@option(
-    "--samples", click.IntRange(16, 65536), "Directions along which each probe looks.", default=1024
-)
+@option("--samples", whole(16, 65536), "Directions along which each probe looks.", default=1024)
 @option(
     "--light", click.Choice(["all", "reflected"]), default="all",
     help="reflected leaves out what comes straight from lamps, which engines may add "
@@ -46,15 +45,12 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
 def grid(
     source: str,
     output: str | None,
-    size: tuple[int, int, int] | None,
-    box: tuple[float, ...] | None,
-    order: int,
     probe: str | None,
     albedo: options.NamedColors,
     emit: options.NamedColors,
-    samples: int,
     light: str,
     force: bool,
+    **values: Any,
 ) -> None:
     """Find the light at the points of a grid in a room, for surfaces that move in it.
 
@@ -71,17 +67,16 @@ def grid(
     """
     from shrm_cli.rooms.export import WRITERS
     from shrm_cli.rooms.grid import is_grid, made_by, write_grid
-    from shrm_cli.rooms.make import grid as grid_of
     from shrm_cli.rooms.make import is_table
 
     target, suffix = _target(source, output)
     usage.check_outputs([target], files=[source, *([probe] if probe else [])])
     is_baked, of_probes = is_grid(source), is_table(source)
-    of_rooms = usage.Applies(not (of_probes or is_baked), "to rooms")
+    of_rooms = (not (of_probes or is_baked), "to rooms")
     usage.refuse_inapplicable(
         dict.fromkeys(("size", "box", "probe", "albedo", "emit", "samples"), of_rooms)
-        | {"order": usage.Applies(not is_baked, "to rooms and tables")}
-        | {"light": usage.Applies(suffix != ".npz", "to other files than .npz, which holds both")}
+        | {"order": (not is_baked, "to rooms and tables")}
+        | {"light": (suffix != ".npz", "to other files than .npz, which holds both")}
     )
     planned: list[RoomPlan] = []
 
@@ -93,9 +88,9 @@ def grid(
         announce([f"{source}: {len(plan.mesh.faces):,} triangles, {count} probes"])
 
     with progress_bar("projecting" if of_probes else "gathering") as progress:
-        found = grid_of(
-            source, size=size, box=box, order=order, probe=probe, albedo=dict(albedo),
-            emission=dict(emit), samples=samples, begin=begin, progress=progress,
+        found = shrm.grid(
+            source, probe=probe, albedo=dict(albedo), emission=dict(emit), begin=begin,
+            progress=progress, **values,
         )  # fmt: skip
     with keeping(*([] if force or output else [target])):
         if suffix == ".npz":
@@ -119,12 +114,10 @@ def grid(
 
 def _target(source: str, output: str | None) -> tuple[str, str]:
     """Return the name of the output, and its suffix in lower case."""
-    from shrm_cli.errors import OutputError
-
     target = output or f"{Path(source).stem}.grid.npz"
     suffix = Path(target).suffix.lower()
     if suffix not in _SUFFIXES:
-        raise OutputError(f"{target}: grids are written as {', '.join(_SUFFIXES)}; name it so")
+        raise shrm.OutputError(f"{target}: grids are written as {', '.join(_SUFFIXES)}; name it so")
     return target, suffix
 
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import PATH, option
@@ -26,11 +27,10 @@ def info(file: str, stats: bool, **reading: Any) -> None:
     temperature is the correlated one of the mean light. Advice names small lamps that hold so much
     of the light that glossy surfaces show them wrong; `--sun split` keeps them beside maps.
     """
-    from shrm_cli.analysis.describe import describe
     from shrm_cli.analysis.facts import fact_text
 
     with progress_bar("reading") as progress, using(Rising(progress)):
-        found = describe(file, options.make_read_options(reading), stats=stats)
+        found = shrm.describe(file, options.make_read_options(reading), stats=stats)
     usage.refuse_inapplicable(
         options.reading_rules(found.is_probe, f"to probes; FILE {found.what}")
     )

@@ -17,7 +17,7 @@ from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
-    from shrm_cli.lights.edit import Edit, Tables
+    from shrm_cli.lights.edit import Tables
 
 _WRITTEN = (".txt", ".npy", ".json")
 
@@ -29,12 +29,9 @@ def light() -> None:
 
 @light.command()
 @click.argument("file", metavar="LIGHT", type=PATH)
+@options.written_to("Coefficients as .txt, .npy or .json, or a light file, .toml.", required=True)
 @option(
-    "-o --output", PATH, required=True,
-    help="Coefficients as .txt, .npy or .json, or a light file, .toml.",
-)  # fmt: skip
-@option(
-    "--order", click.IntRange(0, 32), metavar="N",
+    "--order N", click.IntRange(0, 32),
     help="Order of the coefficients.  [default: theirs, 4 of light files and images]",
 )  # fmt: skip
 @option(
@@ -46,7 +43,7 @@ def light() -> None:
     help="Multiply the light about a direction by X, half of the way at W degrees from it (30).",
 )  # fmt: skip
 @option("--rotate", TURN, "Turn the light about x, y, z or an axis X/Y/Z.")
-@option("--add", PATH, "Add another light.", multiple=True, metavar="LIGHT")
+@option("--add LIGHT", PATH, "Add another light.", multiple=True)
 @options.probe_options
 @options.report_options
 def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **values: Any) -> None:
@@ -67,7 +64,7 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
 
     usage.check_outputs([output], files=[file, *add], suffixes=(*_WRITTEN, ".toml"))
     to_tables = output.lower().endswith(".toml")
-    usage.refuse_inapplicable({"order": usage.Applies(not to_tables, "to coefficients")})
+    usage.refuse_inapplicable({"order": (not to_tables, "to coefficients")})
     usage.refuse_inapplicable(
         options.reading_rules(not to_tables, "to coefficients; a light file has them")
     )
@@ -105,14 +102,14 @@ def _edit(values: dict[str, Any]) -> shrm.Edit:
     )
 
 
-def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> tuple[Tables, Any]:
+def _edited_tables(
+    file: str, output: str, add: Sequence[str], wanted: shrm.Edit
+) -> tuple[Tables, Any]:
     """Return the tables of a light file after the edit, with those of lights that are added."""
-    from shrm_cli.errors import ProbeError
-
     folder = Path(output).absolute().parent.resolve()
     for path in (file, *add):
         if Path(path).absolute().parent.resolve() != folder:
-            raise ProbeError(
+            raise shrm.ProbeError(
                 f"{path}: a light file names what lies beside it; write {Path(output).name} into "
                 "its folder"
             )
@@ -121,7 +118,7 @@ def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> 
     for path in add:
         more, own = _tables(path, working)
         if own != working:
-            raise ProbeError(f"{path}: its `working` is not that of {file}; make it the same")
+            raise shrm.ProbeError(f"{path}: its `working` is not that of {file}; make it the same")
         for kind, some in more.items():
             tables.setdefault(kind, []).extend(some)
     return tables, working
@@ -145,14 +142,9 @@ def _tables(path: str, working: Any) -> tuple[Tables, Any]:
 @option("--order", click.IntRange(0, 8), "Largest degree.", default=2)
 @options.view_option
 @option("--size", click.IntRange(16, 2048), "Width and height of a picture, pixels.", default=192)
-@option("--exposure", STOPS, "Stops.", metavar="EV", default=1.0)
-@option(
-    "--transfer", PATH, "What shrm transfer baked of the mesh: its own shadows.", metavar="FILE"
-)
-@option(
-    "--columns", click.IntRange(1), metavar="N",
-    help="Columns of the sheet.  [default: as square as possible]",
-)  # fmt: skip
+@option("--exposure EV", STOPS, "Stops.", default=1.0)
+@option("--transfer FILE", PATH, "What shrm transfer baked of the mesh: its own shadows.")
+@option("--columns N", click.IntRange(1), "Columns of the sheet.  [default: as square as possible]")
 @options.precision_option
 @options.report_options
 def basis(
@@ -178,17 +170,17 @@ def basis(
 
     from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.geometry.load import load_mesh
-    from shrm_cli.render.basis import basis_maps, basis_names, basis_subject
-    from shrm_cli.render.scene import Scene
+    from shrm_cli.render.basis import basis_names, basis_subject
+    from shrm_cli.render.drawing import Scene
     from shrm_cli.transfer.file import read_transfer
 
     file_type(output)
     usage.check_outputs([output], files=[each for each in (mesh, transfer) if each], draws=True)
-    usage.refuse_inapplicable({"transfer": usage.Applies(mesh is not None, "to a mesh")})
+    usage.refuse_inapplicable({"transfer": (mesh is not None, "to a mesh")})
     viewer, names = shrm.Viewer(*view), basis_names(order)
     loaded = None if mesh is None else load_mesh(mesh)
     baked = None if transfer is None else read_transfer(transfer)
-    subject, materials = basis_subject(basis_maps(order), loaded, baked, size, viewer)
+    subject, materials = basis_subject(shrm.basis_maps(order), loaded, baked, size, viewer)
     scene = Scene(subject, materials, names, exposure, None, columns)
     picture = np.maximum(scene.picture(viewer), 0)
     recipe = {

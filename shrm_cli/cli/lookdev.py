@@ -13,7 +13,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.moving import fps_option, frame_targets, max_memory_option
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import PATH, STOPS, Named, option
+from shrm_cli.cli.types import PATH, Named, option, whole
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
@@ -22,7 +22,6 @@ from shrm_cli.vocabulary import AUTO, DEFAULT_FPS, DEFAULT_FRAMES, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.lookdev.sheet import Lookdev
-    from shrm_cli.render.camera import Viewer
     from shrm_cli.render.sheet import Grid
 
 _FORMS = [each.name for each in descriptions().values() if each.needs_brdf]
@@ -33,22 +32,19 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
 @click.command()
 @click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=PATH)
 @options.materials_option
-@option(
-    "-o --output", PATH, default="lookdev.png",
-    help="PNG, EXR or HTML page; turntable .apng, .gif or .mp4, or frames named with %04d.",
-)  # fmt: skip
+@options.written_to(
+    "PNG, EXR or HTML page; turntable .apng, .gif or .mp4, or frames named with %04d.",
+    default="lookdev.png",
+)
 @option(
     "--to", Named([AUTO, *_FORMS], installed_names), "Representation of the maps.", default=AUTO
 )
 @options.shared_options(*_MAKING)
 @options.view_option
-@option("--size", click.IntRange(16, 2048), "Width and height of a cell, pixels.", default=256)
+@option("--size", whole(16, 2048), "Width and height of a cell, pixels.", default=256)
+@options.stops("Stops, for all probes.  [default: each probe's own, which its label states]")
 @option(
-    "--exposure", STOPS, metavar="EV",
-    help="Stops, for all probes.  [default: each probe's own, which its label states]",
-)  # fmt: skip
-@option(
-    "--frames", click.IntRange(1, 9999), metavar="N",
+    "--frames N", whole(1, 9999),
     help=f"Walk around the spheres in N steps.  [default: {DEFAULT_FRAMES} of a moving picture]",
 )  # fmt: skip
 @fps_option
@@ -91,8 +87,8 @@ def lookdev(
     suffix = Path(output).suffix.lower()
     usage.refuse_inapplicable(
         {
-            "frames": usage.Applies(suffix != ".html", "to pictures; a page shows one view"),
-            "precision": usage.Applies(suffix == ".exr", "to EXR"),
+            "frames": (suffix != ".html", "to pictures; a page shows one view"),
+            "precision": (suffix == ".exr", "to EXR"),
         }
     )
     steps, targets = frame_targets(output, frames)
@@ -138,7 +134,7 @@ def _check_sheet(grid: Grid, output: str, frames: int | None, max_memory: int | 
 
 def _write(
     made: Lookdev,
-    viewers: Sequence[Viewer],
+    viewers: Sequence[shrm.Viewer],
     targets: Sequence[str],
     precision: Precision,
     fps: float,

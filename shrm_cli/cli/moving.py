@@ -10,25 +10,23 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.types import BYTES, FILE, PATH, TURN, option, way, within
+from shrm_cli.cli.types import BYTES, FILE, PATH, TURN, option, way, whole, within
 from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
     from shrm_cli.render.moving import Key, Moment
     from shrm_cli.render.stage import Stage
 
 fps_option = option(
-    "--fps", within(0.1, 120), metavar="X",
-    help=f"Frames a second of a moving picture.  [default: {DEFAULT_FPS:g}]",
-)  # fmt: skip
+    "--fps X", within(0.1, 120), f"Frames a second of a moving picture.  [default: {DEFAULT_FPS:g}]"
+)
 max_memory_option = option(
-    "--max-memory", BYTES, metavar="BYTES",
+    "--max-memory BYTES", BYTES,
     help="The most memory that pictures may take, such as 2GB: GIF and APNG hold all frames.  "
     "[default: half of the machine's]",
 )  # fmt: skip
 frames_option = option(
-    "--frames", click.IntRange(1, 9999), metavar="N",
+    "--frames N", whole(1, 9999),
     help="Walk around it in N steps, or let its light or what varies move in as many: a file for "
     "each, whose name holds %04d, or one moving picture.  "
     f"[default of .apng, .gif, .mp4: {DEFAULT_FRAMES}]",
@@ -40,22 +38,19 @@ light_options = options.several(
         "of them with --frames.",
     ),
     option(
-        "--blend-to", FILE, metavar="MAP", multiple=True,
+        "--blend-to MAP", FILE, multiple=True,
         help="The map of the same BRDF whose light that of MAP becomes, over the frames; one for "
         "each MAP.",
     ),
     option(
-        "--blend", within(0, 1), metavar="X",
+        "--blend X", within(0, 1),
         help="How much of the light is that of --blend-to, in the last frame.  [default: 1]",
     ),
     option(
-        "--irradiance-to", FILE, metavar="MAP",
+        "--irradiance-to MAP", FILE,
         help="Irradiance map that --irradiance becomes with --blend-to.",
     ),
-    option(
-        "--background-to", PATH, metavar="PROBE",
-        help="Light probe that --background becomes with --blend-to.",
-    ),
+    option("--background-to PROBE", PATH, "Light probe that --background becomes with --blend-to."),
 )  # fmt: skip
 """The options of light that moves."""
 LIGHT_MOVES = ("turn_light", "blend_to", "blend", "irradiance_to", "background_to")
@@ -91,9 +86,7 @@ def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str
     from shrm_cli.render.moving import check_one_file, frame_paths
 
     moving = is_animated(output)
-    usage.refuse_inapplicable(
-        {"fps": usage.Applies(moving, "to moving pictures, .apng, .gif and .mp4")}
-    )
+    usage.refuse_inapplicable({"fps": (moving, "to moving pictures, .apng, .gif and .mp4")})
     if moving:
         check_one_file(output, "a moving picture")
         check_animation(output)
@@ -110,7 +103,7 @@ def scene_keys(mesh: str | None) -> list[Key]:
     from shrm_cli.render.scene_file import is_scene_name
 
     keys = read_keys(mesh) if mesh is not None and is_scene_name(mesh) else []
-    said = usage.Applies(not keys, "without [[key]] in the scene, which says it")
+    said = (not keys, "without [[key]] in the scene, which says it")
     usage.refuse_inapplicable({"frames": said, "turn_light": said, "blend": said, "vary": said})
     return keys
 
@@ -125,14 +118,14 @@ def moments(
     """Return the frames that are drawn, or the one picture; parameters go the ways over them."""
     from shrm_cli.render.moving import Moment, moving_light, turntable, with_ways
 
-    blends = usage.Applies(bool(values["blend_to"]), "with --blend-to")
+    blends = (bool(values["blend_to"]), "with --blend-to")
     usage.refuse_inapplicable({"blend": blends, "background_to": blends})
-    shown = usage.Applies("background" in usage.given_options(), "with --background")
+    shown = ("background" in usage.given_options(), "with --background")
     usage.refuse_inapplicable({"background_to": shown})
     if keys:
         from shrm_cli.render.moving import moments_between
 
-        if blends.holds != any(each.blend is not None for each in keys):
+        if blends[0] != any(each.blend is not None for each in keys):
             raise click.UsageError("--blend-to and a blend in [[key]] of the scene need each other")
         return moments_between(keys, shrm.Viewer(*view))
     turn, share = values["turn_light"], None
@@ -148,7 +141,7 @@ def moments(
     return with_ways(found, ways)
 
 
-def open_others(paths: Sequence[str], maps: Sequence[Map]) -> list[Map]:
+def open_others(paths: Sequence[str], maps: Sequence[shrm.Map]) -> list[shrm.Map]:
     """Read the maps that others become, and check that they can."""
     from shrm_cli.render.moving import check_blend
 
@@ -166,7 +159,7 @@ def open_other_light(stage: Stage, values: dict[str, Any]) -> Stage:
     from shrm_cli.render.scene_file import as_irradiance
 
     blends, first, second = (values[k] for k in ("blend_to", "irradiance", "irradiance_to"))
-    with_both = usage.Applies(bool(blends and first), "with --blend-to and --irradiance")
+    with_both = (bool(blends and first), "with --blend-to and --irradiance")
     usage.refuse_inapplicable({"irradiance_to": with_both})
     if second is not None:
         other = as_irradiance(second)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli import settings, vocabulary
 from shrm_cli.cli.types import (
     DIRECTION,
@@ -21,6 +23,7 @@ from shrm_cli.cli.types import (
     click_option,
     flag,
     option,
+    whole,
 )
 from shrm_cli.cli.usage import Applies, given_options, remember
 from shrm_cli.errors import PluginError
@@ -30,7 +33,6 @@ from shrm_cli.settings import limit_libraries
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Color
-    from shrm_cli.probe.options import ReadOptions
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -166,14 +168,14 @@ _SPEC = (
     "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
     "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
 )
-brdf_option = option("--brdf spec", Spec(), _SPEC, metavar="SPEC", required=True)
-optional_brdf_option = option("--brdf", Spec(), _SPEC, metavar="SPEC")
+brdf_option = option("--brdf spec SPEC", Spec(), _SPEC, required=True)
+optional_brdf_option = option("--brdf SPEC", Spec(), _SPEC)
 brdfs_option = option(
-    "--brdf brdfs", Spec(), metavar="SPEC", multiple=True,
+    "--brdf brdfs SPEC", Spec(), multiple=True,
     help="A BRDF, as `shrm prefilter` takes it. May be repeated.",
 )  # fmt: skip
 materials_option = option(
-    "--brdf specs", Spec(), metavar="SPEC", multiple=True, required=True,
+    "--brdf specs SPEC", Spec(), multiple=True, required=True,
     help="A material, as `shrm prefilter` takes it. May be repeated.",
 )  # fmt: skip
 _DIRECTION = "Direction to the viewer, degrees: azimuth from +Z towards +X, elevation."
@@ -189,11 +191,14 @@ def views_option(name: str) -> Callable[[Command], Command]:
     )  # fmt: skip
 
 
-exposure_option = option(
-    "--exposure", STOPS, metavar="EV",
-    help="Stops: pictures are multiplied by 2^EV, in EXR too.  [default: 0, or, "
-    "where most of a PNG would be white, or all but black, what shows it, which is said]",
-)  # fmt: skip
+stops = partial(option, "--exposure EV", STOPS)
+lit_by = partial(option, "--probe PROBE", PATH)
+written_to = partial(option, "-o --output", PATH)
+"""`stops`, `lit_by` and `written_to`: options with a help of their own."""
+exposure_option = stops(
+    "Stops: pictures are multiplied by 2^EV, in EXR too.  [default: 0, or, where most of a PNG "
+    "would be white, or all but black, what shows it, which is said]"
+)
 
 
 def told_of_exposure(asked: float | None, exposure: float) -> list[str]:
@@ -216,7 +221,7 @@ exact_option = flag(
 )  # fmt: skip
 truth_options = several(
     option(
-        "--source-height", click.IntRange(2, vocabulary.MAX_SOURCE_HEIGHT), metavar="ROWS",
+        "--source-height ROWS", whole(2, vocabulary.MAX_SOURCE_HEIGHT),
         help="Rows that the probe is averaged down to for the truth.  [default: all]",
     ),
     exact_option,
@@ -246,7 +251,7 @@ cache_option = flag(
 report_options = several(
     output_options,
     option(
-        "--threads", click.IntRange(1, 1024), callback=_limit_threads, expose_value=False,
+        "--threads", whole(1, 1024), callback=_limit_threads, expose_value=False,
         is_eager=True,
         help="Threads for image files and integrals; the rest takes one.  [default: all]",
     ),
@@ -272,10 +277,10 @@ read_options = several(
         "--up", click.Choice(["y", "z"]), "Its axis that is up.", default="y", show_default=False
     ),
     flag("--linearize", "Decode its integers, as sRGB where it names no curve."),
-    option("--part", str, "Which of its parts is the light.", metavar="NAME|N"),
-    option("--layer", str, "Which of its layers or views is.", metavar="NAME"),
+    option("--part NAME|N", str, "Which of its parts is the light."),
+    option("--layer NAME", str, "Which of its layers or views is."),
     flag("--fix-nonfinite", "Fill NaN and infinite pixels from neighbours."),
-    option("--clamp", float, "Limit its radiance, keeping the hue.", metavar="X"),
+    option("--clamp X", float, "Limit its radiance, keeping the hue."),
     option(
         "--primaries", OF_PRIMARIES,
         help=f"Its primaries, whatever it says: {', '.join(vocabulary.PRIMARIES)}, or x and y of "
@@ -293,15 +298,15 @@ probe_options = several(
 )
 
 
-def make_read_options(values: dict[str, Any], sampling: str | None = None) -> ReadOptions:
+def make_read_options(values: dict[str, Any], sampling: str | None = None) -> shrm.ReadOptions:
     """Make `ReadOptions` from the values of `probe_options`, which are removed from `values`.
 
     `sampling` is where the edge pixels lie, in place of the value of --sampling. Raises
     click.BadParameter if --clamp is not positive, or an angle is not finite.
     """
-    from shrm_cli.probe.options import ReadOptions, with_keywords
+    from shrm_cli.probe.options import with_keywords
 
-    return with_keywords(ReadOptions(), reading_keywords(values, sampling))  # type: ignore[arg-type]
+    return with_keywords(shrm.ReadOptions(), reading_keywords(values, sampling))  # type: ignore[arg-type]
 
 
 def reading_keywords(values: dict[str, Any], sampling: str | None = None) -> dict[str, Any]:
@@ -320,7 +325,7 @@ def reading_keywords(values: dict[str, Any], sampling: str | None = None) -> dic
 
 def reading_rules(holds: bool, words: str) -> dict[str, Applies]:
     """Return rules for `refuse_inapplicable` about the options for reading a probe's file."""
-    return dict.fromkeys(READING_NAMES, Applies(holds, words))
+    return dict.fromkeys(READING_NAMES, (holds, words))
 
 
 def shared_options(*names: str) -> Callable[[Command], Command]:

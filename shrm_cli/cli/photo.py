@@ -54,10 +54,9 @@ _photo_options = options.several(
 @_photo_options
 def brackets(
     photos: tuple[str, ...],
-    times: tuple[float, ...] | None,
-    linear: bool,
     output: str,
     precision: Precision,
+    **merging: Any,
 ) -> None:
     """Merge exposures of a scene that does not move into one linear picture.
 
@@ -70,7 +69,7 @@ def brackets(
     """
     usage.check_outputs([output], files=photos, suffixes=[".exr"])
     with progress_bar("merging") as progress, using(progress):
-        made = shrm.merge_brackets(photos, times, linear)
+        made = shrm.merge_brackets(photos, **merging)
     exposures = made.exposures.tolist()
     differences = [each if each == each else None for each in made.differences.tolist()]
     facts = {
@@ -230,13 +229,12 @@ def unclip(
     """
     import numpy as np
 
-    from shrm_cli.errors import ArgumentError
     from shrm_cli.sphere.directions import from_azimuth_elevation, to_azimuth_elevation
 
     for one, other in (("irradiance", "card"), ("irradiance", "ratio"), ("card", "ratio")):
         usage.exclude(one, other)
     if irradiance is None and card is None and ratio is None:
-        raise ArgumentError("card", "or `ratio` or `irradiance` must be given")
+        raise shrm.ArgumentError("card", "or `ratio` or `irradiance` must be given")
     usage.check_outputs([output], files=[source], suffixes=[".exr"])
     received = irradiance if card is None else np.pi / albedo * np.asarray(card)
     normal = from_azimuth_elevation(*facing)

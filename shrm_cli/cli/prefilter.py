@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, echo, has_terminal, progress_bar
@@ -20,9 +21,7 @@ from shrm_cli.progress import using
 
 if TYPE_CHECKING:
     from shrm_cli.files.parts import Storage
-    from shrm_cli.maps.base import Map
     from shrm_cli.maps.request import Prefiltered, Request
-    from shrm_cli.probe.probe import Probe
 
 _OWN_BRDFS = listing(
     [each.name for each in registry.descriptions().values() if each.why_no_brdf], "and"
@@ -117,7 +116,6 @@ def prefilter(
     from shrm_cli.maps.stored import store
     from shrm_cli.plan import policy
     from shrm_cli.prefilter import make
-    from shrm_cli.probe.open import open_probe
 
     read_as = options.make_read_options(values, probe_sampling or sampling)
     prints = {name: values.pop(name) for name in _PRINTS}
@@ -129,7 +127,7 @@ def prefilter(
         given["sampling"] = map_sampling or sampling
     with usage.renamed(**({"sampling": "map_sampling"} if map_sampling else {})):
         check_arguments(to, [name for name, value in given.items() if value is not None])
-    source = open_probe(probe, read_as).within(**place)
+    source = shrm.open_probe(probe, read_as).within(**place)
     # What `auto` makes is known when it is made; any of its forms is then kept or replaced.
     forms = vocabulary.AUTO_FORMS if to == vocabulary.AUTO else [to]
     names = [_default_name(probe, brdf, each) for each in forms]
@@ -165,7 +163,9 @@ def prefilter(
     conclude({**result, **printed}, lines, warnings, err=bool(printed))
 
 
-def _request(to: str, given: Mapping[str, Any], probe: Probe, prints: Mapping[str, Any]) -> Request:
+def _request(
+    to: str, given: Mapping[str, Any], probe: shrm.Probe, prints: Mapping[str, Any]
+) -> Request:
     """Return what is asked for, unless it is code that cannot be written, for maps take a while."""
     from shrm_cli.maps.request import Request
 
@@ -181,7 +181,7 @@ def _request(to: str, given: Mapping[str, Any], probe: Probe, prints: Mapping[st
     return request
 
 
-def _printed(made: Map, prints: Mapping[str, Any]) -> dict[str, str]:
+def _printed(made: shrm.Map, prints: Mapping[str, Any]) -> dict[str, str]:
     """Return what is printed of a map besides its numbers, by the names used in JSON."""
     if prints["shader"] is None:
         return {}
@@ -194,7 +194,7 @@ def _printed(made: Map, prints: Mapping[str, Any]) -> dict[str, str]:
     return {"shader": look_up_code(made, prints["shader"], prints["textures"], brushed, even)}
 
 
-def _made_by_default(given: Mapping[str, Any], source: Probe) -> str:
+def _made_by_default(given: Mapping[str, Any], source: shrm.Probe) -> str:
     """Say what --to auto would have made, which takes about as long as to make it.
 
     Only who waits at a terminal is told, as logs of farms would pay for what nobody reads.
@@ -221,13 +221,13 @@ def _rules_of_printing(to: str) -> dict[str, usage.Applies]:
     rules = {}
     for name in _PRINTS:
         if to == vocabulary.AUTO:
-            rules[name] = usage.Applies(True, "")
+            rules[name] = (True, "")
             continue
         of = [each.name for each in known.values() if name in (own.name for own in each.options)]
-        rules[name] = usage.Applies(to in of, f"with --to {listing(of, 'or')}")
+        rules[name] = (to in of, f"with --to {listing(of, 'or')}")
     for name, other in _PRINTED_WITH.items():
-        if rules[name].holds:
-            rules[name] = usage.Applies(other in usage.given_options(), f"with --{other}")
+        if rules[name][0]:
+            rules[name] = (other in usage.given_options(), f"with --{other}")
     return rules
 
 

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.photo import ball, brackets, unclip
 from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
-from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, SUN, VECTOR, flag, option
+from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, SUN, VECTOR, flag, option, whole
 from shrm_cli.files.whole import check_target
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import LARGEST_HALF, MAX_LATLONG_HEIGHT, Precision
@@ -29,7 +30,7 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
 image_options = options.several(
     option("-o --output", PATH, "OpenEXR file to write.", required=True, callback=_checked),
     option(
-        "--size", click.IntRange(2, MAX_LATLONG_HEIGHT), default=256,
+        "--size", whole(2, MAX_LATLONG_HEIGHT), default=256,
         help="Height in pixels; the image is twice as wide.",
     ),
     options.precision_option,
@@ -56,9 +57,7 @@ def probe() -> None:
 @option("--radiance", RADIANCE, "Radiance, grey or RGB.", default="1")
 def furnace(size: int, radiance: tuple[float, ...], **written: Any) -> None:
     """Make constant radiance from everywhere."""
-    from shrm_cli.probe import make
-
-    pixels = make.furnace(size, radiance)
+    pixels = shrm.furnace(size, radiance)
     _write(pixels, written, radiance=radiance)
 
 
@@ -74,10 +73,9 @@ def impulse(
     size: int, direction: tuple[float, float], radiance: tuple[float, ...] | None, **written: Any
 ) -> None:
     """Make one bright texel on black."""
-    from shrm_cli.probe import make
     from shrm_cli.sphere.directions import from_azimuth_elevation
 
-    pixels = make.impulse(size, from_azimuth_elevation(*direction), radiance)
+    pixels = shrm.impulse(size, from_azimuth_elevation(*direction), radiance)
     _write(pixels, written, direction=direction, radiance=radiance)
 
 
@@ -104,10 +102,9 @@ def sky(
     import numpy as np
 
     from shrm_cli.probe.sky import SUN_RADIUS, sun_radiance
-    from shrm_cli.probe.sky import sky as make_sky
 
     with progress_bar("shading") as progress, using(progress):
-        pixels = make_sky(size, *sun, turbidity, ground_albedo, has_disc=not no_sun)
+        pixels = shrm.sky(size, *sun, turbidity, ground_albedo, has_disc=not no_sun)
     made = {"sun": sun, "turbidity": turbidity, "ground_albedo": ground_albedo}
     _write(pixels, written, **made, **({"no_sun": True} if no_sun else {}))
     if no_sun and not usage.is_quiet():
@@ -127,10 +124,8 @@ def sky(
 )  # fmt: skip
 def studio(size: int, key: float, **written: Any) -> None:
     """Make three soft boxes before a dark backdrop."""
-    from shrm_cli.probe import make
-
     with progress_bar("shading") as progress, using(progress):
-        pixels = make.studio(size, key)
+        pixels = shrm.studio(size, key)
     _write(pixels, written, key=key)
 
 
@@ -161,7 +156,7 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
     help="Two corners of the box that stands for the room where light is looked up.  "
     "[default: that of what is seen from there]",
 )  # fmt: skip
-@option("--samples", click.IntRange(2, 65536), "Paths of light through each pixel.", default=64)
+@option("--samples", whole(2, 65536), "Paths of light through each pixel.", default=64)
 @options.report_options
 def capture(
     mesh: str,

@@ -7,41 +7,39 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli import vocabulary
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import PATH, Spec, option, way
+from shrm_cli.cli.types import Spec, option, way, whole
 from shrm_cli.naming import brdf_label
 
 if TYPE_CHECKING:
-    from shrm_cli.brdf.base import Brdf
     from shrm_cli.maps.product.steps import Steps
 
 
 @click.command()
 @click.argument("spec", metavar="BRDF", type=Spec())
 @option(
-    "--order", click.IntRange(0, vocabulary.MAX_PRODUCT_ORDER),
+    "--order", whole(0, vocabulary.MAX_PRODUCT_ORDER),
     default=vocabulary.DEFAULT_PRODUCT_ORDER, help="Largest degree of the light's harmonics.",
 )  # fmt: skip
 @option(
-    "--size", click.IntRange(8, vocabulary.MAX_PRODUCT_SIZE),
+    "--size", whole(8, vocabulary.MAX_PRODUCT_SIZE),
     default=vocabulary.DEFAULT_PRODUCT_SIZE,
     help="Texels along the edge of the parabolic map of views.",
 )  # fmt: skip
 @option(
-    "--vary", str, metavar="NAME=LOW..HIGH", multiple=True,
+    "--vary NAME=LOW..HIGH", str, multiple=True,
     help="A parameter of the BRDF that varies over the surface: a texture for each of --steps "
     "values. Two may vary, by few textures of which all others are sums.",
 )  # fmt: skip
 @option(
-    "--steps", click.IntRange(2, 64), metavar="N",
+    "--steps N", whole(2, 64),
     help="Values of each --vary, closest where the BRDF changes most.  [default: as many as miss "
     "1% between them]",
 )  # fmt: skip
-@option(
-    "-o --output", PATH, "OpenEXR file to write.  [default: BRDF.product.exr in the current folder]"
-)
+@options.written_to("OpenEXR file to write.  [default: BRDF.product.exr in the current folder]")
 @usage.force_option
 @options.precision_option
 @options.report_options
@@ -68,14 +66,13 @@ def product(
       shrm product ward:ax=0.5 --vary ay=0.1..0.5 -o worn.exr
       shrm product ward --vary ax=0.1..0.5 --vary ay=0.1..0.5 -o worn.exr
     """
-    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.maps.product.make import product_with_facts
     from shrm_cli.maps.product.prefilter import report
     from shrm_cli.maps.product.steps import ENOUGH
     from shrm_cli.maps.stored import store
 
-    brdf = parse_spec(spec)
-    usage.refuse_inapplicable({"steps": usage.Applies(bool(vary), "with --vary")})
+    brdf = shrm.parse_spec(spec)
+    usage.refuse_inapplicable({"steps": (bool(vary), "with --vary")})
     ranges = _ranges(vary) or None
     label = brdf_label(",".join([spec, *vary]))
     target = output or f"{label}.product.exr"
@@ -126,7 +123,7 @@ def _ranges(texts: tuple[str, ...]) -> list[tuple[str, float, float]]:
 
 
 def _keep_other_texture(
-    target: str, brdf: Brdf, order: int, size: int, chosen: Steps | None
+    target: str, brdf: shrm.Brdf, order: int, size: int, chosen: Steps | None
 ) -> None:
     """Refuse to replace a file that is not the texture of this BRDF, order, size and variation."""
     from shrm_cli.files.whole import kept

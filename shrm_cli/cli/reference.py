@@ -8,7 +8,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import PATH, option
+from shrm_cli.cli.types import PATH, option, whole
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, Precision
@@ -23,11 +23,11 @@ from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, Precision
 )  # fmt: skip
 @usage.force_option
 @options.view_option
-@option("--size", click.IntRange(16, 8192), "Width and height of the picture, pixels.", default=256)
+@option("--size", whole(16, 8192), "Width and height of the picture, pixels.", default=256)
 @options.exposure_option
 @options.exact_option
 @option(
-    "--source-height", click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="H",
+    "--source-height H", whole(2, MAX_SOURCE_HEIGHT),
     help="Average the probe down to a lat-long of this height first.  [default: all pixels "
     "of probes of up to 2048 rows]",
 )  # fmt: skip
@@ -55,7 +55,6 @@ def reference(
     \b
       shrm reference probe.exr --brdf microfacet -o truth.png
     """
-    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.maps.info import record_of
     from shrm_cli.reference import Reference
@@ -63,7 +62,7 @@ def reference(
     from shrm_cli.render.sphere import render_sphere
 
     source = shrm.open_probe(probe, options.make_read_options(reading))
-    brdf = parse_spec(spec, primaries=source.chromaticities)
+    brdf = shrm.parse_spec(spec, primaries=source.chromaticities)
     target = output or f"{probe_stem(probe)}.{brdf_label(spec)}.reference.exr"
     file_type(target)
     usage.check_outputs([target], specs=[spec])

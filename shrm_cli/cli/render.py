@@ -13,16 +13,13 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import moving, options, shading, stage, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import FILE, PATH, PICTURE_SIZE, VECTOR, option, within
+from shrm_cli.cli.types import FILE, PATH, PICTURE_SIZE, VECTOR, option, whole, within
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.cli.stage import Baked
     from shrm_cli.files.image import Picture
-    from shrm_cli.maps.base import Map
-    from shrm_cli.maps.info import MapInfo
-    from shrm_cli.probe.probe import Probe
     from shrm_cli.progress import Progress
     from shrm_cli.render.drawing import Drawing, Film, Lit
     from shrm_cli.render.moving import Moment
@@ -51,27 +48,24 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     "probe was]",
 )  # fmt: skip
 @option(
-    "--radius", within(0, 1e30), metavar="R",
+    "--radius R", within(0, 1e30),
     help="Of that sphere, in the box's unit.  [default: a tenth of the box's shortest edge]",
 )  # fmt: skip
 @shading.surface_options
 @shading.brushed_options
 @options.exposure_option
 @option(
-    "--background", PATH, metavar="PROBE",
+    "--background PROBE", PATH,
     help="Light probe to show behind it, of a sphere 50 degrees across.  [default: black]",
 )  # fmt: skip
-@option(
-    "--probe", PATH, metavar="PROBE",
-    help="Light of product textures that hold none: a probe, or a grid of probes.",
-)  # fmt: skip
+@options.lit_by("Light of product textures that hold none: a probe, or a grid of probes.")
 @shading.window_option
 @moving.frames_option
 @moving.fps_option
 @moving.max_memory_option
 @moving.light_options
 @option(
-    "--columns", click.IntRange(1), metavar="N",
+    "--columns N", whole(1),
     help="Columns of the contact sheet of several maps.  [default: as square as possible]",
 )  # fmt: skip
 @options.precision_option
@@ -131,7 +125,7 @@ def render(
     steps, targets = moving.frame_targets(pattern, frames)
     shown_moments = moving.moments(view, steps, values, keys, ways)
     if not is_animated(pattern):
-        usage.refuse_inapplicable({"max_memory": usage.Applies(False, "to moving pictures")})
+        usage.refuse_inapplicable({"max_memory": (False, "to moving pictures")})
         file_type(pattern)
     reading = options.make_read_options(values)
     probes = {path: shrm.open_probe(path, reading) for path in named if path is not None}
@@ -160,7 +154,7 @@ def render(
 
 
 def _of_surfaces(
-    mesh: str | None, drawing: Drawing, maps: Sequence[Map], values: dict[str, Any]
+    mesh: str | None, drawing: Drawing, maps: Sequence[shrm.Map], values: dict[str, Any]
 ) -> list[str]:
     """Say which materials were drawn, and how split sums were looked up for them."""
     lines = []
@@ -183,8 +177,8 @@ def _refuse_no_map(mesh: str | None, probe: str | None) -> None:
 def _refuse_others(mesh: str | None, values: dict[str, Any], has_probe: bool) -> None:
     """Refuse the place of what is no sphere or is under light that moves, and reading no probe."""
     rests = mesh is None and not any(values[name] for name in moving.LIGHT_MOVES)
-    placed = usage.Applies(rests and values["place"] is not None, "with --place")
-    of_spheres = usage.Applies(rests, "to spheres under light that rests")
+    placed = (rests and values["place"] is not None, "with --place")
+    of_spheres = (rests, "to spheres under light that rests")
     reading = options.reading_rules(has_probe, "with --background or --probe")
     usage.refuse_inapplicable({"place": of_spheres, "radius": placed, **reading})
 
@@ -202,7 +196,7 @@ def _settings(lit: Lit, film: Film, frames: int | None, given: dict[str, Any]) -
 
 def _lit(
     maps: Sequence[str],
-    light: Probe | ProbeGrid | None,
+    light: shrm.Probe | ProbeGrid | None,
     transfer: str | None,
     window: str | None,
     blend_to: Sequence[str],
@@ -350,7 +344,7 @@ def _default_name(maps: Sequence[str | None], mesh: str | None, frames: int | No
 
 
 def _attributes(
-    maps: Iterable[MapInfo], settings: dict[str, Any], said: dict[str, Any], moment: Moment
+    maps: Iterable[shrm.MapInfo], settings: dict[str, Any], said: dict[str, Any], moment: Moment
 ) -> dict[str, Any]:
     """Return the attributes of an EXR, whose bytes must not depend on the folders of files."""
     behind, light = settings["background"], settings["probe"]

@@ -11,7 +11,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import conclude, progress_bar
-from shrm_cli.cli.types import BYTES, PATH, STOPS, Named, flag, option
+from shrm_cli.cli.types import BYTES, PATH, Named, flag, option, whole
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.registry import installed_names
 from shrm_cli.vocabulary import AUTO, MAX_SOURCE_HEIGHT, REPRESENTATIONS
@@ -48,22 +48,19 @@ _UNSAID = ("probe", "output")
 @option("-o --output", PATH, "HTML to write, one file.", required=True)
 @options.views_option("angles")
 @option(
-    "--picture-size", click.IntRange(16, 1024), default=256, metavar="N",
+    "--picture-size N", whole(16, 1024), default=256,
     help="Width and height of the spheres' pictures, pixels.",
 )  # fmt: skip
 @option(
-    "--truth-height", click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
+    "--truth-height ROWS", whole(2, MAX_SOURCE_HEIGHT),
     help="Rows that the probe is averaged down to for the truth.  [default: all]",
 )  # fmt: skip
 @options.exact_option
-@option(
-    "--exposure", STOPS, metavar="EV",
-    help="Stops of the spheres.  [default: what suits the truth of each BRDF]",
-)  # fmt: skip
+@options.stops("Stops of the spheres.  [default: what suits the truth of each BRDF]")
 @flag("--no-flip", "Leave out HDR-FLIP.")
 @flag("--no-view", "Leave out the interactive views: a small page.")
 @option(
-    "--max-page", BYTES, metavar="BYTES", default=str(_MAX_PAGE), show_default=False,
+    "--max-page BYTES", BYTES, default=str(_MAX_PAGE), show_default=False,
     help="The most that the page may take, such as 8MB; views that do not fit are left out.  "
     "[default: 32MB]",
 )  # fmt: skip
@@ -74,10 +71,6 @@ def report(
     brdfs: tuple[str, ...],
     to: tuple[str, ...],
     output: str,
-    angles: tuple[tuple[float, float], ...],
-    picture_size: int,
-    truth_height: int | None,
-    exact: bool,
     exposure: float | None,
     no_flip: bool,
     no_view: bool,
@@ -102,8 +95,7 @@ def report(
     command = shlex.join(["shrm", "report", *options.words_of_call()])
     with progress_bar("measuring") as progress:
         made = shrm.report(
-            light, brdfs, to, angles=angles, picture_size=picture_size, truth_height=truth_height,
-            exact=exact, flips=not no_flip, progress=progress, **arguments,
+            light, brdfs, to, flips=not no_flip, progress=progress, **arguments,
             look=shrm.Look(
                 exposure, not no_view, max_page, command, _options(), usage.flags,
                 shlex.join(options.words_of_reading()),

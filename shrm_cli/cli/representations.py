@@ -21,7 +21,6 @@ from shrm_cli.vocabulary import COMPARED, DEFAULT_MAX_SIZE
 
 if TYPE_CHECKING:
     from shrm_cli.analysis.representations import Plan, RepresentationResult, RepresentationTable
-    from shrm_cli.probe.options import ReadOptions
 
 ROUGHNESS = (0.5, 1.0)
 """Default range of the perceptual roughness."""
@@ -33,7 +32,7 @@ SIZE, SIZE_OF_PICTURE = 96, 128
 
 def print_representations(
     path: str,
-    options: ReadOptions,
+    options: shrm.ReadOptions,
     roughness: tuple[float, float] | None,
     exposure: float | None,
     output: str | None,

@@ -14,9 +14,7 @@ from shrm_cli.cli.shading import brush_option, brushed_rules, refuse_window
 from shrm_cli.cli.types import PATH, VECTOR, flag, option, within
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
     from shrm_cli.probe.disc import Disc
-    from shrm_cli.probe.probe import Probe
     from shrm_cli.render.mesh import MeshSubject
     from shrm_cli.render.stage import Stage
     from shrm_cli.rooms.grid import ProbeGrid
@@ -34,29 +32,29 @@ _NAMED = 3
 
 mesh_options = options.several(
     option(
-        "--mesh", PATH, metavar="FILE",
+        "--mesh FILE", PATH,
         help="OBJ, PLY, STL, glTF or GLB to draw in place of the sphere, or a TOML scene.",
     ),
     option(
-        "--fov", within(0.01, 170), metavar="DEGREES",
+        "--fov DEGREES", within(0.01, 170),
         help="Angle of view of the camera before a mesh, across the shorter edge.  "
         "[default: 35]",
     ),
     option(
-        "--distance", within(0, _LARGEST), metavar="D",
+        "--distance D", within(0, _LARGEST),
         help="From the camera to its target, in the mesh's unit.  [default: all is seen]",
     ),
     option("--target", VECTOR, "What the camera looks at.  [default: the middle of the mesh]"),
     brush_option,
     option(
-        "--vary", str, metavar="vertex|IMAGE|NAME=X", multiple=True,
+        "--vary vertex|IMAGE|NAME=X", str, multiple=True,
         help="What the parameter of a product texture follows that varies: the brightness of "
         "the mesh's vertex colours, or of an image over its texture coordinates. Of two "
         "parameters the first follows their red, the second their green. Or its value, "
         "NAME=LOW..HIGH over --frames.",
     ),
     option(
-        "--irradiance", PATH, metavar="MAP",
+        "--irradiance MAP", PATH,
         help="Irradiance map, or grid of probes: light of the diffuse part of the mesh's "
         "materials.",
     ),
@@ -68,7 +66,7 @@ mesh_options = options.several(
         help="Look light up as if all of it were far away, whatever box the map knows of.",
     ),
     option(
-        "--transfer", PATH, metavar="FILE",
+        "--transfer FILE", PATH,
         help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps, product "
         "textures, and with --probe in place of a MAP.",
     ),
@@ -77,7 +75,7 @@ mesh_options = options.several(
 
 
 def open_stage(
-    mesh: str, maps: Sequence[Map], names: Sequence[str], values: Mapping[str, Any]
+    mesh: str, maps: Sequence[shrm.Map], names: Sequence[str], values: Mapping[str, Any]
 ) -> tuple[Stage, list[str]]:
     """Read a mesh or a scene, and check that there is a map for all of it.
 
@@ -86,27 +84,28 @@ def open_stage(
 
     Returns the stage, and warnings.
     """
-    from shrm_cli.errors import ArgumentError
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.render.scene_file import Shown, as_irradiance, is_scene_name, read_scene
     from shrm_cli.render.stage import Stage
 
     if is_scene_name(mesh):
-        in_scene = usage.Applies(False, "to a single mesh; a scene says it of each object")
+        in_scene = (False, "to a single mesh; a scene says it of each object")
         usage.refuse_inapplicable({k: in_scene for k in OF_SURFACES if k != "vary" or values[k]})
         stage = Stage.of(read_scene(mesh, list(maps)))
     else:
         lit = any(each.surface_arguments for each in maps)
-        alone = usage.Applies(lit, "to maps of light alone, such as split sums")
+        alone = (lit, "to maps of light alone, such as split sums")
         usage.refuse_inapplicable({"roughness": alone, "f0": alone, "irradiance": alone})
         usage.refuse_inapplicable(brushed_rules(maps))
-        varies = usage.Applies(any(each.varies for each in maps), "to maps of shrm product --vary")
+        varies = (any(each.varies for each in maps), "to maps of shrm product --vary")
         usage.refuse_inapplicable({"vary": varies})
         irradiance = values["irradiance"]
         light = None if irradiance is None else as_irradiance(irradiance)
         found = load_mesh(mesh)
         if light is not None and (values["plain"] or not found.materials):
-            raise ArgumentError("irradiance", f"does not apply: no materials are drawn of {mesh}")
+            raise shrm.ArgumentError(
+                "irradiance", f"does not apply: no materials are drawn of {mesh}"
+            )
         given = {name: values[name] for name in OF_SURFACES}
         shown = Shown(None, **{**given, "irradiance": light, "plain": bool(values["plain"])})
         primaries = maps[0].info.chromaticities if maps else None
@@ -136,9 +135,9 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | N
 
     `follows` is what --vary lets parameters follow, if anything.
     """
-    with_mesh = usage.Applies(mesh is not None, "with --mesh")
+    with_mesh = (mesh is not None, "with --mesh")
     usage.refuse_inapplicable({k: with_mesh for k in _OPTIONS if k != "vary"})
-    spread = usage.Applies(mesh is not None, "with --mesh, or as NAME=X")
+    spread = (mesh is not None, "with --mesh, or as NAME=X")
     usage.refuse_inapplicable({"vary": spread} if follows else {})
     if transfer is not None and mesh is not None:
         from shrm_cli.render.scene_file import is_scene_name
@@ -147,9 +146,7 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None, follows: str | N
             raise click.UsageError(
                 "--transfer applies to a single mesh, not to a scene; name the mesh that was baked"
             )
-    baked = usage.Applies(
-        transfer is None, "without --transfer, which was baked with what it needs"
-    )
+    baked = (transfer is None, "without --transfer, which was baked with what it needs")
     usage.refuse_inapplicable({name: baked for name in OF_SURFACES if name != "vary"})
 
 
@@ -158,7 +155,7 @@ class Baked:
     """A transfer, and the light that it is drawn under."""
 
     transfer: Transfer
-    maps: list[Map]
+    maps: list[shrm.Map]
     names: list[str]
     """`maps` and `names`: the maps that pictures are drawn of, lit, and their files' names."""
     discs: tuple[Disc, ...]
@@ -176,16 +173,16 @@ class Baked:
         ]
         return [[one] * len(stage.looks) for one in each]
 
-    def with_maps(self, maps: Sequence[Map]) -> Baked:
+    def with_maps(self, maps: Sequence[shrm.Map]) -> Baked:
         """Return the same transfer under other maps, which hold all of their light."""
         return replace(self, maps=list(maps), names=[""] * len(maps), discs=())
 
 
 def open_baked(
     transfer: str,
-    maps: Sequence[Map],
+    maps: Sequence[shrm.Map],
     names: Sequence[str],
-    light: Probe | ProbeGrid | None,
+    light: shrm.Probe | ProbeGrid | None,
     window: str | None,
 ) -> Baked:
     """Read a transfer, and light the maps that it shades.
@@ -196,7 +193,6 @@ def open_baked(
     `light` is that of maps that hold none.
     """
     from shrm_cli.maps.info import probe_name
-    from shrm_cli.probe.probe import Probe
     from shrm_cli.render.lit import lit_maps
     from shrm_cli.rooms.lit import InGrid
     from shrm_cli.transfer.file import read_transfer
@@ -205,7 +201,7 @@ def open_baked(
         raise click.UsageError("Missing argument 'MAP...', or --probe for a diffuse surface")
     baked = read_transfer(transfer)
     warnings = _of_another_brdf(transfer, baked.facts.brdf, maps, names)
-    if light is not None and not isinstance(light, Probe):  # of a grid, whose lamps are in it
+    if light is not None and not isinstance(light, shrm.Probe):  # of a grid, whose lamps are in it
         lit, told = lit_maps(maps, names, light, window)
         told = warnings + told
         return Baked(baked, lit or [InGrid(light, "")], list(names) or ["grid"], (), told)
@@ -235,7 +231,7 @@ def open_baked(
 
 
 def _of_another_brdf(
-    transfer: str, baked: str, maps: Sequence[Map], names: Sequence[str]
+    transfer: str, baked: str, maps: Sequence[shrm.Map], names: Sequence[str]
 ) -> list[str]:
     """Return a line for each map that is not of the BRDF which bounces were `baked` for, if any."""
     from shrm_cli.maps.info import spec_of

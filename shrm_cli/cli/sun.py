@@ -9,7 +9,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, echo, progress_bar, warn
-from shrm_cli.cli.types import FRACTION, PATH, option, within
+from shrm_cli.cli.types import FRACTION, PATH, option, whole, within
 from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
 
@@ -21,25 +21,22 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("probe", type=PATH)
 @option(
-    "-o --output", PATH, metavar="EXR",
+    "-o --output EXR", PATH,
     help="Write the residual: the probe with its lamps replaced by what is around them.",
 )  # fmt: skip
-@option(
-    "--light-file", PATH, metavar="TOML",
-    help="Write residual and discs as a probe of all commands; needs -o.",
-)  # fmt: skip
-@option("--usd", PATH, "Write a DomeLight_1 and DistantLights; needs -o.", metavar="USDA")
+@option("--light-file TOML", PATH, "Write residual and discs as a probe of all commands; needs -o.")
+@option("--usd USDA", PATH, "Write a DomeLight_1 and DistantLights; needs -o.")
 @option(
     "--for engine", click.Choice(LIGHT_ENGINES),
     help="Print lines that make the lamps there, instead of the report.",
 )  # fmt: skip
 @option(
-    "--error", FRACTION, default=LAMP_ERROR, metavar="X",
+    "--error X", FRACTION, default=LAMP_ERROR,
     help="RMS error of the irradiance that discs may make; what gives less is no lamp.",
 )  # fmt: skip
-@option("--count", click.IntRange(0, 100), "The most lamps.", default=LAMP_COUNT)
+@option("--count", whole(0, 100), "The most lamps.", default=LAMP_COUNT)
 @option(
-    "--sun-radius", within(0.001, 90), metavar="DEG",
+    "--sun-radius DEG", within(0.001, 90),
     help="Radius of the brightest lamp, instead of the one found; the sun's is 0.265.",
 )  # fmt: skip
 @options.precision_option
@@ -51,11 +48,8 @@ def sun(
     light_file: str | None,
     usd: str | None,
     engine: str | None,
-    error: float,
-    count: int,
-    sun_radius: float | None,
     precision: Precision,
-    **reading: Any,
+    **values: Any,
 ) -> None:
     """Find the lamps of PROBE, such as the sun, and take them out of it.
 
@@ -73,7 +67,7 @@ def sun(
             raise usage.wrong_usage(f"{name} names the residual; give -o FILE.exr, too")
     if engine is not None and usage.wants_json():
         raise usage.wrong_usage("--for excludes --json")
-    read_as = options.make_read_options(reading)
+    read_as = options.make_read_options(values)
     from shrm_cli.progress import Rising, using
 
     found = shrm.open_probe(probe, read_as)
@@ -82,7 +76,7 @@ def sun(
         if path is not None:
             usage.check_outputs([path], suffixes=[suffix])
     with progress_bar("looking for lamps") as progress, using(Rising(progress)):
-        split = shrm.split_lamps(found, error, count, sun_radius)
+        split = shrm.split_lamps(found, **values)
         result = _result(probe, split)
     written = _write(split, output, light_file, usd, precision)
     result |= written

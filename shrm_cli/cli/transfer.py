@@ -9,7 +9,7 @@ import click
 
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
-from shrm_cli.cli.types import ALBEDO, BRUSH, PATH, flag, option
+from shrm_cli.cli.types import ALBEDO, BRUSH, PATH, flag, option, whole
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
@@ -30,24 +30,20 @@ _MOST_SAMPLES = 2**16
     "[default: MESH.transfer.npz in the current folder]",
 )  # fmt: skip
 @option(
-    "--order", click.IntRange(0, MAX_TRANSFER_ORDER),
+    "--order", whole(0, MAX_TRANSFER_ORDER),
     help="Largest degree of the light's harmonics.  [default: 4, or up to 16 of .npz where little "
     "of the sky is seen, as in a room]",
 )  # fmt: skip
-@option(
-    "--bounces", click.IntRange(0, 2), "How often light is reflected within the mesh.", default=0
-)
+@option("--bounces", whole(0, 2), "How often light is reflected within the mesh.", default=0)
 @option(
     "--albedo", ALBEDO,
     help="What the mesh reflects diffusely: a number, R,G,B, the colours of its vertices, or all "
     "that the mesh says: base colours, textures and vertex colours.  [default: mesh; 0.5 where it "
     "says nothing]",
 )  # fmt: skip
+@option("--samples", whole(1, _MOST_SAMPLES), "Rays of each vertex and bounce.", default=1024)
 @option(
-    "--samples", click.IntRange(1, _MOST_SAMPLES), "Rays of each vertex and bounce.", default=1024
-)
-@option(
-    "--brdf", str, metavar="SPEC",
+    "--brdf SPEC", str,
     help="What the mesh reflects in bounces in place of --albedo, glossy or not; bakes matrices, "
     "which are for this BRDF then.",
 )  # fmt: skip
@@ -58,7 +54,7 @@ _MOST_SAMPLES = 2**16
     "[default: around +Y]",
 )  # fmt: skip
 @option(
-    "--texture", click.IntRange(*TRANSFER_TEXTURES),
+    "--texture", whole(*TRANSFER_TEXTURES),
     help="Bake for the texels of a texture of so many along its edge in place of the vertices.",
 )  # fmt: skip
 @usage.force_option
@@ -98,9 +94,9 @@ def transfer(
 
     matrices = matrices or brdf is not None
     usage.refuse_inapplicable({
-        "brush": usage.Applies(matrices, "with --matrices"),
-        "brdf": usage.Applies(bounces > 0, "with --bounces; shadows alone are the same for all"),
-        "albedo": usage.Applies(brdf is None, "without --brdf"),
+        "brush": (matrices, "with --matrices"),
+        "brdf": (bounces > 0, "with --bounces; shadows alone are the same for all"),
+        "albedo": (brdf is None, "without --brdf"),
     })  # fmt: skip
     target = output or f"{Path(mesh).stem}.transfer.npz"
     suffix = _checked_suffix(target, matrices, texture)

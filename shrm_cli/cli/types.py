@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import shrm_cli as shrm
 from shrm_cli.maps.options import Option, parse_bytes
 from shrm_cli.vocabulary import MAX_LEVELS, MAX_PICTURE_SIZE, MAX_STOPS, PRIMARIES
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from shrm_cli.brdf.base import Brdf
 
 _START = re.compile(r"(?:^|\+|=\()(?:[0-9.eE+-]*\*)?")
 """Where terms begin: with a weight, after a plus or in the parentheses of a value."""
@@ -68,6 +68,10 @@ def FRACTION(text: str) -> float:
         hint = f"; {number:g} % are {number / 100:g}" if 1 < number < 100 else ""
         raise ValueError(f"{number:g} is not between 0 and 1, neither included{hint}")
     return number
+
+
+whole = click.IntRange
+"""The type of a whole number between two others, or one of them."""
 
 
 def within(low: float, high: float) -> Parsed:
@@ -345,11 +349,15 @@ PATH, FILE = click.Path(readable=False), click.Path(dir_okay=False, readable=Fal
 def option(names: str, type: Any, help: str, **more: Any) -> Callable[[Any], Any]:
     """Return the decorator that adds an option to a command; its help shows the default, if any.
 
-    `names` are the words that click takes one by one: ``-o --output``. `more` are other arguments
-    of click's.
+    `names` are the words that click takes one by one, and behind them, with capitals, what the help
+    calls the value, unless it is what the type says: ``-o --output PNG``. `more` are other
+    arguments of click's.
     """
+    *words, last = names.split()
     more.setdefault("show_default", "default" in more)
-    return click.option(*names.split(), type=type, help=help, **more)
+    more |= {"metavar": last} if last != last.lower() else {}
+    words += [last] if last == last.lower() else []
+    return click.option(*words, type=type, help=help, **more)
 
 
 def flag(names: str, help: str, **more: Any) -> Callable[[Any], Any]:
@@ -466,21 +474,20 @@ def _endings(term: str) -> list[str]:
     """Return what a term may become: with a name, with a parameter's name, or with its value."""
     from shrm_cli.brdf.base import COMMA, cut
     from shrm_cli.brdf.library import find_model, model_names
-    from shrm_cli.errors import BrdfError
 
     name, colon, values = term.partition(":")
     if not colon:
         return [each for each in model_names() if each.startswith(name)]
     try:
         model = find_model(name)
-    except BrdfError:
+    except shrm.BrdfError:
         return []
     *given, current = cut(COMMA, values)
     before = f"{name}:{','.join([*given, ''])}"
     return [before + each for each in _settings(model, given, current)]
 
 
-def _settings(model: type[Brdf], given: list[str], current: str) -> list[str]:
+def _settings(model: type[shrm.Brdf], given: list[str], current: str) -> list[str]:
     """Return what may stand for the last ``key=value``, after those that are given."""
     key, equals, value = current.partition("=")
     if not equals:

@@ -18,27 +18,19 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+import shrm_cli as shrm
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.files.whole import check_target, kept, note
 from shrm_cli.messages import ARGUMENT
 from shrm_cli.naming import probe_stem
-from shrm_cli.records import record
 from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
     from shrm_cli.maps.request import Request
-    from shrm_cli.probe.probe import Probe
 
 
-@record
-class Applies:
-    """Whether an option applies."""
-
-    holds: bool
-    """Whether the option applies in this run."""
-    words: str
-    """Where the option applies, for the error message: ``with --probe`` or ``to maps``."""
+Applies = tuple[bool, str]
+"""Whether an option applies in this run; and where it does, for messages: ``with --probe``."""
 
 
 def flags(message: str, typed: Iterable[str] | None = None) -> str:
@@ -116,9 +108,9 @@ def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:
     `rules` are rules by the names of the options' values. Options without a rule always apply.
     """
     for name, flag in given_options().items():
-        rule = rules.get(name)
-        if rule is not None and not rule.holds:
-            raise wrong_usage(f"{flag} applies {rule.words}; leave it out")
+        holds, words = rules.get(name, (True, ""))
+        if not holds:
+            raise wrong_usage(f"{flag} applies {words}; leave it out")
 
 
 @contextmanager
@@ -196,7 +188,7 @@ def _keep_foreign(target: str) -> None:
         raise OutputError(f"{target}: exists, and shrm did not draw it; name it, or another, by -o")
 
 
-def keep_other_map(target: str, probe: Probe, request: Request, precision: Precision) -> None:
+def keep_other_map(target: str, probe: shrm.Probe, request: Request, precision: Precision) -> None:
     """Refuse to replace a map that was not made like the one that is asked for."""
     from shrm_cli.batch.made import difference
 
@@ -222,13 +214,12 @@ def keep_edited(target: str) -> bool:
     return found is not None or holds_nothing(target)
 
 
-def readable_map(path: str) -> Map | None:
+def readable_map(path: str) -> shrm.Map | None:
     """Return the map in a file that is only looked at, and is no input; None if it is no map."""
     from shrm_cli.files.whole import protecting
-    from shrm_cli.maps.file import open_map
 
     with suppress(MapError), protecting():
-        return open_map(path)
+        return shrm.open_map(path)
     return None
 
 

@@ -10,7 +10,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import brush_option, brushed_options, surface_options, surface_rules
 from shrm_cli.cli.terminal import conclude, echo, progress_bar, warn
-from shrm_cli.cli.types import BYTES, DIRECTION, FILE, PATH, STOPS, flag, option
+from shrm_cli.cli.types import BYTES, DIRECTION, FILE, PATH, flag, option, whole
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 _MAX_SIZE = 64 * 10**6
 """The most bytes of a page that is written, where no other number is given."""
 _TRUTH_SIZE = 192
-_SHOWN = (
-    "views", "roughness", "f0", "anisotropy", "taps", "brush", "exposure", "source_height", "exact",
-)  # fmt: skip
-"""Arguments that `shrm_cli.view.show.view` takes as they are."""
 _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 
 
@@ -33,12 +29,9 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     help="HTML to write: one file that needs no network.  [default: serve the page on this "
     "machine and open a browser]",
 )  # fmt: skip
+@options.lit_by("Light probe to show behind the shape, and to compute the truth of.")
 @option(
-    "--probe", PATH, metavar="PROBE",
-    help="Light probe to show behind the shape, and to compute the truth of.",
-)  # fmt: skip
-@option(
-    "--mesh", PATH, metavar="FILE",
+    "--mesh FILE", PATH,
     help="OBJ, PLY, STL, glTF or GLB to show the maps on, besides a sphere and a figure.",
 )  # fmt: skip
 @option(
@@ -49,19 +42,16 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 @surface_options
 @brushed_options
 @brush_option
-@option(
-    "--exposure", STOPS, metavar="EV",
-    help="Stops at the beginning.  [default: what suits the first MAP]",
-)  # fmt: skip
+@options.stops("Stops at the beginning.  [default: what suits the first MAP]")
 @options.optional_brdf_option
 @option(
-    "--truth-size", click.IntRange(16, 1024), metavar="N", default=_TRUTH_SIZE,
+    "--truth-size N", whole(16, 1024), default=_TRUTH_SIZE,
     help="Points of the truth along the edge of its picture.",
 )  # fmt: skip
 @options.truth_options
 @flag("--no-truth", "Compute no truth; the probe is shown all the same.")
 @option(
-    "--max-size", BYTES, metavar="BYTES", default=str(_MAX_SIZE), show_default=False,
+    "--max-size BYTES", BYTES, default=str(_MAX_SIZE), show_default=False,
     help="The most that a page with -o may take, such as 20MB. The probe behind the shape is made "
     "smaller to keep it; maps are not.  [default: 64MB]",
 )  # fmt: skip
@@ -99,7 +89,6 @@ def view(
     """
     from shrm_cli.files.whole import write_bytes
 
-    shown_as = {name: values.pop(name) for name in _SHOWN}
     has_truth = _check_usage(probe is not None, output is not None, no_truth)
     reading = options.make_read_options(values)
     light = None if probe is None else shrm.open_probe(probe, reading)
@@ -110,7 +99,7 @@ def view(
     usage.refuse_inapplicable(surface_rules(opened))
     with progress_bar("integrating") as progress:
         shown = shrm.view(
-            opened, light, brdf, names=maps, mesh=mesh, **shown_as,
+            opened, light, brdf, names=maps, mesh=mesh, **values,
             truth_size=truth_size if has_truth else 0, max_size=max_size if output else None,
             rounded=output is not None and not lossless, progress=progress,
         )  # fmt: skip
@@ -128,7 +117,7 @@ def view(
         "file": output,
         "bytes": len(text),
         "maps": list(maps),
-        "views": [list(each) for each in shown_as["views"]],
+        "views": [list(each) for each in values["views"]],
         "rounding_error": shown.scene.blocks.rounding_error,
         "truths": len(shown.scene.description["truths"]),
     }
@@ -149,12 +138,12 @@ def _check_usage(has_probe: bool, has_output: bool, no_truth: bool) -> bool:
     has_truth = has_probe and not no_truth
     usage.refuse_inapplicable({
         **options.reading_rules(has_probe, "with --probe"),
-        "no_truth": usage.Applies(has_probe, "with --probe"),
-        **dict.fromkeys(_OF_TRUTH, usage.Applies(has_truth, "to the truth, with --probe")),
-        "max_size": usage.Applies(has_output, "with -o"),
-        "lossless": usage.Applies(has_output, "with -o"),
-        "no_open": usage.Applies(not has_output, "without -o"),
-        "as_json": usage.Applies(has_output, "with -o"),
+        "no_truth": (has_probe, "with --probe"),
+        **dict.fromkeys(_OF_TRUTH, (has_truth, "to the truth, with --probe")),
+        "max_size": (has_output, "with -o"),
+        "lossless": (has_output, "with -o"),
+        "no_open": (not has_output, "without -o"),
+        "as_json": (has_output, "with -o"),
     })  # fmt: skip
     usage.exclude("no_truth", "brdf")
     return has_truth

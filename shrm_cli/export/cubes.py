@@ -6,7 +6,7 @@ defines it, faces +X -X +Y -Y +Z -Z, the first row on top. What is written is a 
 texels, so that nothing is lost.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,6 @@ from shrm_cli.files.openimageio import image_of
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.sphere.cube import CubeSampler, cube_directions, face_axes, turned_face
-from shrm_cli.vocabulary import FACES
 
 DIFFUSE_SIZE = 64
 """Texels along an edge of a cube of E / pi, which is smooth."""
@@ -55,15 +54,10 @@ def to_lookup(cube: Array, lookup: ArrayLike = WORLD) -> Array:
     for face, axes in enumerate(face_axes("gl")):
         # The right, down and forward axes of the engine's face, seen from our world.
         turned = axes @ back.T
-        source = _face_along(turned[2])
+        axis = int(np.abs(turned[2]).argmax())
+        source = 2 * axis + int(turned[2][axis] < 0)  # faces are +X -X +Y -Y +Z -Z
         result[face] = turned_face(images[source], turned, source)
     return result
-
-
-def _face_along(direction: Array) -> int:
-    """Return the index into `FACES` of the face whose middle lies in a direction."""
-    axis = int(np.argmax(np.abs(direction)))
-    return FACES.index(("+" if direction[axis] > 0 else "-") + "XYZ"[axis])
 
 
 def diffuse_cube(irradiance: Irradiance, size: int = DIFFUSE_SIZE) -> Array:
@@ -100,13 +94,20 @@ def packed_levels(
     made: Package, name: str, levels: Sequence[Array], texels: TexelFormat, lookup: Array = WORLD
 ) -> list[bytes]:
     """Return the texels of the levels of a file, and tell what was clipped and what is lost."""
+    cubes = ((f"level {k}", to_lookup(cube, lookup)) for k, cube in enumerate(levels))
+    return packed_images(made, name, cubes, texels)
+
+
+def packed_images(
+    made: Package, name: str, images: Iterable[tuple[str, Array]], texels: TexelFormat
+) -> list[bytes]:
+    """Do so with other images of a file, shape (count, N, N, 3) each, and what they are called."""
     packed, clips, losses = [], [], []
-    for k, cube in enumerate(levels):
-        faces = to_lookup(cube, lookup)
-        data, clipped = encoded(faces, texels, f"level {k}")
+    for what, image in images:
+        data, clipped = encoded(image, texels, what)
         packed.append(data)
         clips.append(clipped)
-        losses.append(loss(f"level {k}", faces, decoded(data, texels, *faces.shape[:2])))
+        losses.append(loss(what, image, decoded(data, texels, *image.shape[:2])))
     made.tell_clipped(name, texels, clips)
     made.tell_lost(name, losses)
     return packed

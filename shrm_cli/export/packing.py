@@ -7,7 +7,7 @@ import numpy as np
 from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import ArgumentError, PluginError, ShrmError
 from shrm_cli.export.blocks import astc, bc6h, uastc
-from shrm_cli.export.blocks.lamps import Found, with_lamps
+from shrm_cli.export.blocks.lines import Found, with_lamps
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.pixels import FORMATS, PICTURES, Loss, TexelFormat, Words
 from shrm_cli.messages import explained
@@ -18,12 +18,6 @@ MAX_ERROR = 0.03
 """The error that ``auto`` keeps where none is given."""
 MAX_LAMP = 0.02
 """The most that the default texels of an engine may change a lamp that spare ones keep."""
-
-
-def refuse_missing(name: str | None) -> None:
-    """Refuse a format whose encoder is not installed, before work begins."""
-    if name is not None and name.startswith("astc"):
-        astc.library()
 
 
 def packed(engine: Engine, light: Light, name: str | None, max_error: float | None) -> Package:

@@ -11,7 +11,7 @@ from shrm_cli.errors import OutputError
 from shrm_cli.export.ktx import ktx2
 from shrm_cli.export.pixels import FORMATS, TexelFormat
 from shrm_cli.files.png import write_png
-from shrm_cli.files.whole import replacing
+from shrm_cli.files.whole import write_bytes
 from shrm_cli.vocabulary import Precision
 
 SUFFIXES = ".ktx2", ".png"
@@ -58,8 +58,7 @@ def _write_ktx2(path: str | os.PathLike[str], values: Array, precision: Precisio
     texels = _FLOAT if is_float else FORMATS["rgba16f"]
     words, size = texels.pack(values), len(values)
     data = words.astype(words.dtype.newbyteorder("<")).tobytes()
-    with replacing(path) as temporary:
-        temporary.write_bytes(ktx2([data], (size, size, 0), texels, compress=False))
+    write_bytes(path, ktx2([data], (size, size, 0), texels, compress=False))
     return "float" if is_float else "half"
 
 

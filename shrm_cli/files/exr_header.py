@@ -17,7 +17,7 @@ import mmap
 import os
 import struct
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -65,6 +65,16 @@ _NO_END = bytes(64)
 """No file of compressed scan lines ends in so many zeros, which would have been compressed."""
 
 
+_UNSOUND = IndexError, struct.error, ValueError
+"""What reading raises of a header that is damaged, or of another format."""
+
+
+@contextmanager
+def _mapped(path: str | os.PathLike[str]) -> Iterator[mmap.mmap]:
+    with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        yield data
+
+
 def excess(path: str | os.PathLike[str]) -> str:
     """Return what a file has too many of to be read; empty for other files.
 
@@ -72,20 +82,13 @@ def excess(path: str | os.PathLike[str]) -> str:
     """
     if Path(path).stat().st_size < len(MAGIC):
         return ""
-    with open(path, "rb") as stream:
-        if stream.read(len(MAGIC)) != MAGIC:
-            return ""
-        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            return _excess(data)
+    with _mapped(path) as data:
+        return _excess(data) if data[: len(MAGIC)] == MAGIC else ""
 
 
 def ends_whole(path: str | os.PathLike[str]) -> bool:
     """Return whether a file of scan lines has all its chunks, to the last byte of the last one."""
-    with (
-        open(path, "rb") as stream,
-        suppress(IndexError, struct.error, ValueError),
-        mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
-    ):
+    with suppress(*_UNSOUND), _mapped(path) as data:
         return _end_of_chunks(data) == len(data)
     return False
 
@@ -107,7 +110,7 @@ def holds_nothing(path: str | os.PathLike[str]) -> bool:
         return False
     if len(begun) <= len(MAGIC):
         return MAGIC.startswith(begun)
-    with suppress(IndexError, struct.error, ValueError):
+    with suppress(*_UNSOUND):
         return begun[: len(MAGIC)] == MAGIC and _end_of_headers(begun) > len(begun)
     return True
 
@@ -121,11 +124,7 @@ def beginnings(path: str | os.PathLike[str]) -> dict[str, bytes]:
     none. Returns the first bytes of each value, `_BEGINNING` at most.
     """
     found: dict[str, bytes] = {}
-    with (
-        suppress(OSError, IndexError, struct.error, ValueError),
-        open(path, "rb") as stream,
-        mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
-    ):
+    with suppress(OSError, *_UNSOUND), _mapped(path) as data:
         for name, _, begin, size in header_attributes(data):
             value = data[begin : begin + min(size, _BEGINNING)]
             found[name.decode("ascii", "replace")] = value
@@ -153,11 +152,7 @@ def plain_header(
     Returns its attributes by name, and the formats of its channels, ``half`` or ``float``, all of
     them the same, in the order R, G, B, A. None for files that are not as plain, or damaged.
     """
-    with (
-        suppress(OSError, ValueError, IndexError, KeyError, struct.error),
-        open(path, "rb") as stream,
-        mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
-    ):
+    with suppress(OSError, KeyError, *_UNSOUND), _mapped(path) as data:
         return _plain(data)
     return None
 
@@ -210,7 +205,7 @@ def _excess(data: mmap.mmap) -> str:
             parts += 1
             if parts > MOST_PARTS:
                 return f"more than {MOST_PARTS:,} parts"
-    except (IndexError, struct.error, ValueError):
+    except _UNSOUND:
         pass
     return ""
 
@@ -319,7 +314,7 @@ def condition(path: str | os.PathLike[str]) -> Condition:
     """
     if os.path.getsize(path) <= len(MAGIC):
         return "unknown"
-    with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+    with _mapped(path) as data:
         place = _place(data)
         if place is None:
             return "unknown"
@@ -331,12 +326,10 @@ def condition(path: str | os.PathLike[str]) -> Condition:
 
 def _place(data: mmap.mmap) -> int | None:
     """Return where the digest lies, or None for a file without one."""
-    try:
+    with suppress(*_UNSOUND):
         for name, _, begin, size in header_attributes(data):
             if name == SEAL.encode() and size == len(UNSEALED):
                 return begin
-    except (IndexError, struct.error, ValueError):
-        pass
     return None
 
 

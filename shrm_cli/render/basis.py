@@ -9,8 +9,8 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.messages import whole
 from shrm_cli.render.camera import DEFAULT_FOV, Lens, Viewer, aimed
+from shrm_cli.render.drawing import SphereSubject
 from shrm_cli.render.mesh import MeshSubject
-from shrm_cli.render.scene import SphereSubject
 from shrm_cli.render.stage import Actor, Look, Stage
 from shrm_cli.render.vertex_colors import vertex_colors
 from shrm_cli.transfer.transfer import Transfer

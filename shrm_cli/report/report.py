@@ -81,22 +81,16 @@ class Look:
     reading: str = ""
 
 
-@record
-class Report:
-    """A page and what was left out of it."""
-
-    text: str
-    """HTML, to be written as UTF-8."""
-    remarks: list[str]
-
-
 def report_page(
     measured: Measured,
     statistics: ProbeStatistics,
     look: Look | None = None,
     progress: Progress | None = None,
-) -> Report:
-    """Return the page of a probe and its maps. `statistics` are those of the same probe."""
+) -> tuple[str, list[str]]:
+    """Return the page of a probe and its maps, HTML for UTF-8, and what was left out of it.
+
+    `statistics` are those of the same probe.
+    """
     look = look or Look()
     seen = preview(measured.probe)
     first = probe_part(measured.probe, statistics, seen)
@@ -129,7 +123,7 @@ def report_page(
         _making(measured, look),
         framed=sources() if look.views else ("", ""),
     )
-    return Report(text, remarks)
+    return text, remarks
 
 
 class _Place(Html):
@@ -413,5 +407,5 @@ def report(
     statistics = probe_statistics(light)
     measured = measure_maps(light, plan, stages.within)
     stages.done(1, 2)
-    made = report_page(measured, statistics, look, stages.within)
-    return ProbeReport(made.text, measured, statistics, [*measured.warnings, *made.remarks])
+    text, remarks = report_page(measured, statistics, look, stages.within)
+    return ProbeReport(text, measured, statistics, [*measured.warnings, *remarks])

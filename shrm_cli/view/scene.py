@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from shrm_cli import vocabulary
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.vectors import METALS
@@ -32,13 +33,6 @@ from shrm_cli.render.lit import reflectance
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.shapes import described_shapes
-from shrm_cli.vocabulary import (
-    DEFAULT_EVEN_TAPS,
-    DEFAULT_ROUGHNESS,
-    DEFAULT_TAPS,
-    EVEN_LOOK_UPS,
-    TAP_COUNTS,
-)
 
 SKY_ROWS = 512
 """The most rows of the probe behind the shape."""
@@ -63,7 +57,7 @@ class Start:
     """Azimuth and elevation of the first view, and of further ones that get a truth, degrees."""
     exposure: float | None = None
     """Stops; by default the page finds what suits the first map."""
-    roughness: float = DEFAULT_ROUGHNESS
+    roughness: float = vocabulary.DEFAULT_ROUGHNESS
     """Perceptual roughness of the GGX surface that maps of light alone are shown as."""
     f0: Color = (1.0, 1.0, 1.0)
     """Its reflectance at normal incidence."""
@@ -78,9 +72,9 @@ class Start:
     @property
     def tap_counts(self) -> tuple[int, int]:
         """The look-ups of even surfaces and of brushed ones, between which the page goes."""
-        is_even = self.taps in EVEN_LOOK_UPS
-        even = self.taps if self.taps is not None and is_even else DEFAULT_EVEN_TAPS
-        return even, self.taps if self.taps in TAP_COUNTS else DEFAULT_TAPS
+        is_even = self.taps in vocabulary.EVEN_LOOK_UPS
+        even = self.taps if self.taps is not None and is_even else vocabulary.DEFAULT_EVEN_TAPS
+        return even, self.taps if self.taps in vocabulary.TAP_COUNTS else vocabulary.DEFAULT_TAPS
 
 
 @record

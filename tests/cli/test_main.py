@@ -162,7 +162,7 @@ def test_every_error_of_ours_is_one_line_and_code_1(monkeypatch, name):
     def fail(*_):
         raise getattr(errors, name)("x.exr: two\nlines;   do this")
 
-    monkeypatch.setattr("shrm_cli.brdf.spec.parse_spec", fail)
+    monkeypatch.setattr("shrm_cli.parse_spec", fail)
     result = run("brdf", "phong")
     assert (result.code, result.out, result.err) == (1, "", "Error: x.exr: two lines; do this\n")
 
@@ -184,7 +184,7 @@ def test_other_errors_show_no_traceback(monkeypatch, error, message):
     def fail(*_):
         raise error
 
-    monkeypatch.setattr("shrm_cli.brdf.spec.parse_spec", fail)
+    monkeypatch.setattr("shrm_cli.parse_spec", fail)
     result = run("brdf", "phong")
     assert (result.code, result.out, result.err) == (1, "", f"Error: {message}\n")
     with pytest.raises(type(error)):
@@ -206,7 +206,7 @@ def test_interrupted_is_130(monkeypatch):
     def fail(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("shrm_cli.brdf.spec.parse_spec", fail)
+    monkeypatch.setattr("shrm_cli.parse_spec", fail)
     result = run("brdf", "phong")
     assert (result.code, result.out, result.err) == (130, "", "\nError: interrupted\n")
 
@@ -217,7 +217,7 @@ def test_the_end_of_a_file_is_no_interruption(monkeypatch):
     def fail(*_):
         raise EOFError("cut off")
 
-    monkeypatch.setattr("shrm_cli.brdf.spec.parse_spec", fail)
+    monkeypatch.setattr("shrm_cli.parse_spec", fail)
     result = run("brdf", "phong")
     assert (result.code, result.out) == (1, "")
     assert "Error: internal error, please report it (EOFError: cut off)" in result.err

@@ -136,7 +136,7 @@ def test_bad_input(folder, arguments, code, parts):
 
 
 def test_output_is_checked_before_the_work(folder, monkeypatch):
-    monkeypatch.setattr("shrm_cli.probe.make.furnace", lambda *_: pytest.fail("worked first"))
+    monkeypatch.setattr("shrm_cli.furnace", lambda *_: pytest.fail("worked first"))
     assert_refused(run("probe", "furnace", "-o", "no/p.exr"), 1, "there is no folder no")
 
 

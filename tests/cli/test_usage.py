@@ -4,7 +4,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from shrm_cli.cli.usage import Applies, exclude, flags, given_options, refuse_inapplicable
+from shrm_cli.cli.usage import exclude, flags, given_options, refuse_inapplicable
 from tests.cli.helpers import run
 
 
@@ -69,7 +69,7 @@ def test_what_stands_on_the_command_line_is_given_and_defaults_are_not():
 
 @pytest.mark.parametrize("holds", [True, False])
 def test_options_that_nothing_obeys_are_refused(holds):
-    run = command(lambda: refuse_inapplicable({"grains": Applies(holds, "to water")}))
+    run = command(lambda: refuse_inapplicable({"grains": (holds, "to water")}))
     assert run().exit_code == run("--wet").exit_code == 0
     result = run("--salt", "3")
     assert result.exit_code == (0 if holds else 2)

@@ -7,8 +7,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.transfer.bake import Plan, transfer_plan
-from shrm_cli.transfer.gather import sites_of
-from shrm_cli.transfer.orders import MISSED, ORDERS, missed_by_order, sufficient_order
+from shrm_cli.transfer.gather import MISSED, ORDERS, missed_by_order, sites_of, sufficient_order
 from tests.oracles import real_harmonics
 from tests.transfer import meshes
 

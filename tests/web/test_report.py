@@ -25,9 +25,9 @@ def probe():
 def report(probe, tmp_path_factory):
     """The page of two forms of a material, as a file."""
     plan = Plan((SPEC,), ("principal", "splitsum"), {"size": 8}, ((10, 20), (90, 0)), 24, 16)
-    made = report_page(measure_maps(probe, plan), probe_statistics(probe))
+    text, _ = report_page(measure_maps(probe, plan), probe_statistics(probe))
     path = tmp_path_factory.mktemp("report") / "report.html"
-    path.write_text(made.text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     return path
 
 

@@ -10,12 +10,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array, slices
-from shrm_cli.brdf.environment.material_albedo import (
-    ViewTable,
-    albedo_table,
-    half_vectors,
-    unit_rule,
-)
+from shrm_cli.brdf.environment import material_albedo
 from shrm_cli.brdf.models.charlie import Charlie
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.vectors import GRAZING, fifth_power
@@ -60,11 +55,13 @@ def _integrals(alpha: float, view: Array) -> Array:
     They are over the half vector H instead of L, with ``dL = 4 V.H dH``.
     """
     sine = np.sqrt(1 - view**2)
-    x, measure, end = half_vectors(alpha, view, _SLOPES)
+    x, measure, end = material_albedo.half_vectors(alpha, view, _SLOPES)
     slope = alpha * np.sinh(x)
     # With y = sinh(x), D cos(theta_h) dH = 2 y / (1 + y^2)^2 dy dphi / (2 pi).
     measure *= 2 * np.tanh(x) / np.cosh(x) ** 2
-    azimuths, azimuth_weights = (each[:, None, None] for each in unit_rule(_AZIMUTHS))
+    azimuths, azimuth_weights = (
+        each[:, None, None] for each in material_albedo.unit_rule(_AZIMUTHS)
+    )
     along = np.cos(end * azimuths) * slope  # the component of H / N.H towards the view
     facing = along * sine + view  # V.H / N.H
     cosine2 = 1 / (1 + slope**2)
@@ -85,13 +82,15 @@ def _integrals(alpha: float, view: Array) -> Array:
     return result
 
 
-class LobeMoments(ViewTable):
+class LobeMoments(material_albedo.ViewTable):
     """The moments of one roughness, tabulated over N.V for rendering.
 
     Interpolated values differ from those of `lobe_moments` by 2e-5 at most, at any roughness.
     """
 
     def __init__(self, roughness: float) -> None:
+        if not 0 <= roughness <= 1:
+            raise MapError(f"roughness {roughness:g} is outside 0 .. 1")
         super().__init__(max(roughness**2, _LEAST_ALPHA))
         self.roughness = roughness
 
@@ -189,7 +188,7 @@ def columns_table(kind: str, size: int) -> Array:
     elif kind == "turquin":
         third = (1 - albedo) / albedo
     else:
-        third = albedo_table(Charlie(visibility="neubelt"), size)[..., 0]
+        third = material_albedo.albedo_table(Charlie(visibility="neubelt"), size)[..., 0]
     return np.concatenate([two, third[..., None]], axis=-1)
 
 
@@ -212,18 +211,12 @@ def moments_table(size: int) -> Array:
     return table
 
 
-class DirectionalAlbedo:
+class DirectionalAlbedo(LobeMoments):
     """The environment BRDF of one roughness, tabulated over N.V for rendering."""
-
-    def __init__(self, roughness: float) -> None:
-        if not 0 <= roughness <= 1:
-            raise MapError(f"roughness {roughness:g} is outside 0 .. 1")
-        self.roughness = roughness
-        self._moments = LobeMoments(roughness)
 
     def scale_bias(self, cosines: ArrayLike) -> tuple[Array, Array]:
         """Interpolate scale and bias at N.V, each of the shape of `cosines`."""
-        total, bias = self._moments.totals(cosines)
+        total, bias = self.totals(cosines)
         return total - bias, bias
 
     def __call__(self, cosines: ArrayLike, f0: ArrayLike) -> Array:
@@ -276,7 +269,7 @@ def _totals(alphas: tuple[float, float], z: Array, azimuth: float) -> Array:
     positive = (along + root) / (z * square)
     negative = z / np.maximum(root - along, np.finfo(float).tiny)
     end = np.arcsinh(np.where(along > 0, positive, negative))
-    nodes, weights = unit_rule(_SLOPES)
+    nodes, weights = material_albedo.unit_rule(_SLOPES)
     steps = end * nodes
     length = np.sinh(steps)
     facing = z + along * length  # V.H / N.H

@@ -47,11 +47,6 @@ def bits_of_bytes(data: NDArray[np.uint8]) -> Floats:
     return np.log2(counts.sum() / counts).astype(np.float32)
 
 
-def mean_bits(data: NDArray[np.uint8]) -> float:
-    """Return how many bits a byte takes by an ideal code, in the mean."""
-    return float(bits_of_bytes(data)[data].mean())
-
-
 def cheap_steps(
     errors: Floats,
     prices: Floats,

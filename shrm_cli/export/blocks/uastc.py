@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.export.blocks import bc6h, lines, rate
-from shrm_cli.export.blocks.lamps import STARTS, Found, best, light_error, refined
 from shrm_cli.export.blocks.uastc_bits import PLACES, pack, read, unpack, written
 
 LARGEST = 65216.0
@@ -71,7 +70,7 @@ SPACE = lines.Space(_numbers, _light, 2048, {_STEPS: _FRACTIONS})
 """Numbers whose steps are nearly alike in all of an octave."""
 
 
-def encoded(blocks: Array, prices: lines.Floats) -> Found:
+def encoded(blocks: Array, prices: lines.Floats) -> lines.Found:
     """Return blocks of shape (3, 16, n), encoded."""
     texels = lines.Texels.of(np.minimum(blocks, LARGEST), SPACE)
     of_channels = texels.weights.sum(axis=1)
@@ -103,21 +102,24 @@ def prices_of(blocks: Array) -> lines.Floats:
     of_some, factor = prices[some] * ~lines.is_steep(texels), np.float32(1)
     for _ in range(_TRIES):
         data = pack(numbers, _chosen(errors, numbers, factor * of_some))
-        factor *= np.float32(max(1.0, 2 ** (_DEARER * (rate.mean_bits(data) - _MOST_BITS))))
+        bits = float(rate.bits_of_bytes(data)[data].mean())
+        factor *= np.float32(max(1.0, 2 ** (_DEARER * (bits - _MOST_BITS))))
     return factor * prices
 
 
-def searched(blocks: Array) -> Found:
+def searched(blocks: Array) -> lines.Found:
     """Return blocks of shape (3, 16, n) encoded as well as may be, which takes its time."""
     texels = lines.Texels.of(np.minimum(blocks, LARGEST), SPACE)
     count = blocks.shape[-1]
-    every = texels[np.tile(np.arange(count), len(STARTS))]
+    every = texels[np.tile(np.arange(count), len(lines.STARTS))]
     ends = lines.line(every, _every(every), _STEPS)
-    ends = refined(every, _every(every), ends, _STEPS, np.repeat(STARTS, count))
+    ends = lines.refined(every, _every(every), ends, _STEPS, np.repeat(lines.STARTS, count))
     ends = _fitted(every.by_light(), np.ones_like(every.light[0]), ends, _MANY_ROUNDS)
     numbers = written(ends, every.weights.sum(axis=1))
     indices = rate.smallest(_errors(_lights(numbers), every.light))
-    return best(_found(every, numbers, indices, np.arange(indices.shape[-1])), len(STARTS))
+    return lines.best(
+        _found(every, numbers, indices, np.arange(indices.shape[-1])), len(lines.STARTS)
+    )
 
 
 def _every(texels: lines.Texels) -> lines.Members:
@@ -194,7 +196,7 @@ def _errors(lights: lines.Floats, wanted: lines.Floats) -> lines.Floats:
 
 def _found(
     texels: lines.Texels, numbers: lines.Whole, indices: lines.Whole, lamps: lines.Whole
-) -> Found:
+) -> lines.Found:
     """Return blocks, with the steps of some moved so that lamps keep their energy."""
     lights = _lights(numbers)
     wanted = np.concatenate([texels.light, texels.light])
@@ -208,8 +210,8 @@ def _found(
         indices[:, lamps] = lines.balanced(
             lambda at: light(there, at), wanted[..., lamps], indices[:, lamps], _STEPS
         )
-    off = light_error(light(lights, indices), wanted)
-    return Found(pack(numbers, indices), off, off)
+    off = lines.light_error(light(lights, indices), wanted)
+    return lines.Found(pack(numbers, indices), off, off)
 
 
 def _as_bc6h(ends: lines.Whole) -> lines.Floats:

@@ -100,7 +100,7 @@ class _Bytes:
 
 
 def _by_differences(
-    wanted: Whole, largest: Whole, mode: int, coarse: int = 0
+    wanted: Whole, largest: Whole, mode: int, coarse: int
 ) -> tuple[Whole, NDArray[np.bool_]]:
     """Return ends as bytes of a way by differences, and where they hold them.
 

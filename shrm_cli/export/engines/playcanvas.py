@@ -16,9 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from shrm_cli.arrays import Array, slices
-from shrm_cli.export.cubes import decoded, diffuse_cube
+from shrm_cli.export.cubes import diffuse_cube, packed_images
 from shrm_cli.export.engine import Engine, Light, Package, halving
-from shrm_cli.export.pixels import TexelFormat, encoded, loss, rgba_png
+from shrm_cli.export.pixels import TexelFormat, rgba_png
 from shrm_cli.export.quoting import string, uri
 from shrm_cli.progress import at_once
 from shrm_cli.sphere.cube import CubeSampler
@@ -51,10 +51,7 @@ class PlayCanvas(Engine):
             return made  # one picture has both
         name = f"{light.name}_envAtlas.png"
         atlas = env_atlas(light.levels, diffuse_cube(light.diffuse))
-        data, clipped = encoded(atlas, texels, "the atlas")
-        made.tell_clipped(name, texels, [clipped])
-        found = decoded(data, texels, 1, len(atlas))
-        made.tell_lost(name, [loss("the atlas", atlas[None], found)])
+        (data,) = packed_images(made, name, [("the atlas", atlas[None])], texels)
         made.add_bytes(name, rgba_png(np.frombuffer(data, np.uint8).reshape(*atlas.shape[:2], 4)))
         made.told += [
             "the lat-longs of the atlas lie as ours do, +Z in the centre",

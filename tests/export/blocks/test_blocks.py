@@ -8,8 +8,7 @@ import pytest
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export.blocks import astc, bc6h, rate, uastc, uastc_bits
 from shrm_cli.export.blocks.bc6h import ANCHORS, MODES, PARTITIONS, pack
-from shrm_cli.export.blocks.lamps import nearest, refined
-from shrm_cli.export.blocks.lines import Texels, line
+from shrm_cli.export.blocks.lines import Texels, line, nearest, refined
 from shrm_cli.export.cubes import decoded
 from shrm_cli.export.dds import dds_cube, dds_image
 from shrm_cli.export.engine import Light, engine
