@@ -19,8 +19,23 @@ from numpy.typing import NDArray
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array
-from shrm_cli.brdf import coefficients, lobe_expansion
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import (
+    BrdfCoefficients,
+    Sampled,
+    both_signs,
+    octaves_to_come,
+    power_of_two_times,
+)
+from shrm_cli.brdf.lobe_expansion import (
+    FINER,
+    Expansion,
+    LobeExpander,
+    Views,
+    first_order_f,
+    light_rule,
+    lobe_width,
+)
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError
@@ -62,7 +77,7 @@ _SCALE = 1000
 
 
 @record(eq=False)
-class TransferFunctions(coefficients.Sampled):
+class TransferFunctions(Sampled):
     """The lobes of a BRDF for all views, as harmonics of the light about the central direction."""
 
     values: Array
@@ -112,9 +127,7 @@ class TransferFunctions(coefficients.Sampled):
         that the energy over all p is an integral over theta_o.
         """
         squares = np.einsum("qloc,qloc,o->qlc", self.values, self.values, self.weights)
-        return np.asarray(
-            np.tensordot(coefficients.both_signs(self.max_q), squares, 1) / (2 * np.pi)
-        )
+        return np.asarray(np.tensordot(both_signs(self.max_q), squares, 1) / (2 * np.pi))
 
     @cached_property
     def spread(self) -> Array:
@@ -185,21 +198,19 @@ class LobeSampling:
         self.brdf, self.accuracy = brdf, accuracy
         self.order_f, self.max_q = order_f, max_q
         self.center = brdf.center
-        rule = lobe_expansion.light_rule(brdf)
+        rule = light_rule(brdf)
         self._is_single = bool(brdf.is_measured or accuracy >= _SINGLE)
-        self._expander = lobe_expansion.LobeExpander(brdf, rule, order_f, max_q, self._is_single)
+        self._expander = LobeExpander(brdf, rule, order_f, max_q, self._is_single)
         self._budget = _MOST_SAMPLES[brdf.is_measured] // share
         # A sharp lobe that lies elsewhere than about C must not fall between the nodes.
-        cells = 0 if brdf.center == "reflection" else 6 / lobe_expansion.lobe_width(brdf)
+        cells = 0 if brdf.center == "reflection" else 6 / lobe_width(brdf)
         # Where nodes are even, or noise has all frequencies, too few of them would alias.
         per_order = 1.5 if rule.focus == 1 or brdf.is_measured else 0.5
         azimuths = max(_AZIMUTHS[0], 3 * (max_q + 1))
         while True:
             self._first = (
-                coefficients.power_of_two_times(
-                    _LIGHTS[0], max(per_order * order_f, cells), _LIGHTS[1]
-                ),
-                coefficients.power_of_two_times(azimuths, cells, _AZIMUTHS[1]),
+                power_of_two_times(_LIGHTS[0], max(per_order * order_f, cells), _LIGHTS[1]),
+                power_of_two_times(azimuths, cells, _AZIMUTHS[1]),
             )
             if cells < _LIGHTS[0] or _VIEWS[0] * np.prod(self._first) <= self._budget // 8:
                 break
@@ -212,7 +223,7 @@ class LobeSampling:
         # high degrees change the faster with theta_o. To begin anew would take twice the time.
         resolving = 6 * math.ceil(_RESOLVING * math.sqrt(self.order_f / self.accuracy) / 6)
         count = max(_VIEWS[0], min(resolving, _VIEWS[1] // 2), least)
-        views = lobe_expansion.Views(*view_nodes(self.center, count), self._first)
+        views = Views(*view_nodes(self.center, count), self._first)
         while True:
             self._sample(views)
             error = self._view_error(views)
@@ -234,7 +245,7 @@ class LobeSampling:
             np.array(np.broadcast_to(total, 3)), (lights, count, phis), reached, self.accuracy,
         )  # fmt: skip
 
-    def _sample(self, views: lobe_expansion.Views) -> None:
+    def _sample(self, views: Views) -> None:
         """Expand the lobes of all views. Every third view tells the others where to begin."""
         thirds = np.arange(1, len(views.theta_o), 3)
         others = np.setdiff1d(np.arange(len(views.theta_o)), thirds)
@@ -250,7 +261,7 @@ class LobeSampling:
         views.begin_beside(others, thirds)
         self._refine(views, others, self._budget)
 
-    def _refine(self, views: lobe_expansion.Views, which: NDArray[np.intp], budget: int) -> None:
+    def _refine(self, views: Views, which: NDArray[np.intp], budget: int) -> None:
         """Expand the lobes of some views, and again with more nodes where that is needed."""
         while len(which):
             self._expand(views, which)
@@ -268,14 +279,14 @@ class LobeSampling:
             views.levels[which[chosen]] = finer[chosen]
             which = which[chosen]
 
-    def _expand(self, views: lobe_expansion.Views, which: NDArray[np.intp]) -> None:
+    def _expand(self, views: Views, which: NDArray[np.intp]) -> None:
         pending = int(np.sum(views.levels[which].prod(axis=1)))
         for count in np.unique(views.levels[which, 0]):
             # Views of the same number of nodes in theta_i share a large table.
             self._expander.prepare(int(count))
             jobs = _blocks(views.levels, which[views.levels[which, 0] == count])
 
-            def expanded(block: NDArray[np.intp]) -> lobe_expansion.Expansion:
+            def expanded(block: NDArray[np.intp]) -> Expansion:
                 lights, azimuths = (int(n) for n in views.levels[block[0]])
                 return self._expander.expand(views.theta_o[block], lights, azimuths, self._azimuth)
 
@@ -291,7 +302,7 @@ class LobeSampling:
         self._shown = max(self._shown, int(part * (_SCALE - 1)))
         progress.report(self._shown, _SCALE)
 
-    def _view_error(self, views: lobe_expansion.Views) -> float:
+    def _view_error(self, views: Views) -> float:
         """The energy that the rule in theta_o is estimated to miss."""
         third = slice(1, None, 3)
         coarse_theta, coarse_weights = view_nodes(self.center, len(views.theta_o) // 3)
@@ -301,19 +312,13 @@ class LobeSampling:
         for values in np.split(views.values, len(views.values) // (self.max_q + 1)):
             fine = _projected(values, views.theta_o, views.weights, order_p)
             coarse = _projected(values[:, :, third], coarse_theta, coarse_weights, order_p)
-            change += float(
-                np.sum((fine - coarse) ** 2 * coefficients.both_signs(order_p)[:, None])
-            )
-        signs = coefficients.both_signs(len(views.values) - 1)
+            change += float(np.sum((fine - coarse) ** 2 * both_signs(order_p)[:, None]))
+        signs = both_signs(len(views.values) - 1)
         by_degree = np.einsum("q,qloc->loc", signs, views.values**2) / (2 * np.pi)
         degrees = views.weights @ by_degree - coarse_weights @ by_degree[:, third]
         energy = views.total() - coarse_weights @ views.energy[third]
         return float(
-            max(
-                change / lobe_expansion.FINER**2,
-                np.abs(degrees).sum() / lobe_expansion.FINER,
-                np.abs(energy).sum() / lobe_expansion.FINER,
-            )
+            max(change / FINER**2, np.abs(degrees).sum() / FINER, np.abs(energy).sum() / FINER)
         )
 
 
@@ -384,7 +389,7 @@ def _zonal_integrals(brdf: Brdf, order_f: int, count: int) -> tuple[Array, Array
 
 def compute_coefficients(
     brdf: Brdf, order_f: int, order_p: int, accuracy: float = 1e-5
-) -> coefficients.BrdfCoefficients:
+) -> BrdfCoefficients:
     """Compute coefficients of a BRDF by quadrature (eq. 5.22), sampled until they have converged.
 
     They are those of `compute_transfer`, expanded over theta_o.
@@ -396,12 +401,10 @@ def compute_coefficients(
     if isinstance(brdf, Sum):
         return _summed(brdf, order_f, order_p, accuracy)
     transfer = compute_transfer(brdf, order_f, order_p, accuracy)
-    return coefficients.BrdfCoefficients.of(transfer, order_p, brdf.zonal)
+    return BrdfCoefficients.of(transfer, order_p, brdf.zonal)
 
 
-def _summed(
-    brdf: Sum, order_f: int, order_p: int, accuracy: float
-) -> coefficients.BrdfCoefficients:
+def _summed(brdf: Sum, order_f: int, order_p: int, accuracy: float) -> BrdfCoefficients:
     """Add the coefficients of the terms of a sum about its own center.
 
     Each term is sampled as its own lobe wants it, and to the degrees that it has. The whole would
@@ -414,7 +417,7 @@ def _summed(
     """
     total, by_degree = np.zeros(3), np.zeros((order_f + 1, 3))
     added = np.zeros((order_f + 1, MAX_ORDER_P + 1, MAX_ORDER_P + 1, 3))
-    signs, missed, samples = coefficients.both_signs(MAX_ORDER_P)[:, None], 0.0, []
+    signs, missed, samples = both_signs(MAX_ORDER_P)[:, None], 0.0, []
     for weight, term in brdf.terms:
         term = term.recentered(brdf.center)
         each = _to_its_degrees(term, order_f, order_p, accuracy)
@@ -432,7 +435,7 @@ def _summed(
     values = added[:, : order_p + 1, : order_p + 1]
     lights, views, azimuths = (max(counts) for counts in zip(*samples, strict=True))
     reached = float(missed**2 / total.sum()) if total.sum() > 0 else 0.0
-    return coefficients.BrdfCoefficients(
+    return BrdfCoefficients(
         values.copy(), total, by_degree, (lights, views, azimuths), reached, accuracy
     )
 
@@ -444,11 +447,11 @@ def _to_its_degrees(term: Brdf, order_f: int, order_p: int, accuracy: float) -> 
     order is raised until no more than a part of the accuracy lies beyond it: a part, because what
     it has there in common with other terms is missed, too.
     """
-    order = lobe_expansion.first_order_f(term)
+    order = first_order_f(term)
     while True:
         order = min(order, order_f)
         found = compute_transfer(term, order, order_p, accuracy)
-        octaves = coefficients.octaves_to_come(found, accuracy / _COMMON)
+        octaves = octaves_to_come(found, accuracy / _COMMON)
         if order == order_f or octaves == 0:
             return found
         order *= 2**octaves

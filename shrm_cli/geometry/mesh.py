@@ -309,15 +309,22 @@ def joined(name: str, meshes: Sequence[Mesh]) -> Mesh:
         np.array([*(places[each] for each in mesh.materials), -1])[mesh.face_materials]
         for mesh in meshes
     ]
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    found: dict[str, Any] = {key: _filled(meshes, key, *each) for key, each in _MISSING.items()}
-    for key in ("vertices", "normals", "file_vertices"):
-        found[key] = np.concatenate([getattr(mesh, key) for mesh in meshes])
     return Mesh(
-        name, faces=np.concatenate(faces), materials=tuple(materials),
+        name=name,
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        faces=np.concatenate(
+            [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+        ),
+        normals=np.concatenate([mesh.normals for mesh in meshes]),
+        uvs=_filled(meshes, [mesh.uvs for mesh in meshes], 2, 0.0),
+        uvs_1=_filled(meshes, [mesh.uvs_1 for mesh in meshes], 2, 0.0),
+        tangents=_filled(meshes, [mesh.tangents for mesh in meshes], 4, np.nan),
+        colors=_filled(meshes, [mesh.colors for mesh in meshes], 3, 1.0),
+        materials=tuple(materials),
         face_materials=np.concatenate(owners).astype(np.int64),
-        file_rows=_joined_rows(meshes, starts), **found,
-    )  # fmt: skip
+        file_vertices=np.concatenate([mesh.file_vertices for mesh in meshes]),
+        file_rows=_joined_rows(meshes, starts),
+    )
 
 
 def _joined_rows(meshes: Sequence[Mesh], starts: Integers) -> Integers:
@@ -380,13 +387,10 @@ def _normals(points: Array, faces: Integers, around: NDArray[Any], given: Array 
     return unit
 
 
-_MISSING = {"uvs": (2, 0.0), "uvs_1": (2, 0.0), "tangents": (4, np.nan), "colors": (3, 1.0)}
-"""Attributes that meshes may lack: their columns, and what is in them beside meshes that do not."""
-
-
-def _filled(meshes: Sequence[Mesh], key: str, columns: int, missing: float) -> Array | None:
+def _filled(
+    meshes: Sequence[Mesh], values: Sequence[Array | None], columns: int, missing: float
+) -> Array | None:
     """Return the attribute of all meshes, with a number where one has none; None if all lack it."""
-    values = [getattr(mesh, key) for mesh in meshes]
     if all(each is None for each in values):
         return None
     return np.concatenate([

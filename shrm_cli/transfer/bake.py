@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli import settings, vocabulary
+from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
@@ -37,6 +37,13 @@ from shrm_cli.transfer.gather import (
 )
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
+from shrm_cli.vocabulary import (
+    ALBEDO,
+    DEFAULT_PRODUCT_ORDER,
+    MAX_MATRIX_ORDER,
+    MAX_TRANSFER_ORDER,
+    TRANSFER_TEXTURES,
+)
 
 if TYPE_CHECKING:
     from shrm_cli.geometry.mesh import Mesh
@@ -70,7 +77,7 @@ class Plan:
     order: int = 4
     bounces: int = 0
     samples: int = 1024
-    albedo: ArrayLike = vocabulary.ALBEDO
+    albedo: ArrayLike = ALBEDO
     glossy: bool = False
     tangents: Array | None = None
     product: "ProductTexture | None" = None
@@ -79,13 +86,13 @@ class Plan:
 
     def __post_init__(self) -> None:
         limits = {
-            "order": (0, vocabulary.MAX_TRANSFER_ORDER),
+            "order": (0, MAX_TRANSFER_ORDER),
             "bounces": (0, _MOST_BOUNCES),
             "samples": (1, _MOST_SAMPLES),
-            "texture": vocabulary.TRANSFER_TEXTURES,
+            "texture": TRANSFER_TEXTURES,
         }
         if self.glossy:
-            limits["order"] = (0, vocabulary.MAX_MATRIX_ORDER)
+            limits["order"] = (0, MAX_MATRIX_ORDER)
         for name, (low, high) in limits.items():
             value = getattr(self, name)
             if name == "texture" and value is None:
@@ -112,10 +119,7 @@ class Plan:
     def _own_colors(self) -> Array:
         """What the materials of the mesh reflect at the sites, shape (s, 3)."""
         mesh, sites = self.mesh, self.sites
-        shelf, found = (
-            Shelf("give another `albedo`"),
-            np.full((len(sites.faces), 3), vocabulary.ALBEDO),
-        )
+        shelf, found = Shelf("give another `albedo`"), np.full((len(sites.faces), 3), ALBEDO)
         for number in {int(each) for each in np.unique(mesh.face_materials) if each >= 0}:
             if not mesh.materials[number].is_known:
                 continue
@@ -221,7 +225,7 @@ def transfer_plan(
 
     found = load_mesh(mesh) if isinstance(mesh, str | os.PathLike) else mesh
     if albedo is None:
-        albedo = "mesh" if any(each.has_color for each in found.materials) else vocabulary.ALBEDO
+        albedo = "mesh" if any(each.has_color for each in found.materials) else ALBEDO
     if isinstance(albedo, str) and albedo == "vertex":
         if found.colors is None:
             raise ArgumentError("albedo", f"cannot be vertex: {found.name} has no vertex colours")
@@ -231,7 +235,7 @@ def transfer_plan(
     matrices = matrices or brdf is not None
     sites = product = None
     if order is None and matrices:
-        order = vocabulary.DEFAULT_PRODUCT_ORDER
+        order = DEFAULT_PRODUCT_ORDER
     elif order is None:
         sites = sites_of(found, texture)
         order = sufficient_order(sites, Rays(found))

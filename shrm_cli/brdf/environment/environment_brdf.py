@@ -10,7 +10,12 @@ from numpy.typing import ArrayLike
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array, slices
-from shrm_cli.brdf.environment import material_albedo
+from shrm_cli.brdf.environment.material_albedo import (
+    ViewTable,
+    albedo_table,
+    half_vectors,
+    unit_rule,
+)
 from shrm_cli.brdf.models.charlie import Charlie
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.vectors import GRAZING, fifth_power
@@ -55,13 +60,11 @@ def _integrals(alpha: float, view: Array) -> Array:
     They are over the half vector H instead of L, with ``dL = 4 V.H dH``.
     """
     sine = np.sqrt(1 - view**2)
-    x, measure, end = material_albedo.half_vectors(alpha, view, _SLOPES)
+    x, measure, end = half_vectors(alpha, view, _SLOPES)
     slope = alpha * np.sinh(x)
     # With y = sinh(x), D cos(theta_h) dH = 2 y / (1 + y^2)^2 dy dphi / (2 pi).
     measure *= 2 * np.tanh(x) / np.cosh(x) ** 2
-    azimuths, azimuth_weights = (
-        each[:, None, None] for each in material_albedo.unit_rule(_AZIMUTHS)
-    )
+    azimuths, azimuth_weights = (each[:, None, None] for each in unit_rule(_AZIMUTHS))
     along = np.cos(end * azimuths) * slope  # the component of H / N.H towards the view
     facing = along * sine + view  # V.H / N.H
     cosine2 = 1 / (1 + slope**2)
@@ -82,7 +85,7 @@ def _integrals(alpha: float, view: Array) -> Array:
     return result
 
 
-class LobeMoments(material_albedo.ViewTable):
+class LobeMoments(ViewTable):
     """The moments of one roughness, tabulated over N.V for rendering.
 
     Interpolated values differ from those of `lobe_moments` by 2e-5 at most, at any roughness.
@@ -188,7 +191,7 @@ def columns_table(kind: str, size: int) -> Array:
     elif kind == "turquin":
         third = (1 - albedo) / albedo
     else:
-        third = material_albedo.albedo_table(Charlie(visibility="neubelt"), size)[..., 0]
+        third = albedo_table(Charlie(visibility="neubelt"), size)[..., 0]
     return np.concatenate([two, third[..., None]], axis=-1)
 
 
@@ -269,7 +272,7 @@ def _totals(alphas: tuple[float, float], z: Array, azimuth: float) -> Array:
     positive = (along + root) / (z * square)
     negative = z / np.maximum(root - along, np.finfo(float).tiny)
     end = np.arcsinh(np.where(along > 0, positive, negative))
-    nodes, weights = material_albedo.unit_rule(_SLOPES)
+    nodes, weights = unit_rule(_SLOPES)
     steps = end * nodes
     length = np.sinh(steps)
     facing = z + along * length  # V.H / N.H

@@ -5,8 +5,17 @@ import math
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf import vectors
 from shrm_cli.brdf.base import Brdf, Parameter, Value, scaled
+from shrm_cli.brdf.vectors import (
+    GRAZING,
+    METALS,
+    above_horizon,
+    colored,
+    cosines,
+    fifth_power,
+    half_vector,
+    schlick,
+)
 
 
 class AshikhminShirley(Brdf):
@@ -24,12 +33,7 @@ class AshikhminShirley(Brdf):
         Parameter("nu", 64.0, 0.0, 1e5, "exponent in x: larger is sharper"),
         Parameter("nv", 64.0, 0.0, 1e5, "exponent in y", follows="nu"),
         Parameter(
-            "specular",
-            (1.0, 1.0, 1.0),
-            0.0,
-            1.0,
-            "reflectance at normal incidence",
-            names=vectors.METALS,
+            "specular", (1.0, 1.0, 1.0), 0.0, 1.0, "reflectance at normal incidence", names=METALS
         ),
         Parameter(
             "diffuse", (0.0, 0.0, 0.0), 0.0, 1.0, "colour of the base, seen where specular < 1"
@@ -41,8 +45,8 @@ class AshikhminShirley(Brdf):
         self.isotropic = self.values["nu"] == self.values["nv"]
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        half = vectors.half_vector(light, view)
-        light_cosine, view_cosine = vectors.cosines(light, view)
+        half = half_vector(light, view)
+        light_cosine, view_cosine = cosines(light, view)
         nu, nv = self.number("nu"), self.number("nv")
         # (N.H)^e = exp((nu h_x^2 + nv h_y^2) rate) with rate = log(N.H) / sin(theta_h)^2, which
         # goes to -1/2 for small theta_h.
@@ -50,15 +54,13 @@ class AshikhminShirley(Brdf):
         rate = np.log1p(-sine2) / (2 * sine2)
         lobe = np.exp((nu * half.x**2 + nv * half.y**2) * rate)
         scale = math.sqrt((nu + 1) * (nv + 1)) / (8 * math.pi)
-        near = np.maximum(half.cosine, vectors.GRAZING) * np.maximum(light_cosine, view_cosine)
-        value = vectors.above_horizon(scale * lobe / near, light, view)
-        result = scaled(vectors.schlick(self.color("specular"), half.cosine), value)
+        near = np.maximum(half.cosine, GRAZING) * np.maximum(light_cosine, view_cosine)
+        value = above_horizon(scale * lobe / near, light, view)
+        result = scaled(schlick(self.color("specular"), half.cosine), value)
         if max(self.color("diffuse")) == 0:
             return result
-        base = (1 - vectors.fifth_power(1 - light_cosine / 2)) * (
-            1 - vectors.fifth_power(1 - view_cosine / 2)
-        )
-        lower = vectors.above_horizon(base * (28 / (23 * np.pi)), light, view)
+        base = (1 - fifth_power(1 - light_cosine / 2)) * (1 - fifth_power(1 - view_cosine / 2))
+        lower = above_horizon(base * (28 / (23 * np.pi)), light, view)
         pairs = zip(self.color("diffuse"), self.color("specular"), strict=True)
         red, green, blue = (diffuse * (1 - specular) for diffuse, specular in pairs)
-        return result + vectors.colored(lower, (red, green, blue))
+        return result + colored(lower, (red, green, blue))

@@ -21,7 +21,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.export.blocks import lines
+from shrm_cli.export.blocks.lines import (
+    STARTS,
+    Floats,
+    Found,
+    Space,
+    Texels,
+    Whole,
+    along,
+    balanced,
+    best,
+    between,
+    is_steep,
+    light_error,
+    line,
+    nearest,
+    refined,
+    relative_weights,
+    scaled,
+    squared_error,
+    step_errors,
+    steps,
+)
 from shrm_cli.export.blocks.rate import bits_of_bytes, cheap_steps, starting_prices
 from shrm_cli.records import record
 from shrm_cli.vocabulary import LARGEST_HALF
@@ -119,9 +140,7 @@ ANCHORS = np.array([15] * 17 + [2, 8, 2, 2, 8, 8, 15, 2, 8, 2, 2, 8, 8, 2, 2])
 is texel 0."""
 
 
-def pack(
-    mode: Mode, ends: lines.Whole, indices: lines.Whole, partition: lines.Whole
-) -> NDArray[np.uint8]:
+def pack(mode: Mode, ends: Whole, indices: Whole, partition: Whole) -> NDArray[np.uint8]:
     """Return blocks of one mode, 16 bytes each.
 
     `ends`, of shape (2 * lines, 3, n), are the first end whole; the others as the mode has them,
@@ -131,7 +150,7 @@ def pack(
     """
     words = np.zeros((2, len(partition)), dtype=np.uint64)
 
-    def put(numbers: lines.Whole, at: int | lines.Whole, length: int) -> None:
+    def put(numbers: Whole, at: int | Whole, length: int) -> None:
         words[int(np.min(at) >= 64)] |= numbers.astype(np.uint64) << np.asarray(at & 63, np.uint64)
         if isinstance(at, int) and at < 64 < at + length:
             words[1] |= numbers.astype(np.uint64) >> np.uint64(64 - at)
@@ -166,35 +185,35 @@ _FINE = 0.01**2
 """Where the squared relative error of one line is smaller, two are not tried."""
 
 
-def _numbers(light: lines.Floats) -> lines.Floats:
+def _numbers(light: Floats) -> Floats:
     steps = light.astype(np.float16).view(np.uint16).astype(np.float32)
     return (steps + np.float32(0.5)) * np.float32(64 / 31)
 
 
-def _light(numbers: lines.Floats) -> lines.Floats:
+def _light(numbers: Floats) -> Floats:
     steps = np.clip(numbers * np.float32(31 / 64), 0, 31743).astype(np.uint16)
     return steps.view(np.float16).astype(np.float32)
 
 
-_FRACTIONS: dict[int, lines.Floats] = {
+_FRACTIONS: dict[int, Floats] = {
     len(weights): np.array(weights, dtype=np.float32) * np.float32(1 / 64)
     for weights in (
         [0, 9, 18, 27, 37, 46, 55, 64],
         [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64],
     )
 }
-SPACE = lines.Space(_numbers, _light, 1024 * 64 / 31, _FRACTIONS)
+SPACE = Space(_numbers, _light, 1024 * 64 / 31, _FRACTIONS)
 """The bits of half floats, 31/64 of what is interpolated."""
 
 
 prices_of = starting_prices
 
 
-def encoded(blocks: Array, prices: lines.Floats) -> lines.Found:
+def encoded(blocks: Array, prices: Floats) -> Found:
     """Return blocks of shape (3, 16, n), encoded."""
-    texels = lines.Texels.of(np.minimum(blocks, LARGEST), SPACE)
+    texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
     every = np.zeros(blocks.shape[-1], dtype=np.int64)
-    prices = prices * ~lines.is_steep(texels)  # lamps keep what they have
+    prices = prices * ~is_steep(texels)  # lamps keep what they have
     found = _with_lines(texels, every, 1, prices=prices)
     bits = bits_of_bytes(found.data)
     coarse = np.flatnonzero(found.error > _FINE)
@@ -207,25 +226,25 @@ def encoded(blocks: Array, prices: lines.Floats) -> lines.Found:
     return found
 
 
-def searched(blocks: Array) -> lines.Found:
+def searched(blocks: Array) -> Found:
     """Return blocks of shape (3, 16, n) encoded as well as may be, which takes its time."""
-    texels = lines.Texels.of(np.minimum(blocks, LARGEST), SPACE)
+    texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
     count = blocks.shape[-1]
     partitions = np.concatenate(list(_partitions(texels, _MANY)))
     found = []
-    for number, ways in ((1, np.zeros(count, dtype=np.int64)), (2, partitions)):
-        ways = np.tile(ways, len(lines.STARTS))
-        start = np.repeat(lines.STARTS, len(ways) // len(lines.STARTS))
+    for lines, ways in ((1, np.zeros(count, dtype=np.int64)), (2, partitions)):
+        ways = np.tile(ways, len(STARTS))
+        start = np.repeat(STARTS, len(ways) // len(STARTS))
         every = texels[np.arange(len(ways)) % count]
-        found.append(lines.best(_with_lines(every, ways, number, start), len(ways) // count))
+        found.append(best(_with_lines(every, ways, lines, start), len(ways) // count))
     one, two = found
     one.replace(np.arange(count), two)
     return one
 
 
-def _partitions(texels: lines.Texels, tries: int) -> Iterator[lines.Whole]:
+def _partitions(texels: Texels, tries: int) -> Iterator[Whole]:
     """Yield for each block the partitions whose two lines should fit best, the best first."""
-    weight, _, values = lines.scaled(texels)
+    weight, _, values = scaled(texels)
     values = values - values.mean(axis=1, keepdims=True)
     red, green, blue = values
     terms = np.stack(
@@ -239,7 +258,7 @@ def _partitions(texels: lines.Texels, tries: int) -> Iterator[lines.Whole]:
     yield from order[:tries].astype(np.int64)
 
 
-def _beside_a_line(sums: lines.Floats) -> lines.Floats:
+def _beside_a_line(sums: Floats) -> Floats:
     """Return the squared distances from the best line through points, about, and their rounding.
 
     The sum of the two smaller eigenvalues of the covariance is about the sum of its principal
@@ -255,78 +274,72 @@ def _beside_a_line(sums: lines.Floats) -> lines.Floats:
 
 
 def _with_lines(
-    texels: lines.Texels,
-    partition: lines.Whole,
-    number: int,
+    texels: Texels,
+    partition: Whole,
+    lines: int,
     start: Array | None = None,
-    prices: lines.Floats | None = None,
-) -> lines.Found:
+    prices: Floats | None = None,
+) -> Found:
     """Return blocks of one line or two; with starts as `lines.refined` has them, by light.
 
     Where there are prices, steps on one line are cheap ones, and errors hold what bits cost.
     """
-    count = 16 if number == 1 else 8
+    count = 16 if lines == 1 else 8
     every = np.arange(len(partition))
-    second = PARTITIONS[partition].T & (number == 2)
-    sets, anchors = [~second, second][:number], [np.zeros_like(partition), ANCHORS[partition]]
+    second = PARTITIONS[partition].T & (lines == 2)
+    sets, anchors = [~second, second][:lines], [np.zeros_like(partition), ANCHORS[partition]]
     ends = []
     for members, anchor in zip(sets, anchors, strict=False):
-        fitted = lines.line(texels, members, count)
+        fitted = line(texels, members, count)
         if start is not None:
-            fitted = lines.refined(texels, members, fitted, count, start)
+            fitted = refined(texels, members, fitted, count, start)
         # The number of the anchor has no highest bit, so it lies in the first half of its line.
-        is_late = lines.along(texels.chosen(anchor), *fitted) > 0.5
+        is_late = along(texels.chosen(anchor), *fitted) > 0.5
         ends.append(np.where(is_late, fitted[::-1], fitted))
-    written, mode = _written(np.concatenate(ends), number)
+    written, mode = _written(np.concatenate(ends), lines)
     whole = _unquantized(written, mode)
-    near = lines.steps if start is None else lines.nearest
+    near = steps if start is None else nearest
     indices = near(texels, whole[:2], count)
     if prices is not None and prices.any():
         indices = _cheap_steps(texels, whole, written, mode, prices)
-    if number == 2:
+    if lines == 2:
         indices = np.where(second, near(texels, whole[2:], count), indices)
-    is_lamp = lines.is_steep(texels) if start is None else np.ones_like(every, dtype=bool)
+    is_lamp = is_steep(texels) if start is None else np.ones_like(every, dtype=bool)
     bright = np.flatnonzero(is_lamp)
     if bright.size:
         ends_there, second_there = whole[..., bright], second[:, bright]
 
-        def light(at: lines.Whole) -> lines.Floats:
-            return SPACE.light(lines.between(ends_there, _FRACTIONS[count][at], second_there))
+        def light(at: Whole) -> Floats:
+            return SPACE.light(between(ends_there, _FRACTIONS[count][at], second_there))
 
-        indices[:, bright] = lines.balanced(
-            light, texels.light[..., bright], indices[:, bright], count
-        )
-    for anchor in anchors[:number]:
+        indices[:, bright] = balanced(light, texels.light[..., bright], indices[:, bright], count)
+    for anchor in anchors[:lines]:
         indices[anchor, every] = np.minimum(indices[anchor, every], count // 2 - 1)
-    values = lines.between(whole, _FRACTIONS[count][indices], second)
-    off = lines.light_error(SPACE.light(values), texels.light)
-    error = lines.squared_error(texels, values) if start is None else off
+    values = between(whole, _FRACTIONS[count][indices], second)
+    off = light_error(SPACE.light(values), texels.light)
+    error = squared_error(texels, values) if start is None else off
     data = _packed(written, mode, indices, partition)
     if prices is not None:
         error = error + prices * bits_of_bytes(data)[data].sum(axis=1)
-    return lines.Found(data, error, off)
+    return Found(data, error, off)
 
 
 def _cheap_steps(
-    texels: lines.Texels,
-    ends: lines.Floats,
-    written: lines.Whole,
-    mode: lines.Whole,
-    prices: lines.Floats,
-) -> lines.Whole:
+    texels: Texels, ends: Floats, written: Whole, mode: Whole, prices: Floats
+) -> Whole:
     """Return steps of one line that are cheap in error and bits, shape (16, n).
 
     From the third texel on two fill a byte.
     """
-    errors = lines.step_errors(texels, ends, 16) * lines.relative_weights(texels.light)
+    errors = step_errors(texels, ends, 16) * relative_weights(texels.light)
 
-    def packed(indices: lines.Whole) -> NDArray[np.uint8]:
+    def packed(indices: Whole) -> NDArray[np.uint8]:
         return _packed(written, mode, indices, 0 * mode)
 
     return cheap_steps(errors, prices, packed, _PLACES, first=2)
 
 
-def one_line(ends: Array, indices: lines.Whole) -> NDArray[np.uint8]:
+def one_line(ends: Array, indices: Whole) -> NDArray[np.uint8]:
     """Return blocks of one line, 16 bytes each, in the finest modes that hold their ends.
 
     `ends`, of shape (2, 3, n), are numbers between 0 and 65536, as they are interpolated.
@@ -336,43 +349,44 @@ def one_line(ends: Array, indices: lines.Whole) -> NDArray[np.uint8]:
     return _packed(*_written(ends, 1), indices, np.zeros(indices.shape[-1], dtype=np.int64))
 
 
-def read_line(ends: lines.Floats) -> lines.Floats:
+def read_line(ends: Floats) -> Floats:
     """Return the ends of blocks of one line as decoders take them, shape (2, 3, n)."""
     return _unquantized(*_written(ends, 1))
 
 
-def _packed(
-    written: lines.Whole, mode: lines.Whole, indices: lines.Whole, partition: lines.Whole
-) -> NDArray[np.uint8]:
+def _packed(written: Whole, mode: Whole, indices: Whole, partition: Whole) -> NDArray[np.uint8]:
     """Return blocks of several modes, 16 bytes each."""
     data = np.empty((len(partition), 16), dtype=np.uint8)
     for k, each in enumerate(MODES):
         here = np.flatnonzero(mode == k)
         if here.size:
-            ends = written[..., here]
-            if not each.is_whole:
-                ends[1:] -= ends[0]
-            data[here] = pack(each, ends, indices[:, here], partition[here])
+            packed = _differences(each, written[..., here])
+            data[here] = pack(each, packed, indices[:, here], partition[here])
     return data
 
 
-def _written(ends: lines.Floats, number: int) -> tuple[lines.Whole, lines.Whole]:
+def _written(ends: Floats, lines: int) -> tuple[Whole, Whole]:
     """Return the ends as numbers of the finest mode that holds them, and the index of that mode."""
-    found = np.zeros(ends.shape, dtype=np.int64)
+    best = np.zeros(ends.shape, dtype=np.int64)
     mode = np.zeros(ends.shape[-1], dtype=np.int64)
     for k, each in enumerate(MODES):
-        if each.lines != number:
+        if each.lines != lines:
             continue
         near = np.clip(ends / 2.0 ** (16 - each.bits), 0, 2**each.bits - 1).astype(np.int64)
         half = np.array([1 << bits - 1 for bits in each.differences])[:, None]
         apart = near[1:] - near[0]
         holds = ((apart >= -half) & (apart < half)).all(axis=(0, 1)) | each.is_whole
-        found = np.where(holds, near, found)
+        best = np.where(holds, near, best)
         mode = np.where(holds, k, mode)
-    return found, mode
+    return best, mode
 
 
-def _unquantized(written: lines.Whole, mode: lines.Whole) -> lines.Floats:
+def _differences(mode: Mode, written: Whole) -> Whole:
+    """Return ends as a mode writes them."""
+    return written if mode.is_whole else np.concatenate([written[:1], written[1:] - written[0]])
+
+
+def _unquantized(written: Whole, mode: Whole) -> Floats:
     """Return ends between 0 and 65535, as decoders take them."""
     bits = np.array([each.bits for each in MODES])[mode]
     middle = ((written << 16) + 0x8000) >> bits

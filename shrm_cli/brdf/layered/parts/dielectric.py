@@ -5,10 +5,17 @@ from functools import partial
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf import vectors
 from shrm_cli.brdf.base import Brdf, grey, scaled
 from shrm_cli.brdf.film import Film, covered, film_reflectance
 from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.vectors import (
+    Half,
+    above_horizon,
+    cosines,
+    half_vector,
+    refracted_cosine,
+    shared,
+)
 
 
 def fresnel(cosine: Array, ior: float) -> Array:
@@ -16,7 +23,7 @@ def fresnel(cosine: Array, ior: float) -> Array:
 
     `cosine` is that of the angle in air, 0 .. 1. `ior` is the medium's index of refraction.
     """
-    below = vectors.refracted_cosine(cosine, ior)
+    below = refracted_cosine(cosine, ior)
     across = (cosine - ior * below) / (cosine + ior * below)
     along = (ior * cosine - below) / (ior * cosine + below)
     return np.asarray((across**2 + along**2) / 2)
@@ -27,11 +34,11 @@ def refracted(directions: Array, ior: float) -> Array:
 
     Directions below the horizon become those that graze in air.
     """
-    return vectors.shared(("refracted", ior), (directions,), lambda: _refracted(directions, ior))
+    return shared(("refracted", ior), (directions,), lambda: _refracted(directions, ior))
 
 
 def _refracted(directions: Array, ior: float) -> Array:
-    z = vectors.refracted_cosine(np.clip(directions[..., 2], 0.0, 1.0), ior)
+    z = refracted_cosine(np.clip(directions[..., 2], 0.0, 1.0), ior)
     return np.moveaxis(np.stack([directions[..., 0] / ior, directions[..., 1] / ior, z]), 0, -1)
 
 
@@ -85,31 +92,29 @@ class ThroughCoat(Brdf):
         return repr(self.whole)
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        half = vectors.half_vector(light, view)
-        seen = vectors.shared(
+        half = half_vector(light, view)
+        seen = shared(
             ("facets", self.whole.alphas, self.coat, self.ior, self.factor), (light, view),
             lambda: self._facets(half, light, view),
         )  # fmt: skip
         whole = self.whole
-        found = vectors.shared("reflectance", (whole, half), lambda: whole.reflectance(half.cosine))
+        found = shared("reflectance", (whole, half), lambda: whole.reflectance(half.cosine))
         return scaled(found, seen)
 
-    def _facets(self, half: vectors.Half, light: Array, view: Array) -> Array:
+    def _facets(self, half: Half, light: Array, view: Array) -> Array:
         """What the facets reflect if they are mirrors, shape (...)."""
         turned = sum(
-            vectors.shared(("swerve", self.ior), (each,), partial(_square_swerve, each, self.ior))
+            shared(("swerve", self.ior), (each,), partial(_square_swerve, each, self.ior))
             for each in (light, view)
         )
         added = self.coat * (turned + self.factor - 1)
         squares = [np.minimum(self.factor * alpha**2 + added, 1) for alpha in self.whole.alphas]
         stretched = half.x**2 / squares[0] + half.y**2 / squares[1] + half.z**2
-        lit, seen = vectors.cosines(light, view)
+        lit, seen = cosines(light, view)
         shadowed = seen * _projected(light, lit, squares)
         masked = lit * _projected(view, seen, squares)
         area = np.pi * np.sqrt(squares[0] * squares[1])
-        return vectors.above_horizon(
-            1 / (2 * area * stretched**2 * (shadowed + masked)), light, view
-        )
+        return above_horizon(1 / (2 * area * stretched**2 * (shadowed + masked)), light, view)
 
 
 def _square_swerve(directions: Array, ior: float) -> Array:
