@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import compress
 from typing import Any
 
@@ -317,7 +317,7 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
         f"place of the pixels{held}; without, errors were {1 / max(left, 1e-6):.3g} times as large "
         "a part of the light",
     )
-    further = {name: _together(find, beside) for name, find in made.further.items()}
+    further = {name: partial(_together, find, beside) for name, find in made.further.items()}
     lit = LampMap(inner, split.discs, left, beside.error, beside.brdf)
     of_dark: tuple[str, ...] = ()
     darkness = of_dark
@@ -344,14 +344,10 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
     )  # fmt: skip
 
 
-def _together(find: Callable[[], Any], beside: Beside) -> Callable[[], Any]:
-    """Return what finds a fact of a map as it is together with its lamps."""
-
-    def found() -> Any:
-        with beside_lamps(beside.lamps):
-            return find()
-
-    return found
+def _together(find: Callable[[], Any], beside: Beside) -> Any:
+    """Find a fact of a map as it is together with its lamps."""
+    with beside_lamps(beside.lamps):
+        return find()
 
 
 def lamps_share(probe: Probe) -> float:
