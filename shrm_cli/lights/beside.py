@@ -101,23 +101,18 @@ ANY = Goal(math.inf, None)
 """What a map keeps that is made of pixels, and cannot hold what discs differ by from lamps."""
 
 
-def split_for(probe: Probe, brdf: Brdf, goal: Goal) -> Beside:
+def splits_for(probe: Probe, brdf: Brdf, goal: Goal) -> Iterator[Beside]:
     """Take the lamps out of a probe, for a map of what a BRDF reflects.
 
     `goal` is what map and lamps have to keep together. As far as discs alone would take too much of
     it, the map holds what they differ by from the lamps' pixels.
 
+    Yields the best way, and the same with discs alone where a map may not hold more. Lamps have as
+    many discs as suffice. Where none do, a map may hold what these, or the fewest discs, change. Of
+    soft boxes that may need so many functions that nothing is won.
+
     Raises ArgumentError if the BRDF is one whose reflection of discs is not integrated. Raises
     ProbeError if the probe cannot be read.
-    """
-    return next(splits_for(probe, brdf, goal))
-
-
-def splits_for(probe: Probe, brdf: Brdf, goal: Goal) -> Iterator[Beside]:
-    """Yield what `split_for` returns, and the same with discs alone where a map may not hold more.
-
-    Lamps have as many discs as suffice. Where none do, a map may hold what these, or the fewest
-    discs, change. Of soft boxes that may need so many functions that nothing is won.
     """
     if brdf.center == "tangent":
         raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")

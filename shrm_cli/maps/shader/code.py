@@ -109,17 +109,6 @@ class Code:
     is_boxed: bool = False
 
 
-def look_up_code(
-    made: Map,
-    language: str,
-    textures: str | None = None,
-    taps: int | None = None,
-    even_taps: int | None = None,
-) -> str:
-    """Write the function of a map for a shader or a program; see `written_code`."""
-    return written_code(made, language, textures, taps, even_taps).text
-
-
 def written_code(
     made: Map,
     language: str,
