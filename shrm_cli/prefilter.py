@@ -193,12 +193,12 @@ def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:
     """Return the light that the map is made of, and the lamps if they are to be beside it."""
     if not request.splits or request.to == AUTO:  # which does it by itself
         return probe, None
-    from shrm_cli.lights.beside import ANY, split_for
+    from shrm_cli.lights.beside import ANY, splits_for
     from shrm_cli.plan.search import Goal
 
     # Maps of the angular domain are made of pixels.
     goal = ANY if request.domain == "angular" else Goal.of(request.error, request.seen)
-    found = split_for(probe, request.brdf, goal)
+    found = next(splits_for(probe, request.brdf, goal))
     return found.rest, found
 
 

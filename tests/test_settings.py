@@ -66,7 +66,7 @@ def test_the_command_line_leaves_none_behind(options):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("shrm_cli.brdf.spec.parse_spec", look)
+        patch.setattr("shrm_cli.parse_spec", look)
         run("brdf", "phong", "--no-cache", "--threads", 2, *options)
     assert seen == ([] if options else [Settings(2, False)])
     assert settings.current() == Settings()

@@ -185,13 +185,13 @@ def _printed(made: shrm.Map, prints: Mapping[str, Any]) -> dict[str, str]:
     """Return what is printed of a map besides its numbers, by the names used in JSON."""
     if prints["shader"] is None:
         return {}
-    from shrm_cli.maps.shader.code import look_up_code
+    from shrm_cli.maps.shader.code import written_code
 
     taps = None if prints["taps"] is None else int(prints["taps"])
     brushed, even = (
         (taps or vocabulary.DEFAULT_TAPS, None) if prints["anisotropy"] else (None, taps)
     )
-    return {"shader": look_up_code(made, prints["shader"], prints["textures"], brushed, even)}
+    return {"shader": written_code(made, prints["shader"], prints["textures"], brushed, even).text}
 
 
 def _made_by_default(given: Mapping[str, Any], source: shrm.Probe) -> str:

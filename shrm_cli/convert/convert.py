@@ -127,9 +127,9 @@ def _code(found: Map, language: str | None, textures: str | None = None) -> str 
     """Return the code that looks a map up in its textures, if there shall be some."""
     if language is None:
         return None
-    from shrm_cli.maps.shader.code import look_up_code
+    from shrm_cli.maps.shader.code import written_code
 
-    return look_up_code(found, language, textures)
+    return written_code(found, language, textures).text
 
 
 def _read(

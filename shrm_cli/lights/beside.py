@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import compress
 from typing import Any
 
@@ -100,23 +100,18 @@ ANY = Goal(math.inf, None)
 """What a map keeps that is made of pixels, and cannot hold what discs differ by from lamps."""
 
 
-def split_for(probe: Probe, brdf: Brdf, goal: Goal) -> Beside:
+def splits_for(probe: Probe, brdf: Brdf, goal: Goal) -> Iterator[Beside]:
     """Take the lamps out of a probe, for a map of what a BRDF reflects.
 
     `goal` is what map and lamps have to keep together. As far as discs alone would take too much of
     it, the map holds what they differ by from the lamps' pixels.
 
+    Yields the best way, and the same with discs alone where a map may not hold more. Lamps have as
+    many discs as suffice. Where none do, a map may hold what these, or the fewest discs, change. Of
+    soft boxes that may need so many functions that nothing is won.
+
     Raises ArgumentError if the BRDF is one whose reflection of discs is not integrated. Raises
     ProbeError if the probe cannot be read.
-    """
-    return next(splits_for(probe, brdf, goal))
-
-
-def splits_for(probe: Probe, brdf: Brdf, goal: Goal) -> Iterator[Beside]:
-    """Yield what `split_for` returns, and the same with discs alone where a map may not hold more.
-
-    Lamps have as many discs as suffice. Where none do, a map may hold what these, or the fewest
-    discs, change. Of soft boxes that may need so many functions that nothing is won.
     """
     if brdf.center == "tangent":
         raise ArgumentError("sun", f"does not apply to fibres such as {brdf.name}")
@@ -317,7 +312,7 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
         f"place of the pixels{held}; without, errors were {1 / max(left, 1e-6):.3g} times as large "
         "a part of the light",
     )
-    further = {name: _together(find, beside) for name, find in made.further.items()}
+    further = {name: partial(_together, find, beside) for name, find in made.further.items()}
     lit = LampMap(inner, split.discs, left, beside.error, beside.brdf)
     of_dark: tuple[str, ...] = ()
     darkness = of_dark
@@ -344,14 +339,10 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
     )  # fmt: skip
 
 
-def _together(find: Callable[[], Any], beside: Beside) -> Callable[[], Any]:
-    """Return what finds a fact of a map as it is together with its lamps."""
-
-    def found() -> Any:
-        with beside_lamps(beside.lamps):
-            return find()
-
-    return found
+def _together(find: Callable[[], Any], beside: Beside) -> Any:
+    """Find a fact of a map as it is together with its lamps."""
+    with beside_lamps(beside.lamps):
+        return find()
 
 
 def lamps_share(probe: Probe) -> float:

@@ -84,10 +84,6 @@ def _fraction(option: Option, value: object) -> float | None:
     return number if 0 < number < 1 and not isinstance(value, str) else None
 
 
-def _choice(option: Option, value: object) -> str | None:
-    return value if isinstance(value, str) and value in option.choices else None
-
-
 def _interval(option: Option, value: object) -> tuple[float, float] | None:
     if isinstance(value, str):
         return None
@@ -120,7 +116,7 @@ def _bytes(option: Option, value: object) -> int | None:
 _CHECKS: dict[str, Callable[[Option, object], Any]] = {
     "integer": _whole_within,
     "fraction": _fraction,
-    "choice": _choice,
+    "choice": lambda option, value: value if value in option.choices else None,
     "switch": lambda option, value: value if isinstance(value, bool) else None,
     "text": lambda option, value: value if isinstance(value, str) else None,
     "interval": _interval,

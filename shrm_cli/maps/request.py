@@ -18,7 +18,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import record_of
-from shrm_cli.maps.options import SHARED, Representation, bytes_text, listing, owners
+from shrm_cli.maps.options import SHARED, bytes_text, listing, owners
 from shrm_cli.maps.size import stored_bytes
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
@@ -173,22 +173,14 @@ def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
 def check_arguments(to: str, given: Iterable[str]) -> None:
     """Check that a representation is known, obeys all arguments, and has all that it needs."""
     chosen, given = registry.description(to), set(given)
-    known = registry.descriptions(to)
+    known = {AUTO: registry.description(AUTO), **registry.descriptions(to)}
     for name in sorted(given - chosen.arguments):
-        raise _not_for(name, chosen, known)
+        if not (of := owners(known, name)):
+            raise ArgumentError(name, "is no argument of prefilter")
+        why = f"; {chosen.why_no_brdf}" if name == "brdf" else ""
+        raise ArgumentError(name, f"applies with `to` {listing(of, 'or')}{why}")
     if chosen.needs_brdf and "brdf" not in given:
         raise ArgumentError("brdf", f"is missing; `to` {to} needs one")
-
-
-def _not_for(
-    name: str, chosen: Representation, known: Mapping[str, Representation]
-) -> ArgumentError:
-    """Return the error that refuses an argument which a representation does not obey."""
-    of = owners({AUTO: registry.description(AUTO), **known}, name)
-    if not of:
-        return ArgumentError(name, "is no argument of prefilter")
-    why = f"; {chosen.why_no_brdf}" if name == "brdf" else ""
-    return ArgumentError(name, f"applies with `to` {listing(of, 'or')}{why}")
 
 
 # ---- what was made, with facts about it that its file does not keep ------------------------------

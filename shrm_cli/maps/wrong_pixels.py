@@ -10,6 +10,7 @@ light of a map's error is that of the lobes' errors, so that one sum over both t
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import field
 from functools import cache, cached_property
 
 import numpy as np
@@ -102,15 +103,12 @@ class LampsLit:
     """From normals, tangents and views to what is reflected of them, shape (..., 3)."""
     may_darken: bool = False
     """Whether some of their radiance is negative."""
+    _known: dict[object, Array] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def first(self) -> Array:
         """Their light's coefficients of degree 0, shape (1, 3)."""
         return self.flux[None] / np.sqrt(4 * np.pi)
-
-    @cached_property
-    def _known(self) -> dict[object, Array]:
-        return {}
 
     def seen_at(self, at: Pixels, places: tuple[Indices, ...]) -> Array:
         """Return the luminance of it at some of the pixels, as lobes tell it."""

@@ -30,8 +30,6 @@ _LONGEST = 2**16
 """Bytes in which a header must end."""
 _XYZE = "32-bit_rle_xyze"
 Curve = Callable[[Array], Array]
-_SQUARE = 0.01
-"""How far the aspect ratio of a square pixel may be from 1."""
 _FILM = ("dpx", "cineon")
 """Formats of scanned film, whose integers are logarithms of densities if nothing else is said."""
 
@@ -52,10 +50,6 @@ class Encoding:
     """What the file says of the shape of its pixels; 1 is square."""
     notes: tuple[str, ...] = ()
     """What a user should know, a line each."""
-
-    @property
-    def has_square_pixels(self) -> bool:
-        return abs(self.pixel_aspect - 1) <= _SQUARE
 
     def linear(self, pixels: Array) -> Array:
         """Linear radiance of pixels as they are stored, float32, shape (..., 3)."""
@@ -355,17 +349,11 @@ def _unambiguous(path: Path, found: list[Layer]) -> Layer:
             candidates = narrower
     if len(candidates) == 1:
         return candidates[0]
+    parts = len({each.index for each in found})
+    given = " and ".join(["`part`"] * (parts > 1) + ["`layer`"] * (len(found) > parts))
     raise ProbeError(
-        f"{path}: its light may be any of {_listed(each.label for each in found)}; give "
-        f"{_what_tells(found)}"
+        f"{path}: its light may be any of {_listed(each.label for each in found)}; give {given}"
     )
-
-
-def _what_tells(found: list[Layer]) -> str:
-    """The arguments by which a user tells layers from each other."""
-    parts = len({each.index for each in found}) > 1
-    layers = len(found) > len({each.index for each in found})
-    return " and ".join(["`part`"] * parts + ["`layer`"] * layers)
 
 
 def _no_color(path: Path, names: list[str]) -> ProbeError:

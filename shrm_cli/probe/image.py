@@ -1,6 +1,5 @@
 """The images that hold a probe's pixels: what it asks of them, arrays, and how they lie in them."""
 
-import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Protocol
@@ -155,15 +154,6 @@ class ArrayImage:
         yield repr(self.pixels.shape).encode()
 
 
-def digest(images: tuple[ProbeImage, ...]) -> str:
-    """SHA-256 of the contents of images, one after the other."""
-    result = hashlib.sha256()
-    for image in images:
-        for piece in image.contents():
-            result.update(piece)
-    return result.hexdigest()
-
-
 def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
     """Layout of an image, from its attribute `envmap`, else from its aspect ratio.
 
@@ -261,7 +251,7 @@ def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array
     `image`, of shape (rows * N, columns * N, channels), holds the faces; for ``"faces"`` it is the
     six files stacked. `layout` is one of a cube. `orientation` is that of the faces in the image.
     """
-    from shrm_cli.sphere.cube import reorient
+    from shrm_cli.sphere.cube import reoriented
 
     if (layout, orientation) in (("openexr", "openexr"), ("faces", "openexr")):
         return image
@@ -270,8 +260,8 @@ def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array
     faces = np.empty((len(FACES), size, size, image.shape[2]), dtype=image.dtype)
     for face, (column, row, turned) in enumerate(cube.places):
         part = image[row * size : (row + 1) * size, column * size : (column + 1) * size]
-        faces[face] = part[::-1, ::-1] if turned else part
-    return reorient(faces, orientation).reshape(6 * size, size, -1)
+        faces[face] = reoriented(part[::-1, ::-1] if turned else part, face, orientation)
+    return faces.reshape(6 * size, size, -1)
 
 
 def arrange_faces(stack: Array, layout: Layout, orientation: Orientation) -> Array:

@@ -101,7 +101,9 @@ class ImageFile:
         are refused otherwise. `part` and `layer` say which of several to read; see `choose_layer`.
         """
         path = check_file(path)
-        _check_whole(path)
+        with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            if not _is_whole(data):
+                raise ProbeError(f"{path}: damaged or truncated; copy or export it again")
         radiance = radiance_encoding(path)
         source = _opened(path)
         file_format = source.format_name()
@@ -316,10 +318,15 @@ def _opened(path: Path) -> Any:
         return source
     from zipfile import is_zipfile  # slow to load, and rarely needed
 
-    why = _reason(_last_error(), path)  # an error that is not fetched is printed
+    try:
+        why = _reason(oiio.geterror(), path)  # an error that is not fetched is printed
+    except UnicodeDecodeError:  # the library quotes the file's bytes
+        why = "damaged"
     if is_zipfile(path):  # of which that reason says nothing
         raise ProbeError(f"{path}: an archive, not an image; tables belong to `brdf`")
-    if _begins_as_archive(path):
+    with open(path, "rb") as stream:  # tables in .npz are ZIPs, which may be cut
+        is_archive = stream.read(4) == b"PK\x03\x04"
+    if is_archive:
         raise ProbeError(
             f"{path}: a damaged or truncated archive, not an image; copy it again; tables "
             "belong to `brdf`"
@@ -366,13 +373,6 @@ def _check_picture(path: Path, spec: Any, width: int, height: int) -> None:
         )
 
 
-def _check_whole(path: Path) -> None:
-    """Refuse a file that its end tells to be cut or damaged."""
-    with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        if not _is_whole(data):
-            raise ProbeError(f"{path}: damaged or truncated; copy or export it again")
-
-
 def _is_whole(data: mmap.mmap) -> bool:
     """Whether a PNG, JPEG or FITS file is complete; True for other files.
 
@@ -396,12 +396,6 @@ def _is_whole(data: mmap.mmap) -> bool:
     return False
 
 
-def _begins_as_archive(path: Path) -> bool:
-    """Whether a file begins as a ZIP does, though it may be cut. Tables in .npz are ZIPs."""
-    with open(path, "rb") as stream:
-        return stream.read(4) == b"PK\x03\x04"
-
-
 def _canvas(spec: Any, is_envmap: bool) -> tuple[int, int, tuple[int, int]]:
     """Width and height of the image proper, and where its stored pixels begin in it (x, y)."""
     if is_envmap or (spec.full_width, spec.full_height) == (0, 0):
@@ -415,14 +409,6 @@ def _covered(spec: Any, width: int, height: int, offset: tuple[int, int]) -> flo
     columns = min(left + spec.width, width) - max(left, 0)
     rows = min(top + spec.height, height) - max(top, 0)
     return max(columns, 0) * max(rows, 0) / (width * height)
-
-
-def _last_error() -> str:
-    """What OpenImageIO last said about a file."""
-    try:
-        return str(oiio.geterror())
-    except UnicodeDecodeError:  # the library quotes the file's bytes
-        return "damaged"
 
 
 def _reason(message: str, path: Path) -> str:

@@ -18,7 +18,7 @@ from shrm_cli.arrays import Array, over_channels, slices
 from shrm_cli.messages import whole
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
-from shrm_cli.records import Displayed, record
+from shrm_cli.records import Displayed, once_each, record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.rotation import transform_coefficients
@@ -164,16 +164,13 @@ class Lighting(Displayed):
         is given by coefficients: these are all known.
         """
         energy = self.energy.sum()
-        if energy - self._power.sum() <= _NOTHING * energy:
+        if energy - self.power().sum() <= _NOTHING * energy:
             return self.order
-        return int(np.flatnonzero(self._power.any(axis=1)).max(initial=0))
+        return int(np.flatnonzero(self.power().any(axis=1)).max(initial=0))
 
+    @once_each
     def power(self) -> Array:
         """``sum_m |L_lm|^2`` of each degree and channel, shape (order+1, 3); read-only."""
-        return self._power
-
-    @cached_property
-    def _power(self) -> Array:
         starts = np.arange(self.order + 1) ** 2
         found = np.add.reduceat(self.coefficients**2, starts)
         found.setflags(write=False)

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 _DDS = b"DDS "
 """The bytes that a DDS file begins with."""
+_SQUARE = 0.01
+"""How far the aspect ratio of a square pixel may be from 1."""
 
 
 def open_probe(
@@ -155,7 +157,7 @@ def _open_dds(path: Path) -> DdsFile | None:
 def _layout_of(file: ImageFile | DdsFile) -> Layout:
     """The layout of a file that nobody named, which follows from its shape."""
     aspect = file.encoding.pixel_aspect
-    if not file.envmap and not file.encoding.has_square_pixels:
+    if not file.envmap and abs(aspect - 1) > _SQUARE:
         raise ProbeError(
             f"{file.name}: its pixels are not square (aspect {aspect:.3g}), so that "
             f"{file.width} x {file.height} does not tell its layout; give `layout`, or resample it"

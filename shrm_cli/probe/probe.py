@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
@@ -20,11 +21,10 @@ from shrm_cli.probe.image import (
     ProbeImage,
     check_shape,
     detect_layout,
-    digest,
     grid_of,
 )
 from shrm_cli.probe.options import ColorReading, ReadOptions
-from shrm_cli.probe.pixels import Block, BlockReader, PixelPolicy, PixelReport
+from shrm_cli.probe.pixels import Block, PixelPolicy, PixelReport, read_blocks
 from shrm_cli.records import Displayed, record
 from shrm_cli.sphere.directions import as_directions
 from shrm_cli.sphere.grid.base import Grid, Sampler
@@ -200,7 +200,11 @@ class Probe(Displayed):
 
     def digest(self) -> str:
         """SHA-256 of the bytes of the files, one after the other, or of the array and its shape."""
-        return digest(self.images)
+        result = hashlib.sha256()
+        for image in self.images:
+            for piece in image.contents():
+                result.update(piece)
+        return result.hexdigest()
 
     def reading(self) -> dict[str, Any]:
         """How the images are understood: what the options of `open_probe` came to, for records.
@@ -245,11 +249,7 @@ class Probe(Displayed):
             If the file is damaged, or has NaN or infinite pixels that are not to be filled.
         """
         self.report.clear()
-        reader = BlockReader(
-            self.name, self.images, self.layout, self.orientation, self.grid,
-            self.policy.fix_nonfinite, self.report,
-        )  # fmt: skip
-        for start, pixels, weights in reader.blocks():
+        for start, pixels, weights in read_blocks(self):
             yield start, self.policy.apply(pixels, weights, self.report), weights
 
     def in_primaries(self, primaries: tuple[float, ...] | None) -> Probe:

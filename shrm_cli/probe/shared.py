@@ -13,7 +13,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.probe.image import ImageOfImage
 from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.probe import Probe
-from shrm_cli.records import record
+from shrm_cli.records import once_each, record
 
 if TYPE_CHECKING:
     from shrm_cli.probe.lighting import Lighting
@@ -50,12 +50,9 @@ class SharedProbe(Probe):
     project: "Callable[[int], Lighting] | None" = None
     """Projects the light to an order, where its coefficients are not those of its pixels."""
 
+    @once_each
     def digest(self) -> str:
         """SHA-256 of the bytes of the files, which are read for it once."""
-        return self._digest
-
-    @cached_property
-    def _digest(self) -> str:
         return super().digest()
 
     def multiplied(self, matrix: Array, primaries: tuple[float, ...] | None) -> Probe:

@@ -99,19 +99,6 @@ def cube_solid_angles(size: int, sampling: Sampling = "center") -> Array:
     return result
 
 
-def reorient(faces: ArrayLike, orientation: Orientation) -> Array:
-    """Faces of another orientation as OpenEXR faces, by exact index permutation, of the same shape.
-
-    `faces`, of shape (6, N, N, ...), are faces in the order of `FACES`. `orientation` is the
-    orientation that they are in.
-    """
-    faces = np.asarray(faces)
-    result = np.empty_like(faces)
-    for face, image in enumerate(faces):
-        result[face] = reoriented(image, face, orientation)
-    return result
-
-
 def reoriented(image: Array, face: int, orientation: Orientation) -> Array:
     """One face of another orientation as an OpenEXR face: a view of the image, (N, N, ...)."""
     source, target = face_axes(orientation)[face], face_axes()[face]

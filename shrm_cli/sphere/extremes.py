@@ -143,7 +143,9 @@ def _descend(series: Array, starts: Array, step: float, steps: int) -> tuple[Arr
     fit = np.linalg.pinv(np.stack([np.ones(9), u, v, u * u / 2, u * v, v * v / 2], axis=1))
     at, value = starts, series_values(series, starts)[:, 0]
     for _ in range(steps):
-        right, up = _tangents(at)
+        helper = np.eye(3)[np.argmin(np.abs(at), axis=-1)]
+        right = normalize(np.cross(helper, at))
+        up = np.cross(at, right)
         square = _move(at[:, None], right[:, None], up[:, None], step * u, step * v)
         values = series_values(series, square.reshape(-1, 3)).reshape(-1, 9)
         target = _downhill(*(fit @ values.T)[1:])
@@ -173,13 +175,6 @@ def _downhill(gu: Array, gv: Array, uu: Array, uv: Array, vv: Array) -> Array:
     strengths = np.maximum(strengths, 1e-3 * strengths.max(axis=1, keepdims=True))
     along = np.clip(slopes / np.where(strengths > 0, strengths, np.inf), -1.5, 1.5)
     return -np.einsum("nij,nj->ni", axes, along)
-
-
-def _tangents(directions: Array) -> tuple[Array, Array]:
-    """Return two unit vectors at right angles to each of (n, 3) directions and to each other."""
-    helper = np.eye(3)[np.argmin(np.abs(directions), axis=-1)]
-    right = normalize(np.cross(helper, directions))
-    return right, np.cross(directions, right)
 
 
 def _move(at: Array, right: Array, up: Array, u: Array, v: Array) -> Array:

@@ -242,7 +242,10 @@ def longitude_waves(
     """
 
     def make() -> tuple[Array, Array]:
-        phi = _meridian_angles(quadrants, half)
+        offset = np.arctan(half)
+        # The rows s = +-half of each quadrant, in the order (half, quadrant, sign).
+        rows = [[q * np.pi / 2 + offset, q * np.pi / 2 - offset] for q in quadrants]
+        phi = np.moveaxis(np.array(rows), -1, 0).reshape(-1)
         products = (np.outer(phi, np.arange(parity, count, 2)) for parity in (0, 1))
         even, odd = (np.concatenate([np.cos(p), np.sin(p)], axis=1).astype(dtype) for p in products)
         return even, odd
@@ -259,13 +262,6 @@ def _kept_waves(count: int, s: Array, t: Array, dtype: np.dtype[Any]) -> tuple[A
         return same.astype(dtype), opposite.astype(dtype)
 
     return _known_waves.get((count, s.tobytes(), t.tobytes(), np.dtype(dtype)), make)
-
-
-def _meridian_angles(quadrants: list[int], half: Array) -> Array:
-    """Longitudes of the rows s = +-half of each quadrant, in the order (half, quadrant, sign)."""
-    offset = np.arctan(half)
-    phi = np.array([[q * np.pi / 2 + offset, q * np.pi / 2 - offset] for q in quadrants])
-    return np.moveaxis(phi, -1, 0).reshape(-1)
 
 
 def meridian_waves(count: int, s: Array, t: Array) -> tuple[Array, Array]:

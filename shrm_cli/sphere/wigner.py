@@ -264,12 +264,11 @@ def zonal_coupling(order: int, p: int) -> Array:
     term where q = 0. Zero where q > l, or where no such J >= |l - p| exists.
     """
     kept = kept_order(order)
-    return _known_couplings.get((kept, p), lambda: _zonal_coupling(kept, p))[: order + 1]
 
+    def compute() -> Array:
+        degree, q = np.arange(kept + 1)[:, None], np.arange(p + 1)
+        both = clebsch_gordan(degree, 0, p, degree - p + 2 * q)
+        signs = np.where(q > 0, (-1.0) ** q, 0.5)[:, None, None]
+        return np.moveaxis((both[p:] + both[p::-1]) * signs, 0, 1)
 
-def _zonal_coupling(order: int, p: int) -> Array:
-    """Compute what `zonal_coupling` returns."""
-    degree, q = np.arange(order + 1)[:, None], np.arange(p + 1)
-    both = clebsch_gordan(degree, 0, p, degree - p + 2 * q)
-    signs = np.where(q > 0, (-1.0) ** q, 0.5)[:, None, None]
-    return np.moveaxis((both[p:] + both[p::-1]) * signs, 0, 1)
+    return _known_couplings.get((kept, p), compute)[: order + 1]

@@ -6,7 +6,11 @@ from numpy.typing import ArrayLike
 from torch import Tensor, nn
 
 from shrm_cli.brdf.environment.environment_brdf import LobeMoments
-from shrm_cli.maps.she.exponential import LARGEST_EXPONENT, FactorOrders, exponent_series
+from shrm_cli.maps.she.exponential import (
+    LARGEST_EXPONENT,
+    SphericalHarmonicExponential,
+    exponent_series,
+)
 from shrm_cli.maps.she.prefilter import FLOOR, RIDGE
 from shrm_cli.torch.transforms import table
 
@@ -16,8 +20,8 @@ class Exponential(nn.Module):
 
     Parameters
     ----------
-    factors : FactorOrders
-        The orders of both factors and the law, as a `SphericalHarmonicExponential` has them.
+    factors : SphericalHarmonicExponential
+        Of which the orders of both factors and the law count.
     normals, views : array_like, shape (..., 3)
         Unit vectors in world axes; views point to the viewer.
     roughness : float
@@ -28,7 +32,7 @@ class Exponential(nn.Module):
 
     def __init__(
         self,
-        factors: FactorOrders,
+        factors: SphericalHarmonicExponential,
         normals: ArrayLike,
         views: ArrayLike,
         roughness: float,

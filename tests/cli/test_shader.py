@@ -7,7 +7,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.maps.file import open_map
-from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.code import written_code
 from shrm_cli.maps.shader.file import pack
 from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 
@@ -35,7 +35,7 @@ def test_the_code_is_alone_on_stdout(folder, to):
         result = run(*options, *asked)
         assert result.code == 0
         if textures == "layers" and to != "she":  # code without the map's own numbers
-            assert result.out == look_up_code(open_map("map.exr"), language, textures)
+            assert result.out == written_code(open_map("map.exr"), language, textures).text
         assert result.out.startswith("/* The light of a probe")
         assert "shrm_radiance(" in result.out
         assert result.err.startswith("map.exr: ")
@@ -45,7 +45,7 @@ def test_the_code_of_even_surfaces(folder):
     asked = ("--to", "splitsum", *FORMS["splitsum"], "-o", "map.exr", "--shader", "glsl")
     result = run("prefilter", "probe.exr", *asked, "--taps", 2)
     assert result.code == 0
-    assert result.out == look_up_code(open_map("map.exr"), "glsl", even_taps=2)
+    assert result.out == written_code(open_map("map.exr"), "glsl", even_taps=2).text
     assert "shrm_even(" in result.out
 
 
@@ -54,7 +54,7 @@ def test_the_code_of_brushed_surfaces(folder, options, taps):
     asked = ("--to", "splitsum", *FORMS["splitsum"], "-o", "map.exr", "--shader", "hlsl")
     result = run("prefilter", "probe.exr", *asked, "--anisotropy", *options)
     assert result.code == 0
-    assert result.out == look_up_code(open_map("map.exr"), "hlsl", None, taps)
+    assert result.out == written_code(open_map("map.exr"), "hlsl", None, taps).text
     assert "shrm_brushed(" in result.out
 
 
@@ -85,7 +85,7 @@ def test_the_file_holds_the_textures(folder, to):
         done("convert", "map.exr", "--to", "layers", "--shader", "glsl", "-o", "t.exr", "--json")
     )
     made = open_map("map.exr")
-    assert values["shader"] == look_up_code(made, "glsl", "layers")
+    assert values["shader"] == written_code(made, "glsl", "layers").text
     textures = pack(made)
     assert values["textures"] == {each.name: list(each.values.shape[:3]) for each in textures}
     parts = {part.header["name"]: part for part in OpenEXR.File("t.exr").parts}
@@ -102,7 +102,7 @@ def test_files_of_maps_tell_their_code(folder, options):
     done("prefilter", "probe.exr", "--to", "irradiance", "-o", "map.exr")
     convert = ("convert", "map.exr", "--to", "irradiance", *options, "-o", "new.exr")
     code = done(*convert, "--shader", "c", "--quiet").rstrip("\n")
-    assert code == look_up_code(open_map("new.exr"), "c").rstrip("\n")
+    assert code == written_code(open_map("new.exr"), "c").text.rstrip("\n")
     assert json.loads(done(*convert, "--shader", "c", "--json"))["shader"].rstrip("\n") == code
 
 

@@ -42,7 +42,7 @@ def test_maps_of_one_probe_look_for_its_lamps_once(pixels, monkeypatch):
     for brdf in ("ggx:roughness=0.5", "phong:exponent=32"):
         given = {"brdf": brdf, "sun": "split"}
         made = prefilter_with_facts(probe, "auto", given).map
-        found = beside.split_for(probe, shrm.parse_spec(brdf), beside.ANY).split
+        found = next(beside.splits_for(probe, shrm.parse_spec(brdf), beside.ANY)).split
         residuals.add(id(found.residual_probe))
         assert len(looked) == 1
         alone = shrm.Probe.from_array(pixels, layout="latlong")
@@ -70,10 +70,10 @@ def soft_box(rows=128):
 
 
 def split_of(pixels, roughness, most):
-    return beside.split_for(
+    return next(beside.splits_for(
         shrm.Probe.from_array(pixels), shrm.parse_spec(f"ggx:roughness={roughness}"),
         Goal(most, None),
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def test_what_discs_change_is_known_to_all_degrees(monkeypatch):
@@ -153,13 +153,13 @@ def test_what_discs_change_is_seen_though_the_error_is_small(brdf, monkeypatch):
     """Of all light the box is little, and a disc in its place is seen all around it."""
     monkeypatch.setattr(shape, "MOST_OF_LAMP", 0)
     brdf, probe = shrm.parse_spec(brdf), shrm.Probe.from_array(boxes())
-    by_error = beside.split_for(probe, brdf, Goal(0.05, None))
+    by_error = next(beside.splits_for(probe, brdf, Goal(0.05, None)))
     assert not by_error.is_held
     expected, found = measured(by_error)
     limit = 0.1 if by_error.brdf.isotropic else 0.02  # brushed ones are integrated, too
     assert np.linalg.norm(found - expected) < limit * np.linalg.norm(expected)
     assert seen_beside(by_error) > 1.5 * policy.WRONG_BESIDE * 0.05
-    by_pixels = beside.split_for(probe, brdf, Goal(0.05, 0.05))
+    by_pixels = next(beside.splits_for(probe, brdf, Goal(0.05, 0.05)))
     assert by_pixels.is_held
     assert seen_beside(by_pixels) <= 1.1 * policy.WRONG_BESIDE * 0.05
 
@@ -169,7 +169,7 @@ def test_discs_are_good_enough_for_brushed_metal_in_a_dark_studio():
     boxes, points = np.zeros((128, 256, 3), np.float32), lobes_lit.pixels("reflection")
     boxes[41:50, 62:72], boxes[52:60, 200:208] = 280, 170
     brdf = shrm.parse_spec("ggx:roughness=0.5,anisotropy=0.8,mapping=openpbr,f0=0.9/0.8/0.6")
-    found = beside.split_for(shrm.Probe.from_array(boxes), brdf, Goal(0.05, 0.05))
+    found = next(beside.splits_for(shrm.Probe.from_array(boxes), brdf, Goal(0.05, 0.05)))
     assert not found.is_held
     normals, views = (
         np.reshape(each[::7, ::5, 1], (-1, 3)) for each in (points.normals, points.views)
@@ -218,7 +218,7 @@ def test_a_ring_stays_in_the_map():
     probe = shrm.Probe.from_array(ceiling())
     by_irradiance = beside.split_lamps(probe, largest=0.3)
     assert [len(lamp.discs) for lamp in by_irradiance.lamps] == [3, 4]
-    split = beside.split_for(probe, shrm.parse_spec("ggx:roughness=0.4"), beside.ANY).split
+    split = next(beside.splits_for(probe, shrm.parse_spec("ggx:roughness=0.4"), beside.ANY)).split
     assert ([len(lamp.discs) for lamp in split.lamps], split.left) == ([3], 1)
     ring = probe.image()[:30]
     np.testing.assert_array_equal(split.residual[:30], ring)

@@ -11,7 +11,7 @@ import pytest
 from shrm_cli.errors import MapError
 from shrm_cli.maps.irradiance.irradiance import in_form
 from shrm_cli.maps.kinds import LightMap
-from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.code import written_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
 from shrm_cli.vocabulary import TAP_COUNTS
@@ -49,7 +49,7 @@ def drawn(
         call = f"shrm_varied_radiance(n, shrm_tangent(n), v, {', '.join(map(str, shares))})"
     textures = [] if made.representation == "irradiance" else pack(made)
     job = {
-        "code": look_up_code(made, language, "layers"),
+        "code": written_code(made, language, "layers").text,
         "call": call,
         "count": len(normals),
         "lighting": packed(made.lighting) if made.representation == "product" else None,
@@ -155,7 +155,7 @@ def test_the_browser_computes_irradiance(secure, language, name):
 def test_the_browser_compiles_arrays_of_cubes_in_wgsl(secure, name):
     made = cases.FORMS[name]()
     try:
-        code = look_up_code(made, "wgsl", "cube-array")
+        code = written_code(made, "wgsl", "cube-array").text
     except MapError:  # cubes that no hardware filters, as `test_code` says
         return
     assert secure.page.evaluate(COMPILE, code) == []

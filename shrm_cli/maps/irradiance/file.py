@@ -43,17 +43,11 @@ def encode(irradiance: Irradiance) -> list[Part]:
     of R, G and B (eq. 4.15). ``shrm:window`` says what the coefficients were multiplied with.
     """
     window = irradiance.window
-    header = common_header(irradiance, 0)
-    header |= {
+    header = {
+        **common_header(irradiance, 0),
         "shrm:lighting_coefficients": _json(irradiance.coefficients),
-        "shrm:window": json.dumps({
-            "name": window.name,
-            "width": window.width,
-            "factors": list(window.factors),
-            "energy_lost": window.energy_lost,
-            "change": window.change,
-        }),
-    }  # fmt: skip
+        "shrm:window": json.dumps({**window.summary(0), "factors": list(window.factors)}),
+    }
     if isinstance(irradiance, Zh3):
         header["shrm:form"] = irradiance.form
         header["shrm:zh3"] = json.dumps(irradiance.numbers()["zh3"])

@@ -336,7 +336,9 @@ def in_form(source: Irradiance, form: str) -> Irradiance:
         weights = luminance_weights(source.info.chromaticities)
         axes = np.tile(_direction(weights @ vectors, weights @ coefficients[0]), (3, 1))
     if form == "zh3-hallucinated":
-        zonal = _guess(coefficients[0], np.abs(np.sum(axes * vectors, axis=1)))
+        mean, along = coefficients[0], np.abs(np.sum(axes * vectors, axis=1))
+        ratio = np.divide(along, mean, out=np.zeros(3), where=mean > 0)
+        zonal = mean * ratio * (0.08 + 0.6 * ratio)
     else:
         zonal = np.einsum("cm,mc->c", zonal_harmonics(axes), coefficients[_QUADRATIC])
     made = np.concatenate([coefficients[:4], (zonal[:, None] * zonal_harmonics(axes)).T])
@@ -385,12 +387,6 @@ def _direction(vector: Array, mean: float) -> Array:
     """Return the direction of a degree 1; 0 where it is next to nothing."""
     length = float(np.linalg.norm(vector))
     return vector / length if length > _LEAST * abs(mean) else np.zeros(3)
-
-
-def _guess(mean: Array, along: Array) -> Array:
-    """Return the zonal coefficients that linear ones suggest, shape (3,)."""
-    ratio = np.divide(along, mean, out=np.zeros(3), where=mean > 0)
-    return np.asarray(mean * ratio * (0.08 + 0.6 * ratio))
 
 
 def _change(one: Irradiance, other: Irradiance) -> float:

@@ -50,21 +50,10 @@ class Window:
     """Relative RMS change of the irradiance, over the sphere and all channels."""
 
     @classmethod
-    def of(cls, name: str, width: float, series: Array) -> "Window":
-        """Make the window of a family and a width, and measure its costs for a series.
-
-        The series has the shape ((F+1)^2, 3).
-        """
-        factors = window_factors(name, width, order_of(len(series)))
-        return cls._with_costs(name, float(width), factors, series)
-
-    @classmethod
-    def least(cls, factors: Array, series: Array) -> "Window":
-        """Make the window of given factors, and measure its costs for a series."""
-        return cls._with_costs("least", None, factors, series)
-
-    @classmethod
-    def _with_costs(cls, name: str, width: float | None, factors: Array, series: Array) -> "Window":
+    def of(
+        cls, factors: Array, series: Array, name: str = "least", width: float | None = None
+    ) -> "Window":
+        """Make the window of factors, and measure its costs for a series, shape ((F+1)^2, 3)."""
         squares = _squares(series)
         whole = squares.sum()
         lost, change = 0.0, 0.0
@@ -140,7 +129,9 @@ def make_window(spec: str, series: Array) -> Window:
         return least_window(series)
     if name == "none":
         return Window()
-    return Window.of(name, width or order_of(len(series)) + 1.0, series)
+    order = order_of(len(series))
+    width = width or order + 1.0
+    return Window.of(window_factors(name, width, order), series, name, width)
 
 
 def least_window(series: Array) -> Window:
@@ -165,14 +156,14 @@ def least_window(series: Array) -> Window:
     start = np.concatenate([spiral_directions(_FIRST_DIRECTIONS), directions])
     by_degree = degree_values(series, start)
     for _ in range(_ROUNDS):
-        window = Window.least(least_factors(_squares(series), by_degree, floor), series)
+        window = Window.of(least_factors(_squares(series), by_degree, floor), series)
         windowed = window.apply(series)
         found, values = lowest(windowed)
         if (values >= floor / 2).all():
             return window
         found = np.concatenate([found, low_places(windowed, floor / 2, _MOST_PLACES)])
         by_degree = np.concatenate([by_degree, degree_values(series, found)])
-    return Window.least(_faded(np.array(window.factors), values, floor), series)
+    return Window.of(_faded(np.array(window.factors), values, floor), series)
 
 
 def least_factors(squares: Array, by_degree: Array, floor: Array) -> Array:

@@ -235,10 +235,6 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
 
 
 def _one_by_one(make: Callable[[int], tuple[Array, Array]], counts: Sequence[int]) -> Array:
-    """Return the nodes and weights of rules of some counts, one rule behind the other."""
-    return np.concatenate([_rows(*make(count)) for count in counts])
-
-
-def _rows(first: Array, second: Array) -> Array:
-    """Return numbers as the first two parts of vectors."""
-    return np.stack([first, second, 0 * first], axis=-1)
+    """Return the nodes and weights of rules of some counts, one behind the other, (n, 3)."""
+    nodes, weights = np.concatenate([make(count) for count in counts], axis=1)
+    return np.stack([nodes, weights, 0 * nodes], axis=-1)

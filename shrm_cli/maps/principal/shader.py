@@ -117,6 +117,12 @@ def _lobe(number: int, lobe: Lobe, row: int, about: int, words: Words) -> list[s
     low, high = (words.cell("0", "row + j", each) for each in ("entry", "entry + 1"))
     tangent = words.cell("0", "row + j", str(about))
     in_plane = speech.combined(["(2.0 * near - 1.0)", "(2.0 * near * t)"], ["c", "across"])
+    weighed = [
+        f"t = {tangent}.x;",
+        "near = 1.0 / (1.0 + t * t);",
+        f"weight = mix({low}, {high}, part);",
+        f"pair = shrm_pair({in_plane}, p, m);",
+    ]
     return [
         f"vec3 shrm_lobe{number}(vec3 n, vec3 v)",
         "{",
@@ -131,18 +137,7 @@ def _lobe(number: int, lobe: Lobe, row: int, about: int, words: Words) -> list[s
         "    vec3 pair, weight, cosine, sine;",
         f"    int row = {row}, cube = 0, p, m, j;",
         f"    across = {speech.scale('(1.0 / max(length(across), 1e-6))', 'across')};",
-        f"    while (row < {row + len(lobe.functions)}) {{",
-        f"        p = int({words.cell('0', 'row', str(about))}.y + 0.5);",
-        "        norm = sqrt(float(2 * p + 1)) * 0.282094791773878143;",
-        "        for (m = 0; m <= p; ++m) {",
-        "            cosine = vec3(0.0, 0.0, 0.0);",
-        "            sine = cosine;",
-        "            for (j = 0; j <= p; ++j) {",
-        f"                t = {tangent}.x;",
-        "                near = 1.0 / (1.0 + t * t);",
-        f"                weight = mix({low}, {high}, part);",
-        f"                pair = shrm_pair({in_plane}, p, m);",
-        *_sum_over_orders("p + 1", words, number),
+        *_sum_over_bundles(number, row + _rows(lobe), about, "p", weighed, words),
     ]
 
 
@@ -229,6 +224,17 @@ def _brushed_lobe(number: int, lobe: BrushedLobe, row: int, about: int, words: W
     ]
     whole_turn = ["    if (turn < 0.0) {", f"        turn += {whole};", "    }"]
     towards = speech.combined(["(x / far)", "(y / far)"], ["t", "side"])
+    across = speech.combined(["dot(n, v)", "far"], ["across", "n"])  # at right angles with C
+    weighed = [
+        f"x = {cell}.x;",
+        "near = 1.0 / (1.0 + x * x);",
+        f"y = {cell}.z;",
+        "around = 1.0 / (1.0 + y * y);",
+        "place_of = flips * j > 0 ? 2 * p + 1 - j : j;",
+        f"weight = mix(mix({corners[0]}, {corners[1]}, part), "
+        f"mix({corners[2]}, {corners[3]}, part), share);",
+        f"pair = shrm_pair({on_cone}, p, m);",
+    ]
     return [
         f"vec3 shrm_lobe{number}(vec3 n, vec3 t, vec3 v)",
         "{",
@@ -250,36 +256,32 @@ def _brushed_lobe(number: int, lobe: BrushedLobe, row: int, about: int, words: W
         f"    share = min(turn * {steps}, {float(_layers(lobe) - 1)});",
         f"    layer = int(min(share, {float(_layers(lobe) - 2)}));",
         "    share -= float(layer);",
-        *_towards_view(lobe, words),
+        *([] if lobe.center == "normal" else [f"    across = {across};"]),
         "    side = shrm_cross(c, across);",
-        f"    while (row < {row + _rows(lobe)}) {{",
+        *_sum_over_bundles(number, row + _rows(lobe), about, "2 * p", weighed, words),
+    ]
+
+
+def _sum_over_bundles(
+    number: int, end: int, about: int, last: str, weighed: Sequence[str], words: Words
+) -> list[str]:
+    """Write the loops over bundles, orders m and directions, which both kinds of lobes share.
+
+    A bundle's directions are 0 .. `last`, as many as its rows. `weighed` finds the `weight` of one,
+    and the `pair` of its harmonics, which are added to `cosine` and `sine`; these, times their
+    cubes, are added to `sum`. The rows of the last bundle end before `end`.
+    """
+    speech = words.language
+    upper, lower = (words.cube(number, "place", f"cube + p {sign} m") for sign in "+-")
+    return [
+        f"    while (row < {end}) {{",
         f"        p = int({words.cell('0', 'row', str(about))}.y + 0.5);",
         "        norm = sqrt(float(2 * p + 1)) * 0.282094791773878143;",
         "        for (m = 0; m <= p; ++m) {",
         "            cosine = vec3(0.0, 0.0, 0.0);",
         "            sine = cosine;",
-        "            for (j = 0; j <= 2 * p; ++j) {",
-        f"                x = {cell}.x;",
-        "                near = 1.0 / (1.0 + x * x);",
-        f"                y = {cell}.z;",
-        "                around = 1.0 / (1.0 + y * y);",
-        "                place_of = flips * j > 0 ? 2 * p + 1 - j : j;",
-        f"                weight = mix(mix({corners[0]}, {corners[1]}, part), "
-        f"mix({corners[2]}, {corners[3]}, part), share);",
-        f"                pair = shrm_pair({on_cone}, p, m);",
-        *_sum_over_orders("2 * p + 1", words, number),
-    ]
-
-
-def _sum_over_orders(step: str, words: Words, number: int) -> list[str]:
-    """Write the end of the loops over directions and orders m, which both kinds of lobes share.
-
-    It adds a direction's harmonics to `cosine` and `sine`, and these, times their cubes, to `sum`;
-    then it goes on to the next bundle, whose rows are `step` further.
-    """
-    speech = words.language
-    upper, lower = (words.cube(number, "place", f"cube + p {sign} m") for sign in "+-")
-    return [
+        f"            for (j = 0; j <= {last}; ++j) {{",
+        *[f"                {line}" for line in weighed],
         f"                {speech.grow('cosine', speech.scale('(norm * pair.x)', 'weight'))}",
         f"                {speech.grow('sine', speech.scale('(norm * pair.y)', 'weight'))}",
         "            }",
@@ -291,16 +293,8 @@ def _sum_over_orders(step: str, words: Words, number: int) -> list[str]:
         "float(max((p + m + 1) * (p - m), 1)));",
         "        }",
         "        cube += 2 * p + 1;",
-        f"        row += {step};",
+        f"        row += {last} + 1;",
         "    }",
         "    return sum;",
         "}",
     ]
-
-
-def _towards_view(lobe: BrushedLobe, words: Words) -> list[str]:
-    """Write what turns the axis to the view, in the surface, to one at right angles with C."""
-    if lobe.center == "normal":
-        return []
-    turned = words.language.combined(["dot(n, v)", "far"], ["across", "n"])
-    return [f"    across = {turned};"]

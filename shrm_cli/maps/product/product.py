@@ -24,7 +24,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import BrushedLight, FixedMap, HarmonicLight, MaterialMap, ReflectionMap
 from shrm_cli.maps.product.steps import Steps
-from shrm_cli.records import record
+from shrm_cli.records import handed_on, record
 from shrm_cli.sphere.directions import surface_frames
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.parabolic import ParabolicSampler
@@ -182,28 +182,14 @@ class LitProduct(BrushedLight, _Parabolic, ReflectionMap):
         if self.lighting.shape != ((self.order + 1) ** 2, 3):
             raise ValueError(f"lighting coefficients of shape {self.lighting.shape}")
 
-    @property
-    def info(self) -> MapInfo:
-        """How the map was made, as its textures record it."""
-        return self.product.info
-
-    @property
-    def size(self) -> int:
-        """Texels along an edge of the parabolic maps."""
-        return self.product.size
-
-    @property
-    def order(self) -> int:
-        """The largest degree of the harmonics."""
-        return self.product.order
+    info = handed_on("product", "info")
+    size = handed_on("product", "size")
+    order = handed_on("product", "order")
+    ways = handed_on("product", "ways")
 
     @property
     def harmonic_light(self) -> HarmonicLight:
         return HarmonicLight(self.lighting, self.product)
-
-    @property
-    def ways(self) -> Mapping[str, tuple[float, float]]:
-        return self.product.ways
 
     def with_values(self, values: Mapping[str, float]) -> "LitProduct":
         return replace(self, product=self.product.at(self.shares(values)))

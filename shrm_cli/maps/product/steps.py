@@ -148,7 +148,8 @@ def chosen_steps(
         for index, (name, ends) in enumerate(ranges.items()):
 
             def across(value: float, index: int = index) -> Array:
-                return _stacked(known, product(*lines[:index], (value,), *lines[index + 1 :]))
+                points = product(*lines[:index], (value,), *lines[index + 1 :])
+                return np.stack([known(*point).ravel() for point in points])
 
             own, missed = chosen_values(across, *ends, steps, share * ENOUGH, _MOST_OF_TWO)
             if steps is None and missed > ENOUGH:  # a grid of them would not miss less
@@ -158,11 +159,6 @@ def chosen_steps(
         if steps is not None or found.error <= ENOUGH:
             break
     return found, points
-
-
-def _stacked(coefficients: Callable[..., Array], points: Iterable[tuple[float, ...]]) -> Array:
-    """Return the coefficients for values of the parameters, shape (points, numbers)."""
-    return np.stack([coefficients(*point).ravel() for point in points])
 
 
 def _joined(

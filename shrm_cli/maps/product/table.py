@@ -77,8 +77,9 @@ def _by_symmetry(brdf: Brdf, functions: ProductFunctions, views: Array, order: i
     x, y = (np.round(each, _DIGITS) for each in project(folded))
     _, chosen, which = np.unique(x + 1j * y, return_index=True, return_inverse=True)
     found = functions.coefficients(folded[chosen], order).astype(np.float32)[which]
-    for axis in (0, 1):
-        found[negative[:, axis]] *= _mirror_signs(order, axis)[:, None]
+    _, m = degrees_and_orders(order)
+    for axis, is_odd in enumerate(((m < 0) != (m % 2 == 1), m < 0)):
+        found[negative[:, axis]] *= np.where(is_odd, -1.0, 1.0)[:, None]
     return found
 
 
@@ -103,11 +104,3 @@ def _is_kept(brdf: Brdf, signs: tuple[int, int]) -> bool:
     here = brdf.transfer(own_frame(brdf, light), own_frame(brdf, view))
     there = brdf.transfer(own_frame(brdf, light * flips), own_frame(brdf, view * flips))
     return bool(np.abs(here - there).max() <= _ROUNDING * np.abs(here).max())
-
-
-def _mirror_signs(order: int, axis: int) -> Array:
-    """The sign that each harmonic takes where x (0) or y (1) changes its own."""
-    _, m = degrees_and_orders(order)
-    is_sine = m < 0
-    odd = is_sine if axis == 1 else (np.abs(m) % 2 == 1) != is_sine
-    return np.where(odd, -1.0, 1.0)

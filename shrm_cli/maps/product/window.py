@@ -85,7 +85,7 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
         factors = _weakened(by_degree)
         if factors is None:
             return LightWindow()
-        found = Window.least(factors, series)
+        found = Window.of(factors, series)
     whole, lost = by_degree.sum(axis=1), 1 - np.array(found.factors)
     square = float(np.sum(whole**2))
     change = np.einsum("nlc,l->nc", by_degree, lost)

@@ -109,17 +109,6 @@ class Code:
     is_boxed: bool = False
 
 
-def look_up_code(
-    made: Map,
-    language: str,
-    textures: str | None = None,
-    taps: int | None = None,
-    even_taps: int | None = None,
-) -> str:
-    """Write the function of a map for a shader or a program; see `written_code`."""
-    return written_code(made, language, textures, taps, even_taps).text
-
-
 def written_code(
     made: Map,
     language: str,
@@ -274,7 +263,9 @@ def _with_layers(source: Source, language: Language) -> tuple[list[str], Words, 
         comment += _declare_table("shrm_table", "shrm_cell", source.table, language, lines)
     words = Words(
         language,
-        lambda stack, d: f"shrm_place({d}, {language.number(float(_size(source, stack)))})",
+        lambda stack, d: (
+            f"shrm_place({d}, {language.number(float(source.stacks[stack].shape[1]))})"
+        ),
         cube,
     )
     return lines, words, comment
@@ -410,8 +401,8 @@ def _with_cube_arrays(source: Source, language: Language) -> tuple[list[str], Wo
         language,
         lambda stack, d: d,
         lambda stack, place, index: (
-            f"shrm_look{sizes.index(_size(source, stack))}({place}, "
-            f"{_shifted(first[stack], index)})"
+            f"shrm_look{sizes.index(source.stacks[stack].shape[1])}({place}, "
+            f"{f'{first[stack]} + ' if first[stack] else ''}{index})"
         ),
     )
     return lines, words, comment
@@ -419,14 +410,6 @@ def _with_cube_arrays(source: Source, language: Language) -> tuple[list[str], Wo
 
 def _name(number: int) -> str:
     return f"shrm_cubes{number or ''}"
-
-
-def _shifted(first: int, index: str) -> str:
-    return f"{first} + {index}" if first else index
-
-
-def _size(source: Source, stack: int) -> int:
-    return int(source.stacks[stack].shape[1])
 
 
 def _nothing(*texts: object) -> str:

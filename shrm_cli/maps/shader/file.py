@@ -33,7 +33,7 @@ class PackedTexture:
 
 
 def pack(made: Map) -> tuple[PackedTexture, ...]:
-    """Return the textures of a map for the code that `look_up_code` writes with ``layers``.
+    """Return the textures of a map for the code that `written_code` writes with ``layers``.
 
     Cubes of local frames are turned to world axes, in which alone they can be filtered.
 

@@ -31,7 +31,7 @@ for efficient glossy reflections, eq. 5, 9-12 and 15.
 
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,17 +50,6 @@ from shrm_cli.vocabulary import LAWS, Law, Sampling
 
 LARGEST_EXPONENT = 80.0
 """Larger exponents count as this one, whose exponential is still finite in single precision."""
-
-
-class FactorOrders(Protocol):
-    """The orders of the two factors, and the law, which decide what `exponent_series` returns."""
-
-    @property
-    def order_p(self) -> int: ...
-    @property
-    def order_q(self) -> int: ...
-    @property
-    def law(self) -> Law: ...
 
 
 @record(eq=False)
@@ -180,12 +169,17 @@ class ExponentSeries:
 
 
 def exponent_series(
-    factors: FactorOrders, normals: Array, views: Array, roughness: float, moments: Array, f0: float
+    factors: SphericalHarmonicExponential,
+    normals: Array,
+    views: Array,
+    roughness: float,
+    moments: Array,
+    f0: float,
 ) -> ExponentSeries:
     """Compute the numbers that the coefficients are multiplied by at normals and views.
 
-    `factors` is a `SphericalHarmonicExponential`, or its orders and law alone. `normals` and
-    `views`, each of shape (..., 3), are unit vectors in world axes; views point to the viewer.
+    Of `factors` the orders and the law count. `normals` and `views`, each of shape (..., 3), are
+    unit vectors in world axes; views point to the viewer.
     `moments`, of shape (2, 3, ...), are the moments of GGX's lobe at these N.V, as `lobe_moments`
     returns them. `f0` is the reflectance at normal incidence.
     """

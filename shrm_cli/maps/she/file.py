@@ -45,8 +45,10 @@ def decode(file: StoredFile) -> SphericalHarmonicExponential:
     if not part.holds(stored.COLORS):
         raise MapError(f"{path}: its channels are not those of an SH exponential")
     row = part.read(stored.COLORS)[0].astype(float)
-    info, law = stored.map_info(attributes, part), _law(part)
-    return kind(row[: counts[0]], row[counts[0] :], _ggx_alpha(part), info, law)
+    info = stored.map_info(attributes, part)
+    if (law := part.text("shrm:law")) not in LAWS:
+        raise MapError.of_attribute(path, "law")
+    return kind(row[: counts[0]], row[counts[0] :], _ggx_alpha(part), info, cast(Law, law))
 
 
 def _order(part: StoredPart, name: str) -> int:
@@ -65,10 +67,3 @@ def _ggx_alpha(part: StoredPart) -> tuple[float, float]:
     if not 0 < value[0] <= value[1] <= 1:
         raise MapError.of_attribute(part.path, "ggx_alpha")
     return stored.shortest(value[0]), stored.shortest(value[1])
-
-
-def _law(part: StoredPart) -> Law:
-    value = part.text("shrm:law")
-    if value not in LAWS:
-        raise MapError.of_attribute(part.path, "law")
-    return cast(Law, value)

@@ -94,15 +94,6 @@ _LARGEST_EXPONENT = 60.0
 """Exponents are kept within plus and minus this number during the fit."""
 
 
-@record
-class _Factors:
-    """The orders of the two factors that are fitted, and the law."""
-
-    order_p: int
-    order_q: int
-    law: Law
-
-
 @record(eq=False)
 class Problem:
     """The n samples of one channel that k coefficients are fitted to."""
@@ -131,7 +122,9 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     low, high = roughness
     order_f = int(np.clip(np.ceil(_ORDER_OF_ALPHA / low**2), *_ORDERS_F))
     lighting = project(probe, order_f)
-    axes = _sampled_axes(lighting.coefficients @ luminance_weights(probe.chromaticities))
+    # The axes of the samples turn with the light, so that the fit is the same however it is turned.
+    pole = own_axes(lighting.coefficients @ luminance_weights(probe.chromaticities))[[1, 2, 0]]
+    axes = turn_about([1, 0, 0], _OFF_POLE) @ pole  # rows in world axes
     own = transform_coefficients(lighting.coefficients, axes)
     lighting = Lighting(own, lighting.energy)
     # With fewer rings than the orders need, the fit would be free between them.
@@ -140,20 +133,15 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     samples = sampled(rings, *_VIEW_RINGS)
     if not samples.reflected.any():
         raise MapError(f"{probe.name}: the probe is black, and has no logarithm; take another form")
-    problems = _problems(samples, _Factors(p_order, q_order, law))
-    fit = fit_logarithm if law == "paper" else fit_exponent
-    coefficients = np.stack([fit(each) for each in problems], axis=-1)
     info = replace(
         provenance(probe, Ggx(), Orders(order_f, 0, 0.0, 1.0)),
         brdf={"name": "ggx", "parameters": {}},
     )
-    made = SphericalHarmonicExponential(
-        coefficients[: (p_order + 1) ** 2],
-        coefficients[(p_order + 1) ** 2 :],
-        (low**2, high**2),
-        info,
-        law,
-    )
+    p, q = np.zeros(((p_order + 1) ** 2, 3)), np.zeros(((q_order + 1) ** 2 - 1, 3))
+    empty = SphericalHarmonicExponential(p, q, (low**2, high**2), info, law)
+    fit = fit_logarithm if law == "paper" else fit_exponent
+    fitted = np.stack([fit(each) for each in _problems(samples, empty)], axis=-1)
+    made = replace(empty, p_coefficients=fitted[: len(p)], q_coefficients=fitted[len(p) :])
     residual, sharpest = _residuals(
         made, [sampled(rings + more, *_VIEW_RINGS) for more in _MORE_RINGS]
     )
@@ -167,15 +155,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     )
     warnings = (bad,) if residual > BAD_FIT else ()
     return Prefiltered(made, _facts(made, roughness), warnings=warnings)
-
-
-def _sampled_axes(luminance: Array) -> Array:
-    """Return the axes that light of a luminance is sampled in, (3, 3): the rows in world axes.
-
-    They turn with the light, so that the fit is the same however it is turned.
-    """
-    pole = own_axes(luminance)[[1, 2, 0]]
-    return np.asarray(turn_about([1, 0, 0], _OFF_POLE) @ pole)
 
 
 def _facts(made: SphericalHarmonicExponential, roughness: tuple[float, float]) -> dict[str, Any]:
@@ -201,7 +180,7 @@ def _sampled_roughness(roughness: tuple[float, float], law: Law) -> tuple[float,
     return tuple(np.linspace(low, high, _ROUGHNESSES).tolist())
 
 
-def _problems(samples: ReflectanceSamples, factors: _Factors) -> list[Problem]:
+def _problems(samples: ReflectanceSamples, factors: SphericalHarmonicExponential) -> list[Problem]:
     """Set up the samples that each channel's coefficients are fitted to.
 
     The law ``paper`` fits base reflectance, with the same weight for samples of equal solid angle

@@ -49,6 +49,7 @@ def _functions(made: SphericalHarmonicExponential, table: Table, words: Words) -
     kind, own = ("float", "roughness") if is_paper else ("vec3", "base")
     coefficients = np.concatenate([made.p_coefficients, np.zeros((1, 3)), made.q_coefficients])
     lobe = _paper_lobe(speech) if is_paper else _lobe(speech)
+    exponentials = ", ".join(f"exp(min(x.{each}, 80.0))" for each in "xyz")
     of_q, first = "s" if is_paper else "0.25 * s", (made.order_p + 1) ** 2
     return [
         *speech.colors("shrm_factors", coefficients),
@@ -60,7 +61,8 @@ def _functions(made: SphericalHarmonicExponential, table: Table, words: Words) -
         f"    h = {speech.scale('(1.0 / max(length(h), 1e-6))', 'h')};",
         *_series("d", "s", made.order_p, 0, not is_paper, speech),
         *_series("h", of_q, made.order_q, first, not is_paper, speech),
-        f"    return {_exponential(speech)};",
+        # Larger exponents than 80 count as 80.
+        f"    return {speech.scale('albedo', f'vec3({exponentials})')};",
         "}",
         "vec3 shrm_radiance(vec3 n, vec3 v, float roughness, vec3 f0)",
         "{",
@@ -120,9 +122,3 @@ def _series(
 
     block = harmonic_loop(order, direction, add)
     return ["    {", "    float fade;", "    vec3 c;", *block, "    }"]
-
-
-def _exponential(speech: Language) -> str:
-    """Write the exponential of each channel; larger exponents than 80 count as 80."""
-    channels = ", ".join(f"exp(min(x.{each}, 80.0))" for each in "xyz")
-    return speech.scale("albedo", f"vec3({channels})")

@@ -162,7 +162,9 @@ def make_levels(
     cubes: list[Array] = []
     infos: list[MapInfo] = []
     for value, lobe, size in zip(roughness, lobes, fixed, strict=True):
-        light = replace(whole, known=replace(known, brdf=_recorded(value, brdf)))
+        ggx = {"name": GgxLobe.name, "parameters": {"roughness": value}}
+        of_level = ggx if brdf is None else record_of(brdf.at_roughness(value))
+        light = replace(whole, known=replace(known, brdf=of_level))
         with using(stages.within):
             cube, info = _level(light, lobe, largest, size)
         largest = cube.shape[1]
@@ -253,9 +255,8 @@ def split_material(brdf: Brdf | None) -> Brdf | None:
     return brdf
 
 
-def check_brdf(brdf: Brdf) -> None:
-    """Refuse a BRDF that no split sum is of; see `split_material`."""
-    split_material(brdf)
+check_brdf = split_material
+"""Refuses a BRDF that no split sum is of, before a batch begins."""
 
 
 def level_lobe(
@@ -334,13 +335,6 @@ def _expanded(
         predicted_error=expansion.error,
     )
     return cube, info
-
-
-def _recorded(roughness: float, material: Brdf | None) -> dict[str, Any]:
-    """Return the lobe of a level as maps record it."""
-    if material is None:
-        return {"name": GgxLobe.name, "parameters": {"roughness": roughness}}
-    return record_of(material.at_roughness(roughness))
 
 
 def _integrated(

@@ -36,17 +36,15 @@ def source(made: SplitSum, textures: str) -> Source:
 
     The table of another BRDF than GGX is its directional albedo.
     """
-    material, of = made.material, "GGX"
-    size, make, write = TABLE_SIZE, _environment_brdf, _functions
+    material, of, size, make = made.material, "GGX", TABLE_SIZE, _environment_brdf
     about = "shrm dfg; R = scale and G = bias of f0, N.V along x, roughness down"
     if material is not None:
-        of, size, write = material.name, _ROWS, _material_functions
-        make = partial(_albedo, material)
+        of, size, make = material.name, _ROWS, partial(_albedo, material)
         about = "shrm dfg --brdf; RGB = directional albedo, N.V along x, roughness down"
     table = Table((1, size, size), make, about, in_code=False)
     return Source(
         f"The light of a probe as {of} of any roughness reflects it: a split sum.",
-        partial(write, made, table),
+        partial(_functions, made, table),
         [level[:, :, None] for level in made.levels],
         made.sampling,
         table,
@@ -64,44 +62,25 @@ def _environment_brdf() -> Array:
     return np.stack([total - bias, bias, np.zeros_like(bias)], axis=-1)[None]
 
 
-def _material_functions(made: SplitSum, table: Table, words: Words) -> list[str]:
-    """Write the look-up of the light, and the radiance of a BRDF with colors of its own."""
+def _functions(made: SplitSum, table: Table, words: Words) -> list[str]:
+    """Write the look-up of the light, and the radiance; only GGX has an f0 for all surfaces."""
     speech = words.language
-    looked_up = "shrm_light(r, roughness)", "shrm_between(dot(n, v), roughness, 0)"
-    return [
-        *_light(made, words),
-        *bilinear_table(table, words),
-        "vec3 shrm_radiance(vec3 n, vec3 v, float roughness)",
-        "{",
-        f"    vec3 r = {central_direction(made.center, speech)};",
-        f"    return {speech.times(*looked_up)};",
-        "}",
-    ]
-
-
-def _light(made: SplitSum, words: Words) -> list[str]:
-    """Write the look-up of the light."""
+    looked_up, f0, lines = "shrm_between(dot(n, v), roughness, 0)", "", []
+    if made.material is None:
+        lines, f0 = [f"    vec3 dfg = {looked_up};"], ", vec3 f0"
+        looked_up = speech.add(speech.scale("dfg.x", "f0"), "vec3(dfg.y, dfg.y, dfg.y)")
     return [
         *_level(made, words),
         "vec3 shrm_light(vec3 d, float roughness)",
         "{",
-        *_mixture(made, words.language),
+        *_mixture(made, speech),
         "}",
-    ]
-
-
-def _functions(made: SplitSum, table: Table, words: Words) -> list[str]:
-    """Write the look-up of the light, and the radiance."""
-    speech = words.language
-    scaled = speech.add(speech.scale("dfg.x", "f0"), "vec3(dfg.y, dfg.y, dfg.y)")
-    return [
-        *_light(made, words),
         *bilinear_table(table, words),
-        "vec3 shrm_radiance(vec3 n, vec3 v, float roughness, vec3 f0)",
+        f"vec3 shrm_radiance(vec3 n, vec3 v, float roughness{f0})",
         "{",
-        f"    vec3 r = {central_direction('reflection', speech)};",
-        "    vec3 dfg = shrm_between(dot(n, v), roughness, 0);",
-        f"    return {speech.times('shrm_light(r, roughness)', scaled)};",
+        f"    vec3 r = {central_direction(made.center, speech)};",
+        *lines,
+        f"    return {speech.times('shrm_light(r, roughness)', looked_up)};",
         "}",
     ]
 

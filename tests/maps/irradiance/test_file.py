@@ -10,7 +10,7 @@ from shrm_cli.files.parts import Part, open_file, write_parts
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.file import decode, encode
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-from shrm_cli.maps.irradiance.window import Window
+from shrm_cli.maps.irradiance.window import Window, make_window
 from shrm_cli.maps.stored import Arrangement
 from tests import oracles
 from tests.brute_force import unit
@@ -27,7 +27,7 @@ def make(order=2, scale=1.0, window=None, **options):
     coefficients[0] += 5 * scale
     info = MapInfo(order, 0, 0.0078125, 0.9921875, 0.0625, LAMBERT, "p.exr", "ab" * 32)
     if window is not None:
-        made = Window.of(*window, Irradiance(coefficients, info).series)
+        made = make_window(":".join(map(str, window)), Irradiance(coefficients, info).series)
         return Irradiance(made.apply(coefficients), info, window=made, **options)
     return Irradiance(coefficients, info, **options)
 
@@ -98,7 +98,7 @@ def test_windows_are_read_back(tmp_path, window):
 @pytest.mark.parametrize("factors", [(1, 0.942, 0.99, 0), (1.0, 1 / 3, 0.0, 1.0)])
 def test_windows_without_a_width_are_read_back(tmp_path, factors):
     whole = make(3)
-    window = Window.least(np.array(factors), whole.series)
+    window = Window.of(np.array(factors), whole.series)
     made = Irradiance(window.apply(whole.coefficients), whole.info, window=window)
     write_parts(tmp_path / "a.exr", encode(made), "auto")
     back = read(tmp_path / "a.exr")

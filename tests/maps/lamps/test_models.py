@@ -7,7 +7,7 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.maps.lamps.models import has_code
-from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.code import written_code
 from tests.maps.scenes import make_shrm
 from tests.maps.shader import cases
 from tests.maps.shader.test_brushed import frames
@@ -114,7 +114,7 @@ def test_what_there_is_no_code_of(spec):
     assert not has_code(parse_spec(spec))
     made = cases.lamps(spec, make_shrm(1, 0, 2))
     with pytest.raises(MapError, match=r"none of [\w-]+, only of lambertian, ggx, .* and layers"):
-        look_up_code(made, "glsl")
+        written_code(made, "glsl")
 
 
 def test_a_class_that_is_derived_from_one_may_be_another_brdf():
@@ -128,5 +128,5 @@ def test_a_class_that_is_derived_from_one_may_be_another_brdf():
 def test_what_is_under_two_layers_is_written_once():
     """And what lies under a coat lies beside it, too, where that has a weight."""
     made = cases.lamps("coated:weight=0.4,base=(fuzzy:base=(eon))", make_shrm(1, 0, 2))
-    code = look_up_code(made, "c")
+    code = written_code(made, "c").text
     assert code.count("double lit = ") == 1

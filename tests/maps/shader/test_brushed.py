@@ -5,7 +5,7 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
-from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.code import written_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.render.boxed import reflected
@@ -47,7 +47,7 @@ def in_c(folder, made, points, call, taps=None, given=(), even=None):
         texture.values.astype(np.float32).tofile(folder / texture.name)
         load += f'{texture.name} = loaded("{folder / texture.name}", {texture.values.size});\n'
     arguments = "shrm_vec(a, b, c), shrm_vec(d, e, f), shrm_vec(g, h, i)"
-    code = look_up_code(made, "c", taps=taps, even_taps=even)
+    code = written_code(made, "c", taps=taps, even_taps=even).text
     program = C_MAIN.format(code=code, load=load, call=call.format(arguments))
     program = program.replace("%lf %lf %lf %lf %lf %lf", "%lf " * 9).replace(
         "&e, &f) == 6", "&e, &f, &g, &h, &i) == 9"
@@ -114,7 +114,7 @@ def test_c_has_the_parallax_of_pictures_for_even_surfaces(tmp_path, monkeypatch)
 
 @pytest.mark.parametrize(("language", "textures"), HEADS)
 def test_code_of_even_surfaces_compiles(tmp_path, language, textures):
-    code = look_up_code(cases.FORMS["splitsum linear"](), language, textures, even_taps=3)
+    code = written_code(cases.FORMS["splitsum linear"](), language, textures, even_taps=3).text
     call = "shrm_even(normalize(n), normalize(v), 0.5, {}(1.0, 0.5, 0.2))"
     call = call.format({"glsl": "vec3", "hlsl": "float3"}[language])
     assert compiled(tmp_path, language, code, HEADS[language, textures], call) == []
@@ -123,7 +123,7 @@ def test_code_of_even_surfaces_compiles(tmp_path, language, textures):
 @pytest.mark.parametrize("taps", TAP_COUNTS)
 @pytest.mark.parametrize(("language", "textures"), HEADS)
 def test_code_compiles(tmp_path, language, textures, taps):
-    code = look_up_code(cases.FORMS["splitsum linear"](), language, textures, taps)
+    code = written_code(cases.FORMS["splitsum linear"](), language, textures, taps).text
     call = CALL.format({"glsl": "vec3", "hlsl": "float3"}[language])
     assert compiled(tmp_path, language, code, HEADS[language, textures], call) == []
 
@@ -131,9 +131,9 @@ def test_code_compiles(tmp_path, language, textures, taps):
 @pytest.mark.parametrize("name", ["shrm", "she lobe", "splitsum cloth"])
 def test_other_forms_are_refused(name):
     with pytest.raises(MapError, match="only split sums of GGX"):
-        look_up_code(cases.FORMS[name](), "glsl", taps=5)
+        written_code(cases.FORMS[name](), "glsl", taps=5)
     with pytest.raises(MapError, match="only split sums of GGX"):
-        look_up_code(cases.FORMS[name](), "glsl", even_taps=1)
+        written_code(cases.FORMS[name](), "glsl", even_taps=1)
 
 
 @pytest.mark.parametrize(

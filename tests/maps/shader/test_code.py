@@ -12,7 +12,7 @@ from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.product.product import VaryingProduct
-from shrm_cli.maps.shader.code import _corner, look_up_code
+from shrm_cli.maps.shader.code import _corner, written_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.shader.language import LANGUAGES
 from shrm_cli.maps.shader.pages import Run
@@ -111,7 +111,7 @@ def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32, place=No
         call = f"shrm_tangent(shrm_vec(a, b, c)), shrm_vec(d, e, f){own})"
         call = f"shrm_varied_radiance(shrm_vec(a, b, c), {call}"
     source, program = folder / "main.c", folder / "main"
-    text = C_MAIN.format(code=look_up_code(made, "c"), load=load, call=call)
+    text = C_MAIN.format(code=written_code(made, "c").text, load=load, call=call)
     if not program.exists() or source.read_text(encoding="ascii") != text:
         source.write_text(text, encoding="ascii")
         done = run([compiler, *STRICT, source, "-o", program, "-lm"])
@@ -168,7 +168,7 @@ def test_images_that_fit_into_no_array_are_refused():
     assert pack(textures)[1].values.shape == (229, 36, 36, 3)
     wide = replace(many, table=np.broadcast_to(many.table[:1, :1], (1024, 1024, 289, 1)))
     with pytest.raises(MapError, match="18496 images of 1024 x 1024 texels"):
-        look_up_code(replace(textures, textures=(wide,) * 64), "glsl", "layers")
+        written_code(replace(textures, textures=(wide,) * 64), "glsl", "layers")
 
 
 def boxed(made):
@@ -177,7 +177,7 @@ def boxed(made):
     info = replace(within.info, options={"reading": {"proxy": BOX}})
     inner = within.with_info(info)
     placed = inner if made is within else replace(made, map=inner)
-    return placed if "shrm_radiance_at" in look_up_code(placed, "c") else None
+    return placed if "shrm_radiance_at" in written_code(placed, "c").text else None
 
 
 def placed(made, normals, views, roughness, f0, place):
@@ -227,7 +227,7 @@ def test_c_has_the_parallax_of_pictures(tmp_path, monkeypatch, name):
 @pytest.mark.parametrize(("language", "textures"), HEADS)
 def test_code_with_parallax_compiles(tmp_path, language, textures, name):
     made = boxed(cases.FORMS[name]())
-    code = look_up_code(made, language, textures)
+    code = written_code(made, language, textures).text
     point = ", vec3(1.0, 2.0, 3.0)".replace("vec3", "vec3" if language == "glsl" else "float3")
     call = call_of(made, language, "shrm_radiance_at", point)
     assert compiled(tmp_path, language, code, HEADS[language, textures], call) == []
@@ -237,7 +237,7 @@ def test_code_with_parallax_compiles(tmp_path, language, textures, name):
 def test_irradiance_with_parallax_compiles(tmp_path, language):
     made = cases.irradiance(4)
     made = replace(made, info=replace(made.info, options={"reading": {"proxy": BOX}}))
-    code, vector = look_up_code(made, language), "vec3" if language == "glsl" else "float3"
+    code, vector = written_code(made, language).text, "vec3" if language == "glsl" else "float3"
     call = f"shrm_irradiance_at(n, {vector}(1.0, 2.0, 3.0) + v)"
     assert compiled(tmp_path, language, code, HEADS[language, "cube-array"], call) == []
 
@@ -247,7 +247,7 @@ def test_c_that_nothing_calls_is_no_warning(tmp_path, name):
     """A header with the code is included by files that do not call it, too."""
     compiler, source = compiler_of_c(), tmp_path / "alone.c"
     made = cases.FORMS[name]()
-    source.write_text(look_up_code(boxed(made) or made, "c"), encoding="ascii")
+    source.write_text(written_code(boxed(made) or made, "c").text, encoding="ascii")
     done = run([compiler, *STRICT, "-c", source, "-o", tmp_path / "alone.o"])
     assert (done.returncode, done.stderr) == (0, "")
 
@@ -287,9 +287,9 @@ def test_code_compiles(tmp_path, language, textures, name):
     unfit = made.sampling == "border" or (made.frame == "local" and isinstance(made, Shrm))
     if textures == "cube-array" and (unfit or name == "shrm compressed local"):
         with pytest.raises(MapError, match="layers"):
-            look_up_code(made, language, textures)
+            written_code(made, language, textures)
         return
-    code = look_up_code(made, language, textures)
+    code = written_code(made, language, textures).text
     assert max(map(len, code.partition("*/")[0].splitlines())) < 110
     assert (
         compiled(tmp_path, language, code, HEADS[language, textures], call_of(made, language)) == []
@@ -301,20 +301,20 @@ def test_more_principal_cubes_are_no_longer_code():
     texts = []
     for degrees in [(1, 0), (12, 6, 5, 4, 3, 2, 1, 1, 0, 0)]:
         made = PrincipalMap((cases.lobe(0, degrees=degrees),), make_info(4, 3))
-        texts.append(look_up_code(made, "glsl", "layers").partition("*/")[2])
+        texts.append(written_code(made, "glsl", "layers").text.partition("*/")[2])
     assert len(texts[1]) == pytest.approx(len(texts[0]), rel=0.02)
 
 
 def test_the_compiler_refuses_what_is_wrong(tmp_path):
     made = cases.FORMS["shrm"]()
-    code = look_up_code(made, "glsl", "layers").replace("return sum", "return wrong")
+    code = written_code(made, "glsl", "layers").text.replace("return sum", "return wrong")
     assert compiled(tmp_path, "glsl", code, HEADS["glsl", "layers"], call_of(made, "glsl"))
 
 
 @pytest.mark.parametrize("name", FORMS)
 def test_no_form_needs_more_samplers_than_its_textures(name):
     made = cases.FORMS[name]()
-    code = look_up_code(made, "glsl", "layers")
+    code = written_code(made, "glsl", "layers").text
     names = [line.split()[-1].strip(";") for line in code.splitlines() if "sampler2DArray" in line]
     assert names == [texture.name for texture in pack(made)]
     assert set(names) <= {"shrm_layers", "shrm_table", "shrm_product", "shrm_lobe"}
@@ -325,7 +325,7 @@ def test_no_form_needs_more_samplers_than_its_textures(name):
 def test_no_name_escapes_from_the_comment(language, name):
     made = cases.FORMS["shrm"]()
     named = replace(made, info=replace(made.info, probe=name))
-    plain, code = look_up_code(made, language), look_up_code(named, language)
+    plain, code = written_code(made, language).text, written_code(named, language).text
     assert code.isascii()
     assert code.partition("*/")[2] == plain.partition("*/")[2]
     assert len(code.splitlines()) == len(plain.splitlines())
@@ -334,13 +334,13 @@ def test_no_name_escapes_from_the_comment(language, name):
 def test_what_has_no_code_is_refused():
     made = cases.FORMS["shrm"]()
     with pytest.raises(MapError, match="take one of glsl, hlsl, wgsl, c"):
-        look_up_code(made, "metal")
+        written_code(made, "metal")
     with pytest.raises(ArgumentError, match="c reads no cube-array"):
-        look_up_code(made, "c", "cube-array")
+        written_code(made, "c", "cube-array")
     sizes = range(40, 20, -1)
     many = cases.split_sum_of("linear", tuple(np.linspace(0.1, 1, 20)), sizes)
     with pytest.raises(ArgumentError, match="20 sizes of cubes take more than 16 samplers"):
-        look_up_code(many, "glsl", "cube-array")
+        written_code(many, "glsl", "cube-array")
     bright = Shrm(1e39 * made.coefficients, "global", "reflection", make_info(4, 3))
     with pytest.raises(MapError, match="beyond 32-bit floats"):
         pack(bright)
@@ -357,6 +357,6 @@ def test_the_number_of_a_cube_may_be_a_choice(run):
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_negative_numbers_of_tables_stand_without_brackets(language):
-    code = look_up_code(cases.FORMS["cabral"](), language)
+    code = written_code(cases.FORMS["cabral"](), language).text
     assert re.search(r"[{(]-0\.", code)
     assert not re.search(r"[{(,] ?\(-\d", code)

@@ -8,7 +8,7 @@ import pytest
 
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shader import cost
-from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.code import written_code
 from shrm_cli.vocabulary import EVEN_TAP_COUNTS, TAP_COUNTS
 from tests.maps.scenes import make_info, make_shrm
 from tests.maps.shader import cases
@@ -141,7 +141,9 @@ def test_costs_are_those_of_the_code(tmp_path):
         is_diffuse = made.representation == "irradiance"
         # Taps of surfaces that are not brushed are negative.
         taps = surface if isinstance(surface, int) else 0
-        code = as_cpp(look_up_code(made, "glsl", None, max(taps, 0) or None, max(-taps, 0) or None))
+        code = as_cpp(
+            written_code(made, "glsl", None, max(taps, 0) or None, max(-taps, 0) or None).text
+        )
         parts.append(f"namespace n{number} {{\n{code}}}\n")
         point = POINT if not is_diffuse else POINT.partition("), ")[0] + ")"
         call = f"n{number}::shrm_{'ir' if is_diffuse else ''}radiance({point}{surface})"

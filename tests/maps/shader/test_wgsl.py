@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.code import written_code
 from shrm_cli.maps.shader.language import in_wgsl
 from tests.maps.shader import cases
 
@@ -32,7 +32,7 @@ def test_statements(glsl, wgsl):
 
 
 def test_textures_have_bindings():
-    code = look_up_code(cases.FORMS["splitsum linear"](), "wgsl", "cube-array")
+    code = written_code(cases.FORMS["splitsum linear"](), "wgsl", "cube-array").text
     found = re.findall(r"@group\(0\) @binding\((\d)\) var (\w+):", code)
     assert [int(number) for number, _ in found] == list(range(len(found)))
     assert {"shrm_sampler", "shrm_cubes", "shrm_cubes3", "shrm_table"} <= {n for _, n in found}
