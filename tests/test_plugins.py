@@ -738,7 +738,7 @@ def test_a_broken_form_is_one_line(forms, name, tmp_path, monkeypatch):
 def test_forms_of_shrm_win(forms):
     forms("shrm_cli.forms", {"she": "nowhere_at_all:x", "shy": "nowhere_at_all:x"}, FORMS)
     assert registry.description("she").title == "SH exponential"
-    with pytest.raises(ArgumentError, match=r"'shi' is none of shrm, .*, she, product, shy$"):
+    with pytest.raises(ArgumentError, match=r"'shi' is none of auto, shrm, .*, she, product, shy$"):
         registry.description("shi")
     assert_refused(run("prefilter", "x.exr", "--to", "shi"), 2, "'shi'", "'shy'")
 
@@ -804,7 +804,7 @@ def test_a_batch_with_a_form_that_fails_is_one_line(forms, tmp_path, monkeypatch
     forms("shrm_cli.forms", points, FORMS)
     done("probe", "furnace", "-o", "white.exr", "--size", 16)
     (tmp_path / "bake.toml").write_text(f'probes = ["white.exr"]\nto = ["{name}"]\n')
-    words = BROKEN_FORMS.get(name, ("", "is none of shrm, cabral"))[1]
+    words = BROKEN_FORMS.get(name, ("", "is none of auto, shrm, cabral"))[1]
     work_here(monkeypatch)
     found = run("batch", "bake.toml", "--jobs", 1)
     assert found.code == 1

@@ -281,7 +281,7 @@ def choose(
     for name, value in (("error", error), ("seen", seen)):
         if not 0 < value < 1:
             raise ArgumentError(name, f"{value:g} is not between 0 and 1")
-    asked = several(brdfs)
+    asked = several(brdfs, "brdfs")
     stages = Stages(progress, len(asked))
     found: list[Choice] = []
     for each in asked:

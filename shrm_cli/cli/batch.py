@@ -21,7 +21,14 @@ from shrm_cli.cli.types import FILE, PATH, Named, flag, option
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import installed_names
 from shrm_cli.settings import limit_libraries
-from shrm_cli.vocabulary import AUTO, ENGINES, EXPORT, MAX_COLLECTED_ORDER, REPRESENTATIONS
+from shrm_cli.vocabulary import (
+    AUTO,
+    ENGINES,
+    EXPORT,
+    MAX_COLLECTED_ORDER,
+    MAX_JOBS,
+    REPRESENTATIONS,
+)
 
 if TYPE_CHECKING:
     from shrm_cli.batch.collect import What
@@ -95,7 +102,7 @@ _gather_options = options.several(
 @options.several(*texel_options)
 @options.read_options
 @option(
-    "--jobs", click.IntRange(1, 1024), metavar="N",
+    "--jobs", click.IntRange(1, MAX_JOBS), metavar="N",
     help="Processes that work at a time.  [default: as many as there are processors]",
 )  # fmt: skip
 @option(

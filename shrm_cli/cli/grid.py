@@ -12,7 +12,7 @@ from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import BOX, COUNTS, PATH, option
 from shrm_cli.files.whole import keeping, kept
-from shrm_cli.vocabulary import MAX_GRID_ORDER
+from shrm_cli.vocabulary import MAX_GRID_ORDER, MAX_SAMPLES
 
 if TYPE_CHECKING:
     from shrm_cli.rooms.make import RoomPlan
@@ -34,7 +34,10 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
 @option("--order", click.IntRange(1, MAX_GRID_ORDER), "Largest degree of the harmonics.", default=2)
 @options.room_options
 @option(
-    "--samples", click.IntRange(16, 65536), "Directions along which each probe looks.", default=1024
+    "--samples",
+    click.IntRange(16, MAX_SAMPLES),
+    "Directions along which each probe looks.",
+    default=1024,
 )
 @option(
     "--light", click.Choice(["all", "reflected"]), default="all",

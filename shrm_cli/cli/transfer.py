@@ -12,14 +12,18 @@ from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import ALBEDO, BRUSH, PATH, flag, option
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import keeping
-from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
+from shrm_cli.vocabulary import (
+    DEFAULT_PRODUCT_ORDER,
+    MAX_SAMPLES,
+    MAX_TRANSFER_ORDER,
+    TRANSFER_TEXTURES,
+)
 
 if TYPE_CHECKING:
     from shrm_cli.geometry.mesh import Mesh
     from shrm_cli.transfer.transfer import Transfer
 
 _SUFFIXES = (".npz", ".glb", ".ply", ".txt")
-_MOST_SAMPLES = 2**16
 
 
 @click.command()
@@ -44,7 +48,7 @@ _MOST_SAMPLES = 2**16
     "says nothing]",
 )  # fmt: skip
 @option(
-    "--samples", click.IntRange(1, _MOST_SAMPLES), "Rays of each vertex and bounce.", default=1024
+    "--samples", click.IntRange(1, MAX_SAMPLES), "Rays of each vertex and bounce.", default=1024
 )
 @option(
     "--brdf", str, metavar="SPEC",

@@ -34,7 +34,7 @@ from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.splitsum.prefilter import make_levels
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.messages import several
+from shrm_cli.messages import check_fields, several
 from shrm_cli.naming import probe_stem
 from shrm_cli.orders import Orders
 from shrm_cli.probe.disc import Disc
@@ -213,6 +213,9 @@ class Asked:
     safe: bool = False
     sun: str | None = None
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     def of_several(self, engines: Sequence[Engine]) -> list["Asked"]:
         """Return what is asked of each of some engines: what one has not, it is not asked for.
 
@@ -267,7 +270,7 @@ def export(
     >>> any(file.name.endswith("_README.md") for file in made.files)
     True
     """
-    source = Source.open([os.fspath(each) for each in several(sources)], reading=reading)
+    source = Source.open([os.fspath(each) for each in several(sources, "sources")], reading=reading)
     made = packaged(source, engine_of(engine), asked or Asked(), progress)
     if folder is not None:
         write(made, Path(folder))
