@@ -72,6 +72,7 @@ def grid(
       shrm grid house.glb --emit lamp=30,28,25 --probe sky.exr -o house.ktx2
       shrm grid house.grid.npz --light reflected -o house.json
     """
+    from shrm_cli.files.npz import is_cut_off
     from shrm_cli.rooms.export import WRITERS
     from shrm_cli.rooms.grid import is_grid, made_by, write_grid
     from shrm_cli.rooms.make import grid as grid_of
@@ -89,7 +90,9 @@ def grid(
     planned: list[RoomPlan] = []
 
     def begin(plan: RoomPlan) -> None:
-        if not (force or output) and os.path.lexists(target) and made_by(target) != plan.made:
+        is_there = not (force or output) and os.path.lexists(target)
+        # What is cut off may be of the same inputs, which is known when the grid is written.
+        if is_there and made_by(target) != plan.made and not is_cut_off(target):
             raise kept(target, "other inputs or options made it")
         planned.append(plan)
         count = " x ".join(map(str, plan.lattice.shape))

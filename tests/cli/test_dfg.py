@@ -250,6 +250,16 @@ def test_tables_that_cannot_be_made_or_held(tmp_path, monkeypatch, options, told
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("options", [["--columns", "filament"], ["--brdf", "charlie"]])
+def test_values_beyond_png_are_refused_by_a_coarse_table(tmp_path, monkeypatch, options):
+    made, sizes = dfg.dfg, []
+    monkeypatch.setattr(
+        dfg, "dfg", lambda *given, **named: sizes.append(named["size"]) or made(*given, **named)
+    )
+    assert_refused(run("dfg", *options, "-o", tmp_path / "a.png"), 1, "PNG holds 0 .. 1")
+    assert sizes == [32]
+
+
 @pytest.mark.parametrize(
     "options",
     [
