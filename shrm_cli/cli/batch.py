@@ -13,7 +13,7 @@ import click
 from shrm_cli import settings
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.contact import write_contacts
-from shrm_cli.cli.export import texel_options
+from shrm_cli.cli.export import installed_engines, texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_message, progress_bar, tell, ticking
@@ -90,7 +90,7 @@ _gather_options = options.several(
     "[default: export with --for, else auto]",
 )  # fmt: skip
 @option(
-    "--for engines", click.Choice([*ENGINES, "all"]), multiple=True,
+    "--for engines", Named([*ENGINES, "all"], installed_engines), multiple=True,
     help="An engine whose files are exported, a folder each. May be repeated.",
 )  # fmt: skip
 @option(

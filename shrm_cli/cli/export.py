@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from shrm_cli.probe.options import ReadOptions
 
 
-def _installed() -> list[str]:
+def installed_engines() -> list[str]:
     """Return the engines of installed packages."""
     from shrm_cli.plugins import ENGINES as GROUP
     from shrm_cli.plugins import installed
@@ -58,7 +58,7 @@ _OPTIONS = {"texels": "format", "table": "dfg", "safe": "firefly_safe"}
 @click.command()
 @click.argument("sources", metavar="PROBE|MAP...", type=PATH, nargs=-1, required=True)
 @option(
-    "--for engines", Named([*ENGINES, "all"], _installed), multiple=True, required=True,
+    "--for engines", Named([*ENGINES, "all"], installed_engines), multiple=True, required=True,
     help="Who loads it; several may be named; all are those of shrm itself.",
 )  # fmt: skip
 @option(
