@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.automatic import automatic_choice
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.environment.lobe import perceptual_roughness
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.choose.offer import Choice, Offer, decided
@@ -243,6 +244,8 @@ def _measured(
     if taps is not None and not brdf.isotropic:
         roughness, anisotropy, f0 = brdf.brushed_surface  # type: ignore[attr-defined]
         shown = made.shaded(roughness, f0, anisotropy, taps)
+    elif isinstance(made, LightMap) and "f0" not in made.surface_arguments:  # of that BRDF
+        shown = made.shaded(perceptual_roughness(brdf))
     elif isinstance(made, LightMap):
         shown = made.shaded(brdf.number("roughness"), brdf.color("f0"), taps=taps)
     error, share = truth.errors(shown, brdf.color("albedo") if made.is_white else 1.0)
