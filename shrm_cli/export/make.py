@@ -358,7 +358,7 @@ def refusals(engine: Engine, asked: Asked) -> list[ArgumentError]:
         ("window", engine.wants_irradiance, f"{title} gets no coefficients"),
         ("table", engine.takes_table, f"{title} has a table of its own"),
         ("safe", engine.sampler is not None, f"{title} has no sampler that is known"),
-        ("sun", engine.lamps > 0, f"lamps are not made for {title}"),
+        ("sun", engine.lamps > 0, f"lamps are not made for {title}; export what shrm sun leaves"),
         ("into", engine.takes_asset, f"{title} gets files of its own"),
     )
     return [
