@@ -42,7 +42,9 @@ class Settings:
 
     def __post_init__(self) -> None:
         if not (self.threads is None or (isinstance(self.threads, int) and self.threads >= 1)):
-            raise ArgumentError("threads", f"is {self.threads!r:.40}; give a number; one is the least")
+            raise ArgumentError(
+                "threads", f"is {self.threads!r:.40}; give a number; one is the least"
+            )
         if not isinstance(self.cache, bool | Path):
             raise ArgumentError("cache", f"is {self.cache!r:.40}; give True, False or a Path")
 
