@@ -14,7 +14,7 @@ nothing. docs/library.md documents the public names.
 
 import importlib
 import sys
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 # Type checkers know this name and take it for true. The module `typing` is not loaded for it:
 # Ctrl-C prints a traceback of Python's own until `shrm_cli.__main__` listens to it.
@@ -160,6 +160,10 @@ def __getattr__(name: str) -> "Any":
         value: Any = _built_version()
     elif name in _HOMES:
         value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+        if isinstance(value, FunctionType):
+            from shrm_cli.messages import strict
+
+            value = strict(value)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = value

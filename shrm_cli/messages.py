@@ -1,4 +1,4 @@
-"""What messages show of arguments, of errors of foreign code, and of addresses, which may let in.
+"""What messages show of arguments, foreign errors and addresses; arguments that are refused.
 
 Errors and warnings have arguments in backticks. On the command line they are flags; in light files,
 manifests and scenes they are keys, which no flag stands for.
@@ -9,12 +9,18 @@ are kept, and files are sent to others, so that none of these may be in them: al
 written goes through `shown`.
 """
 
+import functools
+import inspect
 import os
 import re
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
+from itertools import repeat
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 from shrm_cli.errors import ArgumentError
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 ARGUMENT = re.compile(r"`([a-z][a-z0-9_]*)(=False)?`")
 """An argument in a message: its name, and whether it is false."""
@@ -29,6 +35,11 @@ def as_keys(message: object) -> str:
     return ARGUMENT.sub(
         lambda found: f"'{found[1]} = false'" if found[2] else f"'{found[1]}'", str(message)
     )
+
+
+def value_text(value: object) -> str:
+    """Return a value as messages show it: in one line, and not for long."""
+    return f"{' '.join(repr(value).split()):.80}"
 
 
 def percent(part: float) -> str:
@@ -160,7 +171,8 @@ def whole(argument: str, value: object, low: int, high: int) -> int:
     """Return a whole number within limits, as Python's; else raise an `ArgumentError`."""
     number = value if isinstance(value, int) else getattr(value, "__index__", lambda: None)()
     if number is None or isinstance(value, bool) or not low <= number <= high:
-        raise ArgumentError(argument, f"is {value!r:.80}; give a whole number of {low} .. {high}")
+        asked = f"give a whole number of {low} .. {high}"
+        raise ArgumentError(argument, f"is {value_text(value)}; {asked}")
     return int(number)
 
 
@@ -176,6 +188,12 @@ def several(given: Any, needed: str = "") -> list[Any]:
     return found
 
 
+def check_names(names: Sized, maps: Sized) -> None:
+    """Raise an `ArgumentError` unless there are as many names as maps."""
+    if len(names) != len(maps):
+        raise ArgumentError("names", f"are {len(names)} of {len(maps)} maps; give one for each")
+
+
 def refuse_arguments(what: str, **values: object) -> None:
     """Raise an `ArgumentError`, if an argument is given, not None, that would change nothing.
 
@@ -184,3 +202,134 @@ def refuse_arguments(what: str, **values: object) -> None:
     for name, value in values.items():
         if value is not None:
             raise ArgumentError(name, f"does not apply to {what}")
+
+
+# ---- arguments of the library, whose kinds are those that their annotations name -----------------
+
+_NAMED_KINDS = {
+    NoneType: "",
+    float: "a number",
+    int: "a whole number",
+    bool: "True or False",
+    str: "text",
+    os.PathLike: "a path",
+    Callable: "a function",
+    Mapping: "a mapping",
+    Sequence: "a list",
+    tuple: "a list",
+}
+
+
+def strict(function: Function) -> Function:
+    """Return a function that refuses arguments of a wrong kind before it does anything.
+
+    An argument that it does not have, one that it lacks, and one whose value is not what its
+    annotation says raise an `ArgumentError`. Numbers may be those of numpy, and sequences may be
+    any iterables; NaN, True and False are no numbers.
+    """
+
+    @functools.wraps(function)
+    def refusing(*values: Any, **named: Any) -> Any:
+        check_call(function, *values, **named)
+        return function(*values, **named)
+
+    refusing.__module__ = __package__  # where pickle finds it
+    return cast(Function, refusing)
+
+
+def check_call(function: Callable[..., Any], /, *values: Any, **named: Any) -> None:
+    """Raise an `ArgumentError` where a function would not be called as its signature says."""
+    signature = inspect.signature(function, eval_str=True)
+    known = signature.parameters
+    try:
+        given = signature.bind(*values, **named).arguments
+    except TypeError as error:
+        names = ", ".join(f"`{each}`" for each in known)
+        for name in sorted(named.keys() - known.keys()):
+            of = f"is no argument of {function.__name__}, which takes {names}"
+            raise ArgumentError(name, of) from None
+        raise ArgumentError(function.__name__, f"takes {names}: {error}") from None
+    for name, value in given.items():
+        if known[name].kind is not inspect.Parameter.VAR_KEYWORD:
+            check_kind(name, value, known[name].annotation)
+
+
+def check_fields(record: Any) -> None:
+    """Raise an `ArgumentError` where a field of a record is not what its annotation says."""
+    for name, kind in inspect.get_annotations(type(record), eval_str=True).items():
+        check_kind(name, getattr(record, name), kind)
+
+
+def check_kind(argument: str, value: object, kind: Any) -> None:
+    """Raise an `ArgumentError` for a value that is not of a kind, which is an annotation."""
+    if not _is_of(value, kind):
+        words = [word for each in _alternatives(kind) if (word := _words(each))]
+        wanted = "numbers" if _is_array(kind) else " or ".join(dict.fromkeys(words))
+        hint = "; give pixels to Probe.from_array" if hasattr(value, "dtype") else ""
+        is_path = os.PathLike[str] in _alternatives(kind)
+        raise ArgumentError(argument, f"{value_text(value)} is not {wanted}{hint * is_path}")
+
+
+def _alternatives(kind: Any) -> tuple[Any, ...]:
+    """Return the kinds of which a value may be any."""
+    return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+
+
+def _is_array(kind: Any) -> bool:
+    """Whether a kind is numpy's `ArrayLike`, which alone lists complex numbers."""
+    return complex in _alternatives(kind)
+
+
+def _is_of(value: Any, kind: Any) -> bool:
+    """Whether a value is of a kind."""
+    if kind in (Any, inspect.Parameter.empty):
+        return True
+    if value is None:
+        return NoneType in _alternatives(kind)
+    if _is_array(kind):
+        return _holds_numbers(value)
+    origin, inside = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return any(_is_of(value, each) for each in inside)
+    if origin is Literal:
+        return isinstance(value, str) and value in inside
+    if origin in (tuple, Sequence):
+        return _is_listed(value, inside, has_length=origin is tuple and Ellipsis not in inside)
+    is_flag = type(value).__name__ in ("bool", "bool_")
+    if kind in (float, int):
+        has_digits = hasattr(value, "__float__" if kind is float else "__index__")
+        # A NaN is not equal to itself.
+        return has_digits and not is_flag and not getattr(value, "ndim", 0) and value == value
+    return is_flag if kind is bool else isinstance(value, origin or kind)
+
+
+def _is_listed(value: Any, kinds: tuple[Any, ...], has_length: bool) -> bool:
+    """Whether values are listed that are each of its kind, or, without a length, of the first."""
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
+        return False
+    if not isinstance(value, Sized):  # an iterator can be looked through only once
+        return not has_length
+    if getattr(value, "ndim", 1) == 0 or (has_length and len(value) != len(kinds)):
+        return False
+    return all(map(_is_of, value, kinds if has_length else repeat(kinds[0])))
+
+
+def _holds_numbers(value: Any) -> bool:
+    """Whether numpy makes an array of numbers of a value."""
+    import numpy as np  # --help does without
+
+    try:
+        return np.asarray(value).dtype.kind in "biuf"
+    except ValueError:  # rows of different lengths
+        return False
+
+
+def _words(kind: Any) -> str:
+    """Return a kind in words; nothing for None."""
+    origin, inside = get_origin(kind) or kind, get_args(kind)
+    if origin is Literal:
+        return f"one of {', '.join(inside)}"
+    if origin is tuple and Ellipsis not in inside:
+        return f"{len(inside)} {'numbers' if {*inside} <= {int, float} else 'values'}"
+    name = getattr(origin, "__name__", str(origin))
+    return _NAMED_KINDS.get(origin, f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}")

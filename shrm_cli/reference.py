@@ -84,6 +84,8 @@ class Reference:
         progress: Progress | None = None,
         exact: bool = False,
     ) -> None:
+        if source_height is not None:
+            source_height = whole("source_height", source_height, 2, MAX_SOURCE_HEIGHT)
         self.brdf = brdf
         self.angle = np.pi if tolerance is None else lobe.lobe_angle(brdf, tolerance)
         self.dtype = dtype
@@ -407,8 +409,6 @@ def reference(
     """
     normals, views = as_directions(normals=normals, views=views)
     light = as_probe(probe)
-    if source_height is not None:
-        source_height = whole("source_height", source_height, 2, MAX_SOURCE_HEIGHT)
     material = as_brdf(brdf, light.chromaticities)
     truth = Reference(light, material, source_height, progress=progress, exact=exact)
     return truth.radiance(normals, views)

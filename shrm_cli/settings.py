@@ -41,8 +41,12 @@ class Settings:
     True for the folder that the environment or the user's system names."""
 
     def __post_init__(self) -> None:
-        if self.threads is not None and not self.threads >= 1:
-            raise ArgumentError("threads", f"is {self.threads}; one is the least")
+        if not (self.threads is None or (isinstance(self.threads, int) and self.threads >= 1)):
+            raise ArgumentError(
+                "threads", f"is {self.threads!r:.40}; give a number; one is the least"
+            )
+        if not isinstance(self.cache, bool | Path):
+            raise ArgumentError("cache", f"is {self.cache!r:.40}; give True, False or a Path")
 
 
 _DEFAULTS = Settings()
@@ -90,7 +94,7 @@ class using:
 
     Raises
     ------
-    ValueError
+    ArgumentError
         If `threads` is less than 1.
 
     Examples

@@ -139,6 +139,7 @@ MAX_SOURCE_HEIGHT = 8192
 MAX_LATLONG_HEIGHT = 8192
 """The most rows of a lat-long."""
 MAX_PICTURE_SIZE, MAX_STOPS = 8192, 32
+MAX_SAMPLES, MAX_JOBS = 65536, 1024
 """The largest width or height of a picture, pixels, and its largest exposure of either sign."""
 MAX_CUBE_SIZE = 4096
 """The most texels along the edge of a map's face."""

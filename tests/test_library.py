@@ -1,5 +1,6 @@
 """The library as its page and its example use it, and what `import shrm_cli` loads."""
 
+import copy
 import os
 import pickle  # noqa: TID251 (of its own objects)
 import re
@@ -165,7 +166,7 @@ def test_refusals_speak_of_arguments():
         shrm.prefilter(np.ones((8, 16, 3)))
     with pytest.raises(shrm.ArgumentError, match="`level` is no argument"):
         shrm.prefilter(np.ones((8, 16, 3)), to="splitsum", level=3)
-    with pytest.raises(shrm.ArgumentError, match="'shmr' is none of shrm"):
+    with pytest.raises(shrm.ArgumentError, match="'shmr' is none of auto, shrm"):
         shrm.prefilter(np.ones((8, 16, 3)), to="shmr")
 
 
@@ -176,3 +177,23 @@ def test_errors_come_out_of_worker_processes():
         error = kind("size", "is 3") if kind is shrm.ArgumentError else kind("a.exr: damaged")
         again = pickle.loads(pickle.dumps(error))
         assert (type(again), str(again), vars(again)) == (kind, str(error), vars(error))
+
+
+def test_what_functions_return_is_copied_and_pickled(tmp_path):
+    """An offer is made in another process as in this one, or says why it is not."""
+    light = shrm.Probe.from_array(np.ones((16, 32, 3), np.float32))
+    (choice,) = shrm.choose(light, "0.5*lambertian+0.5*ggx:roughness=0.8")
+    again = pickle.loads(pickle.dumps(choice))
+    assert again == choice == copy.deepcopy(choice)
+    views = np.array([0.0, 0.6, 0.8])
+    for one, other in zip(choice.offers, again.offers, strict=True):
+        if one.arguments is None:
+            with pytest.raises(shrm.MapError, match="no arguments make this map"):
+                other.make()
+        elif one.bytes < 10**5:
+            found = [each.make().shaded().radiance(views, views) for each in (one, other)]
+            np.testing.assert_allclose(*found, rtol=1e-3)
+    assert {each.arguments is None for each in choice.offers} == {True, False}
+    for engine in ("three", "unity", "godot"):
+        package = pickle.loads(pickle.dumps(shrm.export(ROOT / "probes" / "studio.exr", engine)))
+        assert all(file.write(tmp_path / file.name) or True for file in package.files)

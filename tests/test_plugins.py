@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from shrm_cli import plugins
+from shrm_cli import plugins, sources
 from shrm_cli.analysis import representations
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.cli.main import cli
@@ -173,6 +173,31 @@ def test_the_engine_of_the_example(call, tmp_path):
     assert len(cube) == 6
     readme = (tmp_path / "dawn.ambient-cube" / "dawn_README.md").read_text()
     assert readme.startswith("Light of dawn.exr for programs with ambient cubes, by shrm ")
+
+
+@pytest.mark.slow
+def test_the_engine_of_the_example_in_batches(call, site, tmp_path, monkeypatch):
+    """A batch keeps what is there, and notices that the package has changed."""
+    work_here(monkeypatch)
+    options = ("batch", "dawn.exr", "--for", "ambient-cube", "--jobs", 1, "--json")
+    assert json.loads(call(*options))["made"] == 1
+    written = (tmp_path / "dawn.ambient-cube" / "dawn_cube.json").read_text()
+    assert json.loads(written).keys() == {"+x", "-x", "+y", "-y", "+z", "-z"}
+    assert json.loads(call(*options))["made"] == 0
+    code = site / "shrm_moon" / "engine.py"
+    whole = code.read_text()
+
+    def forget():
+        for kept in (sources.fingerprint_with, sources.package_digest, sources._folder_digest):
+            kept.cache_clear()
+
+    try:
+        code.write_text(whole + "# changed\n")
+        forget()
+        assert json.loads(call(*options))["made"] == 1
+    finally:
+        code.write_text(whole)
+        forget()
 
 
 def off(density, slope=1):
@@ -738,7 +763,7 @@ def test_a_broken_form_is_one_line(forms, name, tmp_path, monkeypatch):
 def test_forms_of_shrm_win(forms):
     forms("shrm_cli.forms", {"she": "nowhere_at_all:x", "shy": "nowhere_at_all:x"}, FORMS)
     assert registry.description("she").title == "SH exponential"
-    with pytest.raises(ArgumentError, match=r"'shi' is none of shrm, .*, she, product, shy$"):
+    with pytest.raises(ArgumentError, match=r"'shi' is none of auto, shrm, .*, she, product, shy$"):
         registry.description("shi")
     assert_refused(run("prefilter", "x.exr", "--to", "shi"), 2, "'shi'", "'shy'")
 
@@ -804,7 +829,7 @@ def test_a_batch_with_a_form_that_fails_is_one_line(forms, tmp_path, monkeypatch
     forms("shrm_cli.forms", points, FORMS)
     done("probe", "furnace", "-o", "white.exr", "--size", 16)
     (tmp_path / "bake.toml").write_text(f'probes = ["white.exr"]\nto = ["{name}"]\n')
-    words = BROKEN_FORMS.get(name, ("", "is none of shrm, cabral"))[1]
+    words = BROKEN_FORMS.get(name, ("", "is none of auto, shrm, cabral"))[1]
     work_here(monkeypatch)
     found = run("batch", "bake.toml", "--jobs", 1)
     assert found.code == 1

@@ -15,11 +15,12 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.brdf.transfer import compute_coefficients
-from shrm_cli.errors import BrdfError, OrderError
+from shrm_cli.errors import ArgumentError, BrdfError, OrderError
 from shrm_cli.files.image import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
+from shrm_cli.messages import value_text, whole
 from shrm_cli.orders import Orders, known_coefficients, sufficient_orders
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.open import AnyProbe, as_probe
@@ -32,7 +33,7 @@ from shrm_cli.render.comparison import measure
 from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import PAPER, SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import Reflecting, render_sphere
-from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, Center
+from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_PICTURE_SIZE, Center
 
 DEFAULT_ORDER_F = 32
 """The largest F of a grid, unless a tolerance needs a larger one."""
@@ -379,6 +380,12 @@ def analyze(
     >>> [(each.order_f, each.order_p) for each in found.grid.orders]
     [(5, 2)]
     """
+    if not tolerances or not all(0 < each < 1 for each in tolerances):
+        raise ArgumentError("tolerances", f"{value_text(tolerances)} are not within 0 and 1")
+    for name, order, most in (("f", order_f, MAX_ORDER_F), ("p", order_p, MAX_ORDER_P)):
+        if order is not None:
+            whole(f"order_{name}", order, 0, most)
+    size = whole("size", size, 1, MAX_PICTURE_SIZE)
     source = None if probe is None else as_probe(probe)
     brdf = as_brdf(brdf, None if source is None else source.chromaticities)
     stages = Stages(progress, 1 if source is None else 2 + max(len(views), 1))

@@ -10,7 +10,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, differing_origins, record_of
-from shrm_cli.messages import several
+from shrm_cli.messages import check_names, several, whole
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages, tell
 from shrm_cli.records import record
@@ -19,6 +19,7 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
 from shrm_cli.render.lit import in_same_primaries, lit_maps, refuse_surface, shaded_maps
 from shrm_cli.render.seen import FlipError
+from shrm_cli.vocabulary import MAX_PICTURE_SIZE
 
 
 @record(eq=False)
@@ -133,10 +134,14 @@ def compare(
     True
     """
     source, maps = None if probe is None else as_probe(probe), several(maps, "maps")
+    size, viewers = whole("size", size, 1, MAX_PICTURE_SIZE), [Viewer(*view) for view in views]
+    if not viewers:
+        raise ArgumentError("views", "are none; give one at least")
     if source is None and len(maps) == 1:
         raise ArgumentError("maps", "are one, which has nothing to be compared with; name another")
     if names is None:
         names = [each.what if isinstance(each, Map) else os.fspath(each) for each in maps]
+    check_names(names, maps)
     opened = [each if isinstance(each, Map) else open_map(each) for each in maps]
     opened, warnings = lit_maps(opened, names, source, window)
     refuse_surface(opened, roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
@@ -158,7 +163,6 @@ def compare(
     if begin is not None:
         begin()
     others = loaded if truth is not None else loaded[1:]
-    viewers = [Viewer(*view) for view in views]
     comparison = compare_spheres(truth or baseline, others, viewers, size, stages.done, primaries)
     warnings += outside
     warnings += [] if source is None else [f"{source.name}: {w}" for w in source.report.warnings()]

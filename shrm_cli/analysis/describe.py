@@ -10,6 +10,7 @@ from shrm_cli.batch.collect import is_collection, read_collection
 from shrm_cli.brdf.environment.file import read_table_facts
 from shrm_cli.brdf.measured.table import Table, is_table
 from shrm_cli.brdf.spec import is_measured_file
+from shrm_cli.export.ktx import read_ktx2_facts
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.shader.file import read_layers_facts
 from shrm_cli.probe.open import open_probe
@@ -79,6 +80,8 @@ def describe(
     if (textures := read_layers_facts(name)) is not None:
         facts_of = {"kind": "textures of --shader", **textures}
         return Description("holds the textures of a map", facts_of)
+    if (texture := read_ktx2_facts(name)) is not None:
+        return Description("is a texture", {"kind": "KTX 2 texture of engines", **texture})
     if is_measured_file(name):
         return Description("is a measured BRDF", _measured(name))
     return _probe(name, reading, stats)

@@ -18,7 +18,7 @@ from shrm_cli.files.whole import is_input
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import Representation, counted, listing, owners
 from shrm_cli.maps.request import check_arguments, checked_options, resolved_form
-from shrm_cli.messages import is_remote, several, shown
+from shrm_cli.messages import check_fields, check_kind, is_remote, several, shown
 from shrm_cli.naming import brdf_label, probe_stem, unsound
 from shrm_cli.probe.open import face_paths
 from shrm_cli.records import record
@@ -31,6 +31,7 @@ FIELDS = ("probe", "folder", "brdf", "to", "engine")
 """What the names of outputs may hold in braces."""
 _FIELD = re.compile(r"([-._/ ]?)\{([^{}]*)\}")
 _SEPARATORS = "-._/ "
+_Names = Sequence[str | os.PathLike[str]] | str | os.PathLike[str]
 
 
 @record
@@ -82,8 +83,10 @@ class Entry:
 
     def __post_init__(self) -> None:
         for name in ("probes", "brdfs", "to", "engines"):
+            check_kind(name, getattr(self, name), _Names)
             texts = tuple(os.fspath(each) for each in several(getattr(self, name)))
             object.__setattr__(self, name, texts)
+        check_fields(self)
         resolved = tuple(resolved_form(to, self.arguments) for to in self.to)
         object.__setattr__(self, "to", resolved)
 

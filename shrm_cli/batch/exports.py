@@ -25,11 +25,11 @@ from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.options import Option, Representation
 from shrm_cli.naming import probe_stem
 from shrm_cli.probe.probe import Probe
-from shrm_cli.sources import EXPORTS, fingerprint
+from shrm_cli.sources import EXPORTS, fingerprint, fingerprint_with
 from shrm_cli.vocabulary import ENGINES, EXPORT, TEXEL_FORMATS
 
 OPTIONS = (
-    Option("engine", "who loads it", "choice", choices=tuple(ENGINES)),
+    Option("engine", "who loads it", "text"),
     Option("size", "texels along an edge", "integer", limits=(1, 4096)),
     Option("format", "texels of cubes", "choice", choices=TEXEL_FORMATS),
     Option("max_error", "what texels may change", "fraction"),
@@ -111,11 +111,19 @@ def difference(job: Job, probe: Probe) -> Difference | None:
     words = differing(options if isinstance(options, dict) else {}, _options(job, probe))
     if words:
         return Difference(f"it was made with other options ({words})")
-    if held.get("sources") != fingerprint(EXPORTS):
+    if held.get("sources") != _sources(job):
         return Difference("another version or state of shrm made it")
     if held.get("lacks") == _LACKED and can_compress():
         return Difference(f"it was made without the package {_LACKED}")
     return changed
+
+
+def _sources(job: Job) -> str:
+    """Return the fingerprint of the code that makes an export, of an installed package, too."""
+    name = job.recipe.arguments["engine"]
+    if name in ENGINES:
+        return fingerprint(EXPORTS)
+    return fingerprint_with(type(engine_of(name)).__module__)
 
 
 def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
@@ -140,7 +148,7 @@ def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
         "probe": probe_name(probe),
         "probe_sha256": probe.digest(),
         "options": _options(job, probe),
-        "sources": fingerprint(EXPORTS),
+        "sources": _sources(job),
         **({"lacks": _LACKED} if LARGE in package.told else {}),
     }
     with made_folder(folder):

@@ -80,6 +80,9 @@ class Terms:
     cache: bool | Path = True
     gathering: Gathering | None = None
 
+    def __post_init__(self) -> None:
+        messages.check_fields(self)
+
 
 @record(eq=False)
 class Result:

@@ -8,7 +8,7 @@ and the light itself, are made to be known.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,10 +16,11 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.automatic import automatic_choice
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.environment.lobe import perceptual_roughness
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.choose.offer import Choice, Offer, decided
-from shrm_cli.errors import ArgumentError, PluginError, ShrmError
+from shrm_cli.errors import ArgumentError, MapError, PluginError, ShrmError
 from shrm_cli.lights.beside import split_of
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map, ReflectedLight
@@ -68,6 +69,34 @@ class Known:
     cost: Cost
     arguments: Mapping[str, Any] | None
     """Those of `shrm_cli.prefilter.prefilter`; None where no arguments make it."""
+
+
+@record(eq=False)
+class Making:
+    """What makes the map of an offer, also where the offer is pickled for another process."""
+
+    probe: Probe
+    brdf: Brdf
+    arguments: Mapping[str, Any] | None
+    """Those of `shrm_cli.prefilter.prefilter`; None where no arguments make it."""
+    known: Callable[[], Map] | None = None
+    """Makes it of what is known here already; it is left out where this is pickled."""
+
+    def __call__(self, progress: Progress | None = None) -> Map:
+        if self.known is not None:
+            return self.known()
+        if self.arguments is None:
+            raise MapError("no arguments make this map; choose anew, and make it in that process")
+        given = dict(self.arguments)
+        to = given.pop("to")
+        needed = {"brdf": self.brdf} if registry.description(to).needs_brdf else {}
+        return prefilter_with_facts(self.probe, to, {**given, **needed}, progress).map
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "known": None}
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self
 
 
 Rows = list[list[Known]]
@@ -192,11 +221,7 @@ def made_offers(
     progress: Progress | None = None,
 ) -> list[Offer]:
     """Make a map once, and measure it as it is looked up in each way."""
-    needed = {"brdf": brdf} if registry.description(form).needs_brdf else {}
-
-    def make(progress: Progress | None = None) -> Map:
-        return prefilter_with_facts(probe, form, {**setting.arguments, **needed}, progress).map
-
+    make = Making(probe, brdf, {"to": form, **setting.arguments})
     made = make(progress)
     looked_up = registry.module(form, "offers").look_up
     return [
@@ -219,6 +244,8 @@ def _measured(
     if taps is not None and not brdf.isotropic:
         roughness, anisotropy, f0 = brdf.brushed_surface  # type: ignore[attr-defined]
         shown = made.shaded(roughness, f0, anisotropy, taps)
+    elif isinstance(made, LightMap) and "f0" not in made.surface_arguments:  # of that BRDF
+        shown = made.shaded(perceptual_roughness(brdf))
     elif isinstance(made, LightMap):
         shown = made.shaded(brdf.number("roughness"), brdf.color("f0"), taps=taps)
     error, share = truth.errors(shown, brdf.color("albedo") if made.is_white else 1.0)
@@ -281,7 +308,7 @@ def choose(
     for name, value in (("error", error), ("seen", seen)):
         if not 0 < value < 1:
             raise ArgumentError(name, f"{value:g} is not between 0 and 1")
-    asked = several(brdfs)
+    asked = several(brdfs, "brdfs")
     stages = Stages(progress, len(asked))
     found: list[Choice] = []
     for each in asked:
@@ -317,7 +344,7 @@ def _chosen(
             held.append(ShrmForms(light, brdf, principal.single).rows)
         for rows in held:
             known = dict.fromkeys([*_ladder(rows), *_for_goal(rows, goal, most)])
-            offers += [_offer(each) for each in known]
+            offers += [_offer(each, probe, brdf) for each in known]
     for form, setting in others_of(brdf, missing):
         try:
             offers += made_offers(form, setting, probe, brdf, truth, work)
@@ -385,12 +412,12 @@ def _row_of(maps: Sequence[Known]) -> Row[Candidate[Prefiltered]]:
     return Row(len(maps), lambda index: candidates[index].bytes, candidates.__getitem__)
 
 
-def _offer(known: Known) -> Offer:
+def _offer(known: Known, probe: Probe, brdf: Brdf) -> Offer:
     """Return a map as an offer."""
     candidate, share = known.candidate.exact, known.candidate.wrong_share
     assert share is not None  # both forms that are predicted know theirs
     return Offer(
         candidate.form, known.what, candidate.bytes, candidate.total_error, share,
         (), known.cost.look_ups, known.cost.multiply_adds, known.arguments,
-        lambda: candidate.make().map,
+        Making(probe, brdf, known.arguments, lambda: candidate.make().map),
     )  # fmt: skip

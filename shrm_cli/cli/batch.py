@@ -14,7 +14,7 @@ import shrm_cli as shrm
 from shrm_cli import settings
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.contact import write_contacts
-from shrm_cli.cli.export import texel_options
+from shrm_cli.cli.export import installed_engines, texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_message, progress_bar, tell, ticking
@@ -22,7 +22,14 @@ from shrm_cli.cli.types import FILE, PATH, Named, flag, option, whole
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import installed_names
 from shrm_cli.settings import limit_libraries
-from shrm_cli.vocabulary import AUTO, ENGINES, EXPORT, MAX_COLLECTED_ORDER, REPRESENTATIONS
+from shrm_cli.vocabulary import (
+    AUTO,
+    ENGINES,
+    EXPORT,
+    MAX_COLLECTED_ORDER,
+    MAX_JOBS,
+    REPRESENTATIONS,
+)
 
 if TYPE_CHECKING:
     from shrm_cli.batch.collect import What
@@ -83,7 +90,7 @@ _gather_options = options.several(
     "[default: export with --for, else auto]",
 )  # fmt: skip
 @option(
-    "--for engines", click.Choice([*ENGINES, "all"]), multiple=True,
+    "--for engines", Named([*ENGINES, "all"], installed_engines), multiple=True,
     help="An engine whose files are exported, a folder each. May be repeated.",
 )  # fmt: skip
 @option(
@@ -95,7 +102,7 @@ _gather_options = options.several(
 @options.several(*texel_options)
 @options.read_options
 @option(
-    "--jobs N", whole(1, 1024),
+    "--jobs N", whole(1, MAX_JOBS),
     help="Processes that work at a time.  [default: as many as there are processors]",
 )  # fmt: skip
 @option(

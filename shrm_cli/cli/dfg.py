@@ -80,7 +80,7 @@ def dfg(
     """
     from shrm_cli.brdf.environment.dfg import kind_of
     from shrm_cli.brdf.environment.file import MEANINGS, write_dfg
-    from shrm_cli.export.table import SUFFIXES, check_texture, write_texture
+    from shrm_cli.export.table import SUFFIXES, check_range, check_texture, write_texture
 
     for one, other in combinations(("multiscatter", "moments", "columns", "brdf"), 2):
         usage.exclude(one, other)
@@ -91,6 +91,8 @@ def dfg(
     if is_texture:
         known = kind or "scale-bias" if material is None else kind_of(material)
         check_texture(output, len(MEANINGS[known].names), precision)
+        # A coarse table takes a tenth of the time, and shows what PNG cannot hold.
+        check_range(output, shrm.dfg(material, kind=kind, size=min(size, 32)).texels)
     with progress_bar("integrating") as progress, using(progress):
         made = shrm.dfg(material, kind=kind, size=size)
     is_kept = not force and "output" not in usage.given_options()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from shrm_cli.export.make import Source
 
 
-def _installed() -> list[str]:
+def installed_engines() -> list[str]:
     """Return the engines of installed packages."""
     from shrm_cli.plugins import ENGINES as GROUP
     from shrm_cli.plugins import installed
@@ -59,7 +59,7 @@ _ATTRIBUTES = {"texel_format": "texels", "dfg": "table", "firefly_safe": "safe"}
 @click.command()
 @click.argument("sources", metavar="PROBE|MAP...", type=PATH, nargs=-1, required=True)
 @option(
-    "--for engines", Named([*ENGINES, "all"], _installed), multiple=True, required=True,
+    "--for engines", Named([*ENGINES, "all"], installed_engines), multiple=True, required=True,
     help="Who loads it; several may be named; all are those of shrm itself.",
 )  # fmt: skip
 @option(

@@ -13,7 +13,7 @@ from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import BOX, COUNTS, PATH, option, whole
 from shrm_cli.files.whole import keeping, kept
-from shrm_cli.vocabulary import MAX_GRID_ORDER
+from shrm_cli.vocabulary import MAX_GRID_ORDER, MAX_SAMPLES
 
 if TYPE_CHECKING:
     from shrm_cli.rooms.make import RoomPlan
@@ -34,7 +34,9 @@ _SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
 @option("--box", BOX, "Two corners of the box with the probes.  [default: all of the room]")
 @option("--order", whole(1, MAX_GRID_ORDER), "Largest degree of the harmonics.", default=2)
 @options.room_options
-@option("--samples", whole(16, 65536), "Directions along which each probe looks.", default=1024)
+@option(
+    "--samples", whole(16, MAX_SAMPLES), "Directions along which each probe looks.", default=1024
+)
 @option(
     "--light", click.Choice(["all", "reflected"]), default="all",
     help="reflected leaves out what comes straight from lamps, which engines may add "
@@ -65,6 +67,7 @@ def grid(
       shrm grid house.glb --emit lamp=30,28,25 --probe sky.exr -o house.ktx2
       shrm grid house.grid.npz --light reflected -o house.json
     """
+    from shrm_cli.files.npz import is_cut_off
     from shrm_cli.rooms.export import WRITERS
     from shrm_cli.rooms.grid import is_grid, made_by, write_grid
     from shrm_cli.rooms.make import is_table
@@ -81,7 +84,9 @@ def grid(
     planned: list[RoomPlan] = []
 
     def begin(plan: RoomPlan) -> None:
-        if not (force or output) and os.path.lexists(target) and made_by(target) != plan.made:
+        is_there = not (force or output) and os.path.lexists(target)
+        # What is cut off may be of the same inputs, which is known when the grid is written.
+        if is_there and made_by(target) != plan.made and not is_cut_off(target):
             raise kept(target, "other inputs or options made it")
         planned.append(plan)
         count = " x ".join(map(str, plan.lattice.shape))

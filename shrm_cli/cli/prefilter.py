@@ -174,6 +174,18 @@ def _request(
         from shrm_cli.maps.kinds import check_tap_count
 
         check_tap_count(int(prints["taps"]), bool(prints["anisotropy"]))
+    for name in ("taps", "anisotropy"):  # of split sums alone
+        if prints[name] is not None and request.brdf is not None:
+            from shrm_cli.maps.splitsum.prefilter import split_material
+
+            if split_material(request.brdf) is not None:
+                raise usage.wrong_usage(
+                    f"--{name} applies to split sums of GGX alone; leave it out"
+                )
+    if prints["textures"] is not None:
+        from shrm_cli.maps.shader.code import check_textures
+
+        check_textures(prints["shader"], prints["textures"])
     if prints["shader"] is not None and request.splits:
         from shrm_cli.maps.lamps.lobe import check_has_code
 
@@ -220,11 +232,9 @@ def _rules_of_printing(to: str) -> dict[str, usage.Applies]:
     known = registry.descriptions(*([] if to == vocabulary.AUTO else [to]))
     rules = {}
     for name in _PRINTS:
-        if to == vocabulary.AUTO:
-            rules[name] = (True, "")
-            continue
         of = [each.name for each in known.values() if name in (own.name for own in each.options)]
-        rules[name] = (to in of, f"with --to {listing(of, 'or')}")
+        holds = name in (own.name for own in registry.description(to).options)
+        rules[name] = (holds, f"with --to {listing(of, 'or')}")
     for name, other in _PRINTED_WITH.items():
         if rules[name][0]:
             rules[name] = (other in usage.given_options(), f"with --{other}")

@@ -14,7 +14,7 @@ from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
 from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, SUN, VECTOR, flag, option, whole
 from shrm_cli.files.whole import check_target
 from shrm_cli.progress import using
-from shrm_cli.vocabulary import LARGEST_HALF, MAX_LATLONG_HEIGHT, Precision
+from shrm_cli.vocabulary import LARGEST_HALF, MAX_LATLONG_HEIGHT, MAX_SAMPLES, Precision
 
 if TYPE_CHECKING:
     # The command that runs loads numpy; `shrm --help` must not.
@@ -156,7 +156,7 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
     help="Two corners of the box that stands for the room where light is looked up.  "
     "[default: that of what is seen from there]",
 )  # fmt: skip
-@option("--samples", whole(2, 65536), "Paths of light through each pixel.", default=64)
+@option("--samples", whole(2, MAX_SAMPLES), "Paths of light through each pixel.", default=64)
 @options.report_options
 def capture(
     mesh: str,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,16 +12,21 @@ import click
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import ALBEDO, BRUSH, PATH, flag, option, whole
-from shrm_cli.errors import OutputError
-from shrm_cli.files.whole import keeping
-from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, MAX_TRANSFER_ORDER, TRANSFER_TEXTURES
+from shrm_cli.errors import OutputError, TransferError
+from shrm_cli.files.whole import keeping, kept, protecting
+from shrm_cli.vocabulary import (
+    DEFAULT_PRODUCT_ORDER,
+    MAX_SAMPLES,
+    MAX_TRANSFER_ORDER,
+    TRANSFER_TEXTURES,
+)
 
 if TYPE_CHECKING:
     from shrm_cli.geometry.mesh import Mesh
+    from shrm_cli.transfer.bake import Plan
     from shrm_cli.transfer.transfer import Transfer
 
 _SUFFIXES = (".npz", ".glb", ".ply", ".txt")
-_MOST_SAMPLES = 2**16
 
 
 @click.command()
@@ -41,7 +48,7 @@ _MOST_SAMPLES = 2**16
     "that the mesh says: base colours, textures and vertex colours.  [default: mesh; 0.5 where it "
     "says nothing]",
 )  # fmt: skip
-@option("--samples", whole(1, _MOST_SAMPLES), "Rays of each vertex and bounce.", default=1024)
+@option("--samples", whole(1, MAX_SAMPLES), "Rays of each vertex and bounce.", default=1024)
 @option(
     "--brdf SPEC", str,
     help="What the mesh reflects in bounces in place of --albedo, glossy or not; bakes matrices, "
@@ -108,6 +115,8 @@ def transfer(
         mesh, order=order, bounces=bounces, albedo=albedo, samples=samples, matrices=matrices,
         brush=brush, brdf=brdf, texture=texture,
     )  # fmt: skip
+    if not (force or output):
+        _keep_other(target, plan)
     found, texels = plan.mesh, plan.sites.texels
     sites = f"{len(plan.sites.positions):,} {'vertices' if texels is None else 'texels'}"
     beside_it = f"{plan.size():,} bytes beside the output while it works"
@@ -120,8 +129,8 @@ def transfer(
             WRITERS[suffix](target, found, baked)
         return baked.summary()
 
-    kept = [] if force else [*beside, *([] if output else [target])]
-    with progress_bar("tracing") as progress, keeping(*kept):
+    unchanged = [] if force else [*beside, *([] if output else [target])]
+    with progress_bar("tracing") as progress, keeping(*unchanged):
         said = bake(plan, keep=target, use=write, progress=progress)
     kinds = "vectors and matrices" if matrices else "vectors"
     size = Path(target).stat().st_size
@@ -145,6 +154,23 @@ def _checked_suffix(target: str, matrices: bool, texture: int | None) -> str:
         kind = "matrices" if texture is None else "textures of transfer"
         raise OutputError(f"{target}: {kind} are written as .npz only; name it so")
     return suffix
+
+
+def _keep_other(target: str, plan: Plan) -> None:
+    """Refuse to replace what is no such transfer, as far as it says, before rays are traced."""
+    from shrm_cli.files.npz import is_cut_off
+    from shrm_cli.transfer.file import read_transfer
+
+    # What is cut off may be of the same inputs, which is known when the transfer is written.
+    if not os.path.lexists(target) or (os.path.isfile(target) and is_cut_off(target)):
+        return
+    with suppress(TransferError), protecting():
+        found = read_transfer(target)
+        has_matrices = found.matrices is not None
+        wanted = plan.facts(), plan.order, plan.glossy
+        if (found.facts, found.order, has_matrices) == wanted:
+            return
+    raise kept(target, "other inputs or options made it")
 
 
 def _missing(mesh: Mesh) -> list[str]:

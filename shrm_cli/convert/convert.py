@@ -8,11 +8,12 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from shrm_cli import vocabulary
+from shrm_cli.arrays import Array
 from shrm_cli.convert.made import Converted, ConvertedMap, ConvertedProbe, Layers
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
@@ -23,12 +24,9 @@ from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, using
 
-if TYPE_CHECKING:
-    from shrm_cli.probe.open import AnyProbe
-
 
 def convert(
-    source: Map | AnyProbe,
+    source: Map | Probe | str | os.PathLike[str] | Array,
     to: str,
     *,
     size: int | None = None,
@@ -95,6 +93,10 @@ def convert(
     """
     if view is None:
         refuse_arguments("what is seen from no `view`", by=by, roughness=roughness, f0=f0)
+    others = vocabulary.LAYERS, *vocabulary.LAYOUTS
+    if to not in others and (to == vocabulary.AUTO or not registry.is_known(to)):
+        known = ", ".join([*registry.names(), *others])
+        raise ArgumentError("to", f"{to!r} is none of {known}")
     if to not in (vocabulary.LAYERS, *vocabulary.REPRESENTATIONS):
         refuse_arguments(f"`to` {to}", shader=shader)
     reading = reading or ReadOptions()
@@ -104,7 +106,9 @@ def convert(
     name = source.what if isinstance(source, Map) else os.fspath(source)
     found, notes = _read(source, name, reading)
     if to == vocabulary.LAYERS:
-        refuse_arguments("`to` layers", size=size, orientation=orientation, sampling=sampling)
+        refuse_arguments(
+            "`to` layers", size=size, orientation=orientation, sampling=sampling, **options
+        )
         return Layers(found, name, _code(found, shader, vocabulary.LAYERS), notes)
     if view is None and not mips:
         made = _of_map(found, name, to, size, orientation, sampling, notes, options)
@@ -195,7 +199,7 @@ def _plain_instead(found: Map, name: str, to: str) -> str:
 
 
 def _of_probe(
-    source: AnyProbe,
+    source: Probe | str | os.PathLike[str] | Array,
     to: str,
     size: int | None,
     orientation: vocabulary.Orientation | None,
@@ -212,7 +216,6 @@ def _of_probe(
     if to == vocabulary.LAYERS:
         raise ArgumentError("to", f"{to}: {name} is no map; make one by shrm prefilter")
     if to not in vocabulary.LAYOUTS:
-        registry.description(to)  # which refuses what is no form either
         words = f"{name} is no map; a probe becomes {to} by shrm prefilter"
         raise ArgumentError("to", f"{to}: {words}")
     sampled, turned = sampling or "center", orientation or vocabulary.default_orientation(to)

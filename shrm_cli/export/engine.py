@@ -10,6 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -98,7 +99,7 @@ class Package:
 
     def add_bytes(self, name: str, data: bytes) -> None:
         """Add a file of some bytes."""
-        self.files.append(OutputFile(name, lambda path: write_bytes(path, data)))
+        self.files.append(OutputFile(name, partial(write_bytes, data=data)))
 
     def add_text(self, name: str, text: str) -> None:
         """Add a file of text, in UTF-8 and with Unix's ends of lines."""

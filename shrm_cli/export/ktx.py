@@ -6,10 +6,12 @@ Specification", version 1.3, section 5 (the basic descriptor) and table 96 (the 
 RGB9E5).
 """
 
+import os
 import struct
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from math import lcm
+from typing import Any
 
 from shrm_cli import __release__
 from shrm_cli.export.pixels import TexelFormat
@@ -140,6 +142,29 @@ def ktx2(
         struct.pack("<3Q", places[k], len(stored[k]), len(levels[k])) for k in range(len(levels))
     )
     return front + entries + descriptor + pairs + bytes(body)
+
+
+def read_ktx2_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """Return what the header of a KTX 2 file says of it; None of another file."""
+    count = len(_KTX2) + 9 * 4
+    if not os.path.isfile(path):
+        return None
+    with open(path, "rb") as file:
+        start = file.read(count)
+    if len(start) < count or not start.startswith(_KTX2):
+        return None
+    number, _, width, height, depth, _, faces, mips, scheme = struct.unpack_from(
+        "<9I", start, len(_KTX2)
+    )
+    known = (name for name, (own, _, _) in _VULKAN.items() if own == number)
+    return {
+        "holds": "a cube" if faces == 6 else "a volume" if depth else "a picture",
+        "width": width, "height": height, **({"depth": depth} if depth else {}),
+        "mips": mips,
+        "texels": next(known, f"vkFormat {number}"),
+        "packed": scheme != 0,
+        "bytes": os.path.getsize(path),
+    }  # fmt: skip
 
 
 def ktx1_cube(

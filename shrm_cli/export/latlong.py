@@ -4,6 +4,8 @@ Our lat-longs have +Z in the centre and +X in the left quarter. Engines have ano
 same world in their centre, so that whole columns are moved and nothing is interpolated.
 """
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,7 +38,8 @@ def rolled(image: Array, degrees: int) -> Array:
 def add_exr(made: Package, name: str, image: Array, light: Light) -> None:
     """Add an OpenEXR lat-long of halves to a package; it is refused where it is not finite."""
     within, attributes = _limited(made, name, image), probe_attributes(light.chromaticities)
-    made.files.append(OutputFile(name, lambda path: write_image(path, within, "half", attributes)))
+    write = partial(write_image, pixels=within, precision="half", attributes=attributes)
+    made.files.append(OutputFile(name, write))
 
 
 def add_radiance(made: Package, name: str, image: Array) -> None:

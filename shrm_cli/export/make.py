@@ -35,7 +35,7 @@ from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.splitsum.prefilter import make_levels
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.messages import several
+from shrm_cli.messages import check_fields, several
 from shrm_cli.naming import probe_stem
 from shrm_cli.orders import Orders
 from shrm_cli.probe.disc import Disc
@@ -214,6 +214,9 @@ class Asked:
     safe: bool = False
     sun: str | None = None
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     def of_several(self, engines: Sequence[Engine]) -> list["Asked"]:
         """Return what is asked of each of some engines: what one has not, it is not asked for.
 
@@ -268,7 +271,7 @@ def export(
     >>> any(file.name.endswith("_README.md") for file in made.files)
     True
     """
-    source = Source.open([os.fspath(each) for each in several(sources)], reading=reading)
+    source = Source.open([os.fspath(each) for each in several(sources, "sources")], reading=reading)
     made = packaged(source, engine_of(engine), asked or Asked(), progress)
     if folder is not None:
         write(made, Path(folder))
@@ -357,7 +360,7 @@ def refusals(engine: Engine, asked: Asked) -> list[ArgumentError]:
         ("window", engine.wants_irradiance, f"{title} gets no coefficients"),
         ("table", engine.takes_table, f"{title} has a table of its own"),
         ("safe", engine.sampler is not None, f"{title} has no sampler that is known"),
-        ("sun", engine.lamps > 0, f"lamps are not made for {title}"),
+        ("sun", engine.lamps > 0, f"lamps are not made for {title}; export what shrm sun leaves"),
         ("into", engine.takes_asset, f"{title} gets files of its own"),
     )
     return [

@@ -30,6 +30,15 @@ def check_texture(path: str | os.PathLike[str], columns: int, precision: Precisi
         raise OutputError(f"{path}: a PNG has 16 bits, whatever `precision` is; leave it out")
 
 
+def check_range(path: str | os.PathLike[str], values: Array) -> None:
+    """Refuse to write a table, or a coarser one, as PNG that does not hold its values."""
+    if Path(path).suffix.lower() == ".png" and not (values.min() >= 0 and values.max() <= 1):
+        raise OutputError(
+            f"{path}: PNG holds 0 .. 1, and the table has {values.min():.3g} .. "
+            f"{values.max():.3g}; take .ktx2 or .exr"
+        )
+
+
 def write_texture(path: str | os.PathLike[str], table: Array, precision: Precision = "auto") -> str:
     """Write a table as a texture, by the suffix of its name, whole or not at all.
 
@@ -43,11 +52,7 @@ def write_texture(path: str | os.PathLike[str], table: Array, precision: Precisi
     values[..., : table.shape[-1]] = table
     if Path(path).suffix.lower() == ".ktx2":
         return _write_ktx2(path, values, precision)
-    if values.max() > 1 or values.min() < 0:
-        raise OutputError(
-            f"{path}: PNG holds 0 .. 1, and the table has {values.min():.3g} .. "
-            f"{values.max():.3g}; take .ktx2 or .exr"
-        )
+    check_range(path, values)
     write_png(path, np.floor(_LARGEST_WORD * values + 0.5).astype(np.uint16))
     return "16 bits"
 

@@ -177,6 +177,12 @@ def holds(path: str | os.PathLike[str], names: set[str]) -> bool:
         return False
 
 
+def is_cut_off(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a file is empty, or begins as archives do and has not their end."""
+    with Path(path).open("rb") as file:
+        return b"PK".startswith(file.read(2)) and not zipfile.is_zipfile(path)
+
+
 def read_npy(content: bytes) -> NDArray[Any]:
     """Return the array of a .npy file, of which no more memory is taken than its bytes are.
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
+from shrm_cli.messages import check_fields
 from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import open_probe
@@ -64,6 +65,9 @@ class Dimming:
     factor: float
     width: float
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     def at(self, cosines: ArrayLike) -> Array:
         """Return what radiance is multiplied by, by the cosine of the angle from the direction."""
         sharpness = np.log(2) / (1 - np.cos(np.radians(self.width)))
@@ -107,6 +111,9 @@ class Edit:
     scale: Array
     dimmings: Sequence[Dimming]
     turn: Array
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def of_coefficients(self, coefficients: Array) -> Array:
         """Return the coefficients of the light after it.

@@ -223,7 +223,7 @@ def split_lamps(
     """
     whole("count", count, 0, 100)
     for name, value in (("error", error), ("largest", largest)):
-        if not value >= 0:
+        if not 0 <= value < np.inf:
             raise ArgumentError(name, f"is {value}; give 0 or more")
     if sun_radius is not None and not 0 < sun_radius <= 90:
         raise ArgumentError("sun_radius", f"is {sun_radius}; give more than 0 to 90 degrees")

@@ -32,7 +32,7 @@ from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, check_arguments
 from shrm_cli.maps.seen import as_candidate
-from shrm_cli.messages import several
+from shrm_cli.messages import several, whole
 from shrm_cli.naming import probe_stem
 from shrm_cli.plan.search import Goal
 from shrm_cli.prefilter import prefilter_with_facts
@@ -48,7 +48,7 @@ from shrm_cli.render.image import expose, weighted_quantiles
 from shrm_cli.render.sheet import Grid, draw_grid
 from shrm_cli.render.sphere import render_background, render_sphere
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
-from shrm_cli.vocabulary import AUTO, LARGEST_HALF, LUMINANCE
+from shrm_cli.vocabulary import AUTO, LARGEST_HALF, LUMINANCE, MAX_PICTURE_SIZE
 
 SHOWN = 0.8
 """Linear grey, 1 being white, of the luminance that is metered: 231 of 255 in sRGB."""
@@ -319,7 +319,8 @@ def lookdev(
     [3]
     """
     check_arguments(to, [*arguments, "brdf"])
-    probes, brdfs = [os.fspath(each) for each in several(probes)], several(brdfs)
+    probes, brdfs = [os.fspath(each) for each in several(probes, "probes")], several(brdfs, "brdfs")
+    whole("size", size, 1, MAX_PICTURE_SIZE)
     for spec in brdfs:
         parse_spec(spec)  # what is wrong with a material is said before the work begins
     Grid(len(brdfs), len(probes), size).check()

@@ -16,7 +16,7 @@ from shrm_cli.errors import ArgumentError, MapError, PluginError, ShrmError
 from shrm_cli.maps.options import SHARED, Representation
 from shrm_cli.messages import explained
 from shrm_cli.plugins import FORMS, installed, load, where
-from shrm_cli.vocabulary import REPRESENTATIONS
+from shrm_cli.vocabulary import AUTO, REPRESENTATIONS
 
 _NEEDED = "prefilter", "report", "encode", "decode"
 """The functions that every form has."""
@@ -34,7 +34,7 @@ def description(name: str) -> Representation:
     """Return the description of a form."""
     point = installed(FORMS).get(name)
     if point is None:
-        known = ", ".join([*REPRESENTATIONS, *names()])
+        known = ", ".join([AUTO, *REPRESENTATIONS, *names()])
         raise ArgumentError("to", f"{name!r} is none of {known}")
     found, of = load(point), where(point)
     if not isinstance(found, Representation):

@@ -83,7 +83,7 @@ class Merged:
 
 
 def merge_brackets(
-    paths: Sequence[str | os.PathLike[str]],
+    paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
     times: Sequence[float] | None = None,
     linear: bool = False,
 ) -> Merged:

@@ -7,6 +7,7 @@ exactness and areas. So the two are divided: what is smooth is integrated by the
 stands out of it within the polar rows, such as a sun in the zenith, by areas.
 """
 
+import os
 from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -26,7 +27,6 @@ from shrm_cli.vocabulary import MAX_ORDER_F
 
 if TYPE_CHECKING:
     from shrm_cli.probe.light_sum import LightSum
-    from shrm_cli.probe.open import AnyProbe
     from shrm_cli.probe.shared import SharedProbe
 
 _MOST_ROWS = 32
@@ -191,7 +191,7 @@ class Projection:
         return self._known
 
 
-def project(probe: "AnyProbe", order: int) -> Lighting:
+def project(probe: Probe | str | os.PathLike[str] | Array, order: int) -> Lighting:
     """Project a probe onto the spherical harmonics.
 
     Parameters

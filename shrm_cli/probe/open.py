@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.errors import ArgumentError, PluginError, ProbeError
+from shrm_cli.errors import PluginError, ProbeError
 from shrm_cli.files.exr_header import says_map
 from shrm_cli.messages import explained
 from shrm_cli.probe.image import ArrayImage, detect_layout
@@ -69,15 +69,7 @@ def open_probe(
     ('latlong', 256)
     """
     options = with_keywords(options or ReadOptions(), keywords)
-    return _opened(_file_name(path), options).within(options.box, options.at)
-
-
-def _file_name(path: object) -> str:
-    """Return a path as text; refuse what is none, such as pixels, which would fill a message."""
-    if isinstance(path, str | os.PathLike):
-        return str(path)
-    words = "give the name of a file, or pixels to Probe.from_array"
-    raise ArgumentError("path", f"is of type {type(path).__name__}; {words}")
+    return _opened(str(path), options).within(options.box, options.at)
 
 
 def _opened(name: str, options: ReadOptions) -> Probe:

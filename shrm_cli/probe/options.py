@@ -96,8 +96,8 @@ class ReadOptions:
         check_name("up", self.up, _UP)
         _check_flag("mirror", self.mirror)
         _check_flag("linearize", self.linearize)
-        _check_numbers("box", self.box, 6)
-        _check_numbers("at", self.at, 3)
+        check_numbers("box", self.box, 6)
+        check_numbers("at", self.at, 3)
         if self.part is not None and type(self.part) not in (str, int):
             raise ProbeError(f"`part` must be a name or a number, not {self.part!r:.60}")
         if not (self.layer is None or isinstance(self.layer, str)):
@@ -206,7 +206,8 @@ def _check_flag(argument: str, value: object) -> None:
         raise ProbeError(f"`{argument}` must be True or False, not {value!r}")
 
 
-def _check_numbers(argument: str, value: Any, count: int) -> None:
+def check_numbers(argument: str, value: Any, count: int) -> None:
+    """Refuse what is not so many finite numbers, nor None."""
     listed = [] if value is None or isinstance(value, str) or np.ndim(value) != 1 else [*value]
     if value is not None and not (len(listed) == count and all(map(_is_finite, listed))):
         raise ProbeError(f"`{argument}` must be {count} numbers, not {value!r:.60}")

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
+from shrm_cli.messages import check_fields
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation, normalize
 
@@ -44,6 +45,9 @@ class Viewer:
 
     azimuth: float = 0.0
     elevation: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def direction(self) -> Array:

@@ -100,6 +100,8 @@ def render(
         else {"place": place, "radius": radius}
     )
     refuse_arguments("a sphere" if mesh is None else "a mesh", **unused)
+    if place is None:
+        refuse_arguments("a sphere that is at no `place`", radius=radius)
     is_scene = mesh is not None and is_scene_name(os.fspath(mesh))  # which names maps itself
     given = several(maps, "" if is_scene else "maps")
     names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in given]

@@ -14,7 +14,7 @@ from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.messages import several
+from shrm_cli.messages import check_fields, several, whole
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
@@ -26,7 +26,7 @@ from shrm_cli.report.probe_part import preview, probe_part
 from shrm_cli.view.page import page as view_page
 from shrm_cli.view.page import sources
 from shrm_cli.view.scene import Start, Truth, make_scene
-from shrm_cli.vocabulary import AUTO
+from shrm_cli.vocabulary import AUTO, MAX_PICTURE_SIZE, MAX_SOURCE_HEIGHT
 
 _LEAST_VIEW = 10**6
 """The fewest bytes that are left for a view; the page has none where there is less room."""
@@ -79,6 +79,9 @@ class Look:
     options: Mapping[str, Any] = field(default_factory=dict)
     worded: Callable[[str], str] = str
     reading: str = ""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def report_page(
@@ -400,7 +403,11 @@ def report(
     1
     """
     light = as_probe(probe)
-    brdfs, to = tuple(several(brdfs)), tuple(several(to))
+    brdfs, to = tuple(several(brdfs)), tuple(several(to, "to"))
+    picture_size = whole("picture_size", picture_size, 1, MAX_PICTURE_SIZE)
+    if truth_height is not None:
+        truth_height = whole("truth_height", truth_height, 2, MAX_SOURCE_HEIGHT)
+    angles = several(angles, "angles")
     plan = Plan(brdfs, to, arguments, tuple(angles), picture_size, truth_height, exact, flips)
     plan.recipes()  # refuses what no probe could make, before long work
     stages = Stages(progress, 2)

@@ -19,9 +19,11 @@ from shrm_cli.files.whole import note
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.lights.split import split_lamps
+from shrm_cli.messages import whole
 from shrm_cli.probe.light_file import stays_below
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import AnyProbe, as_probe, open_probe
+from shrm_cli.probe.options import check_numbers
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.progress import Progress, tell
@@ -30,7 +32,7 @@ from shrm_cli.rooms.bake import bake
 from shrm_cli.rooms.capture import box_around, captured
 from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, is_grid, read_grid
 from shrm_cli.rooms.room import Room, untold
-from shrm_cli.vocabulary import ALBEDO
+from shrm_cli.vocabulary import ALBEDO, MAX_GRID_ORDER, MAX_LATLONG_HEIGHT, MAX_SAMPLES
 
 _LONGEST = 16
 """Probes along the longest edge of a room, where their number is not given."""
@@ -172,11 +174,13 @@ def grid(
     >>> shrm.grid("one.csv", order=1).summary()["shape"]
     [1, 1, 1]
     """
-    name = os.fspath(source)
+    name, order = os.fspath(source), whole("order", order, 0, MAX_GRID_ORDER)
+    check_numbers("box", box, 6)
     if is_grid(name):
         return read_grid(name)
     if is_table(name):
         return read_positions(name, order, progress)
+    samples = whole("samples", samples, 1, MAX_SAMPLES)
     opened = open_room(name, probe, albedo, emission)
     mesh = opened.room.mesh
     lattice = _lattice(mesh.bounds, size, box)
@@ -248,6 +252,10 @@ def capture(
     >>> shrm.capture("corner.obj", (0.2, 0.2, 0.2), size=8, samples=2, probe=sky).proxy.at
     (0.2, 0.2, 0.2)
     """
+    size = whole("size", size, 2, MAX_LATLONG_HEIGHT)
+    samples = whole("samples", samples, 1, MAX_SAMPLES)
+    for name, numbers, count in (("at", at, 3), ("box", box, 6)):
+        check_numbers(name, numbers, count)
     opened = open_room(source, probe, albedo, emission)
     light = opened.surroundings
     place = np.array(at, dtype=float)
@@ -270,6 +278,8 @@ def _lattice(
         what = "is flat" if box is not None else "must be given, for the room is flat"
         raise ArgumentError("box", f"{what}; give two corners x0,y0,z0,x1,y1,z1, the lesser first")
     edges = high - low
+    for each in size or ():
+        whole("size", each, 1, MOST)
     x, y, z = size or (max(1, round(_LONGEST * each)) for each in edges / edges.max())
     if x * y * z > MOST:
         raise ArgumentError("size", f"makes {x * y * z:,} probes; {MOST:,} are the most")

@@ -17,11 +17,13 @@ from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
+from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.paint import Paint, linear_colors, points_of
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import brushed_tangents, perpendicular
 from shrm_cli.geometry.textures import Shelf
 from shrm_cli.maps.info import spec_of
+from shrm_cli.messages import check_call
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
@@ -41,20 +43,18 @@ from shrm_cli.vocabulary import (
     ALBEDO,
     DEFAULT_PRODUCT_ORDER,
     MAX_MATRIX_ORDER,
+    MAX_SAMPLES,
     MAX_TRANSFER_ORDER,
     TRANSFER_TEXTURES,
 )
 
 if TYPE_CHECKING:
-    from shrm_cli.geometry.mesh import Mesh
     from shrm_cli.maps.product.product import ProductTexture
 
 _RAYS_AT_ONCE = 2**16
 """Rays of the vertices or texels that a thread takes at a time."""
 _MOST_BOUNCES = 64
 """The most bounces; each of them dims the light at least as much as the one before it did."""
-_MOST_SAMPLES = 2**16
-"""The most rays of a vertex."""
 
 
 @record(eq=False)
@@ -73,7 +73,7 @@ class Plan:
     these were looked at before.
     """
 
-    mesh: "Mesh"
+    mesh: Mesh
     order: int = 4
     bounces: int = 0
     samples: int = 1024
@@ -88,7 +88,7 @@ class Plan:
         limits = {
             "order": (0, MAX_TRANSFER_ORDER),
             "bounces": (0, _MOST_BOUNCES),
-            "samples": (1, _MOST_SAMPLES),
+            "samples": (1, MAX_SAMPLES),
             "texture": TRANSFER_TEXTURES,
         }
         if self.glossy:
@@ -199,7 +199,7 @@ class Plan:
 
 
 def transfer_plan(
-    mesh: "Mesh | str | os.PathLike[str]",
+    mesh: Mesh | str | os.PathLike[str],
     *,
     order: int | None = None,
     bounces: int = 0,
@@ -246,7 +246,7 @@ def transfer_plan(
 
 
 def transfer(
-    mesh: "Mesh | str | os.PathLike[str]", *, progress: Progress | None = None, **arguments: Any
+    mesh: Mesh | str | os.PathLike[str], *, progress: Progress | None = None, **arguments: Any
 ) -> Transfer:
     r"""Bake how a mesh shadows and lights itself.
 
@@ -276,6 +276,7 @@ def transfer(
     >>> shrm.transfer("triangle.obj", order=1, samples=16).summary()["vertices"]
     3
     """
+    check_call(transfer_plan, mesh, **arguments)
     return bake(transfer_plan(mesh, **arguments), progress=progress)
 
 

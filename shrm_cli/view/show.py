@@ -7,13 +7,13 @@ from dataclasses import replace
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.color import same_primaries
-from shrm_cli.errors import BrdfError
+from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, differing_origins, spec_of
 from shrm_cli.maps.kinds import LightMap, check_tap_count
-from shrm_cli.messages import several
+from shrm_cli.messages import check_names, several, whole
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
@@ -21,6 +21,7 @@ from shrm_cli.render.boxed import outside
 from shrm_cli.render.lit import lit_maps, surface_of
 from shrm_cli.view.page import page
 from shrm_cli.view.scene import TRUTH_SIZE, Scene, Start, Truth, make_scene
+from shrm_cli.vocabulary import MAX_PICTURE_SIZE, MAX_SOURCE_HEIGHT
 
 
 @record(eq=False)
@@ -106,9 +107,14 @@ def view(
     >>> shrm.view([white]).html()[:15]
     '<!DOCTYPE html>'
     """
-    maps = several(maps)
+    maps, truth_size = several(maps, "maps"), whole("truth_size", truth_size, 0, MAX_PICTURE_SIZE)
+    if source_height is not None:
+        whole("source_height", source_height, 2, MAX_SOURCE_HEIGHT)
+    if anisotropy is not None and not 0 <= anisotropy <= 1:
+        raise ArgumentError("anisotropy", f"is {anisotropy:g}; give 0 to 1")
     if names is None:
         names = [each.representation if isinstance(each, Map) else os.fspath(each) for each in maps]
+    check_names(names, maps)
     light = None if probe is None else as_probe(probe)
     opened = [each if isinstance(each, Map) else open_map(each) for each in maps]
     opened, notes = lit_maps(opened, names, light, None)

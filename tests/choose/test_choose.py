@@ -282,3 +282,20 @@ def test_lamps_that_no_form_holds_are_told_of():
     (found,) = shrm.choose(light(1, 0.0), "lambertian", budget=100)
     assert not found.is_kept
     assert not found.warnings
+
+
+def test_split_sums_of_other_brdfs_are_offered():
+    probe, spec = light(0, 5), "disney-diffuse:roughness=0.7"
+    (choice,) = shrm.choose(probe, spec)
+    offers = [each for each in choice.offers if each.form == "splitsum"]
+    assert any(each.what.startswith("8 levels") for each in offers)
+    rng = np.random.default_rng(1)
+    mirrors, views = unit(rng, 1500), unit(rng, 1500)
+    normals = (mirrors + views) / np.linalg.norm(mirrors + views, axis=1, keepdims=True)
+    truth = shrm.reference(probe, spec, normals, views)
+    for each in offers:
+        made = shrm.prefilter(probe, **each.arguments)
+        missed = made.shaded(0.7).radiance(normals, views) - truth
+        assert np.linalg.norm(missed) / np.linalg.norm(truth) == pytest.approx(each.error, rel=0.3)
+    for without in ("ward:ax=0.2,ay=0.4", "phong", "0.5*charlie+0.5*lambertian"):
+        assert "splitsum" not in {form for form, _ in choose.others_of(parse_spec(without))}

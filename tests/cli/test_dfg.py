@@ -126,6 +126,16 @@ def test_moments_hold_the_plain_table(tmp_path):
     np.testing.assert_allclose(moments["tail.E"], plain["G"], atol=1e-6)
 
 
+def test_info_tells_of_textures(tmp_path):
+    done("dfg", "--size", "8", "-o", tmp_path / "a.ktx2", "--precision", "float")
+    told = json.loads(done("info", tmp_path / "a.ktx2", "--json"))
+    assert told["kind"].startswith("KTX 2 texture")
+    assert (told["holds"], told["width"], told["height"], told["mips"]) == ("a picture", 8, 8, 1)
+    assert (told["texels"], told["packed"]) == ("rgba32f", False)
+    (tmp_path / "b.ktx2").write_bytes((tmp_path / "a.ktx2").read_bytes()[:20])
+    assert_refused(run("info", tmp_path / "b.ktx2"), 1, "b.ktx2")
+
+
 def test_info_tells_of_moments(tmp_path):
     target = tmp_path / "moments.exr"
     text = done("dfg", "--moments", "--size", "4", "-o", target)
@@ -248,6 +258,16 @@ def test_tables_that_cannot_be_made_or_held(tmp_path, monkeypatch, options, told
     code = 2 if "exclude" in told else 1
     assert_refused(run("dfg", "--size", "4", *options), code, told)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("options", [["--columns", "filament"], ["--brdf", "charlie"]])
+def test_values_beyond_png_are_refused_by_a_coarse_table(tmp_path, monkeypatch, options):
+    made, sizes = dfg.dfg, []
+    monkeypatch.setattr(
+        dfg, "dfg", lambda *given, **named: sizes.append(named["size"]) or made(*given, **named)
+    )
+    assert_refused(run("dfg", *options, "-o", tmp_path / "a.png"), 1, "PNG holds 0 .. 1")
+    assert sizes == [32]
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """`shrm grid`: a room that is baked, and grids in other forms."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -113,6 +114,19 @@ def test_a_grid_of_other_options_is_refused_before_the_work(folder, monkeypatch,
 
     monkeypatch.setattr(make, "bake", fail)
     assert_refused(run("grid", "room.glb", *SMALL, *other), 1, "exists", "--force")
+
+
+def test_a_grid_that_is_cut_off_is_made_again(folder):
+    done("grid", "room.glb", *SMALL)
+    whole = Path("room.grid.npz").read_bytes()
+    for part in (whole[:300], b""):
+        Path("room.grid.npz").write_bytes(part)
+        done("grid", "room.glb", *SMALL)
+        assert Path("room.grid.npz").read_bytes() == whole
+    Path("room.grid.npz").write_bytes(whole[:300])  # of other options, which is known at the end
+    assert_refused(run("grid", "room.glb", *SMALL, "--order", "1"), 1, "exists", "--force")
+    Path("room.grid.npz").write_text("mine")
+    assert_refused(run("grid", "room.glb", *SMALL), 1, "exists", "--force")
 
 
 def test_materials_are_changed_by_their_names(folder):

@@ -1,6 +1,7 @@
 """`--shader` and `--to layers`, by what they print and write."""
 
 import json
+from importlib import import_module
 
 import numpy as np
 import OpenEXR
@@ -69,11 +70,19 @@ def test_the_code_of_brushed_surfaces(folder, options, taps):
         ),
         (["splitsum", "--taps", 1], 2, "--taps applies with --shader"),
         (["she", "--shader", "c", "--anisotropy"], 2, "--anisotropy applies with --to splitsum"),
-        (["splitsum", "--brdf", "charlie", "--shader", "c", "--anisotropy"], 1, "of GGX"),
+        (["splitsum", "--brdf", "charlie", "--shader", "c", "--anisotropy"], 2, "of GGX"),
+        (["splitsum", "--brdf", "charlie", "--shader", "c", "--taps", 1], 2, "of GGX"),
+        (["auto", "--brdf", "phong", "--shader", "c", "--taps", 1], 2, "with --to splitsum"),
+        (["splitsum", "--shader", "c", "--textures", "cube-array"], 2, "c reads no cube-array"),
     ],
 )
-def test_code_of_brushed_surfaces_that_is_refused(folder, options, code, words):
+def test_code_that_is_not_there_is_refused_before_the_work(
+    folder, monkeypatch, options, code, words
+):
     before = snapshot(folder)
+    monkeypatch.setattr(
+        import_module("shrm_cli.prefilter"), "make", lambda *_: pytest.fail("the map was made")
+    )
     assert_refused(run("prefilter", "probe.exr", "--size", 8, "--to", *options), code, words)
     assert snapshot(folder) == before
 

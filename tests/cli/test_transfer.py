@@ -6,6 +6,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from shrm_cli.transfer import bake
 from shrm_cli.transfer.file import read_transfer
 from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 from tests.transfer import meshes
@@ -55,6 +56,25 @@ def test_a_file_of_the_default_name_is_kept(folder):
     assert_refused(run("transfer", "bumps.obj", "--samples", "16"), 1, "exists", "--force")
     done("transfer", "bumps.obj", "--samples", "16", "--force")
     assert not (folder / "bumps.transfer.npz.part").exists()
+    whole = (folder / "bumps.transfer.npz").read_bytes()
+    (folder / "bumps.transfer.npz").write_bytes(whole[:300])  # as a full disk leaves it
+    done("transfer", "bumps.obj", "--samples", "16")
+    assert (folder / "bumps.transfer.npz").read_bytes() == whole
+
+
+@pytest.mark.parametrize("other", [("--samples", "16"), ("--order", "2"), ("--matrices",), None])
+def test_another_file_of_the_default_name_is_kept_before_the_work(folder, monkeypatch, other):
+    if other is None:
+        (folder / "bumps.transfer.npz").write_text("mine")
+    else:
+        done("transfer", "bumps.obj", "--samples", "32")
+
+    def fail(*given, **named):
+        raise AssertionError("it was baked")
+
+    monkeypatch.setattr(bake, "bake", fail)
+    line = ("transfer", "bumps.obj", "--samples", "32", *(other or ()))
+    assert_refused(run(*line), 1, "exists", "--force")
 
 
 def test_faces_of_another_mesh_are_kept(folder):

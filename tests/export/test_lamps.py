@@ -166,7 +166,9 @@ def test_what_is_advised_is_of_light_in_the_primaries_that_are_written():
 
 
 def test_what_has_no_lights_is_refused(lit):
-    with pytest.raises(ArgumentError, match="lamps are not made for Unity"):
+    with pytest.raises(
+        ArgumentError, match="lamps are not made for Unity; export what shrm sun leaves"
+    ):
         packaged(source(lit), engines.engine("unity"), SPLIT)
 
 

@@ -65,10 +65,15 @@ def check_varies(brdf: Brdf) -> None:
     usual = type(brdf)().values
     for name in brdf.roughness_names:
         if brdf.values[name] != usual[name]:
-            level = brdf.number(name) ** (1 / brdf.roughness_power)
+            level = perceptual_roughness(brdf)
             raise BrdfError(
                 f"{brdf!r}: all roughnesses are made; leave {name} out (of engines {level:.4g})"
             )
+
+
+def perceptual_roughness(brdf: Brdf) -> float:
+    """Return the roughness of an isotropic BRDF that has one, as engines have it, in 0 .. 1."""
+    return float(brdf.number(brdf.roughness_names[0]) ** (1 / brdf.roughness_power))
 
 
 class MaterialLobe(NormalLobe):

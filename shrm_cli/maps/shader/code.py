@@ -109,6 +109,12 @@ class Code:
     is_boxed: bool = False
 
 
+def check_textures(language: str, textures: str) -> None:
+    """Raise an `ArgumentError`, if a language reads no such textures."""
+    if (language, textures) not in _VERSIONS:
+        raise ArgumentError("textures", f"{language} reads no {textures}; take layers")
+
+
 def written_code(
     made: Map,
     language: str,
@@ -137,8 +143,7 @@ def written_code(
     if (snippet := whole_code(made)) is not None:
         return _irradiance(made, snippet, speech)
     chosen = textures or ("layers" if speech.is_c else "cube-array")
-    if (language, chosen) not in _VERSIONS:
-        raise ArgumentError("textures", f"{language} reads no cube-array; take layers")
+    check_textures(language, chosen)
     source = source_of(made, chosen)
     write = _with_layers if chosen == "layers" else _with_cube_arrays
     head, words, comment = write(source, speech)

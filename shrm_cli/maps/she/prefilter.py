@@ -154,7 +154,8 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         f"{residual:.0%}; `to` splitsum shows sharp reflections better"
     )
     warnings = (bad,) if residual > BAD_FIT else ()
-    return Prefiltered(made, _facts(made, roughness), warnings=warnings)
+    facts = {**_facts(made, roughness), "sharpest": {"roughness": least, "error": sharpest}}
+    return Prefiltered(made, facts, warnings=warnings)
 
 
 def _facts(made: SphericalHarmonicExponential, roughness: tuple[float, float]) -> dict[str, Any]:
@@ -349,9 +350,11 @@ def report(result: dict[str, Any]) -> list[str]:
     """Return the lines for people about an SH exponential, from what ``--json`` prints."""
     p, q = result["p_order"], result["q_order"]
     (first, last), (low, high) = result["roughness"], result["ggx_alpha"]
+    sharpest = result["sharpest"]
     return [
         f"SH exponential, {(p + 1) ** 2} + {(q + 1) ** 2 - 1} coefficients a channel",
         f"orders         P = {p}, Q = {q}, attenuated by the law {result['law']!r}",
         f"roughness      {first:.4g} .. {last:.4g} (GGX's alpha {low:.4g} .. {high:.4g})",
-        f"RMS error      {result['fit_residual']:.2%} of the reflected light left by the fit",
+        f"RMS error      {result['fit_residual']:.2%} of the reflected light left by the fit, "
+        f"{sharpest['error']:.0%} of metals of roughness {sharpest['roughness']:.2g}",
     ]
