@@ -123,7 +123,7 @@ def render(
     frames = keys[-1].frame if keys else frames
     pattern = output or _default_name(maps or (probe,) if transfer else maps, mesh, frames)
     steps, targets = moving.frame_targets(pattern, frames)
-    shown_moments = moving.moments(view, steps, values, keys, ways)
+    shown = moving.moments(view, steps, values, keys, ways)
     if not is_animated(pattern):
         usage.refuse_inapplicable({"max_memory": (False, "to moving pictures")})
         file_type(pattern)
@@ -134,11 +134,10 @@ def render(
     light = grid or probes.get(probe or "")
     lit, baked, told = _lit(maps, light, transfer, window, values["blend_to"])
     if mesh is None:
-        drawing = _on_sphere(lit, size, shown_moments, values)
+        drawing = _on_sphere(lit, size, shown, values)
     else:
-        drawing = _on_mesh(lit, mesh, baked, size, shown_moments, {**values, "transfer": transfer})
-    labels = [*map(usage.map_stem, lit.names)]
-    film = Film(drawing, shown_moments, labels, exposure or 0.0, skies, columns)
+        drawing = _on_mesh(lit, mesh, baked, size, shown, {**values, "transfer": transfer})
+    film = Film(drawing, shown, [*map(usage.map_stem, lit.names)], exposure or 0.0, skies, columns)
     given = values | {"view": view, "vary": ways, "background": background, "probe": probe}
     with progress_bar("rendering") as progress:
         film, images, doubts = _exposed(film, targets[0], exposure is None, progress)

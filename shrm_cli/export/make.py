@@ -15,12 +15,11 @@ from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export.asset import open_asset
-from shrm_cli.export.blocks import astc
 from shrm_cli.export.cubes import levels_of_map
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.engine import engine as engine_of
 from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
-from shrm_cli.export.packing import packed
+from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.pixels import CURE
 from shrm_cli.export.quoting import code_span, markdown
 from shrm_cli.export.tamed import tamed
@@ -342,8 +341,7 @@ def check(engine: Engine, asked: Asked) -> None:
     """Refuse what an engine has not, before work begins."""
     for why in refusals(engine, asked):
         raise why
-    if asked.texels is not None and asked.texels.startswith("astc"):
-        astc.library()  # or it is missing
+    refuse_missing(asked.texels)
     if asked.size is not None and engine.wants_levels:
         engine.roughness(engine.sizes(asked.size))
 

@@ -137,3 +137,9 @@ BLOCKS = {
 """The formats by name. They pack stacks of images of shape (n, M, N, 3)."""
 ALL = {**FORMATS, **BLOCKS, **PICTURES}
 """All formats of texels by name, those of `shrm_cli.export.pixels` too."""
+
+
+def refuse_missing(name: str | None) -> None:
+    """Refuse a format whose encoder is not installed, before work begins."""
+    if name is not None and name.startswith("astc"):
+        astc.library()

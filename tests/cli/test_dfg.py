@@ -9,6 +9,7 @@ import OpenEXR
 import OpenImageIO as oiio
 import pytest
 
+import shrm_cli as shrm
 from shrm_cli.brdf.environment import dfg
 from shrm_cli.brdf.environment.environment_brdf import brushed_table
 from shrm_cli.brdf.models.ggx import Ggx
@@ -262,9 +263,9 @@ def test_tables_that_cannot_be_made_or_held(tmp_path, monkeypatch, options, told
 
 @pytest.mark.parametrize("options", [["--columns", "filament"], ["--brdf", "charlie"]])
 def test_values_beyond_png_are_refused_by_a_coarse_table(tmp_path, monkeypatch, options):
-    made, sizes = dfg.dfg, []
+    made, sizes = shrm.dfg, []
     monkeypatch.setattr(
-        dfg, "dfg", lambda *given, **named: sizes.append(named["size"]) or made(*given, **named)
+        shrm, "dfg", lambda *given, **named: sizes.append(named["size"]) or made(*given, **named)
     )
     assert_refused(run("dfg", *options, "-o", tmp_path / "a.png"), 1, "PNG holds 0 .. 1")
     assert sizes == [32]
