@@ -273,7 +273,7 @@ def test_arguments_that_there_are_not(folder, name):
 def test_a_representation_that_there_is_not(folder):
     argument, message = refused("envmap", {"brdf": "phong"})
     assert argument == "to"
-    assert "'envmap' is none of shrm, cabral" in message
+    assert "'envmap' is none of auto, shrm, cabral" in message
 
 
 @pytest.mark.parametrize(

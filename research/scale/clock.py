@@ -15,7 +15,7 @@ from typing import Any
 BEGINNINGS = {
     "shrm_cli.probe.image_file:ImageFile.open": "read",
     "shrm_cli.probe.image_file:ImageFile.read": "read",
-    "shrm_cli.probe.probe:digest": "hash",
+    "shrm_cli.probe.probe:Probe.digest": "hash",
     "shrm_cli.probe.lighting:_project_image": "project",
     "shrm_cli.orders:cached_coefficients": "coefficients",
     "shrm_cli.maps.shrm.shrm:reflected_coefficients": "couple",
