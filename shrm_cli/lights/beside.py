@@ -23,7 +23,7 @@ from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.lobe import LobeTable, bytes_of_table, table_bytes
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
 from shrm_cli.maps.lamps.rule import LitDiscs
-from shrm_cli.maps.lobes_lit import Lobes, reflected
+from shrm_cli.maps.lobes_lit import Lobes, judged, reflected
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, negative_warnings
 from shrm_cli.maps.view_lobes import whole_lobes
@@ -218,7 +218,7 @@ class _Reflected:
 
         return cls(
             light, transfer, lobes, Change.of(split, transfer), shown, whole, error,
-            cache(lambda: reflected(lobes, light.coefficients, lobes.pixels)),
+            cache(lambda: reflected(lobes, light.coefficients, judged([lobes]))),
             None if shown.isotropic else LampsLit(_flux(split), radiance),
         )  # fmt: skip
 
@@ -279,11 +279,11 @@ class _Reflected:
         """Return the share of pixels that is wrong beside a perfect map of these degrees."""
         if last == 0 and self.pixels is not None:
             rest = project(self.change.pixels, self.lobes.order)
-            seen = reflected(self.lobes, rest.coefficients, self.lobes.pixels)
+            seen = reflected(self.lobes, rest.coefficients, judged([self.lobes]))
             with beside_lamps(self._lamps_beside(last)):
                 return share_of_points(rest, [self.lobes], seen, np.zeros_like(seen))
         beyond = self.change.beyond(last).coefficients
-        wrong = reflected(self.lobes, beyond, self.lobes.pixels)
+        wrong = reflected(self.lobes, beyond, judged([self.lobes]))
         return share_of_points(self.light, [self.lobes], self.seen(), wrong)
 
 

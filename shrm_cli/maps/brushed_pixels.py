@@ -17,6 +17,22 @@ from shrm_cli.sphere.directions import horizontal_tangents
 from shrm_cli.vocabulary import Center
 
 
+def both_surfaces(
+    center: Center, theta_o: Array, azimuth: Array, frames: Array, any_way: Array, twists: Array
+) -> tuple[Array, Array]:
+    """Return `azimuths` and `parts` of the pixels of any brushed surface, then of such spheres.
+
+    `any_way`, of shape (2,), are the azimuths on any surface, and `twists`, of shape (directions,),
+    what azimuths are told from; the rest is as `horizontal` takes it.
+
+    Returns arrays of shape (directions, views, 4).
+    """
+    around, parts = horizontal(center, theta_o, azimuth, frames)
+    others = np.broadcast_to(any_way, around.shape)
+    azimuths = np.concatenate([others, around - twists[:, None, None]], axis=2)
+    return azimuths, np.concatenate([np.ones_like(others), parts], axis=2)
+
+
 def horizontal(
     center: Center, theta_o: Array, azimuth: Array, frames: Array
 ) -> tuple[Array, Array]:

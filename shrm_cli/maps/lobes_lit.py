@@ -17,7 +17,7 @@ are turned in this plane, each view's by an angle of its own.
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cache
+from functools import cache, cached_property
 from hashlib import blake2b
 from itertools import pairwise
 
@@ -46,9 +46,7 @@ _RINGS, _AROUND = 12, 40
 the wrong pixels was missing under a city and at night (`charlie`, 4.3 % of 4.8 %)."""
 _VIEWS, _AZIMUTHS = 24, 4
 """The angles of views from a central direction, and the azimuths of each of them. With 12 angles
-a quarter was missing of 23 % (`charlie`, P = 12) and of 18 % (a measured cloth); 24 do as well as
-more.
-"""
+a quarter was missing of 23 % (`charlie`, P = 12) and of 18 % (a measured cloth); 24 suffice."""
 _TIMES_BRUSHED = 2
 """How many times as many angles anisotropic lobes are known at, which differ by the azimuth of the
 tangent, too. With as many as others, 3.8 to 8.9 parts of a thousand were wrong under a sunrise,
@@ -99,9 +97,8 @@ class Pixels:
     """Points at which lobes about the mirror direction or the normal are lit; see `pixels`."""
 
     center: Center
-    normals: Array
-    views: Array
-    """Both of shape (directions, views, azimuths, 3): unit vectors, world axes; read-only."""
+    theta_o: Array
+    """The angles of the views from C, shape (views,), radians."""
     azimuths: Array
     """Those of the views about C, less the `_TWISTS`: shape (azimuths,), or that of all points."""
     parts: Array
@@ -109,6 +106,20 @@ class Pixels:
     Shape (1, 1, azimuths), or that of all points."""
     surfaces: tuple[slice, ...]
     """The azimuths on each of the surfaces that are judged by themselves."""
+
+    @cached_property
+    def views(self) -> Array:
+        """Unit vectors, world axes, shape (directions, views, azimuths, 3); read-only."""
+        local = from_angles(self.theta_o[:, None], _TWISTS[:, None, None] + self.azimuths)
+        found = np.einsum("dij,dvaj->dvai", _frames(), local)
+        found.setflags(write=False)
+        return found
+
+    @cached_property
+    def normals(self) -> Array:
+        """Those of the surfaces, of the same shape; read-only."""
+        centers = np.broadcast_to(_frames()[:, None, None, :, 2], self.views.shape)
+        return bisector(centers, self.views) if self.center == "reflection" else centers
 
     def tangents(self, at: tuple[Indices, ...]) -> Array:
         """Return the tangents of surfaces at some of the points, shape (..., 3).
@@ -129,29 +140,25 @@ def pixels(center: Center, is_brushed: bool = False) -> Pixels:
     Of brushed ones half of the azimuths are any, as on meshes that are brushed in all directions.
     With the other half tangents are horizontal, see `shrm_cli.maps.brushed_pixels`.
     """
-    theta = np.arccos(1 - (2 * np.arange(_RINGS) + 1) / _RINGS)[:, None]
-    phi = _TURNS[:, None] + 2 * np.pi / _AROUND * np.arange(_AROUND)
-    frames = local_frame(theta, phi).reshape(-1, 1, 1, 3, 3)
     theta_o, _ = sample_views(center, view_count(is_brushed))
     azimuths: Array = 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
     parts: Array = np.ones((1, 1, _AZIMUTHS))
     surfaces: tuple[slice, ...] = (slice(None),)
     if is_brushed:
-        from shrm_cli.maps.brushed_pixels import horizontal  # few materials are brushed
+        from shrm_cli.maps.brushed_pixels import both_surfaces  # few materials are brushed
 
-        around, some = horizontal(center, theta_o, sample_tangents(len(theta_o)), frames[:, 0, 0])
-        half = _AZIMUTHS // 2
-        any_way = np.broadcast_to(azimuths[::2], (*around.shape[:2], half))
-        azimuths = np.concatenate([any_way, around - _TWISTS[:, None, None]], axis=2)
-        parts = np.concatenate([np.ones_like(any_way), some], axis=2)
+        around, half = sample_tangents(len(theta_o)), _AZIMUTHS // 2
+        azimuths, parts = both_surfaces(center, theta_o, around, _frames(), azimuths[::2], _TWISTS)
         surfaces = slice(half), slice(half, None)
-    local = from_angles(theta_o[:, None], _TWISTS[:, None, None] + azimuths)
-    views = np.einsum("...ij,...j->...i", frames, local)
-    centers = np.broadcast_to(frames[..., 2], views.shape)
-    normals = bisector(centers, views) if center == "reflection" else centers.copy()
-    for each in (normals, views):
-        each.setflags(write=False)
-    return Pixels(center, normals, views, azimuths, parts, surfaces)
+    return Pixels(center, theta_o, azimuths, parts, surfaces)
+
+
+@cache
+def _frames() -> Array:
+    """Return the frames about the central directions, shape (directions, 3, 3)."""
+    theta = np.arccos(1 - (2 * np.arange(_RINGS) + 1) / _RINGS)[:, None]
+    phi = _TURNS[:, None] + 2 * np.pi / _AROUND * np.arange(_AROUND)
+    return local_frame(theta, phi).reshape(-1, 3, 3)
 
 
 @record(eq=False)
@@ -180,11 +187,6 @@ class Lobes:
     @property
     def order(self) -> int:
         return self.whole.shape[1] - 1
-
-    @property
-    def pixels(self) -> Pixels:
-        """The pixels that these lobes are judged by."""
-        return pixels(self.center, bool(np.iscomplexobj(self.whole)))
 
     @property
     def max_q(self) -> int:
@@ -301,9 +303,9 @@ def reflected(lobes: Lobes, light: Array, at: Pixels) -> Array:
     faded = np.zeros((len(fading), 3))
     known = light[: len(faded)]
     faded[: len(known)] = known * fading[: len(known), None]
-    lobes = lobes.at_views(at.views.shape[1])
+    lobes = lobes.at_views(len(at.theta_o))
     if lobes.center != at.center:
-        lobes = lobes.recentered(at.views.shape[1])
+        lobes = lobes.recentered(len(at.theta_o))
     return _about_own(faded * LUMINANCE, lobes, at)[0]
 
 

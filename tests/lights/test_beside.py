@@ -192,7 +192,7 @@ def test_what_discs_change_does_not_ring_under_sharp_lobes(rows):
 def measured(found):
     """What discs change of the light at some points, by integration and as it is known."""
     rng, brdf = np.random.default_rng(5), found.brdf
-    points = found.lamps.lobes.pixels
+    points = lobes_lit.judged([found.lamps.lobes])
     third = points.views.shape[1] // 3
     of_views = rng.integers(third, 2 * third, 300)  # the middle ones of `sample_views`
     at = rng.integers(0, 480, 300), of_views, rng.integers(0, 4, 300)
