@@ -44,7 +44,7 @@ _MOST_REASONS = 5
 _HEADINGS = {
     **MAKING_HEADINGS,
     "What to make": ["brdfs", "to", "engines", "output"],
-    "Files of engines": ["texel_format", "max_error", "skybox", "dfg", "firefly_safe"],
+    "Files of engines": ["format", "max_error", "skybox", "dfg", "firefly_safe"],
     "How the probes are read": [*options.READING_NAMES, "probe_sampling"],
     "Where it runs": ["jobs", "scheduler", "commands", "openjd", "chunk", "share"],
     "Coefficients of all probes in one file": ["collect", "collect_order", "collect_what",
@@ -218,7 +218,6 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
     reading = options.reading_keywords(values, of_probe or both)
     brdfs, to, precision = (values.pop(name) for name in ("brdfs", "to", "precision"))
     engines = every_engine(values.pop("engines"))
-    values["format"] = values.pop("texel_format")
     for switch in ("dfg", "firefly_safe"):
         values[switch] = values[switch] or None
     if engines and "to" not in given:

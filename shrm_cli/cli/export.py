@@ -31,7 +31,7 @@ def installed_engines() -> list[str]:
 
 texel_options = (
     option(
-        "--format texel_format", click.Choice(TEXEL_FORMATS),
+        "--format", click.Choice(TEXEL_FORMATS),
         help="Texels of cubes, where the engine reads several; auto is the smallest that keeps "
         "--max-error, ASTC aside, which few desktops read.  [default: the engine's]",
     ),
@@ -52,8 +52,7 @@ texel_options = (
 )  # fmt: skip
 """How the files of engines are packed, and what comes with them."""
 _OPTIONS = {"texels": "format", "table": "dfg", "safe": "firefly_safe"}
-_ATTRIBUTES = {"texel_format": "texels", "dfg": "table", "firefly_safe": "safe"}
-"""Attributes of `Asked` that options have other names for, and by the names of their values."""
+"""Attributes of `Asked` that options have other names for."""
 
 
 @click.command()
@@ -117,7 +116,8 @@ def export(
     reading = options.make_read_options(values)
     name = usage.source_stem(sources[0], REPRESENTATIONS)
     is_kept = reading.working is not None
-    given = {_ATTRIBUTES.get(name, name): value for name, value in values.items()}
+    attributes = {name: attribute for attribute, name in _OPTIONS.items()}
+    given = {attributes.get(name, name): value for name, value in values.items()}
     asked = shrm.Asked(**given, keeps_primaries=is_kept)
     chosen, failures = _found(names)
     with usage.renamed(**_OPTIONS):

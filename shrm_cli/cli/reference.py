@@ -83,7 +83,7 @@ def reference(
     with progress_bar("integrating") as progress:
         truth = Reference(source, brdf, source_height, progress=progress, exact=exact)
         pixels = render_sphere(truth, shrm.Viewer(*view), size)
-    stops = shown_at(target, pixels) if exposure is None else exposure
+    stops = shown_at(target, pixels, asked=exposure)
     pixels = expose(pixels, stops)
     result |= {"source_pixels": truth.pixels, "truth_error": truth.error, "exposure": stops}
     recipe["reference"]["exposure"] = stops

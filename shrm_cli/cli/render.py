@@ -140,7 +140,7 @@ def render(
     film = Film(drawing, shown, [*map(usage.map_stem, lit.names)], exposure or 0.0, skies, columns)
     given = values | {"view": view, "vary": ways, "background": background, "probe": probe}
     with progress_bar("rendering") as progress:
-        film, images, doubts = _exposed(film, targets[0], exposure is None, progress)
+        film, images, doubts = _exposed(film, targets[0], exposure, progress)
         settings = _settings(lit, film, steps, given | {"window": window})
         if is_animated(pattern):
             written, lines = _write_animation(film, images, pattern, view[0], fps, max_memory)
@@ -263,18 +263,18 @@ def _on_mesh(
 
 
 def _exposed(
-    film: Film, path: str, is_free: bool, progress: Progress | None
+    film: Film, path: str, asked: float | None, progress: Progress | None
 ) -> tuple[Film, Iterator[Picture], list[str]]:
     """Return the film and its pictures, and which exposure would show those that show nothing.
 
-    Where the exposure is free, the first picture tells which one shows something.
+    The first picture tells which exposure shows something, unless one is asked for.
     """
     from shrm_cli.render.image import exposure_advice, shown_at
 
     pictures = film.pictures(progress)
     first = next(pictures)
-    stops = shown_at(path, *(part for _, part in film.parts(first))) if is_free else 0.0
-    if stops:
+    stops = shown_at(path, *(part for _, part in film.parts(first)), asked=asked)
+    if stops != film.exposure:
         film = replace(film, exposure=stops)
         pictures = film.pictures(progress)
         first = next(pictures)

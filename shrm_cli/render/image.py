@@ -50,14 +50,18 @@ def suitable_exposure(luminance: ArrayLike, weights: ArrayLike = 1.0) -> float:
     return float(np.clip(np.round(4 * np.log2(_SHOWN_AS / bright)) / 4, -_MOST_STOPS, _MOST_STOPS))
 
 
-def shown_at(path: str, *pictures: ArrayLike) -> float:
-    """Return the stops at which pictures of one file are drawn, unless somebody names others.
+def shown_at(path: str, *pictures: ArrayLike, asked: float | None = None) -> float:
+    """Return the stops at which pictures of one file are drawn: those that are asked for, if any.
 
-    It is 0, at which files can be compared, unless most of a picture is white there, or all but
-    black. EXR is linear: it is 0. `pictures`, of shape (..., 3), are linear.
+    Else it is 0, at which files can be compared, unless most of a picture is white there, or all
+    but black. EXR is linear: it is 0. `pictures`, of shape (..., 3), are linear.
     """
+    if asked is not None:
+        return asked
+    if path.lower().endswith(".exr"):
+        return 0.0
     lit = np.concatenate([_lit(each) for each in pictures])
-    if path.lower().endswith(".exr") or not _hides(lit, _HALF):
+    if not _hides(lit, _HALF):
         return 0.0
     suitable = suitable_exposure(lit)
     return 0.0 if _hides(lit * 2.0**suitable) else suitable

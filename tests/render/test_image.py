@@ -214,5 +214,5 @@ def test_the_default_exposure_is_none_where_half_of_a_picture_can_be_seen():
     values[:6] = [[[0.9]], [[0.9]], [[0.9]], [[0.9]], [[7.0]], [[7.0]]]
     assert shown_at("a.png", values) < 0
     assert exposure_advice("a.png", values, 0) == []
-    # One bright pixel is not all that there is, and no exposure shows the rest.
+    # No exposure shows what is as dim as this.
     assert shown_at("a.png", np.full((4, 3), 1e-30)) == 0
