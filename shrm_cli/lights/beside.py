@@ -212,9 +212,11 @@ class _Reflected:
             lit = Lighting(disc_coefficients(split.discs, order), energy)
             error = shown.error(brdf) * reflected_rms(lit, transfer) / whole
 
+        lamps = cache(lambda: Reference(split.lamps_probe, shown))
+
         def radiance(*points: Array) -> Array:
             with using(None):
-                return Reference(split.lamps_probe, shown).brushed_radiance(*points)
+                return lamps().brushed_radiance(*points)
 
         return cls(
             light, transfer, lobes, Change.of(split, transfer), shown, whole, error,

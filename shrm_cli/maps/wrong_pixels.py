@@ -52,10 +52,10 @@ def share_of_points(
         shares = sample_views(at.center, error.shape[1])[1]
         return max(float(wrong[..., each].mean(axis=(0, 2)) @ shares) for each in at.surfaces)
     floor = SEEN_FLOOR * _mean(first + lamps.lit.first, groups)
-    shape, found = at.views[::apart].shape[:-1], []
+    parts, found = np.broadcast_to(at.parts, at.views.shape[:-1])[::apart], []
     for each in at.surfaces:
-        some, shares = _some_points(at, shape, each)
-        seen, wrong = (np.broadcast_to(values, shape)[some] for values in (whole, error))
+        some, shares = _some_points(parts, each)
+        seen, wrong = (np.broadcast_to(values, parts.shape)[some] for values in (whole, error))
         places = some[0] * apart, *some[1:]
         seen, wrong = seen + lamps.lit.seen_at(at, places), wrong + lamps.wrong_at(at, places)
         is_wrong = np.abs(wrong) > WRONG * np.maximum(seen, floor)
@@ -63,25 +63,25 @@ def share_of_points(
     return max(found)
 
 
-def _some_points(
-    at: Pixels, shape: tuple[int, ...], surface: slice
-) -> tuple[tuple[Indices, ...], Array]:
+def _some_points(parts: Array, surface: slice) -> tuple[tuple[Indices, ...], Array]:
     """Return the indices of some of the points of a surface, and the share that each stands for.
 
-    Lamps take long to integrate. Each direction has a few of the views, at one azimuth, which
-    stands for all of them: where tangents are horizontal the one that most normals have.
+    `parts` are those of `Pixels` for all points. Lamps take long to integrate. Where all count
+    alike, each direction has a few of the views, at one azimuth, which stands for all of them.
+    Where tangents are horizontal, most points have hardly any normals, and the few others are all
+    taken: of every sixth of the views 4.5 % seemed wrong of gold under a sunrise, and 6 % were.
     """
-    directions, views, azimuths = shape
-    count = _VIEWS_BESIDE // len(at.surfaces)
-    direction = np.arange(directions)[:, None]
-    view = np.arange(count) * (views // count) + direction % (views // count)
-    shares = sample_views("reflection", views)[1][view]
-    azimuth = (direction + view) % azimuths
-    if len(at.surfaces) > 1:
-        parts = at.parts[direction, view, surface]
-        azimuth = surface.indices(azimuths)[0] + parts.argmax(axis=-1)
-        shares = shares * parts.sum(axis=-1)
-    return (direction, view, azimuth), shares / float(shares.sum())
+    directions, views, azimuths = parts[..., surface].shape
+    direction, first = np.arange(directions)[:, None], surface.indices(parts.shape[2])[0]
+    if np.ptp(parts[..., surface]) > 0:
+        direction, view, azimuth = np.nonzero(parts[..., surface])
+    else:
+        count = _VIEWS_BESIDE * azimuths // parts.shape[2]
+        view = np.arange(count) * (views // count) + direction % (views // count)
+        azimuth = (direction + view) % azimuths
+    points = direction, view, first + azimuth
+    shares = sample_views("reflection", views)[1][view] * parts[points]
+    return points, shares / float(shares.sum())
 
 
 def _mean(first: Array, groups: Sequence[Lobes]) -> float:
