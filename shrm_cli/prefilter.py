@@ -62,7 +62,7 @@ def prefilter(
     eps : float, optional
         The fraction of the BRDF's energy that may be missed, in (0, 1), by default
         `vocabulary.DEFAULT_EPS`. The orders F and P are chosen from it; of ``principal``, the
-        bytes, of which the best map is made.
+        bytes, of which the best map is made. Without it, ``principal`` keeps what ``auto`` does.
     error : float, optional
         The relative RMS error of the reflected light of this probe that the map may have, with
         bilinear look-ups and half precision, in (0, 1). The map of the fewest bytes is made that
@@ -85,8 +85,8 @@ def prefilter(
         The axes of the view in an SHRM: those of the world (the default), or those of each
         texel's direction.
     size : int, optional
-        Texels along a face's edge; chosen from F by default. With it ``principal`` takes the
-        fewest functions that keep `eps`.
+        Texels along a face's edge; chosen from F by default. With it and `eps`, ``principal``
+        takes the fewest functions that keep this.
     sampling : {"center", "border"}, optional
         Where the edge texels of the map lie; ``center`` by default.
     max_size : int or str, optional

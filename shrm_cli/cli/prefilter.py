@@ -30,8 +30,6 @@ _OWN_BRDFS = listing(
 _PRINTED_WITH = {"textures": "shader", "anisotropy": "shader", "taps": "shader"}
 """Which option each option of more output needs."""
 _PRINTS = [name for name, each in all_options(registry.descriptions()).items() if each.prints]
-_SEEING = {vocabulary.AUTO, *vocabulary.AUTO_FORMS} - {vocabulary.EXPANDED}
-"""The forms that are made by what is seen, and say themselves what they do not keep."""
 _OWN_OPTIONS = {
     f"Options of --to {listing(names, 'and')}": [option.name for option in own]
     for names, own in own_options(registry.descriptions())
@@ -111,10 +109,14 @@ def prefilter(
       shrm prefilter probe.exr --to splitsum --brdf charlie:color=0.6/0.2/0.1
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
-    from shrm_cli.maps.request import check_arguments, resolved_form, with_wrong_share
+    from shrm_cli.maps.request import (
+        check_arguments,
+        is_wrong_unsaid,
+        resolved_form,
+        with_wrong_share,
+    )
     from shrm_cli.maps.size import total_error
     from shrm_cli.maps.stored import store
-    from shrm_cli.plan import policy
     from shrm_cli.prefilter import make
 
     read_as = options.make_read_options(values, probe_sampling or sampling)
@@ -150,11 +152,11 @@ def prefilter(
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     remarks: Sequence[str] = made.warnings
     # Whoever says what share may be wrong is told by the search where it is not kept.
-    is_judged = to in _SEEING or request.seen is not None
+    is_judged = to == vocabulary.AUTO or request.seen is not None
     share = None if is_judged else summary.get("predicted_wrong_share")
-    if share is not None and share > policy.WRONG_SHARE:
+    error = 0.0 if share is None else total_error(made.map.stated_error)
+    if share is not None and is_wrong_unsaid(remarks, share, error, request.error):
         instead = _made_by_default(given, source) if has_terminal() else None
-        error = total_error(made.map.stated_error)
         remarks = with_wrong_share(made.warnings, share, error, instead)
     warnings += [f"{target}: {line}" for line in remarks]
     for text in [] if usage.wants_json() else printed.values():

@@ -143,6 +143,8 @@ class Representation:
     """Why the representation needs no BRDF; empty where it needs one."""
     own_defaults: Mapping[str, Any] = field(default_factory=dict)
     """Its defaults of shared arguments, where they are others than those in `SHARED`."""
+    instead_of_seen: frozenset[str] | None = None
+    """Where what is seen tells by default what is made: the arguments that choose it instead."""
     steps: tuple[dict[str, Any], ...] = ()
     """The settings, from the coarsest on, of which an error that is asked for takes the first that
     keeps it; empty where the maker itself chooses. See `shrm_cli.maps.seen`."""

@@ -140,7 +140,7 @@ DESCRIPTIONS = {
         (
             Option(
                 "maps", kind="integer", limits=(1, vocabulary.MAX_PRINCIPAL_MAPS), metavar="K",
-                help="principal: keep the K cubes that hold the most light.  [default: from --eps]",
+                help="principal: the K cubes that hold the most light.  [default: from --seen]",
             ),
             Option(
                 "divide", kind="switch", default=False,
@@ -150,6 +150,7 @@ DESCRIPTIONS = {
             TEXTURES,
         ),
         own_defaults={"max_size": vocabulary.DEFAULT_MAX_SIZE},
+        instead_of_seen=frozenset(("eps", "error", "maps")),
         mark=("#d55e00", "o"),
     ),
     "product": Representation(

@@ -20,6 +20,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import record_of
 from shrm_cli.maps.options import SHARED, bytes_text, listing, owners
 from shrm_cli.maps.size import stored_bytes
+from shrm_cli.messages import percent
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import using
 from shrm_cli.records import record
@@ -80,7 +81,7 @@ class Request:
         check_arguments(to, named)
         brdf = as_brdf(named.pop("brdf"), probe.chromaticities) if "brdf" in named else None
         named = checked_options(to, named)
-        values = {**registry.description(to).defaults, **named}
+        values = {**registry.description(to).defaults, **_default_goal(to, named), **named}
         shared = {name: values.pop(name) for name in SHARED if name in values}
         own, given = MappingProxyType(values), MappingProxyType(named)
         return cls(to, cast(Brdf, brdf), **shared, own=own, given=given)
@@ -137,11 +138,22 @@ def recorded_defaults(to: str, given: Iterable[str]) -> dict[str, Any]:
     `given` are the names of arguments that are given. An error is asked for instead of `eps`.
     """
     form = registry.description(to)
+    goal = _default_goal(to, given)
     unasked: set[str] = set()
-    if {"error", "seen"} & set(given):
+    if {"error", "seen"} & {*given, *goal}:
         unasked = {"eps"}.union(*form.steps)
-    defaults = form.defaults
+    defaults = {**form.defaults, **goal}
     return _listed({name: value for name, value in defaults.items() if name not in unasked})
+
+
+def _default_goal(to: str, given: Iterable[str]) -> dict[str, float]:
+    """Return what a representation asks of the picture, unless given arguments say what is made."""
+    instead = registry.description(to).instead_of_seen
+    if instead is None or instead & set(given):
+        return {}
+    from shrm_cli.plan.policy import WRONG_SHARE  # plain runs search nothing
+
+    return {"seen": WRONG_SHARE}
 
 
 def _listed(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -236,6 +248,22 @@ def unkept_error(asked: float, error: float, max_size: int, remedy: str) -> str:
     return wrong_light(error, within, remedy)
 
 
+def is_wrong_unsaid(lines: Sequence[str], share: float, error: float, asked: float | None) -> bool:
+    """Tell whether warnings leave out that the picture of a form is wrong that was named.
+
+    `share` is the share of wrong pixels, and `error` the relative RMS error, of which `asked` is
+    what may be made, if it is asked for.
+    """
+    from shrm_cli.plan.policy import ERROR, WRONG_SHARE  # plain runs search nothing
+
+    is_dull = asked is None and error > ERROR and not any(map(_is_of_light, lines))
+    return share > WRONG_SHARE or is_dull
+
+
+def _is_of_light(line: str) -> bool:
+    return line.startswith(_WRONG)
+
+
 def with_wrong_share(
     lines: Sequence[str], share: float, error: float, instead: str | None = None
 ) -> list[str]:
@@ -249,10 +277,10 @@ def with_wrong_share(
     """
     chosen = "chooses the form that it needs" if instead is None else f"would make {instead}"
     said = (
-        f"{share:.0%} of the picture is predicted to be wrong by more than 5 %, its light by "
+        f"{percent(share)}% of the picture is predicted to be wrong by more than 5 %, its light by "
         f"{error:.1%} (RMS); `to` auto, without `eps` or orders, {chosen}"
     )
-    return [*(line for line in lines if not line.startswith(_WRONG)), said]
+    return [*(line for line in lines if not _is_of_light(line)), said]
 
 
 def error_lines(result: dict[str, Any], added_by: str) -> list[str]:

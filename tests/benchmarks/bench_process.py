@@ -53,7 +53,7 @@ def _prefilter_rows(folder: Path) -> Iterator[Row]:
     cases = (
         ("phong:exponent=32 --to shrm", 1.5, 15),
         ("lambertian --to shrm", 1.5, 15),
-        ("microfacet --to principal", 2.0, 15),
+        ("microfacet --to principal --eps 0.03", 2.0, 15),
         ("ggx:roughness=0.4 --to shrm", None, 3),
         ("ggx:roughness=0.1 --to shrm", None, 3),
         ("ggx:roughness=0.4 --to shrm --no-cache", None, 3),

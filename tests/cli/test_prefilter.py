@@ -352,13 +352,28 @@ def test_one_line_says_how_wrong_the_picture_of_a_form_is_that_was_named(folder,
     share = values["predicted_wrong_share"]
     assert share > 0.05
     (line,) = [each for each in values["warnings"] if "wrong" in each]
-    assert line.startswith(f"{NAME}: {share:.0%} {WRONG_PICTURE}")
+    assert line.startswith(f"{NAME}: {100 * share:.2g}% {WRONG_PICTURE}")
     causes = [values[f"{cause}_error"] for cause in ("predicted", "added", "filter")]
     assert f"its light by {np.linalg.norm(causes):.1%} (RMS)" in line
     assert "--to auto, without --eps or orders, chooses the form" in line
     assert f"Warning: {line}\n" in result.err
     quiet = run(*COMMAND[:4], *asked, "--quiet", "--force")
     assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
+
+
+def test_a_large_error_of_few_pixels_is_told(folder):
+    """Of the glints of a lamp, which four cubes blur, only few pixels see anything."""
+    pixels = np.full((32, 64, 3), 0.2, np.float32)
+    pixels[8, 20] = 400
+    write_exr("spot.exr", pixels)
+    asked = "--brdf", "0.5*lambertian+0.1*ggx:roughness=0.3", "--to", "principal", "--json"
+    values = json.loads(run("prefilter", "spot.exr", *asked, "--maps", "4").out)
+    assert values["predicted_wrong_share"] < 0.05
+    (line,) = values["warnings"]
+    assert f"{WRONG_PICTURE}, its light by 18" in line
+    # Whoever asks for an error gets no more than that.
+    asked = *asked, "-o", "rough.exr"
+    assert WRONG_PICTURE not in run("prefilter", "spot.exr", *asked, "--error", "0.15").err
 
 
 def test_no_line_says_that_a_picture_is_right(folder):

@@ -9,6 +9,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.request import Request, recorded_defaults
+from shrm_cli.plan import policy
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import AUTO, REPRESENTATIONS
 
@@ -74,6 +75,17 @@ def test_an_error_is_asked_for_instead_of_eps(probe):
         assert "eps" not in asked("shrm", {name: 0.1}, probe).record(probe)
     assert asked("principal", {"error": 0.1, "eps": 0.2}, probe).record(probe)["eps"] == 0.2
     assert asked("shrm", {}, probe).record(probe)["eps"] == asked("shrm", {}, probe).eps
+
+
+def test_principal_maps_are_made_by_what_is_seen_unless_told_otherwise(probe):
+    by_default = asked("principal", {"center": "auto"}, probe)
+    assert by_default.seen == policy.WRONG_SHARE
+    assert by_default.record(probe)["seen"] == policy.WRONG_SHARE
+    assert "eps" not in by_default.record(probe)
+    for given in ({"eps": 0.1}, {"maps": 3}, {"error": 0.1}):
+        assert asked("principal", given, probe).seen is None
+    assert asked("principal", {"seen": 0.2}, probe).seen == 0.2
+    assert asked("shrm", {}, probe).seen is None
 
 
 def test_auto_with_arguments_of_shrms_is_one(probe):

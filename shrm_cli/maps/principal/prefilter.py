@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.options import bytes_text, counted
 from shrm_cli.maps.principal.proposal import TABLED, Proposal, Proposals
 from shrm_cli.maps.request import (
@@ -40,23 +41,22 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         truth, size = truth_of(probe, request.brdf), request.size
         return kept_or_best(candidates, goal, request.allowed, truth=truth, size=size)
     proposal = proposals.propose()
-    unmet = _unmet(proposals, proposal, request.error, request.allowed)
+    unmet = _unmet(proposals, proposal, request)
     return proposal.make([] if unmet is None else [unmet])
 
 
-def _unmet(
-    proposals: Proposals, proposal: Proposal, error: float | None, max_size: int
-) -> str | None:
+def _unmet(proposals: Proposals, proposal: Proposal, request: Request) -> str | None:
     """Say that an error is not kept, or that light is wrong because a tolerance is not."""
-    total = proposal.total_error
+    total, error = proposal.total_error, request.error
     if error is not None:
         if total <= error * ROUNDING:
             return None
-        return unkept_error(error, total, max_size, _sufficient(proposals, error))
+        return unkept_error(error, total, request.allowed, _sufficient(proposals, error))
     if total <= policy.ERROR or proposal.is_met:
         return None
-    why = f"bilinear look-ups included: {bytes_text(max_size)} before packing hold too little of it"
-    return wrong_light(total, why, "raise `max_size`")
+    before = f"{bytes_text(request.allowed)} before packing"
+    why = f"bilinear look-ups included: {before} hold too little of it"
+    return wrong_light(total, why, "leave out `eps`, or raise `max_size`")
 
 
 def _sufficient(proposals: Proposals, error: float) -> str:
@@ -66,7 +66,7 @@ def _sufficient(proposals: Proposals, error: float) -> str:
     if not is_met and sharing.within_error(error, _ANY_SIZE, size)[1]:
         return TABLED
     if not is_met:
-        return "dim the lamps with `clamp`"
+        return f"lamps need the most: {REMEDY}"
     step = 10 ** max(len(str(free.bytes)) - 2, 0)  # rounded up to what `bytes_text` shows
     return f"raise `max_size` to {bytes_text(-(-free.bytes // step) * step)}"
 

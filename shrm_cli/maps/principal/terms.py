@@ -20,7 +20,7 @@ from shrm_cli.maps.principal.brushed import BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.request import Notes, Request
-from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order
+from shrm_cli.maps.size import TRIED_SIZES, choose_size, most_cubes, supported_order
 from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.reflected import energies_beyond, own_energies_beyond, weighted_power
@@ -260,7 +260,11 @@ def _transfer(brdf: Brdf, order: int, max_q: int, is_coarse: bool = False) -> Tr
 def planned(planner: Planner, want: Request, maps: int | None = None) -> tuple[Form, bool]:
     """Choose a form by a number of cubes or the tolerance, and tell whether that is kept."""
     if maps is not None:
-        form, is_met = planner.with_maps(maps, _simplest(planner, want).size), True
+        size = _simplest(planner, want).size
+        if want.size is None:  # as many texels as the order F asks for, if their bytes are allowed
+            allowed = [texels for texels in TRIED_SIZES if most_cubes(texels, want.allowed) >= maps]
+            size = min(size, max(allowed, default=size))
+        form, is_met = planner.with_maps(maps, size), True
     else:
         form, is_met = _tolerated(planner, want)
     return planner.form(form.counts, form.size, is_exact=True), is_met
