@@ -28,6 +28,7 @@ from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, negative_warnings
 from shrm_cli.maps.view_lobes import whole_lobes
 from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps, share_of_points
+from shrm_cli.messages import percent
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Goal
 from shrm_cli.probe.disc import disc_coefficients
@@ -307,12 +308,11 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
         return replace(made, map=inner, warnings=(line, *made.warnings))
     bound = made.facts.get("error_bound")
     facts = made.facts | ({} if bound is None else {"error_bound": bound * left})
-    held = ", with what the map holds of these" if beside.is_held else ""
+    held = ", with what the map holds of them" if beside.is_held else ""
     note = (
         "lamps",
-        f"{counted(len(split.discs), 'disc')} beside the map, for {beside.error:.2%} (RMS) in "
-        f"place of the pixels{held}; without, errors were {1 / max(left, 1e-6):.3g} times as large "
-        "a part of the light",
+        f"{counted(len(split.discs), 'disc')} beside the map, which miss {beside.error:.2%} (RMS) "
+        f"of the reflected light{held}; the rest, in the map, is {percent(left)}% of it (RMS)",
     )
     further = {name: partial(_together, find, beside) for name, find in made.further.items()}
     lit = LampMap(inner, split.discs, left, beside.error, beside.brdf)
