@@ -210,11 +210,16 @@ class PanoramaEngine(Engine):
         made = Package()
         if light.latlong is not None:
             self.add_panorama(made, light.latlong, light)
+        if (nine := light.nine()) is not None:
+            self.add_nine(made, nine, light)
         return made
 
     @abstractmethod
     def add_panorama(self, made: Package, image: Array, light: Light) -> None:
         """Add the file of a lat-long, which lies as ours do, and what is said of it."""
+
+    def add_nine(self, made: Package, nine: Array, light: Light) -> None:
+        """Add the file of nine coefficients, shape (9, 3), if the engine wants them."""
 
 
 def engine(name: str) -> Engine:
