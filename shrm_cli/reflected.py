@@ -209,7 +209,9 @@ def cube_energies(light: Array, parts: Array) -> Array:
     and squared parts.
     """
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
-    coupled = _coupled(parts).reshape(order + 1, -1, 3, p + 1)
+    by_order = np.ascontiguousarray(np.moveaxis(parts, 1, -1)).reshape(order + 1, -1, p + 1)
+    # In their own degrees J.
+    coupled = (by_order @ zonal_coupling(order, p)).reshape(order + 1, -1, 3, p + 1)
     energies = np.einsum("lc,lncj->jl", light, coupled**2)
     result = np.zeros(order + p + 1)
     for j, shift in enumerate(range(-p, p + 1, 2)):
@@ -218,16 +220,6 @@ def cube_energies(light: Array, parts: Array) -> Array:
             continue
         result[low + shift : order + shift + 1] += energies[j, low:]
     return result
-
-
-def _coupled(parts: Array) -> Array:
-    """Write the parts of cubes over R in their own degrees J, shape (F+1, 3n, p+1).
-
-    `parts`, of shape (F+1, p+1, n, 3), are as `cube_energies` takes them.
-    """
-    order, p = parts.shape[0] - 1, parts.shape[1] - 1
-    by_order = np.ascontiguousarray(np.moveaxis(parts, 1, -1)).reshape(order + 1, -1, p + 1)
-    return np.asarray(by_order @ zonal_coupling(order, p))
 
 
 def filter_matrices(factors: Array, order: int, p: int) -> Array:

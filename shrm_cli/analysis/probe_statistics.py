@@ -178,7 +178,7 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
         chromaticity=point,
         temperature=temperature,
         duv=None if point is None or temperature is None else blackbody_distance(*point),
-        white_balance=_over_green(mean),
+        white_balance=mean / mean[1] if mean[1] > _LEAST_GREEN * mean.max() else None,
         direction=direction,
         directionality=directionality,
         clipped=suspicion(gathered.plateaus, pixel, mean, largest_radiance(probe)),
@@ -204,11 +204,6 @@ def _irradiance(light: Array, lamps: Sequence[Lamp]) -> Array:
         result += np.maximum(axes @ each.directions.T, 0) @ flux
         result -= expansion @ light_coefficients(each, order)
     return np.maximum(result, 0)
-
-
-def _over_green(mean: Array) -> Array | None:
-    """A colour over its green, None where that is nothing beside the others."""
-    return mean / mean[1] if mean[1] > _LEAST_GREEN * mean.max() else None
 
 
 def _direction(luminance: Array) -> tuple[Array, float]:

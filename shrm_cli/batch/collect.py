@@ -142,21 +142,18 @@ def write_collection(path: str | os.PathLike[str], collection: Collection) -> No
     if not collection.names:
         said = _printable(path)
         raise OutputError(f"{said}: no probe has coefficients, so that nothing is written")
+    settings = json.dumps(collection.settings())
     with remote.written(path) as target:
-        _write(target, collection, json.dumps(collection.settings()))
-
-
-def _write(path: Path, collection: Collection, settings: str) -> None:
-    if path.suffix.lower() == ".parquet":
-        _write_parquet(path, collection, settings)
-        return
-    arrays = {
-        "coefficients": np.ascontiguousarray(collection.coefficients, "<f8"),
-        "names": np.array(collection.names, dtype=np.str_),
-        "sha256": np.array(collection.digests, dtype=f"<U{_DIGEST}"),
-        "settings": settings,
-    }
-    npz.write_npz(path, arrays)
+        if target.suffix.lower() == ".parquet":
+            _write_parquet(target, collection, settings)
+            return
+        arrays = {
+            "coefficients": np.ascontiguousarray(collection.coefficients, "<f8"),
+            "names": np.array(collection.names, dtype=np.str_),
+            "sha256": np.array(collection.digests, dtype=f"<U{_DIGEST}"),
+            "settings": settings,
+        }
+        npz.write_npz(target, arrays)
 
 
 def is_collection(path: str | os.PathLike[str]) -> bool:

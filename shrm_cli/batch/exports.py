@@ -142,8 +142,9 @@ def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
     before = held.get("files")
     names = [each.name for each in package.files]
     ours = _named(before) | _named(held.get("begun"))
-    if ours and not force:
-        _refuse_foreign(folder, {*names} - ours)
+    for name in sorted({*names} - ours) if ours and not force else ():
+        if os.path.lexists(folder / name):
+            raise kept(folder / name, "no batch made it")
     facts = {
         "probe": probe_name(probe),
         "probe_sha256": probe.digest(),
@@ -207,13 +208,6 @@ def _is_sound(name: str, facts: object) -> bool:
     """Whether a record may say so of a file."""
     is_known = isinstance(facts, list) and len(facts) == 3 and type(facts[0]) is int
     return is_known and Path(name).name == name
-
-
-def _refuse_foreign(folder: Path, names: Iterable[str]) -> None:
-    """Refuse to replace files that no run of a batch has made or begun."""
-    for name in sorted(names):
-        if os.path.lexists(folder / name):
-            raise kept(folder / name, "no batch made it")
 
 
 def _remove_stale(folder: Path, before: object, files: Mapping[str, Any]) -> None:

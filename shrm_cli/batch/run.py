@@ -114,8 +114,11 @@ class _Feeder:
                     return
                 done, _ = wait(self._pending, return_when=FIRST_COMPLETED)
                 self._suspects += self._taken_back(done)
-        except KeyboardInterrupt:
-            self._end_early()
+        except KeyboardInterrupt:  # take back what has not begun, and wait a little for what has
+            for future in list(self._pending):
+                if future.cancel():
+                    del self._pending[future]
+            self._taken_back(wait(self._pending, _LATE).done)
             raise
 
     def retry(self) -> None:
@@ -152,11 +155,3 @@ class _Feeder:
             else:
                 raise error
         return lost
-
-    def _end_early(self) -> None:
-        """Take back what has not begun, and wait a little for what has."""
-        for future in list(self._pending):
-            if future.cancel():
-                del self._pending[future]
-        done, _ = wait(self._pending, _LATE)
-        self._taken_back(done)

@@ -6,8 +6,8 @@ as JSON has them, with what was made, or with the error.
 
 import os
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -116,7 +116,7 @@ def _of_probe(chunk: Chunk, terms: Terms) -> Result:
 
 
 def _of_file(chunk: Chunk, path: Path, terms: Terms, start: float) -> Result:
-    """Do the jobs of one probe, which is opened once."""
+    """Do the jobs of one probe, which is opened once, and gather its coefficients if wanted."""
     try:
         probe = held(open_probe(path, **chunk.reading))
     except Exception as error:
@@ -125,18 +125,6 @@ def _of_file(chunk: Chunk, path: Path, terms: Terms, start: float) -> Result:
     for job in chunk.jobs:
         records.append(_record(job, probe, terms, start))
         start = time.perf_counter()
-    return _gathered(chunk, probe, terms, records)
-
-
-def _all_failed(chunk: Chunk, error: Exception, start: float) -> Result:
-    """Return the result of a chunk whose probe cannot be used."""
-    line = error_line(error)
-    failed = [failure(job, line, time.perf_counter() - start) for job in chunk.jobs]
-    return Result(chunk.probe, failed, error=line)
-
-
-def _gathered(chunk: Chunk, probe: Probe, terms: Terms, records: list[Record]) -> Result:
-    """Return the result of a chunk, with the coefficients of its probe where they are wanted."""
     wanted = terms.gathering
     if wanted is None or not chunk.collects:
         return Result(chunk.probe, records)
@@ -145,6 +133,13 @@ def _gathered(chunk: Chunk, probe: Probe, terms: Terms, records: list[Record]) -
     except ShrmError as error:
         return Result(chunk.probe, records, error=error_line(error))
     return Result(chunk.probe, records, found, probe.digest())
+
+
+def _all_failed(chunk: Chunk, error: Exception, start: float) -> Result:
+    """Return the result of a chunk whose probe cannot be used."""
+    line = error_line(error)
+    failed = [failure(job, line, time.perf_counter() - start) for job in chunk.jobs]
+    return Result(chunk.probe, failed, error=line)
 
 
 def _record(job: Job, probe: Probe, terms: Terms, start: float) -> Record:
@@ -209,12 +204,9 @@ def _difference(job: Job, probe: Probe, request: Request | None) -> Difference |
         return difference(path, probe, request, recipe.precision, sources)
 
 
-@contextmanager
-def local_file(name: str) -> Iterator[Path]:
-    """Context manager that yields the path of a file: that of a copy, where it lies elsewhere."""
-    here = nullcontext(Path(name))
-    with remote.fetched(name) if messages.is_remote(name) else here as path:
-        yield path
+def local_file(name: str) -> AbstractContextManager[Path]:
+    """Return a context manager of the path of a file: that of a copy, where it lies elsewhere."""
+    return remote.fetched(name) if messages.is_remote(name) else nullcontext(Path(name))
 
 
 def request_of(recipe: Recipe, probe: Probe) -> Request:
@@ -250,17 +242,14 @@ def _named(job: Job, seconds: float) -> Record:
 
 def error_line(error: BaseException) -> str:
     """Return an error as one line, in which no URL lets anybody in."""
-    return messages.shown(_line(error))
-
-
-def _line(error: BaseException) -> str:
+    line = f"internal error, please report it ({type(error).__name__}: {error})"
     if isinstance(error, ShrmError):
-        return str(error)
-    if isinstance(error, MemoryError):
-        return "out of memory; run fewer `jobs`, or lower `size` or the orders"
-    if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename or 'a file'}: {error.strerror}"
-    return f"internal error, please report it ({type(error).__name__}: {error})"
+        line = str(error)
+    elif isinstance(error, MemoryError):
+        line = "out of memory; run fewer `jobs`, or lower `size` or the orders"
+    elif isinstance(error, OSError) and error.strerror:
+        line = f"{error.filename or 'a file'}: {error.strerror}"
+    return messages.shown(line)
 
 
 def _told_of(name: str, path: str, result: Result) -> Result:

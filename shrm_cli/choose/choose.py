@@ -392,9 +392,7 @@ def _for_goal(rows: Rows, goal: Goal, max_size: int) -> Iterator[Known]:
     fitting = [[each for each in row if each.candidate.bytes <= max_size] for row in rows]
     found = kept_in_fewest((_row_of(each) for each in fitting), goal)
     best = next((each for row in fitting for each in row if each.candidate is found), None)
-    if best is None:
-        best = _least(rows, 0.0, max_size)
-    if best is not None:
+    if best := best or _least(rows, 0.0, max_size):
         yield best
 
 

@@ -72,12 +72,11 @@ def transfer(
     order: int | None,
     bounces: int,
     albedo: str | tuple[float, ...] | None,
-    samples: int,
     brdf: str | None,
     matrices: bool,
-    brush: str | tuple[float, float, float] | None,
     texture: int | None,
     force: bool,
+    **values: Any,
 ) -> None:
     """Bake how MESH shadows and lights itself, vertex by vertex, for light of any kind.
 
@@ -112,8 +111,8 @@ def transfer(
     if order is None and suffix != ".npz":  # engines hold few numbers a vertex
         order = DEFAULT_PRODUCT_ORDER
     plan = transfer_plan(
-        mesh, order=order, bounces=bounces, albedo=albedo, samples=samples, matrices=matrices,
-        brush=brush, brdf=brdf, texture=texture,
+        mesh, order=order, bounces=bounces, albedo=albedo, matrices=matrices, brdf=brdf,
+        texture=texture, **values,
     )  # fmt: skip
     if not (force or output):
         _keep_other(target, plan)

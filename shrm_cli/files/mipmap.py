@@ -78,14 +78,9 @@ def _check(path: Path, levels: Sequence[Array]) -> None:
     """Raise an error unless all levels are there; on a full disk writing reports none."""
     source = oiio.ImageInput.open(str(path))
     for index, level in enumerate(levels):
-        if source is None or not _holds(source, index, level.shape):
+        pixels = None
+        if source is not None and source.seek_subimage(0, index):
+            pixels = source.read_image(0, index, 0, 3, oiio.FLOAT)
+        if pixels is None or pixels.shape != level.shape:
             oiio.geterror()
             raise cut_off()
-
-
-def _holds(source: Any, index: int, shape: tuple[int, ...]) -> bool:
-    """Whether a level can be read, and has its size."""
-    if not source.seek_subimage(0, index):
-        return False
-    pixels = source.read_image(0, index, 0, 3, oiio.FLOAT)
-    return pixels is not None and pixels.shape == shape

@@ -80,19 +80,14 @@ def _fine_sum(light: "LightSum") -> "LightSum":
     probes = [_cut(term.probe, image.fine_rows) for term in light.terms]
     if all(fine is term.probe for fine, term in zip(probes, light.terms, strict=True)):
         return light
-    terms = tuple(
-        replace(term, probe=_telling(fine, term.probe))
-        for fine, term in zip(probes, light.terms, strict=True)
-    )
-    image = replace(image, terms=terms)
+    terms = []
+    for fine, term in zip(probes, light.terms, strict=True):
+        if fine is not term.probe:  # it says what the pixels needed that it was made of
+            said = PixelReport(notes=tuple(term.probe.report.warnings()))
+            term = replace(term, probe=replace(fine, report=said))
+        terms.append(term)
+    image = replace(image, terms=tuple(terms))
     return replace(light, image_of_sum=image, images=(image,))
-
-
-def _telling(fine: Probe, probe: Probe) -> Probe:
-    """Return a probe that says what the pixels of the one needed that it was made of."""
-    if fine is probe:
-        return probe
-    return replace(fine, report=PixelReport(notes=tuple(probe.report.warnings())))
 
 
 def _over_rim(image: Array, used: NDArray[np.bool_]) -> Array:

@@ -141,14 +141,16 @@ class Table(MeasuredBrdf):
 
     def _interpolate(self, angles: tuple[Array, Array, Array]) -> Array:
         """Interpolate values at angles of shape (...); the result has the shape (..., 1 or 3)."""
-        corners, fractions, strides = [], [], self._strides()
+        corners, fractions = [], []
+        _, theta_d, phi_d, channels = self.table.shape
+        strides = theta_d * phi_d, phi_d, 1
         for angle, axis, stride in zip(angles, self.axes, strides, strict=True):
             count = len(axis)
             position = np.interp(angle, axis, np.arange(count)).astype(np.float32)
             low = np.clip(position.astype(np.int32), 0, max(count - 2, 0))
             corners.append((low * stride, np.minimum(low + 1, count - 1) * stride))
             fractions.append((1 - (position - low), position - low))
-        flat = self.table.reshape(-1, self.table.shape[-1])
+        flat = self.table.reshape(-1, channels)
         total: Array = np.zeros((1,), dtype=np.float32)
         for h in (0, 1):
             for d in (0, 1):
@@ -158,10 +160,6 @@ class Table(MeasuredBrdf):
                     corner = np.take(flat, index + corners[2][p], axis=0)
                     total = total + (weight * fractions[2][p])[..., None] * corner
         return total
-
-    def _strides(self) -> tuple[int, int, int]:
-        _, theta_d, phi_d = self.table.shape[:3]
-        return theta_d * phi_d, phi_d, 1
 
     def _digest(self) -> str:
         digest = hashlib.sha256(repr(self.settings).encode())
@@ -263,7 +261,10 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".npz":
-        _write_npz(path, table)
+        arrays: dict[str, Any] = dict(zip(AXES, table.axes, strict=True))
+        arrays |= {"values": table.table, "settings": json.dumps(_settings_object(table.settings))}
+        with replacing(path) as temporary, open(temporary, "wb") as stream:
+            np.savez_compressed(stream, **arrays)
     elif suffix == ".exr":
         write_parts(path, [table_part(table)], "float")
     else:
@@ -288,13 +289,6 @@ def table_part(table: Table, scale: float = 1.0) -> Part:
     axes = {name: axis.tolist() for name, axis in zip(AXES, table.axes, strict=True)}
     settings = json.dumps({**_settings_object(table.settings), "axes": axes})
     return Part(channels, {ATTRIBUTE: settings})
-
-
-def _write_npz(path: str | os.PathLike[str], table: Table) -> None:
-    arrays: dict[str, Any] = dict(zip(AXES, table.axes, strict=True))
-    arrays |= {"values": table.table, "settings": json.dumps(_settings_object(table.settings))}
-    with replacing(path) as temporary, open(temporary, "wb") as stream:
-        np.savez_compressed(stream, **arrays)
 
 
 def _settings_object(settings: TableSettings) -> dict[str, Any]:
