@@ -171,7 +171,7 @@ def visible_beyond(
     of_brdf = coefficients.degree_energy if order_p is None else _kept(coefficients, order, order_p)
     energy = weighted_power(lighting, order) * of_brdf
     beyond = np.append(np.cumsum(energy[::-1], axis=0)[-2::-1], np.zeros((1, 3)), axis=0)
-    return _beside_mean(beyond, lighting, coefficients)
+    return _relative_to_mean(beyond, lighting, coefficients)
 
 
 def visible_beyond_p(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> float:
@@ -182,10 +182,10 @@ def visible_beyond_p(lighting: Lighting, coefficients: BrdfCoefficients, order_p
     order = coefficients.order_f
     left = coefficients.degree_energy - _kept(coefficients, order, order_p)
     energy = np.sum(weighted_power(lighting, order) * np.maximum(left, 0.0), axis=0)
-    return float(_beside_mean(energy, lighting, coefficients))
+    return float(_relative_to_mean(energy, lighting, coefficients))
 
 
-def _beside_mean(energies: Array, lighting: Lighting, coefficients: BrdfCoefficients) -> Array:
+def _relative_to_mean(energies: Array, lighting: Lighting, coefficients: BrdfCoefficients) -> Array:
     """Return the RMS of energies, shape (..., 3), relative to the mean reflected light, (...).
 
     It is that of the channel where it is largest.

@@ -14,7 +14,7 @@ from shrm_cli.lights.clipping import Plateau, largest_radiance, suspicion
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
-from shrm_cli.messages import whole
+from shrm_cli.messages import whole_number
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import PolarRows, project
 from shrm_cli.probe.open import AnyProbe, as_probe
@@ -141,7 +141,7 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
     >>> found["lamps"]
     []
     """
-    probe, lamps = as_probe(probe), whole("lamps", lamps, 0, 100)
+    probe, lamps = as_probe(probe), whole_number("lamps", lamps, 0, 100)
     to_xyz = xyz_matrix(probe.chromaticities)
     gathered = _Gathered(to_xyz[1])
     order = min(_ORDER, probe.grid.resolved_order)

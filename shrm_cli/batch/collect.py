@@ -164,7 +164,7 @@ def is_collection(path: str | os.PathLike[str]) -> bool:
 def read_collection(path: str | os.PathLike[str]) -> Collection:
     """Read a collection from an ``.npz``."""
     missing, again = "name one that shrm batch wrote", "collect it again with shrm batch"
-    with npz.told(Path(path), MapError, missing, again) as archive:
+    with npz.checked_archive(Path(path), MapError, missing, again) as archive:
         what, order, window = _settings(parse_json(archive.text("settings")))
         names, digests = archive.texts("names"), archive.texts("sha256")
         coefficients = archive.numbers("coefficients", 3)

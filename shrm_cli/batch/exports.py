@@ -20,7 +20,7 @@ from shrm_cli.export.ktx import can_compress
 from shrm_cli.export.make import Asked, Source, check, made_folder, packaged, write
 from shrm_cli.files.exr_header import holds_nothing
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.whole import check_target, kept, write_bytes
+from shrm_cli.files.whole import check_target, exists_error, write_bytes
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.options import Option, Representation
 from shrm_cli.naming import probe_stem
@@ -126,7 +126,7 @@ def _sources(job: Job) -> str:
     return fingerprint_with(type(engine_of(name)).__module__)
 
 
-def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
+def make_folder(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
     """Make the folder of a job, and return what its record tells of it.
 
     `force` tells whether files that no batch made are replaced, too.
@@ -144,7 +144,7 @@ def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
     ours = _named(before) | _named(held.get("begun"))
     for name in sorted({*names} - ours) if ours and not force else ():
         if os.path.lexists(folder / name):
-            raise kept(folder / name, "no batch made it")
+            raise exists_error(folder / name, "no batch made it")
     facts = {
         "probe": probe_name(probe),
         "probe_sha256": probe.digest(),

@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from statistics import median
 from typing import Any, Protocol
 
-from shrm_cli.batch.job import Chunk, Task, cut
+from shrm_cli.batch.job import Chunk, Task, cut_for_workers
 from shrm_cli.batch.work import Result, Terms, bake, failure
 
 _AHEAD = 2
@@ -68,8 +68,8 @@ def run(
     """
     seconds = max(_TASK_SECONDS, _WORKER_SECONDS * workers.workers) if is_remote else 0.0
     feeder = _Feeder(workers, terms, tell, seconds)
-    feeder.feed(feeder.tasks(cut(chunks[:1], workers.workers)))
-    feeder.feed(feeder.tasks(cut(chunks[1:], workers.workers)))
+    feeder.feed(feeder.tasks(cut_for_workers(chunks[:1], workers.workers)))
+    feeder.feed(feeder.tasks(cut_for_workers(chunks[1:], workers.workers)))
     feeder.retry()
 
 

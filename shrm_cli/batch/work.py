@@ -22,14 +22,14 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
-from shrm_cli.files.whole import check_target, kept, protecting
+from shrm_cli.files.whole import check_target, exists_error, protecting
 from shrm_cli.maps import registry
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.stored import store
 from shrm_cli.prefilter import make
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.shared import held
+from shrm_cli.probe.shared import shared_if_held
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.vocabulary import EXPORT
@@ -110,7 +110,7 @@ def _of_probe(chunk: Chunk, terms: Terms) -> Result:
     start = time.perf_counter()
     try:
         with local_file(chunk.probe) as path, protecting():
-            return _told_of(chunk.probe, str(path), _of_file(chunk, path, terms, start))
+            return _naming_source(chunk.probe, str(path), _of_file(chunk, path, terms, start))
     except Exception as error:  # whatever is wrong with one probe must not stop the others
         return _all_failed(chunk, error, start)
 
@@ -118,7 +118,7 @@ def _of_probe(chunk: Chunk, terms: Terms) -> Result:
 def _of_file(chunk: Chunk, path: Path, terms: Terms, start: float) -> Result:
     """Do the jobs of one probe, which is opened once, and gather its coefficients if wanted."""
     try:
-        probe = held(open_probe(path, **chunk.reading))
+        probe = shared_if_held(open_probe(path, **chunk.reading))
     except Exception as error:
         return _all_failed(chunk, error, start)
     records = []
@@ -159,11 +159,11 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     if found is None:
         return {"status": "skipped"}
     if not found.is_ours:
-        raise kept(messages.shown(job.output), found.why)
+        raise exists_error(messages.shown(job.output), found.why)
     if terms.only_looks:
         return {"status": "waiting", "why": found.why}
     if request is None:
-        from shrm_cli.batch.exports import made as exported  # plain batches export nothing
+        from shrm_cli.batch.exports import make_folder as exported  # plain batches export nothing
 
         told = exported(job, probe, terms.force)
         warnings = [*probe.report.warnings(), *told["warnings"]]
@@ -252,7 +252,7 @@ def error_line(error: BaseException) -> str:
     return messages.shown(line)
 
 
-def _told_of(name: str, path: str, result: Result) -> Result:
+def _naming_source(name: str, path: str, result: Result) -> Result:
     """Return a result in which the path of a copy is the name of what was copied."""
     if path == name:
         return result
@@ -314,7 +314,7 @@ def _first_sound(jobs: Sequence[Job]) -> dict[str, Any]:
 def _predicted(job: Job) -> dict[str, Any]:
     """Make the map of a job in memory, and tell its orders and its size."""
     with local_file(job.probe) as path:
-        probe = held(open_probe(path, **job.reading))
+        probe = shared_if_held(open_probe(path, **job.reading))
         made = make(probe, request_of(job.recipe, probe))
     values = sum(plane.size for part in made.map.encode() for plane in part.channels.values())
     summary = made.quick_summary()

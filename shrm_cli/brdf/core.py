@@ -62,7 +62,7 @@ class Core:
         return float(self.widths[views].min()), float(self.reaches[views].max())
 
 
-def apart(brdf: Brdf, core: Core) -> list[tuple[Brdf, Core]]:
+def parts_with_cores(brdf: Brdf, core: Core) -> list[tuple[Brdf, Core]]:
     """Return the parts of a BRDF that are to be summed one after the other, with their cores, the
     widest first.
 

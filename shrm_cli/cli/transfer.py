@@ -13,7 +13,7 @@ from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import ALBEDO, BRUSH, PATH, flag, option, whole
 from shrm_cli.errors import OutputError, TransferError
-from shrm_cli.files.whole import keeping, kept, protecting
+from shrm_cli.files.whole import exists_error, keeping, protecting
 from shrm_cli.vocabulary import (
     DEFAULT_PRODUCT_ORDER,
     MAX_SAMPLES,
@@ -169,7 +169,7 @@ def _keep_other(target: str, plan: Plan) -> None:
         wanted = plan.facts(), plan.order, plan.glossy
         if (found.facts, found.order, has_matrices) == wanted:
             return
-    raise kept(target, "other inputs or options made it")
+    raise exists_error(target, "other inputs or options made it")
 
 
 def _missing(mesh: Mesh) -> list[str]:

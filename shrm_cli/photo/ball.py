@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError, ProbeError
-from shrm_cli.messages import several, whole
+from shrm_cli.messages import several, whole_number
 from shrm_cli.probe.image_file import ImageFile, open_picture
 from shrm_cli.progress import report
 from shrm_cli.records import record
@@ -121,7 +121,7 @@ def unwrap_balls(
     places = [_circle(each, circle) for each, circle in zip(opened, given, strict=True)]
     # A lat-long's equator has pi / H to a pixel, a ball of radius r has 2 / r.
     rows = min(max(round(np.pi * places[0][2] / 2), 2), LARGEST) if size is None else size
-    rows = whole("size", rows, 2, LARGEST)
+    rows = whole_number("size", rows, 2, LARGEST)
     balls = [
         _Ball(each.whole(), circle, from_azimuth_elevation(*camera), distance)
         for each, circle, camera in zip(opened, places, stood, strict=True)

@@ -16,7 +16,7 @@ import numpy as np
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array, over_channels, slices
-from shrm_cli.messages import whole
+from shrm_cli.messages import whole_number
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import Displayed, once_each, record
@@ -228,7 +228,7 @@ def project(probe: Probe | str | os.PathLike[str] | Array, order: int) -> Lighti
         from shrm_cli.probe.open import as_probe  # most callers have opened it
 
         probe = as_probe(probe)
-    order = whole("order", order, 0, _MOST)
+    order = whole_number("order", order, 0, _MOST)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
         found = _project(probe, order)
     refuse_overflow(probe.name, found.coefficients)

@@ -14,7 +14,7 @@ from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.messages import check_fields, several, whole
+from shrm_cli.messages import check_fields, several, whole_number
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
@@ -404,9 +404,9 @@ def report(
     """
     light = as_probe(probe)
     brdfs, to = tuple(several(brdfs)), tuple(several(to, "to"))
-    picture_size = whole("picture_size", picture_size, 1, MAX_PICTURE_SIZE)
+    picture_size = whole_number("picture_size", picture_size, 1, MAX_PICTURE_SIZE)
     if truth_height is not None:
-        truth_height = whole("truth_height", truth_height, 2, MAX_SOURCE_HEIGHT)
+        truth_height = whole_number("truth_height", truth_height, 2, MAX_SOURCE_HEIGHT)
     angles = several(angles, "angles")
     plan = Plan(brdfs, to, arguments, tuple(angles), picture_size, truth_height, exact, flips)
     plan.recipes()  # refuses what no probe could make, before long work
