@@ -353,7 +353,7 @@ class _Lit:
     """`centers` and `angles`: the central directions, shape (points, 3), and the angles from them
     to the views, radians, shape (points,)."""
     core: Core | None
-    """That of the part; full sums need none."""
+    """The core of the part's lobe; full sums need none."""
 
     @classmethod
     def of(

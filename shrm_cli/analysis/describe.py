@@ -25,7 +25,7 @@ class Description:
     """What a file is."""
 
     what: str
-    """In words, after the name of the file: ``is a map``."""
+    """The words that follow the name of the file: ``is a map``."""
     facts: dict[str, Any]
     """Its ``kind``, and what is known of it, as JSON has it."""
     warnings: tuple[str, ...] = ()

@@ -48,13 +48,13 @@ class ProbeStatistics:
     """`minimum`, `maximum` and `mean`: radiance of the pixels; the mean is over the sphere, shape
     (3,)."""
     mean_luminance: float
-    """Of the mean, with the weights of the probe's primaries."""
+    """The luminance of the mean, with the weights of the probe's primaries."""
     stops: float
     """Between the luminances that 1 % and 99.9 % of the sphere are below, black pixels left out."""
     stops_whole: float
     """Between the least luminance above 0 and the largest one."""
     irradiance: Array
-    """Of surfaces whose normals are `AXES`; that of +Y is what the ground gets, shape (6, 3)."""
+    """What surfaces get whose normals are `AXES`; +Y is that of the ground, shape (6, 3)."""
     chromaticity: tuple[float, float] | None
     """CIE x and y of the mean."""
     temperature: float | None
@@ -71,7 +71,7 @@ class ProbeStatistics:
     clipped: str
     """Why the maximum is suspected to be clipped; empty if it is not."""
     primaries: str
-    """Their name."""
+    """The name of the primaries."""
     lamps: tuple[Lamp, ...]
     """The brightest, see `shrm_cli.lights`."""
     lamp_shares: tuple[float, ...]
@@ -225,7 +225,7 @@ class _Gathered:
     most: float = 0.0
     histogram: Array = field(default_factory=lambda: np.zeros(_STOPS * _BINS_A_STOP))
     plateaus: tuple[Plateau, ...] = field(default_factory=lambda: (Plateau(), Plateau(), Plateau()))
-    """Of the channels."""
+    """The plateau of each channel."""
 
     def add(self, pixels: Array, weights: Array) -> None:
         """Take in a block of rows."""

@@ -65,7 +65,7 @@ class Collection:
     """Of each probe over the real harmonics of world axes, index l(l+1)+m, shape (N, (order+1)^2,
     3)."""
     what: What
-    """Of what they are coefficients, see `lighting_of`."""
+    """What they are coefficients of, see `lighting_of`."""
     order: int
     """The largest degree."""
     window: str = "none"

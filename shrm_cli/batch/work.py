@@ -50,7 +50,7 @@ class Gathering:
     """The largest degree."""
     what: What
     window: str
-    """As irradiance takes it."""
+    """The window, as irradiance takes it."""
 
 
 @record

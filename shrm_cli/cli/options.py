@@ -376,4 +376,4 @@ room_options = several(
         help="Radiance that a material sends. May be repeated.",
     ),
 )  # fmt: skip
-"""Those of commands that light rooms."""
+"""The options of commands that light rooms."""

@@ -113,7 +113,7 @@ def _direction(lowest: int) -> Parsed:
 DIRECTION = _direction(-90)
 """Azimuth from +Z towards +X about +Y, and elevation within -90 .. 90."""
 SUN = _direction(0)
-"""The same of what stands above the horizon."""
+"""The same with an elevation within 0 .. 90, for what stands above the horizon."""
 
 
 @partial(Parsed, "NAME|RX,RY,...", offered=PRIMARIES)

@@ -48,11 +48,11 @@ class Light:
     irradiance: Irradiance | None = None
     """Nine coefficients of the light at most, windowed as was asked for: for harmonics."""
     diffuse: Irradiance | None = None
-    """As many coefficients as are known: for cubes of E."""
+    """Irradiance of as many coefficients as are known: for cubes of E."""
     skybox: Array | None = None
     """The light itself, averaged over texels, shape (6 N, N, 3)."""
     latlong: Array | None = None
-    """The same as a lat-long, centre +Z, the left quarter +X, shape (N, 2 N, 3)."""
+    """The same light as a lat-long, centre +Z, the left quarter +X, shape (N, 2 N, 3)."""
     table: Array | None = None
     """The environment BRDF: scale and bias of f0, N.V across, roughness down from 0, shape (N, N,
     2)."""

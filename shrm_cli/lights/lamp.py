@@ -105,7 +105,7 @@ class Lamp:
 
     @property
     def solid_angle(self) -> float:
-        """That of all its discs, sr."""
+        """The solid angle of all its discs, sr."""
         return float(sum(disc.solid_angle for disc in self.discs))
 
     @property

@@ -380,7 +380,7 @@ class Filled:
     numbers: Indices
     """Pixels, in row-major order, shape (n,)."""
     values: Array
-    """Their radiance without the lamp, shape (n, 3)."""
+    """The radiance of the pixels without the lamp, shape (n, 3)."""
     excess: Array
     """What is taken out of each pixel, shape (n, 3). Single values may be negative, at dark rims;
     no sum is."""

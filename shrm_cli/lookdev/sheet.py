@@ -82,7 +82,7 @@ class Column:
 
     path: str
     cells: tuple[Map | str, ...]
-    """For each material the map, or why there is none."""
+    """The map of each material, or why there is none."""
     surroundings: Probe | None = None
     """What is seen behind the spheres; None if the probe cannot be used."""
     exposure: float = 0.0

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _MOST_ROWS = 32
 """Rows at each pole; farther away the rule and the areas differ by less than 1e-4."""
 _PART = 4
-"""These rows are no more than the height over this."""
+"""The polar rows are no more than the height over this."""
 _STANDS_OUT = 4.0
 """What is brighter than the mean of the polar rows without their lamps, times this, is a lamp.
 
@@ -81,7 +81,7 @@ class Lamps:
 
     @property
     def squares(self) -> Array:
-        """The same of the squared radiance."""
+        """Squared radiance to be added to that of the pixels, with the rule's weights."""
         return (self.excess**2 + 2 * self.excess * self.smooth) * self.ratios
 
 

@@ -39,7 +39,7 @@ _MOST_BYTES = 2**28
 """The most bytes of a layer."""
 _MOST_LAYERS, _MOST_PRIMS, _MOST_LIGHTS = 256, 10**6, 1000
 _Z_UP = ReadOptions(up="z").matrix()
-"""From the axes of a stage whose +Z is up to ours; its inverse turns a dome from +Y to +Z."""
+"""The turn from a stage whose +Z is up to our axes; its inverse turns a dome from +Y to +Z."""
 _ANIMATED = "is animated, and is as in its first frame"
 _LAYOUTS = {"latlong": "latlong", "angular": "angular", "cubeMapVerticalCross": "vcross"}
 
@@ -93,7 +93,7 @@ class _Layers:
 
     def __init__(self, root: Path) -> None:
         self.digest = hashlib.sha256()
-        """Of the bytes of all layers that were opened."""
+        """The digest of the bytes of all layers that were opened."""
         self.found: dict[str, Any] = {}
         self._root = root
         self._counts: dict[tuple[str, str], int] = {}

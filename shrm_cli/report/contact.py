@@ -40,21 +40,21 @@ class Thumbnail:
     """A map as the page shows it."""
 
     file: str
-    """Its path."""
+    """The path of the probe."""
     form: str
     """The representation."""
     brdf: str
     """The specification of the BRDF; empty of light alone, which is shown as GGX."""
     info: MapInfo
     bytes: int
-    """Of the file."""
+    """The size of the file."""
     error: float | None
     """The predicted relative RMS error; None where it is not known: that of a split sum's levels
     says nothing of what one look-up for all views misses."""
     picture: Array
     """Linear radiance, premultiplied by the coverage of the sphere, shape (SIZE, SIZE, 3)."""
     seconds: float
-    """That reading and drawing it took."""
+    """How long it took to read and to draw it."""
 
     @property
     def probe(self) -> tuple[str, str]:

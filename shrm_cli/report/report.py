@@ -36,7 +36,7 @@ _OWN = 100_000
 _SKY = 500_000
 """What is left for the probe and the truth in a view."""
 _HALVED = (1, 2, 4, 8)
-"""By what the edges of maps are divided, one after the other, until a view has room for them."""
+"""What the edges of maps are divided by, one after the other, until a view has room for them."""
 _LEAST_EDGE = 16
 """Maps with fewer texels along an edge are not made smaller for a view."""
 _TRUTH_SIZE = 192
@@ -343,7 +343,7 @@ class ProbeReport:
     """A page, and what it tells."""
 
     html: str
-    """To be written as UTF-8."""
+    """The page, to be written as UTF-8."""
     measured: Measured
     """The maps and how far they are from the truth."""
     statistics: ProbeStatistics

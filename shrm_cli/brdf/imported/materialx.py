@@ -21,7 +21,7 @@ from shrm_cli.vocabulary import PRIMARIES
 _MOST_BYTES = 2**24
 _MOST_ELEMENTS = 2**16
 _MOST_DEPTH = 32
-"""Of elements within each other, and of nodes one after the other."""
+"""The most elements within each other, and the most nodes one after the other."""
 _LINEAR = ("", "none", "raw", "lin_rec709", "lin_rec709_scene")
 _ACESCG = ("acescg", "lin_ap1", "lin_ap1_scene")
 _IMAGES = "image", "tiledimage", "gltf_image", "gltf_colorimage"

@@ -32,7 +32,7 @@ _MOST_BITS = 6.4
 """What a byte may take by an ideal code: 12.8 bytes a block, of which Zstandard saves a few %."""
 _TRIES = 6
 _DEARER = 2
-"""By how many powers of 2 a bit too many makes bits dearer, at each try."""
+"""How many powers of 2 a bit too many makes bits dearer by, at each try."""
 
 
 def _tables() -> tuple[lines.Floats, NDArray[np.uint16]]:

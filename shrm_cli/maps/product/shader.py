@@ -288,7 +288,7 @@ class _Mixing:
     """How the functions of several textures are joined, or those of a single one are taken."""
 
     head: str = _HEAD.format("brushed", "")
-    """Of the function that shades."""
+    """The head of the function that shades."""
     before: Sequence[str] = ()
     after: Sequence[str] = ()
     """`before` and `after`: other functions, in front of that and behind."""

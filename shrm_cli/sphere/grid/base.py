@@ -18,7 +18,7 @@ from shrm_cli.sphere.quadrature import cell_edges, nodes
 from shrm_cli.vocabulary import GRIDS, Sampling
 
 Sampler = Callable[[ArrayLike], Array]
-"""From directions of any length, shape (..., 3), to filtered values, shape (..., channels)."""
+"""Takes directions of any length, shape (..., 3); returns filtered values, (..., channels)."""
 
 
 def bilinear(image: Array, columns: Array, rows: Array) -> Array:
