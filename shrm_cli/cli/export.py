@@ -119,7 +119,7 @@ def export(
     attributes = {name: attribute for attribute, name in _OPTIONS.items()}
     given = {attributes.get(name, name): value for name, value in values.items()}
     asked = shrm.Asked(**given, keeps_primaries=is_kept)
-    chosen, failures = _usable_engines(names)
+    chosen, failures = _found(names)
     with usage.renamed(**_OPTIONS):
         own = asked.of_several(chosen)
         if len(names) == 1:
@@ -169,7 +169,7 @@ def _all_exported(
     return results, lines, warnings
 
 
-def _usable_engines(names: list[str]) -> tuple[list[Engine], list[str]]:
+def _found(names: list[str]) -> tuple[list[Engine], list[str]]:
     """Return engines by their names, and lines about those of packages that cannot be used."""
     from shrm_cli.export.engine import engine
 

@@ -130,7 +130,7 @@ class DiscRule:
         reach = _REACH * (width + radius)
         if steps <= FEW or reach > _MOST_REACH:
             return cls(width, steps)
-        far = _axes_around(brdf, normals, views, np.minimum(reach * np.array(_BEYOND), np.pi))
+        far = _beside(brdf, normals, views, np.minimum(reach * np.array(_BEYOND), np.pi))
         # Some BRDFs have a second peak towards the view.
         aside = np.sum(
             central_directions(brdf.center, normals, views) * views, axis=-1, keepdims=True
@@ -264,7 +264,7 @@ def _trials(brdf: Brdf, radius: float) -> tuple[Array, Array, Array]:
     cosines = np.array(_VIEWS)[:, None, None]
     views = from_angles(np.arccos(cosines), 0.0)
     normals = np.broadcast_to(np.eye(3)[2], views.shape)
-    axes = _axes_around(brdf, normals, views, radius * np.array(_BESIDE))
+    axes = _beside(brdf, normals, views, radius * np.array(_BESIDE))
     heights = radius * np.array(_HEIGHTS)[:, None]
     low = np.broadcast_to(
         from_angles(np.pi / 2 - heights, np.array(_AROUND)),
@@ -273,7 +273,7 @@ def _trials(brdf: Brdf, radius: float) -> tuple[Array, Array, Array]:
     return normals, views, np.concatenate([axes, low], axis=1)
 
 
-def _axes_around(brdf: Brdf, normals: Array, views: Array, distances: Array) -> Array:
+def _beside(brdf: Brdf, normals: Array, views: Array, distances: Array) -> Array:
     """Return axes of discs at some distances from C, shape (views, distances, azimuths, 3)."""
     frame = _frames(central_directions(brdf.center, normals, views), views, np.eye(3)[0])
     beside = from_angles(distances[:, None], np.array(_AROUND))
