@@ -8,13 +8,12 @@ map keeps, or only one of megabytes, are lamps in sharp lobes, which then go bes
 
 import math
 from collections.abc import Callable, Iterator
-from copy import copy
 from dataclasses import field, replace
 from functools import cached_property, partial
-from itertools import chain, tee
-from typing import TYPE_CHECKING
+from itertools import chain
+from typing import TYPE_CHECKING, Self
 
-from shrm_cli.forms import FORM, Forms, is_bright, noted
+from shrm_cli.forms import FORM, Forms, is_bright, with_form_told
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.request import Prefiltered, Request, examined
@@ -31,7 +30,7 @@ from shrm_cli.plan.search import (
     least_wrong,
 )
 from shrm_cli.probe.probe import Probe
-from shrm_cli.records import once_each, record
+from shrm_cli.records import Replayed, once_each, record
 
 if TYPE_CHECKING:
     from shrm_cli.lights.beside import Beside
@@ -48,14 +47,14 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     one, and a warning that says by how much and what would.
     """
     if not request.splits:
-        return _Choice(Forms(probe, request)).made()
+        return _Choice(Forms(probe, request)).make()
     from shrm_cli.lights.beside import splits_for
 
     goal = Goal.of(request.error, request.seen)
-    ways = [_Apart.of(each, request) for each in splits_for(probe, request.brdf, goal)]
+    ways = [_BesideLamps.of(each, request) for each in splits_for(probe, request.brdf, goal)]
     if len(ways) == 1:
-        return ways[0].made()
-    return least_wrong([each.foreseen() for each in ways], goal).make()
+        return ways[0].make()
+    return least_wrong([each.foresee() for each in ways], goal).make()
 
 
 def automatic_choice(probe: Probe, request: Request) -> str:
@@ -63,7 +62,7 @@ def automatic_choice(probe: Probe, request: Request) -> str:
 
     It leaves out whether the map would be negative anywhere, for which one of more bytes is made.
     """
-    best = _Choice(Forms(probe, request)).foreseen()
+    best = _Choice(Forms(probe, request)).foresee()
     return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
 
@@ -84,11 +83,11 @@ class _Choice:
         """What the picture has to keep."""
         return self.forms.goal
 
-    def made(self) -> Prefiltered:
-        single = self.forms.made_of_single_cubes()
-        return single or self.made_of_kept_beside_lamps() or self.of_functions()
+    def make(self) -> Prefiltered:
+        single = self.forms.make_of_single_cubes()
+        return single or self.make_beside_lamps() or self.make_of_functions()
 
-    def foreseen(self) -> Candidate[Prefiltered]:
+    def foresee(self) -> Candidate[Prefiltered]:
         """Return what would be made, if it is negative nowhere, for which one of more bytes is."""
         if self.forms.single_cubes is not None:
             return self.forms.single_cubes
@@ -105,30 +104,30 @@ class _Choice:
         better, and is None then.
         """
         if not (is_kept and best.bytes <= policy.LARGE):
-            apart = self.of_lamps_apart(best, is_kept)
+            apart = self.foresee_lamps_apart(best, is_kept)
             if apart is not None:
-                yield apart, partial(self.made_of_lamps_apart, apart, best, is_kept)
+                yield apart, partial(self.make_lamps_apart, apart, best, is_kept)
         simple = self.forms.simple_shrm(best) if is_kept else None
         if simple is not None:
-            yield simple, partial(self.forms.made_simple, simple)
+            yield simple, partial(self.forms.make_simple, simple)
 
-    def made_better(self, best: Candidate[Prefiltered], is_kept: bool) -> Prefiltered | None:
-        """Make the first of these that is better indeed, if there is any."""
+    def make_better(self, best: Candidate[Prefiltered], is_kept: bool) -> Prefiltered | None:
+        """Make the first map that `better` yields and that turns out to be so, if there is any."""
         return next(filter(None, (make() for _, make in self.better(best, is_kept))), None)
 
-    def of_functions(self) -> Prefiltered:
+    def make_of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
         request = self.request
         made = kept_or_best(
             self.candidates, self.goal, request.allowed,
-            self.made_better, self.forms.truth, self.forms.left, request.size,
+            self.make_better, self.forms.truth, self.forms.left, request.size,
         )  # fmt: skip
         if FORM in dict(made.notes):
             return made
         made = with_discs_told(made, self.turned_down, self.goal, request.allowed)
-        return noted(made, f"principal: {self.forms.why_no_shrm(made)}")
+        return with_form_told(made, f"principal: {self.forms.why_no_shrm(made)}")
 
-    def of_lamps_apart(
+    def foresee_lamps_apart(
         self, whole: Candidate[Prefiltered], is_kept: bool
     ) -> Candidate[Prefiltered] | None:
         """Foresee the map of the light without its lamps, with these beside it, where it is better.
@@ -148,7 +147,7 @@ class _Choice:
         worth: list[Candidate[Prefiltered]] = []
         for beside in self.splits:
             if beside.split.discs and beside.error <= most * self.goal.error:
-                found = self._foreseen_beside(beside, simple)
+                found = self._foresee_beside(beside, simple)
                 if not self._is_worth_lamps(found, whole, is_kept):
                     self.turned_down.append(found)
                     continue
@@ -167,22 +166,17 @@ class _Choice:
         own = bytes_of_table(self.request.brdf)
         return own is not None and own <= self.request.allowed
 
-    @property
-    def splits(self) -> Iterator["Beside"]:
-        """The ways to put lamps beside a map, of which each is found once."""
-        return copy(self._splits)
-
     @cached_property
-    def _splits(self) -> Iterator["Beside"]:
+    def splits(self) -> Replayed["Beside"]:
+        """The ways to put lamps beside a map."""
         from shrm_cli.lights.beside import splits_for
 
-        (found,) = tee(splits_for(self.forms.probe, self.request.brdf, self.goal), 1)
-        return found
+        return Replayed(splits_for(self.forms.probe, self.request.brdf, self.goal))
 
     @once_each
-    def _foreseen_beside(self, beside: "Beside", most: float) -> Candidate[Prefiltered]:
+    def _foresee_beside(self, beside: "Beside", most: float) -> Candidate[Prefiltered]:
         """Foresee the map beside lamps, which is an SHRM of so many bytes at most."""
-        return _Apart.of(beside, self.request, most).foreseen()
+        return _BesideLamps.of(beside, self.request, most).foresee()
 
     @cached_property
     def kept_beside_lamps(self) -> Candidate[Prefiltered] | None:
@@ -195,7 +189,7 @@ class _Choice:
             return None
         for beside in self.splits:
             if beside.split.discs and beside.error <= self.goal.error:
-                found = self._foreseen_beside(beside, self._largest_simple)
+                found = self._foresee_beside(beside, self._largest_simple)
                 if self._keeps_within_bytes(found):
                     few = self._few_beside(found)
                     # Where more bytes than few are allowed, a map of either kind is right.
@@ -255,14 +249,14 @@ class _Choice:
     def _keeps_within_bytes(self, found: Candidate[Prefiltered]) -> bool:
         return found.bytes <= self.request.allowed and found.keeps(self.goal)
 
-    def made_of_kept_beside_lamps(self) -> Prefiltered | None:
-        """Make that map, if there is one."""
+    def make_beside_lamps(self) -> Prefiltered | None:
+        """Make the map of `kept_beside_lamps`, if there is one."""
         foreseen = self.kept_beside_lamps
         if foreseen is None:
             return None
         most = bytes_text(self._few_beside(foreseen))
         why = f"no map of {most} with them in it (`sun` keep) keeps {self.forms.goal_words}"
-        return self._made_beside(foreseen, self._keeps_within_bytes, why)
+        return self._make_beside(foreseen, self._keeps_within_bytes, why)
 
     def _is_worth_lamps(
         self, found: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
@@ -271,19 +265,19 @@ class _Choice:
         fits = found.bytes <= self.request.allowed
         return fits and is_worth_lamps(found, whole, self.goal, is_kept)
 
-    def made_of_lamps_apart(
+    def make_lamps_apart(
         self, foreseen: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
     ) -> Prefiltered | None:
-        """Make that map, and say what one with the lamps in it would be."""
+        """Make what `foresee_lamps_apart` found; say what a map with the lamps in it would be."""
         why = (
             "with them in the map (`sun` keep) it would have "
             f"{whole.errors_text} in {bytes_text(whole.bytes)}"
         )
         is_worth = partial(self._is_worth_lamps, whole=whole, is_kept=is_kept)
-        made = self._made_beside(foreseen, is_worth, why)
+        made = self._make_beside(foreseen, is_worth, why)
         return made if made is None or not is_kept or is_bright(made) else None
 
-    def _made_beside(
+    def _make_beside(
         self,
         foreseen: Candidate[Prefiltered],
         is_good: Callable[[Candidate[Prefiltered]], bool],
@@ -297,17 +291,17 @@ class _Choice:
         notes = dict(made.notes)
         form = notes.pop(FORM).partition(":")[0].partition(",")[0]
         made = replace(judged(made, found), notes=tuple(notes.items()))
-        return noted(examined(made, self.forms.truth), f"{form}, lamps beside it: {why}")
+        return with_form_told(examined(made, self.forms.truth), f"{form}, lamps beside it: {why}")
 
     @property
     def candidates(self) -> Iterator[Candidate[Prefiltered]]:
         """Maps of principal functions, of ever less error; the same ones whenever asked."""
         first = self._kept_in_few
-        return self.forms.in_turn if first is None else chain([first], self.forms.in_turn)
+        return chain([] if first is None else [first], self.forms.in_turn)
 
 
 @record(eq=False)
-class _Apart:
+class _BesideLamps:
     """The light without its lamps, which lie beside its map, and what is asked of that."""
 
     rest: _Choice
@@ -315,7 +309,7 @@ class _Apart:
     lamps: LampsBeside | None
 
     @classmethod
-    def of(cls, beside: "Beside", request: Request, most_simple: float = math.inf) -> "_Apart":
+    def of(cls, beside: "Beside", request: Request, most_simple: float = math.inf) -> Self:
         """Return what is left of a probe's light for a request about all of it.
 
         `most_simple` are the most bytes of an SHRM with what lies beside it.
@@ -330,20 +324,20 @@ class _Apart:
         rest = _Choice(Forms(beside.rest, asked, beside.left, most, probe, goal))
         return cls(rest, beside, beside.lamps)
 
-    def made(self) -> Prefiltered:
+    def make(self) -> Prefiltered:
         from shrm_cli.lights.beside import with_lamps
 
         with beside_lamps(self.lamps):
-            return with_lamps(self.rest.made(), self.beside)
+            return with_lamps(self.rest.make(), self.beside)
 
-    def foreseen(self) -> Candidate[Prefiltered]:
+    def foresee(self) -> Candidate[Prefiltered]:
         """Return what the map would be."""
         with beside_lamps(self.lamps):
-            found = self.rest.foreseen()
+            found = self.rest.foresee()
             share = found.wrong_share
         error = math.hypot(self.beside.left * found.total_error, self.beside.error)
         # What is predicted here holds beside the lamps alone.
         return replace(
             found, bytes=found.bytes + self.beside.bytes, total_error=error,
-            find_wrong_share=lambda: share, make=self.made,
+            find_wrong_share=lambda: share, make=self.make,
         )  # fmt: skip

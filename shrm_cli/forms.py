@@ -5,11 +5,8 @@ which `shrm_cli.automatic` adds.
 """
 
 import math
-from collections.abc import Iterator
-from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from itertools import tee
 
 from shrm_cli.brdf.sums import split
 from shrm_cli.maps.options import bytes_text
@@ -23,7 +20,7 @@ from shrm_cli.plan.search import Candidate, Goal, first_kept, rising
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
-from shrm_cli.records import once_each, record
+from shrm_cli.records import Replayed, once_each, record
 from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 FORM = "form"
@@ -47,7 +44,7 @@ class Forms:
 
     @cached_property
     def light(self) -> Projection:
-        """That of the probe, whose pixels are cut where they are large."""
+        """The light of the probe, whose pixels are cut where they are large."""
         fine = self.probe
         if fine.may_be_coarse:
             from shrm_cli.probe.coarse import fine_probe  # which most runs do not need
@@ -83,28 +80,22 @@ class Forms:
         candidate = as_candidate(made)
         return None if made.warnings or not candidate.keeps(self.goal) else candidate
 
-    def made_of_single_cubes(self) -> Prefiltered | None:
-        """Make that SHRM, if there is one and it shows nothing negative."""
+    def make_of_single_cubes(self) -> Prefiltered | None:
+        """Make the SHRM of `single_cubes`, if there is one and it shows nothing negative."""
         found = self.single_cubes
         if found is None:
             return None
-        return self._made_if_bright(found, f"SHRM, which keeps {self.goal_words}")
+        return self._make_if_bright(found, f"SHRM, which keeps {self.goal_words}")
 
-    def _made_if_bright(self, found: Candidate[Prefiltered], why: str) -> Prefiltered | None:
+    def _make_if_bright(self, found: Candidate[Prefiltered], why: str) -> Prefiltered | None:
         """Make a map with a note about its form, unless anything visible is negative."""
         made = examined(judged(found.make(), found), self.truth)
-        return noted(made, why) if is_bright(made) else None
-
-    @property
-    def in_turn(self) -> Iterator[Candidate[Prefiltered]]:
-        """Maps of principal functions, of ever less error; the same ones whenever asked."""
-        return copy(self._rising)
+        return with_form_told(made, why) if is_bright(made) else None
 
     @cached_property
-    def _rising(self) -> Iterator[Candidate[Prefiltered]]:
-        """These maps. Each is found once, however many copies of this are gone through."""
-        (found,) = tee(rising(self.proposals, self.goal, self.request.allowed), 1)
-        return found
+    def in_turn(self) -> Replayed[Candidate[Prefiltered]]:
+        """Maps of principal functions, of ever less error."""
+        return Replayed(rising(self.proposals, self.goal, self.request.allowed))
 
     @cached_property
     def proposals(self) -> Proposals:
@@ -135,7 +126,7 @@ class Forms:
 
     @once_each
     def _simple_shrm_of(self, most: int) -> Candidate[Prefiltered] | None:
-        """Return that SHRM of so many bytes, which remembers what is predicted of it."""
+        """Return the SHRM of so many bytes at most, which remembers what is predicted of it."""
         if not self.shrms.fits(most) or self._is_no_simple_shrm_good:
             return None
         shrms = self.shrms.within(most, policy.SIMPLE_ORDER_P)
@@ -151,10 +142,10 @@ class Forms:
         most = self.goal.wrong_share
         return most is not None and self.shrms.wrong_by_views(policy.SIMPLE_ORDER_P) > most
 
-    def made_simple(self, found: Candidate[Prefiltered]) -> Prefiltered | None:
+    def make_simple(self, found: Candidate[Prefiltered]) -> Prefiltered | None:
         """Make the SHRM that does as well as a map of principal functions."""
         size = f"{bytes_text(found.bytes)} before packing"
-        return self._made_if_bright(found, f"SHRM, which keeps {self.goal_words} in {size}")
+        return self._make_if_bright(found, f"SHRM, which keeps {self.goal_words} in {size}")
 
     def why_no_shrm(self, made: Prefiltered) -> str:
         """Say what an SHRM of the same error takes, or what one of all the bytes is like."""
@@ -175,6 +166,6 @@ def is_bright(made: Prefiltered) -> bool:
     return bool(made.further["negative_share"]() <= NEGATIVE_SHARE)
 
 
-def noted(made: Prefiltered, why: str) -> Prefiltered:
+def with_form_told(made: Prefiltered, why: str) -> Prefiltered:
     """Add the note about the form, before all others."""
     return replace(made, notes=((FORM, why), *made.notes))

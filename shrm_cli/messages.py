@@ -167,7 +167,7 @@ def _cut(rest: str, start: str) -> tuple[str, str]:
     return rest[: found.start()], rest[found.start() :]
 
 
-def whole(argument: str, value: object, low: int, high: int) -> int:
+def whole_number(argument: str, value: object, low: int, high: int) -> int:
     """Return a whole number within limits, as Python's; else raise an `ArgumentError`."""
     number = value if isinstance(value, int) else getattr(value, "__index__", lambda: None)()
     if number is None or isinstance(value, bool) or not low <= number <= high:

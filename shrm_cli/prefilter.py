@@ -169,12 +169,12 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
     with using(work):
         light, lamps = _split(probe, request)
         if lamps is None:
-            found = _made(_fine(light, request), request)
+            found = _make(_fine(light, request), request)
         else:
             from shrm_cli.maps.wrong_pixels import beside_lamps
 
             with beside_lamps(lamps.lamps):
-                found = _made(_fine(light, request), request)
+                found = _make(_fine(light, request), request)
         info = replace(found.map.info, options=request.record(probe))
         found = replace(found, map=found.map.with_info(info))
         if needs_brdf:  # maps of light alone have words of their own for what is negative
@@ -240,7 +240,7 @@ def _advised(made: Prefiltered, probe: Probe, request: Request) -> Prefiltered:
     return replace(made, warnings=tuple(told))
 
 
-def _made(probe: Probe, request: Request) -> Prefiltered:
+def _make(probe: Probe, request: Request) -> Prefiltered:
     """Make a map, or the first of several that keeps the error that is asked for."""
     asks = request.error is not None or request.seen is not None
     if not (asks and registry.description(request.to).steps):

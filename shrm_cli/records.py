@@ -7,14 +7,17 @@ methods here are the same functions for all classes, and look at the class's fie
 `Displayed` is the base of those that notebooks show.
 """
 
+import copy
 import dataclasses
 import functools
 import importlib
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import MISSING, FrozenInstanceError, field
-from typing import Any, TypeVar, cast, dataclass_transform, overload
+from typing import Any, Generic, TypeVar, cast, dataclass_transform, overload
 
 Class = TypeVar("Class", bound=type)
+Item = TypeVar("Item")
 Method = TypeVar("Method", bound=Callable[..., Any])
 
 MOST_NUMBERS = 12
@@ -50,6 +53,16 @@ def once_each(method: Method) -> Method:
         return known[what]
 
     return cast(Method, found)
+
+
+class Replayed(Generic[Item]):
+    """The items of an iterator, each found once, however often they are gone through."""
+
+    def __init__(self, items: Iterator[Item]) -> None:
+        (self._items,) = itertools.tee(items, 1)
+
+    def __iter__(self) -> Iterator[Item]:
+        return copy.copy(self._items)
 
 
 def handed_on(within: str, name: str) -> Any:

@@ -19,9 +19,9 @@ from shrm_cli.adaptive import ROUNDING, SAMPLES_AT_ONCE, Cap, Indices, Points, a
 from shrm_cli.arrays import Array
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
-from shrm_cli.brdf.core import MOST_CELLS, Core, apart
+from shrm_cli.brdf.core import MOST_CELLS, Core, parts_with_cores
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
-from shrm_cli.messages import whole
+from shrm_cli.messages import whole_number
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
@@ -85,7 +85,7 @@ class Reference:
         exact: bool = False,
     ) -> None:
         if source_height is not None:
-            source_height = whole("source_height", source_height, 2, MAX_SOURCE_HEIGHT)
+            source_height = whole_number("source_height", source_height, 2, MAX_SOURCE_HEIGHT)
         self.brdf = brdf
         self.angle = np.pi if tolerance is None else lobe.lobe_angle(brdf, tolerance)
         self.dtype = dtype
@@ -104,7 +104,7 @@ class Reference:
             exact = exact or core.cells > min(MOST_CELLS, _FULL_SHARE * pixels)
             # Where lobes are truncated, that is about the central direction of all of them.
             is_one = exact or self.angle < np.pi
-            self._parts = [(brdf, core)] if is_one else [*apart(brdf, core)]
+            self._parts = [(brdf, core)] if is_one else [*parts_with_cores(brdf, core)]
         made: type[Source] | type[Pyramid] = Source if exact else Pyramid
         self.source = made.of(probe, source_height, dtype)
         self.pixels = min(self.source.pixels, own)
@@ -353,7 +353,7 @@ class _Lit:
     """`centers` and `angles`: the central directions, shape (points, 3), and the angles from them
     to the views, radians, shape (points,)."""
     core: Core | None
-    """That of the part; full sums need none."""
+    """The core of the part's lobe; full sums need none."""
 
     @classmethod
     def of(

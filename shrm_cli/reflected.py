@@ -171,7 +171,7 @@ def visible_beyond(
     of_brdf = coefficients.degree_energy if order_p is None else _kept(coefficients, order, order_p)
     energy = weighted_power(lighting, order) * of_brdf
     beyond = np.append(np.cumsum(energy[::-1], axis=0)[-2::-1], np.zeros((1, 3)), axis=0)
-    return _beside_mean(beyond, lighting, coefficients)
+    return _relative_to_mean(beyond, lighting, coefficients)
 
 
 def visible_beyond_p(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> float:
@@ -182,10 +182,10 @@ def visible_beyond_p(lighting: Lighting, coefficients: BrdfCoefficients, order_p
     order = coefficients.order_f
     left = coefficients.degree_energy - _kept(coefficients, order, order_p)
     energy = np.sum(weighted_power(lighting, order) * np.maximum(left, 0.0), axis=0)
-    return float(_beside_mean(energy, lighting, coefficients))
+    return float(_relative_to_mean(energy, lighting, coefficients))
 
 
-def _beside_mean(energies: Array, lighting: Lighting, coefficients: BrdfCoefficients) -> Array:
+def _relative_to_mean(energies: Array, lighting: Lighting, coefficients: BrdfCoefficients) -> Array:
     """Return the RMS of energies, shape (..., 3), relative to the mean reflected light, (...).
 
     It is that of the channel where it is largest.
@@ -209,7 +209,9 @@ def cube_energies(light: Array, parts: Array) -> Array:
     and squared parts.
     """
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
-    coupled = _coupled(parts).reshape(order + 1, -1, 3, p + 1)
+    by_order = np.ascontiguousarray(np.moveaxis(parts, 1, -1)).reshape(order + 1, -1, p + 1)
+    # In their own degrees J.
+    coupled = (by_order @ zonal_coupling(order, p)).reshape(order + 1, -1, 3, p + 1)
     energies = np.einsum("lc,lncj->jl", light, coupled**2)
     result = np.zeros(order + p + 1)
     for j, shift in enumerate(range(-p, p + 1, 2)):
@@ -218,16 +220,6 @@ def cube_energies(light: Array, parts: Array) -> Array:
             continue
         result[low + shift : order + shift + 1] += energies[j, low:]
     return result
-
-
-def _coupled(parts: Array) -> Array:
-    """Write the parts of cubes over R in their own degrees J, shape (F+1, 3n, p+1).
-
-    `parts`, of shape (F+1, p+1, n, 3), are as `cube_energies` takes them.
-    """
-    order, p = parts.shape[0] - 1, parts.shape[1] - 1
-    by_order = np.ascontiguousarray(np.moveaxis(parts, 1, -1)).reshape(order + 1, -1, p + 1)
-    return np.asarray(by_order @ zonal_coupling(order, p))
 
 
 def filter_matrices(factors: Array, order: int, p: int) -> Array:

@@ -5,9 +5,8 @@ import subprocess
 
 import pytest
 
-from shrm_cli.maps.splitsum.brushed_shader import taps_code
-from shrm_cli.maps.splitsum.even_shader import even_taps_code
 from shrm_cli.maps.splitsum.split_sum import TURNS
+from shrm_cli.maps.splitsum.tap_shader import even_taps_code, taps_code
 from tests.cli.helpers import ROOT
 from tests.maps.khronos import compile_fragment
 from tests.maps.shader.test_code import STRICT, compiler_of_c

@@ -474,7 +474,7 @@ def test_no_map_is_made_beside_lamps_in_vain(rng, monkeypatch):
     for name in ("WORTH_LAMPS", "FAR_LESS_WRONG", "FAR_SMALLER"):
         monkeypatch.setattr(policy, name, 0.0)
     makes = counting(monkeypatch, principal_proposal, "lobe_of")
-    foreseen = counting(monkeypatch, automatic._Choice, "foreseen")
+    foreseen = counting(monkeypatch, automatic._Choice, "foresee")
     for rows, columns, times, ways in ((slice(20, 34), slice(40, 60), 0, 3), (20, 40, 1, 4)):
         light = rng.uniform(0.2, 0.8, (64, 128, 3)).astype(np.float32)
         light[rows, columns] = 300

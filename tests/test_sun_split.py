@@ -95,16 +95,16 @@ def test_no_shrm_loses_the_bytes_that_lamps_beside_a_map_win(monkeypatch):
     light = probe()
     request = Request.of("auto", {"brdf": "oren-nayar:sigma=0.5"}, light)
     made = [
-        automatic._Choice(Forms(light, request, most_simple=most)).made() for most in (1e9, 1e4)
+        automatic._Choice(Forms(light, request, most_simple=most)).make() for most in (1e9, 1e4)
     ]
     assert [each.map.representation for each in made] == ["shrm", "principal"]
-    given, of = [], automatic._Apart.of
+    given, of = [], automatic._BesideLamps.of
 
     def noted(beside, request, most_simple):
         given.append(most_simple)
         return of(beside, request, most_simple)
 
-    monkeypatch.setattr(automatic._Apart, "of", noted)
+    monkeypatch.setattr(automatic._BesideLamps, "of", noted)
     prefilter_with_facts(
         probe(), "auto", {"brdf": "ggx:roughness=0.15,f0=0.04", "max_size": 400_000}
     )

@@ -20,7 +20,7 @@ from shrm_cli.files.image import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
-from shrm_cli.messages import value_text, whole
+from shrm_cli.messages import value_text, whole_number
 from shrm_cli.orders import Orders, known_coefficients, sufficient_orders
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.open import AnyProbe, as_probe
@@ -384,8 +384,8 @@ def analyze(
         raise ArgumentError("tolerances", f"{value_text(tolerances)} are not within 0 and 1")
     for name, order, most in (("f", order_f, MAX_ORDER_F), ("p", order_p, MAX_ORDER_P)):
         if order is not None:
-            whole(f"order_{name}", order, 0, most)
-    size = whole("size", size, 1, MAX_PICTURE_SIZE)
+            whole_number(f"order_{name}", order, 0, most)
+    size = whole_number("size", size, 1, MAX_PICTURE_SIZE)
     source = None if probe is None else as_probe(probe)
     brdf = as_brdf(brdf, None if source is None else source.chromaticities)
     stages = Stages(progress, 1 if source is None else 2 + max(len(views), 1))

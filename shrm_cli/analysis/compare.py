@@ -10,7 +10,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, differing_origins, record_of
-from shrm_cli.messages import check_names, several, whole
+from shrm_cli.messages import check_names, several, whole_number
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages, tell
 from shrm_cli.records import record
@@ -134,7 +134,10 @@ def compare(
     True
     """
     source, maps = None if probe is None else as_probe(probe), several(maps, "maps")
-    size, viewers = whole("size", size, 1, MAX_PICTURE_SIZE), [Viewer(*view) for view in views]
+    size, viewers = (
+        whole_number("size", size, 1, MAX_PICTURE_SIZE),
+        [Viewer(*view) for view in views],
+    )
     if not viewers:
         raise ArgumentError("views", "are none; give one at least")
     if source is None and len(maps) == 1:

@@ -25,26 +25,20 @@ class Description:
     """What a file is."""
 
     what: str
-    """In words, after the name of the file: ``is a map``."""
+    """The words that follow the name of the file: ``is a map``."""
     facts: dict[str, Any]
     """Its ``kind``, and what is known of it, as JSON has it."""
     warnings: tuple[str, ...] = ()
     """What the user should know of a probe."""
     has_statistics: bool = False
     """Whether the facts have those of the pixels of a probe."""
-
-    @property
-    def is_probe(self) -> bool:
-        """Whether it is light, to which the options of reading apply."""
-        return self.what == _PROBE
+    is_probe: bool = False
+    """Whether it is light, to which the options of reading apply."""
 
     @cached_property
     def words(self) -> dict[str, str]:
         """What the statistics of a probe, or errors, say to people, by the names of the facts."""
         return in_words(self.facts) if self.has_statistics else in_percent(self.facts)
-
-
-_PROBE = "is a probe"
 
 
 def describe(
@@ -123,7 +117,8 @@ def _probe(name: str, reading: ReadOptions | None, stats: bool) -> Description:
     probe = open_probe(name, reading)
     facts = probe_facts(probe, stats)
     lines = probe.report.warnings() if stats else probe.report.notes
-    return Description(_PROBE, facts, tuple(f"{name}: {line}" for line in lines), stats)
+    said = tuple(f"{name}: {line}" for line in lines)
+    return Description("is a probe", facts, said, stats, is_probe=True)
 
 
 _KINDS: tuple[tuple[Callable[[str], bool], str, Callable[[str], dict[str, Any]]], ...] = (

@@ -14,7 +14,7 @@ from shrm_cli.lights.clipping import Plateau, largest_radiance, suspicion
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
-from shrm_cli.messages import whole
+from shrm_cli.messages import whole_number
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import PolarRows, project
 from shrm_cli.probe.open import AnyProbe, as_probe
@@ -48,13 +48,13 @@ class ProbeStatistics:
     """`minimum`, `maximum` and `mean`: radiance of the pixels; the mean is over the sphere, shape
     (3,)."""
     mean_luminance: float
-    """Of the mean, with the weights of the probe's primaries."""
+    """The luminance of the mean, with the weights of the probe's primaries."""
     stops: float
     """Between the luminances that 1 % and 99.9 % of the sphere are below, black pixels left out."""
     stops_whole: float
     """Between the least luminance above 0 and the largest one."""
     irradiance: Array
-    """Of surfaces whose normals are `AXES`; that of +Y is what the ground gets, shape (6, 3)."""
+    """What surfaces get whose normals are `AXES`; +Y is that of the ground, shape (6, 3)."""
     chromaticity: tuple[float, float] | None
     """CIE x and y of the mean."""
     temperature: float | None
@@ -71,7 +71,7 @@ class ProbeStatistics:
     clipped: str
     """Why the maximum is suspected to be clipped; empty if it is not."""
     primaries: str
-    """Their name."""
+    """The name of the primaries."""
     lamps: tuple[Lamp, ...]
     """The brightest, see `shrm_cli.lights`."""
     lamp_shares: tuple[float, ...]
@@ -141,7 +141,7 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
     >>> found["lamps"]
     []
     """
-    probe, lamps = as_probe(probe), whole("lamps", lamps, 0, 100)
+    probe, lamps = as_probe(probe), whole_number("lamps", lamps, 0, 100)
     to_xyz = xyz_matrix(probe.chromaticities)
     gathered = _Gathered(to_xyz[1])
     order = min(_ORDER, probe.grid.resolved_order)
@@ -178,7 +178,7 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
         chromaticity=point,
         temperature=temperature,
         duv=None if point is None or temperature is None else blackbody_distance(*point),
-        white_balance=_over_green(mean),
+        white_balance=mean / mean[1] if mean[1] > _LEAST_GREEN * mean.max() else None,
         direction=direction,
         directionality=directionality,
         clipped=suspicion(gathered.plateaus, pixel, mean, largest_radiance(probe)),
@@ -206,11 +206,6 @@ def _irradiance(light: Array, lamps: Sequence[Lamp]) -> Array:
     return np.maximum(result, 0)
 
 
-def _over_green(mean: Array) -> Array | None:
-    """A colour over its green, None where that is nothing beside the others."""
-    return mean / mean[1] if mean[1] > _LEAST_GREEN * mean.max() else None
-
-
 def _direction(luminance: Array) -> tuple[Array, float]:
     """Where light comes from, and how directed it is, by its first four coefficients."""
     if len(luminance) < 4 or luminance[0] <= 0:
@@ -230,7 +225,7 @@ class _Gathered:
     most: float = 0.0
     histogram: Array = field(default_factory=lambda: np.zeros(_STOPS * _BINS_A_STOP))
     plateaus: tuple[Plateau, ...] = field(default_factory=lambda: (Plateau(), Plateau(), Plateau()))
-    """Of the channels."""
+    """The plateau of each channel."""
 
     def add(self, pixels: Array, weights: Array) -> None:
         """Take in a block of rows."""

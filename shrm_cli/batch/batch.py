@@ -24,7 +24,7 @@ from shrm_cli.batch.job import by_probe
 from shrm_cli.batch.log import Totals
 from shrm_cli.batch.run import Workers, run
 from shrm_cli.batch.work import Result, Terms
-from shrm_cli.messages import several, whole
+from shrm_cli.messages import several, whole_number
 from shrm_cli.vocabulary import MAX_JOBS
 
 _Returned = TypeVar("_Returned")
@@ -195,7 +195,7 @@ def batch(
     >>> shrm.batch([entry], jobs=1, terms=shrm.Terms(only_looks=True)).waiting
     1
     """
-    jobs = None if jobs is None else whole("jobs", jobs, 1, MAX_JOBS)
+    jobs = None if jobs is None else whole_number("jobs", jobs, 1, MAX_JOBS)
     chunks = by_probe(checked([job for entry in several(entries) for job in entry.jobs()]))
     totals = Totals(sum(len(chunk.jobs) for chunk in chunks))
 

@@ -65,7 +65,7 @@ class Collection:
     """Of each probe over the real harmonics of world axes, index l(l+1)+m, shape (N, (order+1)^2,
     3)."""
     what: What
-    """Of what they are coefficients, see `lighting_of`."""
+    """What they are coefficients of, see `lighting_of`."""
     order: int
     """The largest degree."""
     window: str = "none"
@@ -142,21 +142,18 @@ def write_collection(path: str | os.PathLike[str], collection: Collection) -> No
     if not collection.names:
         said = _printable(path)
         raise OutputError(f"{said}: no probe has coefficients, so that nothing is written")
+    settings = json.dumps(collection.settings())
     with remote.written(path) as target:
-        _write(target, collection, json.dumps(collection.settings()))
-
-
-def _write(path: Path, collection: Collection, settings: str) -> None:
-    if path.suffix.lower() == ".parquet":
-        _write_parquet(path, collection, settings)
-        return
-    arrays = {
-        "coefficients": np.ascontiguousarray(collection.coefficients, "<f8"),
-        "names": np.array(collection.names, dtype=np.str_),
-        "sha256": np.array(collection.digests, dtype=f"<U{_DIGEST}"),
-        "settings": settings,
-    }
-    npz.write_npz(path, arrays)
+        if target.suffix.lower() == ".parquet":
+            _write_parquet(target, collection, settings)
+            return
+        arrays = {
+            "coefficients": np.ascontiguousarray(collection.coefficients, "<f8"),
+            "names": np.array(collection.names, dtype=np.str_),
+            "sha256": np.array(collection.digests, dtype=f"<U{_DIGEST}"),
+            "settings": settings,
+        }
+        npz.write_npz(target, arrays)
 
 
 def is_collection(path: str | os.PathLike[str]) -> bool:
@@ -167,7 +164,7 @@ def is_collection(path: str | os.PathLike[str]) -> bool:
 def read_collection(path: str | os.PathLike[str]) -> Collection:
     """Read a collection from an ``.npz``."""
     missing, again = "name one that shrm batch wrote", "collect it again with shrm batch"
-    with npz.told(Path(path), MapError, missing, again) as archive:
+    with npz.checked_archive(Path(path), MapError, missing, again) as archive:
         what, order, window = _settings(parse_json(archive.text("settings")))
         names, digests = archive.texts("names"), archive.texts("sha256")
         coefficients = archive.numbers("coefficients", 3)

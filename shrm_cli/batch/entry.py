@@ -252,14 +252,12 @@ class Entry:
         )
 
     def _output(self, probe: str, folder: str, recipe: Recipe) -> str:
-        label = "" if recipe.brdf is None else brdf_label(recipe.brdf)
-        engine = recipe.arguments["engine"] if recipe.to == EXPORT else ""
         values = {
             "probe": probe_stem(probe),
             "folder": folder,
-            "brdf": label,
+            "brdf": "" if recipe.brdf is None else brdf_label(recipe.brdf),
             "to": recipe.to,
-            "engine": engine,
+            "engine": recipe.arguments["engine"] if recipe.to == EXPORT else "",
         }
         is_plain = recipe.to == EXPORT and self.output == DEFAULT_OUTPUT
         template = DEFAULT_FOLDER if is_plain else self.output
@@ -269,8 +267,14 @@ class Entry:
             if name not in values:
                 known = ", ".join(f"{{{each}}}" for each in FIELDS)
                 raise OutputError(f"{self.output}: {{{name}}} stands for nothing; give {known}")
-            _check_field(values[name], name, probe)
-            return separator + values[name] if values[name] else ""
+            value = values[name]
+            if why := unsound(value):  # as names in a server's listing may be
+                raise ProbeError(
+                    f"{shown(probe)}: {{{name}}} would be {value!r:.100}, which may lead out of "
+                    f"the folder of the outputs ({why}); leave that probe out, or name it another "
+                    "way"
+                )
+            return separator + value if value else ""
 
         made = _FIELD.sub(put, template)
         is_cut = template.startswith("{") and made[:1] in _SEPARATORS
@@ -281,16 +285,6 @@ def every_engine(names: Iterable[str]) -> tuple[str, ...]:
     """Return the engines that some names stand for: ``all`` are all of them."""
     names = tuple(names)
     return tuple(ENGINES) if "all" in names else names
-
-
-def _check_field(value: str, name: str, probe: str) -> None:
-    """Refuse what would lead an output out of its folder, as names in a server's listing may."""
-    why = unsound(value)
-    if why:
-        raise ProbeError(
-            f"{shown(probe)}: {{{name}}} would be {value!r:.100}, which may lead out of the folder "
-            f"of the outputs ({why}); leave that probe out, or name it another way"
-        )
 
 
 def found_probes(

@@ -20,7 +20,7 @@ from shrm_cli.export.ktx import can_compress
 from shrm_cli.export.make import Asked, Source, check, made_folder, packaged, write
 from shrm_cli.files.exr_header import holds_nothing
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.whole import check_target, kept, write_bytes
+from shrm_cli.files.whole import check_target, exists_error, write_bytes
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.options import Option, Representation
 from shrm_cli.naming import probe_stem
@@ -126,7 +126,7 @@ def _sources(job: Job) -> str:
     return fingerprint_with(type(engine_of(name)).__module__)
 
 
-def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
+def make_folder(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
     """Make the folder of a job, and return what its record tells of it.
 
     `force` tells whether files that no batch made are replaced, too.
@@ -142,8 +142,9 @@ def made(job: Job, probe: Probe, force: bool = False) -> dict[str, Any]:
     before = held.get("files")
     names = [each.name for each in package.files]
     ours = _named(before) | _named(held.get("begun"))
-    if ours and not force:
-        _refuse_foreign(folder, {*names} - ours)
+    for name in sorted({*names} - ours) if ours and not force else ():
+        if os.path.lexists(folder / name):
+            raise exists_error(folder / name, "no batch made it")
     facts = {
         "probe": probe_name(probe),
         "probe_sha256": probe.digest(),
@@ -207,13 +208,6 @@ def _is_sound(name: str, facts: object) -> bool:
     """Whether a record may say so of a file."""
     is_known = isinstance(facts, list) and len(facts) == 3 and type(facts[0]) is int
     return is_known and Path(name).name == name
-
-
-def _refuse_foreign(folder: Path, names: Iterable[str]) -> None:
-    """Refuse to replace files that no run of a batch has made or begun."""
-    for name in sorted(names):
-        if os.path.lexists(folder / name):
-            raise kept(folder / name, "no batch made it")
 
 
 def _remove_stale(folder: Path, before: object, files: Mapping[str, Any]) -> None:

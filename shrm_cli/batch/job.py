@@ -69,7 +69,7 @@ def by_probe(jobs: Iterable[Job]) -> list[Chunk]:
     return [Chunk(each[0].probe, each[0].reading, tuple(each)) for each in found.values()]
 
 
-def cut(chunks: Sequence[Chunk], workers: int) -> list[Chunk]:
+def cut_for_workers(chunks: Sequence[Chunk], workers: int) -> list[Chunk]:
     """Cut chunks into parts of equal length where they are fewer than the workers."""
     if not chunks or len(chunks) >= workers:
         return list(chunks)

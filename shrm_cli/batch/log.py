@@ -37,7 +37,7 @@ class Totals:
     warned: int = 0
     """Outputs that have warnings."""
     bytes: int = 0
-    """Of the outputs that were made."""
+    """The size of the outputs that were made."""
     failures: list[Record] = field(default_factory=list)
     """The first records of what failed."""
     anew: Counter[str] = field(default_factory=Counter)

@@ -169,7 +169,7 @@ _NO_PROBES = (
 )  # fmt: skip
 """Suffixes of other files that commands write or read, and that few probes have."""
 _MAY_BE_PROBES = (".json", ".usda")
-"""Those that some probes have: coefficients, as of a LightProbe of three.js, and stages."""
+"""Suffixes that some probes have: coefficients, as of a LightProbe of three.js, and stages."""
 RECORD = "_export.json"
 """What the names of a batch's records of exports end in."""
 _README = "_README.md"

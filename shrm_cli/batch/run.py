@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from statistics import median
 from typing import Any, Protocol
 
-from shrm_cli.batch.job import Chunk, Task, cut
+from shrm_cli.batch.job import Chunk, Task, cut_for_workers
 from shrm_cli.batch.work import Result, Terms, bake, failure
 
 _AHEAD = 2
@@ -68,8 +68,8 @@ def run(
     """
     seconds = max(_TASK_SECONDS, _WORKER_SECONDS * workers.workers) if is_remote else 0.0
     feeder = _Feeder(workers, terms, tell, seconds)
-    feeder.feed(feeder.tasks(cut(chunks[:1], workers.workers)))
-    feeder.feed(feeder.tasks(cut(chunks[1:], workers.workers)))
+    feeder.feed(feeder.tasks(cut_for_workers(chunks[:1], workers.workers)))
+    feeder.feed(feeder.tasks(cut_for_workers(chunks[1:], workers.workers)))
     feeder.retry()
 
 
@@ -114,8 +114,11 @@ class _Feeder:
                     return
                 done, _ = wait(self._pending, return_when=FIRST_COMPLETED)
                 self._suspects += self._taken_back(done)
-        except KeyboardInterrupt:
-            self._end_early()
+        except KeyboardInterrupt:  # take back what has not begun, and wait a little for what has
+            for future in list(self._pending):
+                if future.cancel():
+                    del self._pending[future]
+            self._taken_back(wait(self._pending, _LATE).done)
             raise
 
     def retry(self) -> None:
@@ -152,11 +155,3 @@ class _Feeder:
             else:
                 raise error
         return lost
-
-    def _end_early(self) -> None:
-        """Take back what has not begun, and wait a little for what has."""
-        for future in list(self._pending):
-            if future.cancel():
-                del self._pending[future]
-        done, _ = wait(self._pending, _LATE)
-        self._taken_back(done)

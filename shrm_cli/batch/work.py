@@ -6,8 +6,8 @@ as JSON has them, with what was made, or with the error.
 
 import os
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -22,14 +22,14 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
-from shrm_cli.files.whole import check_target, kept, protecting
+from shrm_cli.files.whole import check_target, exists_error, protecting
 from shrm_cli.maps import registry
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.stored import store
 from shrm_cli.prefilter import make
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.shared import held
+from shrm_cli.probe.shared import shared_if_held
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.vocabulary import EXPORT
@@ -50,7 +50,7 @@ class Gathering:
     """The largest degree."""
     what: What
     window: str
-    """As irradiance takes it."""
+    """The window, as irradiance takes it."""
 
 
 @record
@@ -110,33 +110,21 @@ def _of_probe(chunk: Chunk, terms: Terms) -> Result:
     start = time.perf_counter()
     try:
         with local_file(chunk.probe) as path, protecting():
-            return _told_of(chunk.probe, str(path), _of_file(chunk, path, terms, start))
+            return _naming_source(chunk.probe, str(path), _of_file(chunk, path, terms, start))
     except Exception as error:  # whatever is wrong with one probe must not stop the others
         return _all_failed(chunk, error, start)
 
 
 def _of_file(chunk: Chunk, path: Path, terms: Terms, start: float) -> Result:
-    """Do the jobs of one probe, which is opened once."""
+    """Do the jobs of one probe, which is opened once, and gather its coefficients if wanted."""
     try:
-        probe = held(open_probe(path, **chunk.reading))
+        probe = shared_if_held(open_probe(path, **chunk.reading))
     except Exception as error:
         return _all_failed(chunk, error, start)
     records = []
     for job in chunk.jobs:
         records.append(_record(job, probe, terms, start))
         start = time.perf_counter()
-    return _gathered(chunk, probe, terms, records)
-
-
-def _all_failed(chunk: Chunk, error: Exception, start: float) -> Result:
-    """Return the result of a chunk whose probe cannot be used."""
-    line = error_line(error)
-    failed = [failure(job, line, time.perf_counter() - start) for job in chunk.jobs]
-    return Result(chunk.probe, failed, error=line)
-
-
-def _gathered(chunk: Chunk, probe: Probe, terms: Terms, records: list[Record]) -> Result:
-    """Return the result of a chunk, with the coefficients of its probe where they are wanted."""
     wanted = terms.gathering
     if wanted is None or not chunk.collects:
         return Result(chunk.probe, records)
@@ -145,6 +133,13 @@ def _gathered(chunk: Chunk, probe: Probe, terms: Terms, records: list[Record]) -
     except ShrmError as error:
         return Result(chunk.probe, records, error=error_line(error))
     return Result(chunk.probe, records, found, probe.digest())
+
+
+def _all_failed(chunk: Chunk, error: Exception, start: float) -> Result:
+    """Return the result of a chunk whose probe cannot be used."""
+    line = error_line(error)
+    failed = [failure(job, line, time.perf_counter() - start) for job in chunk.jobs]
+    return Result(chunk.probe, failed, error=line)
 
 
 def _record(job: Job, probe: Probe, terms: Terms, start: float) -> Record:
@@ -164,11 +159,11 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     if found is None:
         return {"status": "skipped"}
     if not found.is_ours:
-        raise kept(messages.shown(job.output), found.why)
+        raise exists_error(messages.shown(job.output), found.why)
     if terms.only_looks:
         return {"status": "waiting", "why": found.why}
     if request is None:
-        from shrm_cli.batch.exports import made as exported  # plain batches export nothing
+        from shrm_cli.batch.exports import make_folder as exported  # plain batches export nothing
 
         told = exported(job, probe, terms.force)
         warnings = [*probe.report.warnings(), *told["warnings"]]
@@ -209,12 +204,9 @@ def _difference(job: Job, probe: Probe, request: Request | None) -> Difference |
         return difference(path, probe, request, recipe.precision, sources)
 
 
-@contextmanager
-def local_file(name: str) -> Iterator[Path]:
-    """Context manager that yields the path of a file: that of a copy, where it lies elsewhere."""
-    here = nullcontext(Path(name))
-    with remote.fetched(name) if messages.is_remote(name) else here as path:
-        yield path
+def local_file(name: str) -> AbstractContextManager[Path]:
+    """Return a context manager of the path of a file: that of a copy, where it lies elsewhere."""
+    return remote.fetched(name) if messages.is_remote(name) else nullcontext(Path(name))
 
 
 def request_of(recipe: Recipe, probe: Probe) -> Request:
@@ -250,20 +242,17 @@ def _named(job: Job, seconds: float) -> Record:
 
 def error_line(error: BaseException) -> str:
     """Return an error as one line, in which no URL lets anybody in."""
-    return messages.shown(_line(error))
-
-
-def _line(error: BaseException) -> str:
+    line = f"internal error, please report it ({type(error).__name__}: {error})"
     if isinstance(error, ShrmError):
-        return str(error)
-    if isinstance(error, MemoryError):
-        return "out of memory; run fewer `jobs`, or lower `size` or the orders"
-    if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename or 'a file'}: {error.strerror}"
-    return f"internal error, please report it ({type(error).__name__}: {error})"
+        line = str(error)
+    elif isinstance(error, MemoryError):
+        line = "out of memory; run fewer `jobs`, or lower `size` or the orders"
+    elif isinstance(error, OSError) and error.strerror:
+        line = f"{error.filename or 'a file'}: {error.strerror}"
+    return messages.shown(line)
 
 
-def _told_of(name: str, path: str, result: Result) -> Result:
+def _naming_source(name: str, path: str, result: Result) -> Result:
     """Return a result in which the path of a copy is the name of what was copied."""
     if path == name:
         return result
@@ -325,7 +314,7 @@ def _first_sound(jobs: Sequence[Job]) -> dict[str, Any]:
 def _predicted(job: Job) -> dict[str, Any]:
     """Make the map of a job in memory, and tell its orders and its size."""
     with local_file(job.probe) as path:
-        probe = held(open_probe(path, **job.reading))
+        probe = shared_if_held(open_probe(path, **job.reading))
         made = make(probe, request_of(job.recipe, probe))
     values = sum(plane.size for part in made.map.encode() for plane in part.channels.values())
     summary = made.quick_summary()

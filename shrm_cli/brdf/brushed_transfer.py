@@ -46,7 +46,7 @@ class Azimuths:
     """Even azimuths of views, over the part of the turn that tells all."""
 
     steps: int
-    """Their number in a quarter turn."""
+    """The number of azimuths in a quarter turn."""
     quarters: int
     """The number of quarter turns, as `quarters_that_differ` returns it. Where it is 1, real parts
     are even about both ends of the quarter, and imaginary ones odd."""

@@ -135,33 +135,26 @@ def _cached(
     parameters: tuple[int, int, float],
     compute: Callable[..., Content],
 ) -> Content:
-    """What a function computes of a BRDF, from memory or from the cache if it is there."""
-    what = kind.content.__name__, parameters, compute
-    return remembered(brdf, what, lambda: _from_disk(kind, brdf, parameters, compute))
+    """What a function computes of a BRDF, from memory, or from the cache on disk if it is there."""
 
+    def from_disk() -> Content:
+        is_used = settings.current().cache is not False
+        key = _key(compute.__name__, brdf, parameters) if is_used else None
+        if key is None:
+            return compute(brdf, *parameters)
+        try:
+            path = settings.cache_folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
+        except OutputError:
+            return compute(brdf, *parameters)
+        found = _read(path, key, kind, parameters[:2])
+        if found is None:
+            start = time.perf_counter()
+            found = compute(brdf, *parameters)
+            if time.perf_counter() - start > _SLOW:
+                _write(path, key, found)
+        return found
 
-def _from_disk(
-    kind: _Kind[Content],
-    brdf: Brdf,
-    parameters: tuple[int, int, float],
-    compute: Callable[..., Content],
-) -> Content:
-    """What a function computes of a BRDF, from the cache on disk if it is there."""
-    is_used = settings.current().cache is not False
-    key = _key(compute.__name__, brdf, parameters) if is_used else None
-    if key is None:
-        return compute(brdf, *parameters)
-    try:
-        path = settings.cache_folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
-    except OutputError:
-        return compute(brdf, *parameters)
-    found = _read(path, key, kind, parameters[:2])
-    if found is None:
-        start = time.perf_counter()
-        found = compute(brdf, *parameters)
-        if time.perf_counter() - start > _SLOW:
-            _write(path, key, found)
-    return found
+    return remembered(brdf, (kind.content.__name__, parameters, compute), from_disk)
 
 
 def cache_usage() -> tuple[int, int]:

@@ -14,7 +14,7 @@ about the mirror direction is seen .3 degrees from its edge, where lobes are nar
 _BRUSHES = 0.0, np.pi / 4, np.pi / 2
 """Azimuths from the x axis of an anisotropic surface."""
 _ANGLES = np.unique(np.concatenate([np.geomspace(5e-4, 0.1, 58), np.linspace(0, np.pi, 404)]))
-"""From the central direction; the finer steps begin where most peaks are."""
+"""Angles from the central direction; the finer steps begin where most peaks are."""
 _AZIMUTHS = 16
 PART = 0.5
 """Cells are to be no larger than this part of the width of the core: with the whole of it, the
@@ -62,7 +62,7 @@ class Core:
         return float(self.widths[views].min()), float(self.reaches[views].max())
 
 
-def apart(brdf: Brdf, core: Core) -> list[tuple[Brdf, Core]]:
+def parts_with_cores(brdf: Brdf, core: Core) -> list[tuple[Brdf, Core]]:
     """Return the parts of a BRDF that are to be summed one after the other, with their cores, the
     widest first.
 

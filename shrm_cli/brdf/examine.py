@@ -6,7 +6,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.albedo import ACCURACY, directional_albedo
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
-from shrm_cli.messages import whole
+from shrm_cli.messages import whole_number
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, normalize, reflect
 
@@ -61,7 +61,7 @@ def examine(brdf: AnyBrdf, seed: int = 0) -> Examination:
     False
     """
     brdf = as_brdf(brdf)
-    light, view = _random_pairs(brdf, np.random.default_rng(whole("seed", seed, 0, 2**63)))
+    light, view = _random_pairs(brdf, np.random.default_rng(whole_number("seed", seed, 0, 2**63)))
     there, back = _values(brdf, light, view), _values(brdf, view, light)
     mirrored = _values(brdf, reflect(view, np.array([0.0, 0.0, 1.0])), view)
     everything = np.concatenate([there, back, mirrored])

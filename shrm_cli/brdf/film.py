@@ -67,7 +67,7 @@ def film_reflectance(cosine: Array, f0: Color, thickness: float, ior: float) -> 
 
 @lru_cache(maxsize=16)
 def film_table(f0: Color, thickness: float, ior: float) -> Array:
-    """As `film_reflectance` at `COSINES`, shape (257, 3)."""
+    """What `film_reflectance` returns at `COSINES`, shape (257, 3)."""
     from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb  # only films need it
 
     # In a coat a film may have the smaller index. Where light turns back at it, waves fade within.

@@ -3,11 +3,12 @@
 Light L and view V are unit vectors in the frame of the normal N, whose z axis is N.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from contextvars import ContextVar
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color, Parameter, grey
@@ -176,6 +177,27 @@ def interpolated(table: Array, row: Array, part: Array) -> Array:
         np.multiply(part, steps[:, k].take(index), out=channels[k, ...])
         channels[k] += table[:, k].take(index)
     return grey(channels[0]) if count == 1 else np.moveaxis(channels, 0, -1)
+
+
+def interpolated_along(
+    records: Array, axes: Sequence[tuple[NDArray[np.integer], NDArray[np.integer] | int, Array]]
+) -> Array:
+    """Interpolate linearly along several axes between records, shape (n, channels).
+
+    Each of `axes` has the numbers of the lower records along it, shape (...), how much higher the
+    upper ones' are, and the share of these. The numbers of all axes add up to those of records.
+
+    Returns an array of shape (..., channels).
+    """
+    pairs = [((low, 1 - share), (low + step, share)) for low, step, share in axes]
+    corners = [*pairs[0]]
+    for pair in pairs[1:]:
+        corners = [(at + low, weight * part) for at, weight in corners for low, part in pair]
+    share = axes[0][2]
+    total = np.zeros((*share.shape, records.shape[1]), np.result_type(records, share))
+    for at, weight in corners:
+        total += records.take(at, axis=0) * weight[..., None]
+    return total
 
 
 def schlick(f0: Color, cosine: Array) -> Array:

@@ -29,7 +29,7 @@ from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.offers import LookUp, Setting
 from shrm_cli.maps.options import counted, parse_bytes
-from shrm_cli.maps.principal.plan import Joint, Planner
+from shrm_cli.maps.principal.plan import Joint
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.principal.terms import planner_of
@@ -68,7 +68,7 @@ class Known:
     """Its cubes in words."""
     cost: Cost
     arguments: Mapping[str, Any] | None
-    """Those of `shrm_cli.prefilter.prefilter`; None where no arguments make it."""
+    """What `shrm_cli.prefilter.prefilter` is given; None where no arguments make it."""
 
 
 @record(eq=False)
@@ -78,7 +78,7 @@ class Making:
     probe: Probe
     brdf: Brdf
     arguments: Mapping[str, Any] | None
-    """Those of `shrm_cli.prefilter.prefilter`; None where no arguments make it."""
+    """What `shrm_cli.prefilter.prefilter` is given; None where no arguments make it."""
     known: Callable[[], Map] | None = None
     """Makes it of what is known here already; it is left out where this is pickled."""
 
@@ -104,55 +104,46 @@ Rows = list[list[Known]]
 hardly any is more often wrong than the one before; that none has more error is nearly true."""
 
 
-class PrincipalForms:
-    """Maps of principal functions."""
+def principal_rows(proposals: Proposals) -> Rows:
+    """Return the maps of principal functions."""
 
-    def __init__(self, light: Projection, brdf: Brdf) -> None:
-        self._proposals = Proposals(light, replace(ASKED, brdf=brdf))
-        rows = self._proposals.sharing.rows(DEFAULT_MAX_SIZE)
-        self.rows: Rows = [[self._known(joint) for joint in row.every()] for row in rows]
-
-    @property
-    def single(self) -> tuple[Brdf, Planner] | None:
-        """The only term and its planner; None of a sum."""
-        found = self._proposals
-        return (found.parts[0], found.planners[0]) if len(found.parts) == 1 else None
-
-    def _known(self, joint: Joint) -> Known:
-        forms, parts = joint.forms, self._proposals.parts
+    def known(joint: Joint) -> Known:
+        forms = joint.forms
         cost = Cost(0, 0)
-        for form, part in zip(forms, parts, strict=True):
+        for form, part in zip(forms, proposals.parts, strict=True):
             cost += principal_cost(bundle_degrees(form.counts), part.center)
         what = " + ".join(f"{counted(form.cubes, 'cube')} of {form.size}" for form in forms)
         arguments: dict[str, Any] | None = None
         if len(forms) == 1:
             arguments = {"to": "principal", "maps": forms[0].cubes, "size": forms[0].size}
-        return Known(self._proposals.rough(joint), what, cost, arguments)
+        return Known(proposals.rough(joint), what, cost, arguments)
+
+    rows = proposals.sharing.rows(DEFAULT_MAX_SIZE)
+    return [[known(joint) for joint in row.every()] for row in rows]
 
 
-class ShrmForms:
-    """SHRMs of every order P and size."""
+def shrm_rows(light: Projection, brdf: Brdf, principal: Proposals) -> Rows:
+    """Return SHRMs of every order P and size, about the center of the `principal` maps.
 
-    def __init__(
-        self, light: Projection, brdf: Brdf, known: tuple[Brdf, Planner] | None = None
-    ) -> None:
-        self._own_center = brdf.center
-        if known is None:
-            known = brdf, planner_of(light, brdf, ASKED)
-        self._brdf, planner = known
-        transfer = planner.spectrum.transfer
-        self._proposals = ShrmProposals.of(light, replace(ASKED, brdf=self._brdf), transfer)
-        rows = self._proposals.expansions(DEFAULT_MAX_SIZE)
-        self.rows: Rows = [[self._known(each) for each in row.every()] for row in rows]
+    A sum, which has no single center there, is expanded about its own.
+    """
+    if len(principal.parts) == 1:
+        part, planner = principal.parts[0], principal.planners[0]
+    else:
+        part, planner = brdf, planner_of(light, brdf, ASKED)
+    proposals = ShrmProposals.of(light, replace(ASKED, brdf=part), planner.spectrum.transfer)
 
-    def _known(self, expansion: Expansion) -> Known:
+    def known(expansion: Expansion) -> Known:
         size, order_p = expansion.size, expansion.orders.order_p
         arguments: dict[str, Any] = {"to": "shrm", "order_p": order_p, "size": size}
-        if self._brdf.center != self._own_center:
-            arguments["center"] = self._brdf.center
+        if part.center != brdf.center:
+            arguments["center"] = part.center
         what = f"P = {order_p}, {counted((order_p + 1) ** 2, 'cube')} of {size}"
-        cost = shrm_cost(order_p, self._brdf.center)
-        return Known(self._proposals.proposed(expansion), what, cost, arguments)
+        cost = shrm_cost(order_p, part.center)
+        return Known(proposals.proposed(expansion), what, cost, arguments)
+
+    rows = proposals.expansions(DEFAULT_MAX_SIZE)
+    return [[known(each) for each in row.every()] for row in rows]
 
 
 _POINTS = 400
@@ -338,10 +329,10 @@ def _chosen(
     light = Projection(shared(fine_probe(probe)))
     most = DEFAULT_MAX_SIZE if budget is None else min(budget, DEFAULT_MAX_SIZE)
     with using(work):
-        principal = PrincipalForms(light, brdf)
-        held = [principal.rows]
+        principal = Proposals(light, replace(ASKED, brdf=brdf))
+        held = [principal_rows(principal)]
         if brdf.isotropic:  # an SHRM knows no tangent
-            held.append(ShrmForms(light, brdf, principal.single).rows)
+            held.append(shrm_rows(light, brdf, principal))
         for rows in held:
             known = dict.fromkeys([*_ladder(rows), *_for_goal(rows, goal, most)])
             offers += [_offer(each, probe, brdf) for each in known]
@@ -392,9 +383,7 @@ def _for_goal(rows: Rows, goal: Goal, max_size: int) -> Iterator[Known]:
     fitting = [[each for each in row if each.candidate.bytes <= max_size] for row in rows]
     found = kept_in_fewest((_row_of(each) for each in fitting), goal)
     best = next((each for row in fitting for each in row if each.candidate is found), None)
-    if best is None:
-        best = _least(rows, 0.0, max_size)
-    if best is not None:
+    if best := best or _least(rows, 0.0, max_size):
         yield best
 
 

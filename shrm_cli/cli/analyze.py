@@ -74,16 +74,11 @@ def analyze(
     others: tuple[str, ...],
     spec: str,
     probe: str | None,
-    tolerances: tuple[float, ...],
-    order_f: int | None,
-    order_p: int | None,
     views: tuple[tuple[float, float], ...],
-    size: int,
-    source_height: int | None,
     exposure: float | None,
     output: str | None,
     no_plots: bool,
-    **reading: Any,
+    **values: Any,
 ) -> None:
     """Analyse what the orders F and P capture of a BRDF.
 
@@ -103,35 +98,35 @@ def analyze(
     if others:
         of_one = [name for name in usage.given_options() if name not in _OF_MATERIALS]
         usage.refuse_inapplicable(dict.fromkeys(of_one, (False, "to a single BRDF")))
-        _analyze_materials([spec, *others], order_f, order_p, output, no_plots)
+        _analyze_materials([spec, *others], values["order_f"], values["order_p"], output, no_plots)
         return
     from shrm_cli.analysis.plots import can_plot
     from shrm_cli.maps.info import record_of
 
-    of_probe = [*reading, "views", "size", "source_height", "exposure"]
+    of_probe = [*options.READING_NAMES, "views", "size", "source_height", "exposure"]
     rules = dict.fromkeys(of_probe, (probe is not None, "with --probe"))
     usage.refuse_inapplicable(rules)
     usage.exclude("output", "no_plots")
-    source = None if probe is None else shrm.open_probe(probe, options.make_read_options(reading))
+    reading = options.make_read_options(values)
+    source = None if probe is None else shrm.open_probe(probe, reading)
     kinds = {"energy": can_plot(), "accuracy": can_plot() and source, "pictures": source}
     prefix = _prefix(output, probe, brdf_label(spec))
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
     usage.check_outputs(targets.values(), specs=[spec], draws=True)
     with progress_bar("analysing") as progress:
         found = shrm.analyze(
-            spec, source, tolerances=tolerances, order_f=order_f, order_p=order_p,
-            views=() if no_plots else views, size=size, source_height=source_height,
-            progress=progress,
-        )  # fmt: skip
+            spec, source, views=() if no_plots else views, progress=progress, **values
+        )
     grid, title = found.grid, repr(found.brdf)
     if found.pictures is not None and exposure is None:
         exposure = found.pictures.exposure()
     _draw(found, targets, exposure or 0.0, f"{title} in {Path(probe or '').name}")
     warnings = [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
-    warnings += _remarks(found, order_p)
+    warnings += _remarks(found, values["order_p"])
     if not no_plots and not can_plot():
         warnings.append(_NO_CHARTS)
-    drawing = {"size": size, "source_height": found.source_height, "exposure": exposure}
+    height = found.source_height
+    drawing = {"size": values["size"], "source_height": height, "exposure": exposure}
     result = {
         "brdf": record_of(found.brdf),
         "probe": probe,

@@ -1,5 +1,6 @@
 """`shrm convert` makes other representations of maps, and other layouts of maps and probes."""
 
+from operator import attrgetter
 from typing import Any
 
 import click
@@ -11,7 +12,7 @@ from shrm_cli.cli.shading import surface_options
 from shrm_cli.cli.terminal import conclude, echo, progress_bar
 from shrm_cli.cli.types import BYTES, DIRECTION, PATH, Named, flag, option, whole
 from shrm_cli.files.whole import keeping
-from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
+from shrm_cli.maps.options import SHADER, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions, installed_names
 
 _TARGETS = [*vocabulary.REPRESENTATIONS, *vocabulary.LAYOUTS, vocabulary.LAYERS]
@@ -19,11 +20,8 @@ _OURS = {"sampling": "to_sampling", "orientation": "to_orientation", "path": "ou
 """What the command calls arguments of `shrm_cli.convert`."""
 
 
-def _converts(option: Option) -> bool:
-    """Return whether an option of prefiltering is one of converting, too."""
-    return option.converts
-
-
+_converts = attrgetter("converts")
+"""Tells whether an option of prefiltering is one of converting, too."""
 _plain_options = options.several(
     option(
         "--view", DIRECTION,
@@ -158,8 +156,7 @@ def _rules(target: str) -> dict[str, usage.Applies]:
     rules = {
         "frame": (target in framed, f"with --to {listing(framed, 'or')}"),
         **dict.fromkeys(
-            ("order_p", "max_size"),
-            (target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
+            ("order_p", "max_size"), (target in of_brdf, f"with --to {listing(of_brdf, 'or')}")
         ),
         "shader": (target not in vocabulary.LAYOUTS, "to all but images"),
         **dict.fromkeys(

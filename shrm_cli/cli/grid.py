@@ -12,7 +12,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import BOX, COUNTS, PATH, option, whole
-from shrm_cli.files.whole import keeping, kept
+from shrm_cli.files.whole import exists_error, keeping
 from shrm_cli.vocabulary import MAX_GRID_ORDER, MAX_SAMPLES
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def grid(
         is_there = not (force or output) and os.path.lexists(target)
         # What is cut off may be of the same inputs, which is known when the grid is written.
         if is_there and made_by(target) != plan.made and not is_cut_off(target):
-            raise kept(target, "other inputs or options made it")
+            raise exists_error(target, "other inputs or options made it")
         planned.append(plan)
         count = " x ".join(map(str, plan.lattice.shape))
         announce([f"{source}: {len(plan.mesh.faces):,} triangles, {count} probes"])

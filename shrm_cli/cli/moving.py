@@ -54,7 +54,7 @@ light_options = options.several(
 )  # fmt: skip
 """The options of light that moves."""
 LIGHT_MOVES = ("turn_light", "blend_to", "blend", "irradiance_to", "background_to")
-"""Their names."""
+"""The names of the options that move the light."""
 
 
 def split_vary(texts: Sequence[str]) -> tuple[str | None, dict[str, tuple[float, float]]]:

@@ -131,10 +131,10 @@ def _own_options(
         if is_lenient:
             return []
         raise
-    return [_made(each) for each in options if not (each.prints or each.name in shared)]
+    return [_made_option(each) for each in options if not (each.prints or each.name in shared)]
 
 
-def _made(option: Option) -> Any:
+def _made_option(option: Option) -> Any:
     """Return an option itself, which click makes as it decorates a function."""
 
     def decorated() -> None: ...
@@ -376,4 +376,4 @@ room_options = several(
         help="Radiance that a material sends. May be repeated.",
     ),
 )  # fmt: skip
-"""Those of commands that light rooms."""
+"""The options of commands that light rooms."""

@@ -52,12 +52,7 @@ _photo_options = options.several(
     help="Integers are linear, as developers of raw files write them.  [default: find the curve]",
 )  # fmt: skip
 @_photo_options
-def brackets(
-    photos: tuple[str, ...],
-    output: str,
-    precision: Precision,
-    **merging: Any,
-) -> None:
+def brackets(photos: tuple[str, ...], output: str, precision: Precision, **merging: Any) -> None:
     """Merge exposures of a scene that does not move into one linear picture.
 
     The camera's curve is found from the photographs themselves (Debevec and Malik 1997). Take them
@@ -154,11 +149,9 @@ def ball(
     cameras: tuple[tuple[float, float], ...],
     circles: tuple[tuple[float, float, float], ...],
     distance: float | None,
-    reflectance: float,
-    size: int | None,
-    linearize: bool,
     output: str,
     precision: Precision,
+    **unwrapping: Any,
 ) -> None:
     """Unwrap photographs of a mirror ball into a lat-long probe.
 
@@ -175,9 +168,8 @@ def ball(
     usage.check_outputs([output], files=photos, suffixes=[".exr"])
     with progress_bar("unwrapping") as progress, using(progress):
         made = shrm.unwrap_balls(
-            photos, cameras or None, circles or None, distance or np.inf, size, linearize,
-            reflectance,
-        )  # fmt: skip
+            photos, cameras or None, circles or None, distance or np.inf, **unwrapping
+        )
     facts = {"gains": made.gains.tolist(), "differences": list(made.differences)}
     lines, warnings = [], []
     for photo, gain, difference in list(zip(photos, made.gains, made.differences, strict=True))[1:]:

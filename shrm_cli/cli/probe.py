@@ -40,7 +40,7 @@ output_options = options.several(
     image_options,
     flag("--quiet", "Print nothing on success.", callback=usage.remember, expose_value=False),
 )  # fmt: skip
-"""Those of probes that are made at once."""
+"""The options of probes that are made at once."""
 
 
 @click.group()

@@ -126,7 +126,7 @@ def _keep_other_texture(
     target: str, brdf: shrm.Brdf, order: int, size: int, chosen: Steps | None
 ) -> None:
     """Refuse to replace a file that is not the texture of this BRDF, order, size and variation."""
-    from shrm_cli.files.whole import kept
+    from shrm_cli.files.whole import exists_error
     from shrm_cli.maps.info import record_of, same_brdf
     from shrm_cli.maps.product.product import ProductMap, VaryingProduct
 
@@ -136,11 +136,11 @@ def _keep_other_texture(
         return
     found = usage.readable_map(target)
     if not isinstance(found, ProductMap):
-        raise kept(target, "it is no product texture without light that can be read")
+        raise exists_error(target, "it is no product texture without light that can be read")
     if (found.order, found.size) != (order, size):
-        raise kept(target, f"it has order {found.order} and {found.size} texels")
+        raise exists_error(target, f"it has order {found.order} and {found.size} texels")
     there = found.steps.values if isinstance(found, VaryingProduct) else None
     if there != (chosen and chosen.values):
-        raise kept(target, "another parameter varies in it, or over another range")
+        raise exists_error(target, "another parameter varies in it, or over another range")
     if chosen is None and not same_brdf(found.info.brdf, record_of(brdf)):
-        raise kept(target, "it is for another BRDF")
+        raise exists_error(target, "it is for another BRDF")

@@ -132,7 +132,7 @@ def render(
     skies = probes.get(background or ""), probes.get(values["background_to"] or "")
     usage.check_outputs(targets, files=_files(maps, mesh, values), draws=True)
     light = grid or probes.get(probe or "")
-    lit, baked, told = _lit(maps, light, transfer, window, values["blend_to"])
+    lit, baked, told = _open_lit(maps, light, transfer, window, values["blend_to"])
     if mesh is None:
         drawing = _on_sphere(lit, size, shown, values)
     else:
@@ -193,7 +193,7 @@ def _settings(lit: Lit, film: Film, frames: int | None, given: dict[str, Any]) -
     }  # fmt: skip
 
 
-def _lit(
+def _open_lit(
     maps: Sequence[str],
     light: shrm.Probe | ProbeGrid | None,
     transfer: str | None,

@@ -155,12 +155,12 @@ def _values(result: RepresentationResult) -> dict[str, Any]:
         "seconds": result.seconds,
         "relative_rmse": result.errors,
         "relative_rmse_of_all": result.error,
-        **_seen(result),
+        **_pixel_facts(result),
         "failures": [usage.flags(each) for each in result.failures],
     }
 
 
-def _seen(result: RepresentationResult) -> dict[str, Any]:
+def _pixel_facts(result: RepresentationResult) -> dict[str, Any]:
     """Return what `shrm compare` says of pixels, of each roughness and of all together."""
     values: dict[str, Any] = {}
     for key in ("median_relative_error", "p95_relative_error", "wrong_share", "negative_share"):

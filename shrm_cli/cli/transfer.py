@@ -13,7 +13,7 @@ from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import ALBEDO, BRUSH, PATH, flag, option, whole
 from shrm_cli.errors import OutputError, TransferError
-from shrm_cli.files.whole import keeping, kept, protecting
+from shrm_cli.files.whole import exists_error, keeping, protecting
 from shrm_cli.vocabulary import (
     DEFAULT_PRODUCT_ORDER,
     MAX_SAMPLES,
@@ -72,12 +72,11 @@ def transfer(
     order: int | None,
     bounces: int,
     albedo: str | tuple[float, ...] | None,
-    samples: int,
     brdf: str | None,
     matrices: bool,
-    brush: str | tuple[float, float, float] | None,
     texture: int | None,
     force: bool,
+    **values: Any,
 ) -> None:
     """Bake how MESH shadows and lights itself, vertex by vertex, for light of any kind.
 
@@ -112,8 +111,8 @@ def transfer(
     if order is None and suffix != ".npz":  # engines hold few numbers a vertex
         order = DEFAULT_PRODUCT_ORDER
     plan = transfer_plan(
-        mesh, order=order, bounces=bounces, albedo=albedo, samples=samples, matrices=matrices,
-        brush=brush, brdf=brdf, texture=texture,
+        mesh, order=order, bounces=bounces, albedo=albedo, matrices=matrices, brdf=brdf,
+        texture=texture, **values,
     )  # fmt: skip
     if not (force or output):
         _keep_other(target, plan)
@@ -170,7 +169,7 @@ def _keep_other(target: str, plan: Plan) -> None:
         wanted = plan.facts(), plan.order, plan.glossy
         if (found.facts, found.order, has_matrices) == wanted:
             return
-    raise kept(target, "other inputs or options made it")
+    raise exists_error(target, "other inputs or options made it")
 
 
 def _missing(mesh: Mesh) -> list[str]:

@@ -113,7 +113,7 @@ def _direction(lowest: int) -> Parsed:
 DIRECTION = _direction(-90)
 """Azimuth from +Z towards +X about +Y, and elevation within -90 .. 90."""
 SUN = _direction(0)
-"""The same of what stands above the horizon."""
+"""The same with an elevation within 0 .. 90, for what stands above the horizon."""
 
 
 @partial(Parsed, "NAME|RX,RY,...", offered=PRIMARIES)
@@ -455,19 +455,13 @@ class Spec(click.ParamType):  # type: ignore[type-arg]  # click's type is generi
         """Return how the last term may go on, and files where no model is called so."""
         from click.shell_completion import CompletionItem  # slow to load, and rarely needed
 
-        start, last = _last_term(incomplete)
-        endings = _endings(last)
+        from shrm_cli.brdf.base import masked
+
+        last = max(match.end() for match in _START.finditer(masked(incomplete)))
+        endings = _endings(incomplete[last:])
         if endings:
-            return [CompletionItem(start + ending) for ending in endings]
+            return [CompletionItem(incomplete[:last] + ending) for ending in endings]
         return [CompletionItem(incomplete, type="file")]
-
-
-def _last_term(text: str) -> tuple[str, str]:
-    """Split a specification into what comes before the name of its last term, and that term."""
-    from shrm_cli.brdf.base import masked
-
-    start = max(match.end() for match in _START.finditer(masked(text)))
-    return text[:start], text[start:]
 
 
 def _endings(term: str) -> list[str]:

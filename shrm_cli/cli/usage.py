@@ -20,7 +20,7 @@ from click.core import ParameterSource
 
 import shrm_cli as shrm
 from shrm_cli.errors import ArgumentError, MapError, OutputError
-from shrm_cli.files.whole import check_target, kept, note
+from shrm_cli.files.whole import check_target, exists_error, note
 from shrm_cli.messages import ARGUMENT
 from shrm_cli.naming import probe_stem
 from shrm_cli.vocabulary import Precision
@@ -195,7 +195,7 @@ def keep_other_map(target: str, probe: shrm.Probe, request: Request, precision: 
     if os.path.lexists(target):
         found = difference(target, probe, request, precision)
         if found is not None and not found.is_damage:
-            raise kept(target, found.why)
+            raise exists_error(target, found.why)
 
 
 def keep_edited(target: str) -> bool:
@@ -210,7 +210,7 @@ def keep_edited(target: str) -> bool:
         return False
     found = change_of(target)
     if found is not None and not found.is_damage:
-        raise kept(target, found.why)
+        raise exists_error(target, found.why)
     return found is not None or holds_nothing(target)
 
 
@@ -234,4 +234,4 @@ def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
     stored = peek(target)
     text = "" if stored is None else stored.first.text("shrm:recipe")
     if text != json.dumps(recipe):
-        raise kept(target, "other inputs or options made it")
+        raise exists_error(target, "other inputs or options made it")

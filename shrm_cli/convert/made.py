@@ -40,9 +40,9 @@ class Written:
     """What is told of a conversion that was written."""
 
     result: dict[str, Any]
-    """As JSON has it."""
+    """What is told of it in JSON."""
     report: str
-    """As text."""
+    """What is told of it in words."""
     warnings: list[str]
 
 
@@ -157,7 +157,7 @@ class ConvertedProbe(Converted):
     probe: Probe
     """The one that it was made of."""
     image: Array
-    """As `to_layout` returns it, float32 of shape (rows, columns, 3)."""
+    """What `to_layout` returns, float32 of shape (rows, columns, 3)."""
     layout: Layout
     orientation: Orientation
     sampling: Sampling

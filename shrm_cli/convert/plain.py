@@ -213,13 +213,13 @@ def one_view(
         if by == "reflection":
             normals = bisector(normals, toward)
         if not (everywhere and by == "normal"):
-            normals = _seen(normals, toward)
+            normals = _turned_to_viewer(normals, toward)
         picture[rows] = reflecting.radiance(normals, toward)
         tell(progress, rows.stop, height)
     return picture
 
 
-def _seen(normals: Array, view: Array) -> Array:
+def _turned_to_viewer(normals: Array, view: Array) -> Array:
     """Move normals (..., 3) that do not face the viewer just inside the silhouette."""
     cosines = normals @ view
     hidden = cosines < LEAST_COSINE

@@ -48,11 +48,11 @@ class Light:
     irradiance: Irradiance | None = None
     """Nine coefficients of the light at most, windowed as was asked for: for harmonics."""
     diffuse: Irradiance | None = None
-    """As many coefficients as are known: for cubes of E."""
+    """Irradiance of as many coefficients as are known: for cubes of E."""
     skybox: Array | None = None
     """The light itself, averaged over texels, shape (6 N, N, 3)."""
     latlong: Array | None = None
-    """The same as a lat-long, centre +Z, the left quarter +X, shape (N, 2 N, 3)."""
+    """The same light as a lat-long, centre +Z, the left quarter +X, shape (N, 2 N, 3)."""
     table: Array | None = None
     """The environment BRDF: scale and bias of f0, N.V across, roughness down from 0, shape (N, N,
     2)."""
@@ -210,11 +210,16 @@ class PanoramaEngine(Engine):
         made = Package()
         if light.latlong is not None:
             self.add_panorama(made, light.latlong, light)
+        if (nine := light.nine()) is not None:
+            self.add_nine(made, nine, light)
         return made
 
     @abstractmethod
     def add_panorama(self, made: Package, image: Array, light: Light) -> None:
         """Add the file of a lat-long, which lies as ours do, and what is said of it."""
+
+    def add_nine(self, made: Package, nine: Array, light: Light) -> None:
+        """Add the file of nine coefficients, shape (9, 3), if the engine wants them."""
 
 
 def engine(name: str) -> Engine:

@@ -121,7 +121,11 @@ def ktx2(
     ``export``. `faces` are 6 of a cube.
     """
     number, type_size, samples = _VULKAN[texels.name]
-    stored = [_compressed(mip) for mip in levels] if compress else list(levels)
+    stored = list(levels)
+    if compress:
+        import zstandard
+
+        stored = [zstandard.ZstdCompressor(level=_LEVEL).compress(mip) for mip in levels]
     descriptor = _descriptor(samples, texels)
     pairs = _pair("KTXwriter", f"shrm {__release__}")
     head = len(_KTX2) + 9 * 4 + 4 * 4 + 2 * 8 + 24 * len(levels)
@@ -205,9 +209,3 @@ def _descriptor(samples: Sequence[_Sample], texels: TexelFormat) -> bytes:
 def _pair(key: str, value: str) -> bytes:
     both = key.encode() + b"\0" + value.encode() + b"\0"
     return struct.pack("<I", len(both)) + both + bytes(-len(both) % 4)
-
-
-def _compressed(data: bytes) -> bytes:
-    import zstandard
-
-    return zstandard.ZstdCompressor(level=_LEVEL).compress(data)

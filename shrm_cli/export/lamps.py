@@ -38,7 +38,7 @@ def without_lamps(
         split = split_lamps(probe, count=most)
     if not split.discs:
         return probe, (), ["lamps: none was found"], []
-    return split.residual_probe, split.discs, [_told(split)], [*split.clipped, *split.changed]
+    return split.residual_probe, split.discs, [_lamps_line(split)], [*split.clipped, *split.changed]
 
 
 def better_cures(made: Package, probe: Probe, engine: Engine) -> list[str]:
@@ -64,7 +64,7 @@ def better_cures(made: Package, probe: Probe, engine: Engine) -> list[str]:
     return [line.replace(CURE, cure) for line in made.warnings]
 
 
-def _told(split: LampSplit) -> str:
+def _lamps_line(split: LampSplit) -> str:
     light = np.sqrt(4 * np.pi) * project(split.probe, 0).coefficients[0].sum()
     share = sum(float(lamp.light.flux.sum()) for lamp in split.lamps) / light
     radii = ", ".join(f"{np.degrees(disc.radius):.2g}" for disc in split.discs)

@@ -43,7 +43,7 @@ def write_texture(path: str | os.PathLike[str], table: Array, precision: Precisi
     """Write a table as a texture, by the suffix of its name, whole or not at all.
 
     The third column of `table`, of shape (N, N, 2 or 3), is 0 where there are two. `precision`
-    holds the texels of KTX 2; ``auto`` is half, as engines read it.
+    holds the texels of KTX 2, RGBA whose alpha is 1; ``auto`` is half, as engines read it.
 
     Returns what the texels are: ``"half"``, ``"float"`` or ``"16 bits"``.
     """
@@ -51,20 +51,15 @@ def write_texture(path: str | os.PathLike[str], table: Array, precision: Precisi
     values = np.zeros((*table.shape[:2], _COLUMNS))
     values[..., : table.shape[-1]] = table
     if Path(path).suffix.lower() == ".ktx2":
-        return _write_ktx2(path, values, precision)
+        is_float, size = precision == "float", len(values)
+        texels = _FLOAT if is_float else FORMATS["rgba16f"]
+        words = texels.pack(values)
+        data = words.astype(words.dtype.newbyteorder("<")).tobytes()
+        write_bytes(path, ktx2([data], (size, size, 0), texels, compress=False))
+        return "float" if is_float else "half"
     check_range(path, values)
     write_png(path, np.floor(_LARGEST_WORD * values + 0.5).astype(np.uint16))
     return "16 bits"
-
-
-def _write_ktx2(path: str | os.PathLike[str], values: Array, precision: Precision) -> str:
-    """Write RGBA, whose alpha is 1."""
-    is_float = precision == "float"
-    texels = _FLOAT if is_float else FORMATS["rgba16f"]
-    words, size = texels.pack(values), len(values)
-    data = words.astype(words.dtype.newbyteorder("<")).tobytes()
-    write_bytes(path, ktx2([data], (size, size, 0), texels, compress=False))
-    return "float" if is_float else "half"
 
 
 def _pack_floats(values: Array) -> NDArray[np.uint32]:

@@ -27,7 +27,7 @@ class Sampler:
     edge: int
     """Texels along an edge of the cube that it makes of the panorama."""
     radius: float
-    """Of the discs, in degrees: what its sharpest level resolves."""
+    """The radius of the discs, in degrees: what its sharpest level resolves."""
     roughness: tuple[float, ...]
     """The perceptual roughness of its levels."""
     bare: tuple[float, ...]

@@ -21,7 +21,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.exr_header import SEAL, UNSEALED, ends_whole, excess, seal
 from shrm_cli.files.openimageio import oiio, quiet
 from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
-from shrm_cli.files.whole import cut_off, replacing
+from shrm_cli.files.whole import cut_off_error, replacing
 from shrm_cli.progress import in_order
 
 _printing = threading.Lock()
@@ -59,7 +59,7 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
             raise OSError(0, str(error).rpartition('". ')[2].rstrip(".")) from error
         # OpenEXR tells nobody if its last write fails, which closing the file is.
         if not ends_whole(temporary):
-            raise cut_off()
+            raise cut_off_error()
         seal(temporary)
 
 

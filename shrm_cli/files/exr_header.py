@@ -144,9 +144,7 @@ def header_attributes(data: mmap.mmap) -> Iterator[tuple[bytes, bytes, int, int]
     yield from _attributes(data, _BEGIN)
 
 
-def plain_header(
-    path: str | os.PathLike[str],
-) -> tuple[dict[str, Any], dict[str, str]] | None:
+def plain_header(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, str]] | None:
     """Return the header of a file of one picture in scan lines, with red, green and blue.
 
     Returns its attributes by name, and the formats of its channels, ``half`` or ``float``, all of

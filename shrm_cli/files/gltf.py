@@ -16,7 +16,7 @@ from urllib.parse import unquote
 
 from shrm_cli.errors import MeshError, ShrmError
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.texture import beside
+from shrm_cli.files.texture import referenced_file
 from shrm_cli.files.whole import note
 
 Json = dict[str, Any]
@@ -117,7 +117,7 @@ def bytes_at(name: str, uri: str, most: int, what: str = "buffer") -> bytes:
     if uri.startswith("data:"):
         return embedded(uri)
     try:
-        path = beside(name, unquote(uri), what)
+        path = referenced_file(name, unquote(uri), what)
     except ValueError as error:
         raise MeshError(f"{name}: {error}") from None
     try:
@@ -152,7 +152,7 @@ def picture_of(
     image = table(images[index_in(texture["source"], images)])
     if "uri" in image:
         uri = str(image["uri"])
-        return embedded(uri) if uri.startswith("data:") else beside(name, unquote(uri))
+        return embedded(uri) if uri.startswith("data:") else referenced_file(name, unquote(uri))
     views = list_of(tree, "bufferViews")
     held = buffers()
     view = view_of(table(views[index_in(image["bufferView"], views)]), held)

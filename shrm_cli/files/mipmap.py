@@ -13,7 +13,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.files.openimageio import oiio
 from shrm_cli.files.parts import choose_storage
-from shrm_cli.files.whole import cut_off, replacing
+from shrm_cli.files.whole import cut_off_error, replacing
 from shrm_cli.vocabulary import PixelType, Precision
 
 _TILE = 64
@@ -54,7 +54,7 @@ def _write(
         if not target.write_image(np.ascontiguousarray(level, dtype=np.float32)):
             raise OSError(0, target.geterror() or "it was not written whole")
     if not target.close() or target.has_error:
-        raise cut_off()
+        raise cut_off_error()
 
 
 def _spec(level: Array, pixel_type: PixelType, attributes: Mapping[str, Any]) -> Any:
@@ -78,14 +78,9 @@ def _check(path: Path, levels: Sequence[Array]) -> None:
     """Raise an error unless all levels are there; on a full disk writing reports none."""
     source = oiio.ImageInput.open(str(path))
     for index, level in enumerate(levels):
-        if source is None or not _holds(source, index, level.shape):
+        pixels = None
+        if source is not None and source.seek_subimage(0, index):
+            pixels = source.read_image(0, index, 0, 3, oiio.FLOAT)
+        if pixels is None or pixels.shape != level.shape:
             oiio.geterror()
-            raise cut_off()
-
-
-def _holds(source: Any, index: int, shape: tuple[int, ...]) -> bool:
-    """Whether a level can be read, and has its size."""
-    if not source.seek_subimage(0, index):
-        return False
-    pixels = source.read_image(0, index, 0, 3, oiio.FLOAT)
-    return pixels is not None and pixels.shape == shape
+            raise cut_off_error()

@@ -150,7 +150,9 @@ def opened(path: Path) -> Iterator[Archive]:
 
 
 @contextmanager
-def told(path: Path, error: type[ShrmError], missing: str, again: str) -> Iterator[Archive]:
+def checked_archive(
+    path: Path, error: type[ShrmError], missing: str, again: str
+) -> Iterator[Archive]:
     """Yield an archive that a command reads; what is wrong with it becomes one line of an error.
 
     `missing` and `again` are what to do where there is no such file, and where it is damaged or not

@@ -13,7 +13,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -180,7 +179,11 @@ def write_chosen(
     path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: PixelType
 ) -> None:
     """Write a file as `write_parts` does, of values that `choose_storage` has looked at already."""
-    _container(path).write(path, parts, pixel_type)
+    suffix = Path(path).suffix.lower()
+    if suffix not in CONTAINERS:
+        raise OutputError(f"{path}: what is written is {' or '.join(CONTAINERS)}; name it so")
+    container = importlib.import_module(f"shrm_cli.files.{CONTAINERS[suffix]}")
+    container.write(path, parts, pixel_type)
 
 
 def choose_storage(
@@ -265,11 +268,3 @@ def peek(path: str | os.PathLike[str]) -> StoredFile | None:
         if found is not None:
             return found
     return None
-
-
-def _container(path: str | os.PathLike[str]) -> ModuleType:
-    """Return the module that writes files with the suffix of a name."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in CONTAINERS:
-        raise OutputError(f"{path}: what is written is {' or '.join(CONTAINERS)}; name it so")
-    return importlib.import_module(f"shrm_cli.files.{CONTAINERS[suffix]}")

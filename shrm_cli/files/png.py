@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.files.openimageio import oiio
-from shrm_cli.files.whole import cut_off, replacing
+from shrm_cli.files.whole import cut_off_error, replacing
 
 SOFTWARE = "shrm"
 """What files say of the program that wrote them."""
@@ -92,7 +92,7 @@ def _write_png(path: Path, pixels: NDArray[np.uint8 | np.uint16]) -> None:
     # On a full disk both calls return True and only set has_error. They do not even set it if the
     # last block fails, which closing the file writes: then the end of the file is missing.
     if not written or target.has_error or not _ends_whole(path):
-        raise cut_off()
+        raise cut_off_error()
 
 
 def is_ours(path: str | os.PathLike[str]) -> bool:

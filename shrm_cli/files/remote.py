@@ -90,8 +90,10 @@ def publish(local: str | os.PathLike[str], url: str) -> None:
     another name beside the target, and renamed. File systems of the second kind are known by
     their own way to rename: fsspec's general one copies, which would gain nothing.
     """
+    from fsspec import AbstractFileSystem
+
     with _reached(url) as (system, path):
-        if not _renames(system):
+        if type(system).mv is AbstractFileSystem.mv:
             system.put_file(os.fspath(local), path)
             return
         folder = system._parent(path)
@@ -166,13 +168,6 @@ def _too_large(name: str, size: int, most_bytes: int) -> RemoteError:
     return RemoteError(
         f"{name}: has {size:,} bytes or more, which is above {most_bytes:,}; use a smaller file"
     )
-
-
-def _renames(system: Any) -> bool:
-    """Whether a file system has its own way to rename, rather than to copy and remove."""
-    from fsspec import AbstractFileSystem
-
-    return type(system).mv is not AbstractFileSystem.mv
 
 
 def _rename(system: Any, temporary: str, path: str) -> None:

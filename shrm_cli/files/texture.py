@@ -33,7 +33,7 @@ _MOST_BYTES = 2**28
 _NO_NUMBERS = "a texture has pixels that are no numbers; export it again"
 
 
-def beside(name: str, path: str, what: str = "texture") -> Path:
+def referenced_file(name: str, path: str, what: str = "texture") -> Path:
     """Return the file that another file names, which lies in that one's folder or below it.
 
     `path` is what it is called there, with slashes.

@@ -225,7 +225,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
 
             is_same = filecmp.cmp(temporary, target, shallow=False)
             if not is_same and not _is_cut(target, temporary):
-                raise kept(target, "other inputs or options made it")
+                raise exists_error(target, "other inputs or options made it")
         waiting = _together.get()
         if waiting is None:
             os.replace(temporary, target)
@@ -287,12 +287,12 @@ def together() -> Iterator[None]:
             discard(temporary)
 
 
-def cut_off() -> OSError:
+def cut_off_error() -> OSError:
     """Return the error of a file that has no end, though the library that wrote it reports none."""
     return OSError(0, "it was not written whole; is the disk full?")
 
 
-def kept(target: str | os.PathLike[str], why: str) -> OutputError:
+def exists_error(target: str | os.PathLike[str], why: str) -> OutputError:
     """Return the error that refuses to replace a file which others made."""
     return OutputError(
         f"{target}: exists, and {why}; give `force` to replace it, or name another `output`"

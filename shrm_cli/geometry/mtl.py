@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from shrm_cli.errors import MeshError
-from shrm_cli.files.texture import beside
+from shrm_cli.files.texture import referenced_file
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.mesh import MASKED, SurfaceMaterial, Texture, Wrap
 
@@ -90,10 +90,10 @@ def _beside(name: str, text: str) -> Path:
     """
     path = text.strip('"').replace("\\", "/")
     try:
-        return beside(name, path)
+        return referenced_file(name, path)
     except ValueError as error:
         try:
-            return beside(name, path.rpartition("/")[2])
+            return referenced_file(name, path.rpartition("/")[2])
         except ValueError:
             raise error from None
 

@@ -182,7 +182,7 @@ class _Reflected:
     """All light."""
     transfer: TransferFunctions
     lobes: Lobes
-    """Those of the transfer functions."""
+    """The lobes of the transfer functions."""
     change: "Change"
     brdf: Brdf
     """What reflects the discs: the BRDF, or a table of it."""

@@ -17,7 +17,7 @@ from shrm_cli.vocabulary import LARGEST_HALF
 HALF_LIMITS = (LARGEST_HALF, 65535.0, 65536.0)
 """The largest number of half precision, and what programs round it to."""
 _CLIPPED = 4.0
-"""As many pixels of exactly the same largest value are suspected to be clipped."""
+"""So many pixels of exactly the same largest value are suspected to be clipped."""
 _FAR_BELOW = 0.5
 """A channel whose maximum is below this part of the largest one is not clipped."""
 _OVER_MEAN = 4.0

@@ -77,7 +77,7 @@ class _Lit:
     """Discs with the radiances that suit them best."""
 
     shape: Array
-    """Their middles and radii, as `_Picture` has them, shape (n, 3)."""
+    """The middles and radii of the discs, as `_Picture` has them, shape (n, 3)."""
     columns: Array
     """What each looks like at radiance 1, shape (samples + 1, n)."""
     radiances: Array

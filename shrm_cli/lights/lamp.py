@@ -105,7 +105,7 @@ class Lamp:
 
     @property
     def solid_angle(self) -> float:
-        """That of all its discs, sr."""
+        """The solid angle of all its discs, sr."""
         return float(sum(disc.solid_angle for disc in self.discs))
 
     @property
@@ -131,12 +131,6 @@ class Lamp:
         return float(long), float(short)
 
     @property
-    def elongation(self) -> float:
-        """Length over width, 1 of a disc."""
-        long, short = self.spans
-        return long / short
-
-    @property
     def is_elongated(self) -> bool:
         """Whether it is a tube or a window rather than a disc."""
         long, short = self.spans
@@ -150,6 +144,7 @@ class Lamp:
     def summary(self) -> dict[str, Any]:
         """The numbers by name, for JSON: angles in degrees, solid angles in sr."""
         azimuth, elevation = to_azimuth_elevation(self.direction)
+        long, short = self.spans
         return {
             "direction": self.direction.tolist(),
             "azimuth": azimuth,
@@ -160,9 +155,9 @@ class Lamp:
             "irradiance": self.irradiance.tolist(),
             "radiance": self.radiance.tolist(),
             "peak": self.peak.tolist(),
-            "length": float(np.degrees(self.spans[0])),
-            "width": float(np.degrees(self.spans[1])),
-            "elongation": self.elongation,
+            "length": float(np.degrees(long)),
+            "width": float(np.degrees(short)),
+            "elongation": long / short,
             "is_elongated": self.is_elongated,
             "clipped": self.clipped,
             "level": self.level,

@@ -16,7 +16,7 @@ from shrm_cli.records import record
 _FLOOR = 2.0
 """The lowest level, over the mean brightness of an image whose brightest pixels are dimmed."""
 _DIMMED = 4.0
-"""They are dimmed to the mean times this, so that a sun does not raise the level."""
+"""The brightest pixels are dimmed to the mean times this: no sun is to raise the level."""
 _STEP = 2**0.5
 _STANDS_OUT = 16.0
 """The brightness of a lamp above its level is at least the level times this."""
@@ -36,11 +36,11 @@ class Region:
     """The pixels of a lamp."""
 
     numbers: Indices
-    """Of the pixels, in row-major order, shape (n,)."""
+    """The pixels, counted in row-major order, shape (n,)."""
     level: float
     """The brightness that they exceed."""
     irradiance: float
-    """That of what exceeds the level, mean of the channels, of a surface that faces it."""
+    """The irradiance of a surface that faces what exceeds the level, mean of the channels."""
 
 
 def brightness_of(image: Array) -> Array:

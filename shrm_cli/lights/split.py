@@ -20,7 +20,7 @@ from shrm_cli.lights.lamp import Lamp, Light, disc_of
 from shrm_cli.lights.pixels import SpherePixels, near
 from shrm_cli.lights.search import LARGEST, find_regions
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
-from shrm_cli.messages import whole
+from shrm_cli.messages import whole_number
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.lighting import project
@@ -160,12 +160,14 @@ class _Candidate:
 
     def divide(self, count: int, radius: float | None) -> None:
         """Make a number of discs of the light, cutting the part with the most error in two."""
-        self.parts = _cut(self.parts or [self.light], count, self.order, radius)
+        self.parts = _cut_worst(self.parts or [self.light], count, self.order, radius)
         self.discs = [disc_of(part, radius) for part in self.parts]
         self.wrong = _wrong(self.light, self.discs, self.order)
 
 
-def _cut(parts: list[Light], count: int, order: int, radius: float | None = None) -> list[Light]:
+def _cut_worst(
+    parts: list[Light], count: int, order: int, radius: float | None = None
+) -> list[Light]:
     """Cut the part whose disc errs most in two, until there are so many or none can be cut.
 
     What is counted are the degrees of the irradiance up to `order`. `radius` is that of all discs,
@@ -221,7 +223,7 @@ def split_lamps(
     >>> len(split.lamps), split.proof.rms < 0.01
     (1, True)
     """
-    whole("count", count, 0, 100)
+    whole_number("count", count, 0, 100)
     for name, value in (("error", error), ("largest", largest)):
         if not 0 <= value < np.inf:
             raise ArgumentError(name, f"is {value}; give 0 or more")
@@ -378,7 +380,7 @@ class Filled:
     numbers: Indices
     """Pixels, in row-major order, shape (n,)."""
     values: Array
-    """Their radiance without the lamp, shape (n, 3)."""
+    """The radiance of the pixels without the lamp, shape (n, 3)."""
     excess: Array
     """What is taken out of each pixel, shape (n, 3). Single values may be negative, at dark rims;
     no sum is."""

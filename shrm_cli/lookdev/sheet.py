@@ -32,7 +32,7 @@ from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, check_arguments
 from shrm_cli.maps.seen import as_candidate
-from shrm_cli.messages import several, whole
+from shrm_cli.messages import several, whole_number
 from shrm_cli.naming import probe_stem
 from shrm_cli.plan.search import Goal
 from shrm_cli.prefilter import prefilter_with_facts
@@ -82,7 +82,7 @@ class Column:
 
     path: str
     cells: tuple[Map | str, ...]
-    """For each material the map, or why there is none."""
+    """The map of each material, or why there is none."""
     surroundings: Probe | None = None
     """What is seen behind the spheres; None if the probe cannot be used."""
     exposure: float = 0.0
@@ -157,7 +157,7 @@ def make_column(
     stages = Stages(progress, count)
     for spec in wanted.specs:
         try:
-            made = _made(probe, wanted, spec, stages.within)
+            made = _make(probe, wanted, spec, stages.within)
         except Exception as error:
             cells.append(error_line(error))
         else:
@@ -169,7 +169,7 @@ def make_column(
     return Column(path, tuple(cells), behind, exposure, warnings)
 
 
-def _made(probe: Probe, wanted: Wanted, spec: str, progress: Progress) -> Prefiltered:
+def _make(probe: Probe, wanted: Wanted, spec: str, progress: Progress) -> Prefiltered:
     """Make a map; with the lamps beside it where that is the better picture.
 
     Here it matters nothing that shaders have no code for the lamps of some BRDFs.
@@ -320,7 +320,7 @@ def lookdev(
     """
     check_arguments(to, [*arguments, "brdf"])
     probes, brdfs = [os.fspath(each) for each in several(probes, "probes")], several(brdfs, "brdfs")
-    whole("size", size, 1, MAX_PICTURE_SIZE)
+    whole_number("size", size, 1, MAX_PICTURE_SIZE)
     for spec in brdfs:
         parse_spec(spec)  # what is wrong with a material is said before the work begins
     Grid(len(brdfs), len(probes), size).check()
@@ -416,29 +416,29 @@ def material_names(specs: Sequence[str]) -> list[str]:
     and suffix, and ``0.9*lambertian+0.1*ggx`` is ``lambertian + ggx``. Where that is the same for
     two of them, both keep all that they say.
     """
-    return _told_apart([_short(spec) for spec in specs], [file_label(spec) for spec in specs])
+    return _unambiguous([_short(spec) for spec in specs], [file_label(spec) for spec in specs])
 
 
 def probe_names(paths: Sequence[str]) -> list[str]:
     """Return a short name for each probe: that of its file, with its folder where two are alike."""
-    return _told_apart([probe_stem(path) for path in paths], paths)
+    return _unambiguous([probe_stem(path) for path in paths], paths)
 
 
-def _told_apart(short: Sequence[str], full: Sequence[str]) -> list[str]:
+def _unambiguous(short: Sequence[str], full: Sequence[str]) -> list[str]:
     counts = Counter(short)
     return [name if counts[name] == 1 else text for name, text in zip(short, full, strict=True)]
 
 
 def _short(spec: str) -> str:
     if is_sum(spec):
-        return _cut(" + ".join(_short(term).partition(" ")[0] for term in term_texts(spec)))
+        return _shortened(" + ".join(_short(term).partition(" ")[0] for term in term_texts(spec)))
     if names_file(spec):
-        return _cut(file_label(spec))
+        return _shortened(file_label(spec))
     name, _, parameters = spec.partition(":")
     values = [pair.partition("=")[2] or pair for pair in cut(COMMA, parameters) if pair]
     words = (_short(value[1:-1]) if value[0] == "(" else value for value in map(str.strip, values))
-    return _cut(" ".join([name.strip(), *words]))
+    return _shortened(" ".join([name.strip(), *words]))
 
 
-def _cut(text: str) -> str:
+def _shortened(text: str) -> str:
     return text if len(text) <= _MOST_CHARACTERS else f"{text[: _MOST_CHARACTERS - 3]}..."

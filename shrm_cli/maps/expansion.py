@@ -222,7 +222,7 @@ _ACCURACY = 5e-4, 0.3
 """The part of the lobes' energy that their sampling may miss: at most this, and in units of the
 squared error of the map. What it does miss is far less than what it is estimated to."""
 _APART = 4
-"""Of so many central directions one is looked up in a map, as light fields take seconds for all."""
+"""One of so many central directions is looked up in a map, as light fields take seconds for all."""
 
 
 def predicted_wrong_share(expansions: Sequence[Expansion]) -> float:

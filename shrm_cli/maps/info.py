@@ -134,9 +134,7 @@ class MapInfo:
 
     def without_box(self) -> "MapInfo":
         """Return the record of the same light that does not tell the room around it."""
-        if self.proxy is None:
-            return self
-        return self._read_with(proxy=None)
+        return self if self.proxy is None else self._read_with(proxy=None)
 
     def turned(self, matrix: ArrayLike) -> "MapInfo":
         """Return the record of the same light turned, as if the probe had been read so.

@@ -21,7 +21,7 @@ from shrm_cli.vocabulary import AUTO, REPRESENTATIONS
 _NEEDED = "prefilter", "report", "encode", "decode"
 """The functions that every form has."""
 _OFFERING = "settings", "look_up"
-"""Those that one has which is offered."""
+"""The functions that a form which is offered has besides."""
 
 
 def names() -> list[str]:

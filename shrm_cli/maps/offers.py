@@ -20,7 +20,7 @@ class Setting:
     """A map that could be made."""
 
     arguments: Mapping[str, Any]
-    """Those of `shrm_cli.prefilter.prefilter`, without the form and the BRDF."""
+    """What `shrm_cli.prefilter.prefilter` is given, besides the form and the BRDF."""
     taps: Sequence[int] = ()
     """How often a split sum is looked up, as `Map.shaded` takes it: each number is an offer of its
     own."""

@@ -204,7 +204,7 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
 Truth = Callable[[Array, Array], Array]
-"""From normals and views to what is reflected, shape (n, 3)."""
+"""Takes normals and views; returns what is reflected, shape (n, 3)."""
 Notes = tuple[tuple[str, str], ...]
 """Headings and texts that tell people what was chosen automatically."""
 

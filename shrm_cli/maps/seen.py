@@ -164,7 +164,12 @@ def first_that_keeps(
             break
     best = min(tried, key=lambda each: each.badness(goal))
     made = best.make()
-    return replace(made, warnings=(*made.warnings, _unkept(best, goal)))
+    remedy = "auto" if form.needs_brdf else "principal or splitsum for glossy surfaces"
+    unkept = (
+        f"no {form.title} map keeps {goal_text(goal)}: the best one has {best.errors_text}, as "
+        f"predicted; take `to` {remedy}"
+    )
+    return replace(made, warnings=(*made.warnings, unkept))
 
 
 def _with_step(request: Request, step: dict[str, object]) -> Request:
@@ -178,13 +183,3 @@ def _with_step(request: Request, step: dict[str, object]) -> Request:
 def known_error(made: Prefiltered) -> float:
     """Return the relative RMS error that is predicted of a map, all causes together."""
     return total_error(made.map.stated_error)
-
-
-def _unkept(best: Candidate[Prefiltered], goal: Goal) -> str:
-    """Say what the best map of a form misses."""
-    form = registry.description(best.form)
-    remedy = "auto" if form.needs_brdf else "principal or splitsum for glossy surfaces"
-    return (
-        f"no {form.title} map keeps {goal_text(goal)}: the best one has {best.errors_text}, as "
-        f"predicted; take `to` {remedy}"
-    )

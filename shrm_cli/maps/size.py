@@ -223,7 +223,7 @@ _PLACES_ORDER = 16
 _FEW_TEXELS = 16
 """The most texels along an edge of cubes that are looked through instead of predicted."""
 _FEW_TEXELS_ALONE = 48
-"""The same for maps of a single cube."""
+"""The same limit for maps of a single cube."""
 _FEW_HARMONICS = 4
 """The largest P of SHRMs whose cubes are looked through."""
 

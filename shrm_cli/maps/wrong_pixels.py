@@ -100,14 +100,14 @@ class LampsLit:
     flux: Array
     """The integral of their radiance, shape (3,)."""
     radiance: Callable[[Array, Array, Array], Array]
-    """From normals, tangents and views to what is reflected of them, shape (..., 3)."""
+    """Takes normals, tangents and views; returns what is reflected, shape (..., 3)."""
     may_darken: bool = False
     """Whether some of their radiance is negative."""
     _known: dict[object, Array] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def first(self) -> Array:
-        """Their light's coefficients of degree 0, shape (1, 3)."""
+        """The coefficients of degree 0 of the lamps' light, shape (1, 3)."""
         return self.flux[None] / np.sqrt(4 * np.pi)
 
     def seen_at(self, at: Pixels, places: tuple[Indices, ...]) -> Array:

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError, ProbeError
-from shrm_cli.messages import several, whole
+from shrm_cli.messages import several, whole_number
 from shrm_cli.probe.image_file import ImageFile, open_picture
 from shrm_cli.progress import report
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation, horizontal_tangents
+from shrm_cli.sphere.grid.base import bilinear
 from shrm_cli.sphere.grid.latlong import latlong_points
 
 _PREFERENCE = 4
@@ -120,7 +121,7 @@ def unwrap_balls(
     places = [_circle(each, circle) for each, circle in zip(opened, given, strict=True)]
     # A lat-long's equator has pi / H to a pixel, a ball of radius r has 2 / r.
     rows = min(max(round(np.pi * places[0][2] / 2), 2), LARGEST) if size is None else size
-    rows = whole("size", rows, 2, LARGEST)
+    rows = whole_number("size", rows, 2, LARGEST)
     balls = [
         _Ball(each.whole(), circle, from_azimuth_elevation(*camera), distance)
         for each, circle, camera in zip(opened, places, stood, strict=True)
@@ -204,7 +205,7 @@ class _Ball:
         # Pixels at the rim show what is beside the ball, too.
         reach = np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), _TINY)
         right, up = np.moveaxis(points * np.minimum(1, (1 - 1 / radius) / reach), -1, 0)
-        return _bilinear(self.image, x + radius * right - 0.5, y - radius * up - 0.5)
+        return bilinear(self.image, x + radius * right - 0.5, y - radius * up - 0.5)
 
     def trust(self, directions: Array) -> Array:
         """Return how far it is preferred in directions, shape (...)."""
@@ -228,18 +229,6 @@ def _seen_by(balls: Sequence[_Ball], part: range, rows: int) -> tuple[Array, Arr
 
     seen = np.stack([mean(each.seen(directions)) for each in balls])
     return seen, np.stack([mean(each.trust(directions)) for each in balls])
-
-
-def _bilinear(image: Array, columns: Array, rows: Array) -> Array:
-    """Look an image up between its pixels; beyond its edge it is as at the edge."""
-    height, width = image.shape[:2]
-    columns, rows = np.clip(columns, 0, width - 1), np.clip(rows, 0, height - 1)
-    left, top = columns.astype(int), rows.astype(int)
-    across, down = (columns - left)[..., None], (rows - top)[..., None]
-    right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    upper = (1 - across) * image[top, left] + across * image[top, right]
-    lower = (1 - across) * image[below, left] + across * image[below, right]
-    return np.asarray((1 - down) * upper + down * lower)
 
 
 def _agreement(balls: Sequence[_Ball]) -> tuple[Array, tuple[float, ...]]:

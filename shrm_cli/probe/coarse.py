@@ -53,10 +53,10 @@ def fine_probe(probe: Probe) -> Probe:
         return probe
     from shrm_cli.probe.light_sum import LightSum  # most runs have none, and load no more modules
 
-    return _fine_sum(probe) if isinstance(probe, LightSum) else _cut(probe, COARSE_ROWS)
+    return _fine_sum(probe) if isinstance(probe, LightSum) else _refined(probe, COARSE_ROWS)
 
 
-def _cut(probe: Probe, rows: int) -> Probe:
+def _refined(probe: Probe, rows: int) -> Probe:
     """Return a probe in pixels as small as those of a lat-long of some rows."""
     count = int(np.ceil(rows / probe.grid.resolution))
     if count < 2 or probe.sampling != "center" or not _goes_on(probe):
@@ -77,22 +77,17 @@ def _cut(probe: Probe, rows: int) -> Probe:
 def _fine_sum(light: "LightSum") -> "LightSum":
     """Return a sum of the same lights, whose probes are fine."""
     image = light.image_of_sum
-    probes = [_cut(term.probe, image.fine_rows) for term in light.terms]
+    probes = [_refined(term.probe, image.fine_rows) for term in light.terms]
     if all(fine is term.probe for fine, term in zip(probes, light.terms, strict=True)):
         return light
-    terms = tuple(
-        replace(term, probe=_telling(fine, term.probe))
-        for fine, term in zip(probes, light.terms, strict=True)
-    )
-    image = replace(image, terms=terms)
+    terms = []
+    for fine, term in zip(probes, light.terms, strict=True):
+        if fine is not term.probe:  # it says what the pixels needed that it was made of
+            said = PixelReport(notes=tuple(term.probe.report.warnings()))
+            term = replace(term, probe=replace(fine, report=said))
+        terms.append(term)
+    image = replace(image, terms=tuple(terms))
     return replace(light, image_of_sum=image, images=(image,))
-
-
-def _telling(fine: Probe, probe: Probe) -> Probe:
-    """Return a probe that says what the pixels of the one needed that it was made of."""
-    if fine is probe:
-        return probe
-    return replace(fine, report=PixelReport(notes=tuple(probe.report.warnings())))
 
 
 def _over_rim(image: Array, used: NDArray[np.bool_]) -> Array:

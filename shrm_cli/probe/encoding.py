@@ -41,9 +41,9 @@ class Encoding:
     name: str = "linear"
     """What the file holds, such as ``"linear"``, ``"sRGB"`` or ``"gamma 2.2"``."""
     curve: Curve | None = None
-    """From the numbers to linear ones; None where they are linear."""
+    """It makes the numbers linear; None where they are."""
     applied: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """By what red, green and blue were multiplied before they were stored."""
+    """What red, green and blue were multiplied by before they were stored."""
     primaries: tuple[float, ...] | None = None
     """CIE x and y of red, green, blue and white."""
     pixel_aspect: float = 1.0
@@ -219,7 +219,7 @@ class Layer:
     """Three channels, or one that serves as three, of a part of a file."""
 
     index: int
-    """Of the part."""
+    """The number of the part."""
     part: str
     layer: str
     """`part` and `layer`: their names; empty where they have none."""

@@ -95,7 +95,7 @@ def _curve(data: bytes) -> Curve | None:
             return lambda values: values
         if count == 1:
             (exponent,) = struct.unpack_from(">H", data, 12)
-            return _power(exponent / 256) if exponent else None
+            return (lambda values: np.maximum(values, 0) ** (exponent / 256)) if exponent else None
         table = np.frombuffer(data, ">u2", offset=12)[:count] / 65535
         if len(table) != count:
             return None
@@ -106,10 +106,6 @@ def _curve(data: bytes) -> Curve | None:
             numbers = struct.unpack_from(f">{_PARAMETERS[kind]}i", data, 12)
             return _parametric(kind, [number / 65536 for number in numbers])
     return None
-
-
-def _power(exponent: float) -> Curve:
-    return lambda values: np.maximum(values, 0) ** exponent
 
 
 def _parametric(kind: int, numbers: list[float]) -> Curve | None:

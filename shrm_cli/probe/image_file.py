@@ -25,7 +25,7 @@ from shrm_cli.vocabulary import PROXY_ATTRIBUTE
 MAX_PIXELS = 2**29
 """The most pixels that an image may have."""
 _MOST_OF_A_PICTURE = 2**26
-"""Those of one that is read whole: sums and weights of several photographs take 1.6 GB."""
+"""The most pixels of an image that is read whole: sums and weights of photographs take 1.6 GB."""
 
 if TYPE_CHECKING:
     from shrm_cli.probe.proxy import ProxyBox

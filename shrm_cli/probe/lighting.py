@@ -16,7 +16,7 @@ import numpy as np
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array, over_channels, slices
-from shrm_cli.messages import whole
+from shrm_cli.messages import whole_number
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import Displayed, once_each, record
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _MOST_ROWS = 32
 """Rows at each pole; farther away the rule and the areas differ by less than 1e-4."""
 _PART = 4
-"""These rows are no more than the height over this."""
+"""The polar rows are no more than the height over this."""
 _STANDS_OUT = 4.0
 """What is brighter than the mean of the polar rows without their lamps, times this, is a lamp.
 
@@ -81,7 +81,7 @@ class Lamps:
 
     @property
     def squares(self) -> Array:
-        """The same of the squared radiance."""
+        """Squared radiance to be added to that of the pixels, with the rule's weights."""
         return (self.excess**2 + 2 * self.excess * self.smooth) * self.ratios
 
 
@@ -228,7 +228,7 @@ def project(probe: Probe | str | os.PathLike[str] | Array, order: int) -> Lighti
         from shrm_cli.probe.open import as_probe  # most callers have opened it
 
         probe = as_probe(probe)
-    order = whole("order", order, 0, _MOST)
+    order = whole_number("order", order, 0, _MOST)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
         found = _project(probe, order)
     refuse_overflow(probe.name, found.coefficients)

@@ -227,11 +227,11 @@ class ColorReading:
     """How the colors of a probe are understood."""
 
     chromaticities: tuple[float, ...] | None
-    """Of the light as it leaves the probe; None where nobody tells them."""
+    """Those of the light as it leaves the probe; None where nobody tells them."""
     own: tuple[float, ...] | None = None
-    """Of the numbers of the images."""
+    """Those of the numbers in the images."""
     matrix: Array | None = None
-    """From the numbers of the images to that light; None where they are the same, shape (3, 3)."""
+    """From the images' numbers to that light; None where they are the same, shape (3, 3)."""
     notes: tuple[str, ...] = ()
     """What a user should know, a line each."""
     record: Mapping[str, list[float]] = field(default_factory=dict)

@@ -46,13 +46,15 @@ class PixelReport:
         """One line for each thing that a user should know."""
         lines = list(self.notes)
         if self.nonfinite:
-            lines.append(_told(self.nonfinite, "NaN or infinite pixel was filled from neighbours"))
+            lines.append(
+                _pluralized(self.nonfinite, "NaN or infinite pixel was filled from neighbours")
+            )
         if self.negative:
-            told = _told(self.negative, "pixel with negative radiance was clamped to 0")
+            told = _pluralized(self.negative, "pixel with negative radiance was clamped to 0")
             lines.append(f"{told} (minimum {self.minimum:.6g})")
         if self.clamped:
             share = self.energy_removed / self.energy if self.energy else 0.0
-            told = _told(self.clamped, "pixel was clamped")
+            told = _pluralized(self.clamped, "pixel was clamped")
             lines.append(f"{told}, which removed {share:.3%} of the energy")
         if self.energy == 0:
             lines.append("the probe is black")
@@ -117,14 +119,14 @@ def refuse_nonfinite(name: str, report: PixelReport) -> None:
     """Raise if any pixel was found to be NaN or infinite."""
     if report.first_nonfinite is not None:
         column, row = report.first_nonfinite
-        told = _told(report.nonfinite, "pixel is NaN or infinite")
+        told = _pluralized(report.nonfinite, "pixel is NaN or infinite")
         raise ProbeError(
             f"{name}: {told}, the first at column {column}, row {row}; give `fix_nonfinite` to "
             "fill them"
         )
 
 
-def _told(count: int, said: str) -> str:
+def _pluralized(count: int, said: str) -> str:
     """Return what is said of so many pixels, of what is said of one: "1 pixel was clamped"."""
     if count != 1:
         for one, many in (("pixel", "pixels"), (" was ", " were "), (" is ", " are ")):

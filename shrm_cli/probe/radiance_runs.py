@@ -23,7 +23,7 @@ _SCANLINES = 8, 2**15 - 1
 _MOST_MARKS = 4
 """A fifth one in a row would repeat a pixel four thousand million times."""
 _BIAS = 128 + 8
-"""Of the exponent, for mantissas that are integers."""
+"""The bias of the exponent, for mantissas that are integers."""
 
 
 @record(eq=False)

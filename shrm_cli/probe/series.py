@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from shrm_cli.probe.light_sum import LightSum
 
 SUFFIXES = (".txt", ".npy", ".json")
-"""Those of files of coefficients, besides irradiance maps."""
+"""The suffixes of files of coefficients, besides irradiance maps."""
 BASES = {
     "real": "orthonormal, without Condon-Shortley phase, index l(l+1)+m: 1, y, z, x, xy, ...",
     "condon-shortley": "the same with the factor (-1)^m",
@@ -63,7 +63,7 @@ class Series:
     """The coefficients of a light."""
 
     coefficients: Array
-    """Of radiance over the real harmonics of world axes, index l(l+1)+m, shape ((order+1)^2, 3)."""
+    """Radiance over the real harmonics of world axes, index l(l+1)+m, shape ((order+1)^2, 3)."""
     chromaticities: tuple[float, ...] | None = None
     """Their primaries, where the file tells them."""
     notes: tuple[str, ...] = ()

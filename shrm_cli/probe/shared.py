@@ -79,7 +79,7 @@ def shared(probe: Probe) -> Probe:
     return probe if isinstance(probe, LightSum | SharedProbe) else SharedProbe.of(probe)
 
 
-def held(probe: Probe) -> Probe:
+def shared_if_held(probe: Probe) -> Probe:
     """Return what `shared` does, but a probe of too many pixels to be held as it is.
 
     So every map has the bytes of one that is made of the probe alone.

@@ -25,7 +25,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.extras import install
 from shrm_cli.files.openimageio import caught
-from shrm_cli.files.texture import beside
+from shrm_cli.files.texture import referenced_file
 from shrm_cli.files.whole import note, scratch_folder
 from shrm_cli.probe.disc import LEAST_RADIUS, Disc, facing_factor
 from shrm_cli.probe.image import ArrayImage
@@ -39,7 +39,7 @@ _MOST_BYTES = 2**28
 """The most bytes of a layer."""
 _MOST_LAYERS, _MOST_PRIMS, _MOST_LIGHTS = 256, 10**6, 1000
 _Z_UP = ReadOptions(up="z").matrix()
-"""From the axes of a stage whose +Z is up to ours; its inverse turns a dome from +Y to +Z."""
+"""The turn from a stage whose +Z is up to our axes; its inverse turns a dome from +Y to +Z."""
 _ANIMATED = "is animated, and is as in its first frame"
 _LAYOUTS = {"latlong": "latlong", "angular": "angular", "cubeMapVerticalCross": "vcross"}
 
@@ -93,7 +93,7 @@ class _Layers:
 
     def __init__(self, root: Path) -> None:
         self.digest = hashlib.sha256()
-        """Of the bytes of all layers that were opened."""
+        """The digest of the bytes of all layers that were opened."""
         self.found: dict[str, Any] = {}
         self._root = root
         self._counts: dict[tuple[str, str], int] = {}
@@ -119,7 +119,7 @@ class _Layers:
         if not asset:
             return layer
         path = os.path.relpath(Path(layer.realPath).parent / asset, self._root.parent)
-        return self.opened(beside(os.fspath(self._root), path, "layer"))
+        return self.opened(referenced_file(os.fspath(self._root), path, "layer"))
 
     def prims(self, layer: Any, path: Any) -> int:
         """At most how many prims a prim adds to a stage, with what it refers to."""
@@ -230,7 +230,7 @@ class _Lights:
         reading = replace(options, yaw=0, pitch=0, roll=0, mirror=False, up="y", layout=layout)
         folder = self.root.parent
         found = os.path.relpath(file.resolvedPath or folder / file.path, folder)
-        probe = self.opening(beside(os.fspath(self.root), found), reading)
+        probe = self.opening(referenced_file(os.fspath(self.root), found), reading)
         if self.root != self.path:  # the files of a package are gone when pixels are read
             images = [(each.read(0, each.height), found) for each in probe.images]
             arrays = tuple(ArrayImage.copy_of(*each) for each in images)

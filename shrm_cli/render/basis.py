@@ -7,7 +7,7 @@ import numpy as np
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-from shrm_cli.messages import whole
+from shrm_cli.messages import whole_number
 from shrm_cli.render.camera import DEFAULT_FOV, Lens, Viewer, aimed
 from shrm_cli.render.drawing import SphereSubject
 from shrm_cli.render.mesh import MeshSubject
@@ -36,7 +36,7 @@ def basis_maps(order: int) -> list[Irradiance]:
     >>> len(shrm.basis_maps(2))
     9
     """
-    count = (whole("order", order, 0, _MOST) + 1) ** 2
+    count = (whole_number("order", order, 0, _MOST) + 1) ** 2
     info = MapInfo(order, 0, 0.0, 1.0, 0.0)
     found = []
     for index in range(count):

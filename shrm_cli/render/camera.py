@@ -210,7 +210,7 @@ class Aim:
     target: Array
     """The point in the middle of the picture, world axes, shape (3,)."""
     distance: float
-    """From the target to the camera."""
+    """How far the camera is from the target."""
 
     def eye(self, viewer: Viewer) -> Array:
         """Return where the camera stands, shape (3,)."""

@@ -81,7 +81,7 @@ class Comparison:
     others: Picture
     """Pictures of M other maps, in the same form, shape (M, V, S, S, 3)."""
     primaries: tuple[float, ...] | None = None
-    """Of all pictures; None is Rec.709."""
+    """The primaries of all pictures; None is Rec.709."""
 
     def difference(self, other: int, view: int | None = None) -> Difference:
         """Measure how far a map is from the baseline, in one view or by default in all."""

@@ -120,9 +120,9 @@ class Drawing:
     seen: list[MapInfo]
     """How the maps were made, in the primaries of the picture."""
     primaries: tuple[float, ...] | None
-    """Those of the picture."""
+    """The primaries of the picture."""
     rows: int
-    """Of a lat-long that is fine enough to be its background."""
+    """The rows of a lat-long that is fine enough to be its background."""
     said: dict[str, Any]
     """What results and recipes say of it."""
     warnings: list[str]
@@ -148,7 +148,7 @@ class Film:
     skies: tuple[Probe | None, Probe | None] = (None, None)
     """What is behind, and what that becomes."""
     columns: int | None = None
-    """Of a sheet."""
+    """The columns of a sheet."""
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -186,9 +186,9 @@ class Recolored(ReflectedLight):
 
     shown: ReflectedLight
     matrix: Array
-    """From the map's linear RGB to that which is wanted, shape (3, 3)."""
+    """It takes the map's linear RGB to that which is wanted, shape (3, 3)."""
     primaries: tuple[float, ...] | None
-    """Of that; None is Rec.709."""
+    """The primaries that are wanted; None is Rec.709."""
 
     @cached_property
     def info(self) -> MapInfo:

@@ -32,7 +32,7 @@ from shrm_cli.sphere.directions import horizontal_tangents, turn_about, turn_mat
 
 Drawn = TypeVar("Drawn")
 _ROUNDING = 1e-6
-"""By what part of an end values may be beyond it, which are computed or were written as text."""
+"""The part of an end that values may be beyond it, which are computed or were written as text."""
 
 
 @record(eq=False)
@@ -45,7 +45,7 @@ class Moment:
     share: float = 0.0
     """How much of the light, 0 .. 1, is that of the second map."""
     values: Mapping[str, float] = field(default_factory=dict)
-    """Those of parameters that vary; the others are in the middle of their ranges."""
+    """Values of parameters that vary; the others are in the middle of their ranges."""
 
     def record(self) -> dict[str, Any]:
         """Return what the recipe of a picture says of it; nothing of what is at rest."""
@@ -289,7 +289,7 @@ class Key:
     """A keyframe."""
 
     frame: int
-    """From 1."""
+    """The number of the frame, from 1."""
     turn: tuple[float, ...] | None = None
     """Yaw, pitch and roll of the light, degrees."""
     blend: float | None = None

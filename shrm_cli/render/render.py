@@ -9,7 +9,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.files.image import Picture
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.maps.base import Map
-from shrm_cli.messages import refuse_arguments, several, whole
+from shrm_cli.messages import refuse_arguments, several, whole_number
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -134,7 +134,7 @@ def _shape(size: int | tuple[int, int], is_sphere: bool) -> tuple[int, int]:
     both = tuple(np.broadcast_to(size, 2).tolist()) if np.shape(size) in ((), (2,)) else ()
     if len(both) != 2 or (is_sphere and both[0] != both[1]):
         raise ArgumentError("size", f"is {size!r}; give {'one number' if is_sphere else 'two'}")
-    width, height = (whole("size", each, 1, MAX_PICTURE_SIZE) for each in both)
+    width, height = (whole_number("size", each, 1, MAX_PICTURE_SIZE) for each in both)
     return width, height
 
 

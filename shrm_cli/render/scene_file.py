@@ -58,15 +58,15 @@ class Shown:
     """What is said about a mesh besides its file, on the command line or in a scene file."""
 
     map: Map | None = None
-    """By default the map that the picture is of."""
+    """The map that it shows; by default the one that the picture is of."""
     roughness: float | None = None
     """It replaces that of the mesh's materials."""
     f0: str | float | Sequence[float] | None = None
-    """As in a BRDF's specification: ``0.04``, ``1/0.78/0.34`` or ``gold``."""
+    """What a BRDF's specification has: ``0.04``, ``1/0.78/0.34`` or ``gold``."""
     irradiance: Map | None = None
     """The light of the diffuse part of the mesh's materials."""
     brush: "str | tuple[float, float, float] | None" = None
-    """As `Actor` has it. It is "uv" or a direction."""
+    """What `Actor` has: "uv" or a direction."""
     vary: str | None = None
     """What a parameter that varies follows, as `open_variation` takes it."""
     plain: bool = False

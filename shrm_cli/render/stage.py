@@ -43,7 +43,7 @@ class Look:
     variation: Variation | None = None
     """What parameters of the BRDF follow, where the map lets them vary."""
     anisotropy: float | None = None
-    """That of glTF, of the GGX surface that split sums are shown as."""
+    """The anisotropy, as glTF has it, of the GGX surface that split sums are shown as."""
     taps: int | None = None
     """How many directions the light of that surface is looked up in, as `Map.shaded` has it."""
     paint: Paint | None = None
@@ -158,9 +158,9 @@ class Actor:
     """A mesh in its place, and how it looks."""
 
     mesh: Mesh
-    """In world axes."""
+    """The mesh, in world axes."""
     looks: Sequence[Look]
-    """That of triangles without a material, and then one for each of the mesh's materials."""
+    """The look of triangles without a material, and then of each of the mesh's materials."""
     brush: "str | tuple[float, float, float] | None" = None
     """What the tangents follow: texture coordinates, or a direction in world axes. By default they
     run around +Y. It is "uv" or a direction."""
@@ -175,7 +175,7 @@ class Stage:
     face_looks: NDArray[np.int64]
     """Which look each triangle has, shape (m,)."""
     tangents: Array | None = field(default=None, repr=False)
-    """Of the vertices; None where nothing is brushed, shape (n, 3)."""
+    """The tangents of the vertices; None where nothing is brushed, shape (n, 3)."""
 
     @classmethod
     def of(cls, actors: Iterable[Actor]) -> "Stage":

@@ -34,7 +34,7 @@ from shrm_cli.transfer.transfer import Transfer, diffuse_colors, fitted, glossy_
 Points = tuple[NDArray[np.int64], Array]
 """Triangles of points, shape (n,), and their places within these, barycentric (n, 3)."""
 BrdfAt = Callable[[tuple[float, ...]], Brdf]
-"""From where parameters are on their ways to the BRDF; of nothing where none varies."""
+"""Takes where parameters are on their ways, nothing where none varies; returns the BRDF."""
 
 _DIRECTIONS = 64
 """Directions within a lamp along which a point in its penumbra looks for it."""

@@ -25,7 +25,7 @@ from shrm_cli.render.image import suitable_exposure
 from shrm_cli.render.lit import ggx_surface, shown_as
 from shrm_cli.render.sphere import render_sphere
 from shrm_cli.report import pictures, words
-from shrm_cli.report.markup import Html, Part, joined, spec, tag, whole_page
+from shrm_cli.report.markup import Html, joined, spec, tag, whole_page
 from shrm_cli.vocabulary import LUMINANCE
 
 SIZE = 96
@@ -40,21 +40,21 @@ class Thumbnail:
     """A map as the page shows it."""
 
     file: str
-    """Its path."""
+    """The path of the probe."""
     form: str
     """The representation."""
     brdf: str
     """The specification of the BRDF; empty of light alone, which is shown as GGX."""
     info: MapInfo
     bytes: int
-    """Of the file."""
+    """The size of the file."""
     error: float | None
     """The predicted relative RMS error; None where it is not known: that of a split sum's levels
     says nothing of what one look-up for all views misses."""
     picture: Array
     """Linear radiance, premultiplied by the coverage of the sphere, shape (SIZE, SIZE, 3)."""
     seconds: float
-    """That reading and drawing it took."""
+    """How long it took to read and to draw it."""
 
     @property
     def probe(self) -> tuple[str, str]:
@@ -190,7 +190,8 @@ def contact_page(
     folder = Path(target).absolute().parent
     shown = list(dict.fromkeys(columns.values()))
     body = [_line(name, rows[name], shown, folder) for name in rows]
-    head = tag("tr", tag("th", "Probe"), [tag("th", _heading(*each)) for each in shown])
+    titles = [joined(spec(brdf), Html("<br>"), form) if brdf else form for brdf, form in shown]
+    head = tag("tr", tag("th", "Probe"), [tag("th", each) for each in titles])
     total = sum(each.bytes for each in contacts.maps)
     what = (
         f"{counted(len(contacts.maps), 'map')} of {counted(len(rows), 'probe')}, "
@@ -221,10 +222,6 @@ def _columns(maps: Sequence[Thumbnail]) -> dict[tuple[str, str], tuple[str, str]
     forms = Counter(brdf for brdf, _ in found)
     shared = {brdf for brdf in forms if brdf and forms[brdf] > 1 and brdf not in apart}
     return {(brdf, form): (brdf, "" if brdf in shared else form) for brdf, form in found}
-
-
-def _heading(brdf: str, form: str) -> Part:
-    return joined(spec(brdf), Html("<br>"), form) if brdf else form
 
 
 def _line(

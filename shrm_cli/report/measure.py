@@ -73,7 +73,7 @@ class Made:
     """What was chosen automatically."""
     warnings: tuple[str, ...]
     seconds: float
-    """That making it took, without reading the probe's file for the first time or writing."""
+    """How long it took to make, without reading the probe's file for the first time or writing."""
 
 
 @dataclass
@@ -93,9 +93,9 @@ class Material:
     comparison: Comparison | None = None
     """Truth and maps, in all views."""
     flips: list[list[FlipError | None]] = field(default_factory=list)
-    """Of each map and, in that, of each view; empty where it was not measured."""
+    """The error of each map and, in that, of each view; empty where it was not measured."""
     seconds: float = 0.0
-    """That the truth took."""
+    """How long the truth took."""
 
     @cached_property
     def name(self) -> str:

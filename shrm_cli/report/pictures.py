@@ -31,7 +31,7 @@ _SIGNED = np.array([
     (23, 79, 158), (66, 135, 203), (146, 192, 226), (244, 244, 242), (246, 178, 140),
     (220, 101, 66), (153, 27, 40),
 ]) / 255  # fmt: skip
-"""From too dark (blue) through right (nearly white) to too bright (red)."""
+"""The colors of errors, from too dark (blue) through right (nearly white) to too bright (red)."""
 
 
 def turbo(values: ArrayLike) -> Bytes:

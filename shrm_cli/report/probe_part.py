@@ -37,9 +37,9 @@ class Preview:
     image: Array
     """Linear radiance, shape (H, 2 H, 3)."""
     luminance: Array
-    """With the weights of the probe's primaries, shape (H, 2 H)."""
+    """Luminance by the weights of the probe's primaries, shape (H, 2 H)."""
     exposure: float
-    """That suits it, in stops."""
+    """The stops that suit it."""
 
 
 def preview(probe: Probe) -> Preview:

@@ -14,7 +14,7 @@ from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.messages import check_fields, several, whole
+from shrm_cli.messages import check_fields, several, whole_number
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
@@ -36,7 +36,7 @@ _OWN = 100_000
 _SKY = 500_000
 """What is left for the probe and the truth in a view."""
 _HALVED = (1, 2, 4, 8)
-"""By what the edges of maps are divided, one after the other, until a view has room for them."""
+"""What the edges of maps are divided by, one after the other, until a view has room for them."""
 _LEAST_EDGE = 16
 """Maps with fewer texels along an edge are not made smaller for a view."""
 _TRUTH_SIZE = 192
@@ -343,7 +343,7 @@ class ProbeReport:
     """A page, and what it tells."""
 
     html: str
-    """To be written as UTF-8."""
+    """The page, to be written as UTF-8."""
     measured: Measured
     """The maps and how far they are from the truth."""
     statistics: ProbeStatistics
@@ -404,9 +404,9 @@ def report(
     """
     light = as_probe(probe)
     brdfs, to = tuple(several(brdfs)), tuple(several(to, "to"))
-    picture_size = whole("picture_size", picture_size, 1, MAX_PICTURE_SIZE)
+    picture_size = whole_number("picture_size", picture_size, 1, MAX_PICTURE_SIZE)
     if truth_height is not None:
-        truth_height = whole("truth_height", truth_height, 2, MAX_SOURCE_HEIGHT)
+        truth_height = whole_number("truth_height", truth_height, 2, MAX_SOURCE_HEIGHT)
     angles = several(angles, "angles")
     plan = Plan(brdfs, to, arguments, tuple(angles), picture_size, truth_height, exact, flips)
     plan.recipes()  # refuses what no probe could make, before long work

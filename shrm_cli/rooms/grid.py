@@ -330,7 +330,7 @@ def made_by(path: str | os.PathLike[str]) -> str | None:
 def read_grid(path: str | os.PathLike[str]) -> ProbeGrid:
     """Read a grid."""
     missing, again = "name a grid that shrm grid wrote", "make it again with shrm grid"
-    with npz.told(Path(path), MeshError, missing, again) as archive:
+    with npz.checked_archive(Path(path), MeshError, missing, again) as archive:
         return _grid(archive.those_of(_DIMENSIONS), parse_json(archive.text("settings")))
 
 

@@ -19,7 +19,7 @@ from shrm_cli.files.whole import note
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.lights.split import split_lamps
-from shrm_cli.messages import whole
+from shrm_cli.messages import whole_number
 from shrm_cli.probe.light_file import stays_below
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import AnyProbe, as_probe, open_probe
@@ -174,13 +174,13 @@ def grid(
     >>> shrm.grid("one.csv", order=1).summary()["shape"]
     [1, 1, 1]
     """
-    name, order = os.fspath(source), whole("order", order, 0, MAX_GRID_ORDER)
+    name, order = os.fspath(source), whole_number("order", order, 0, MAX_GRID_ORDER)
     check_numbers("box", box, 6)
     if is_grid(name):
         return read_grid(name)
     if is_table(name):
         return read_positions(name, order, progress)
-    samples = whole("samples", samples, 1, MAX_SAMPLES)
+    samples = whole_number("samples", samples, 1, MAX_SAMPLES)
     opened = open_room(name, probe, albedo, emission)
     mesh = opened.room.mesh
     lattice = _lattice(mesh.bounds, size, box)
@@ -252,8 +252,8 @@ def capture(
     >>> shrm.capture("corner.obj", (0.2, 0.2, 0.2), size=8, samples=2, probe=sky).proxy.at
     (0.2, 0.2, 0.2)
     """
-    size = whole("size", size, 2, MAX_LATLONG_HEIGHT)
-    samples = whole("samples", samples, 1, MAX_SAMPLES)
+    size = whole_number("size", size, 2, MAX_LATLONG_HEIGHT)
+    samples = whole_number("samples", samples, 1, MAX_SAMPLES)
     for name, numbers, count in (("at", at, 3), ("box", box, 6)):
         check_numbers(name, numbers, count)
     opened = open_room(source, probe, albedo, emission)
@@ -279,7 +279,7 @@ def _lattice(
         raise ArgumentError("box", f"{what}; give two corners x0,y0,z0,x1,y1,z1, the lesser first")
     edges = high - low
     for each in size or ():
-        whole("size", each, 1, MOST)
+        whole_number("size", each, 1, MOST)
     x, y, z = size or (max(1, round(_LONGEST * each)) for each in edges / edges.max())
     if x * y * z > MOST:
         raise ArgumentError("size", f"makes {x * y * z:,} probes; {MOST:,} are the most")

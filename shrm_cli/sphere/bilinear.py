@@ -151,7 +151,7 @@ def _advances(s: Array, t: Array) -> tuple[Array, Array]:
 
 
 _FINER = 4, 2
-"""For each texel along an edge, the places that are looked at."""
+"""The places that are looked at for each texel along an edge."""
 _MANY = 2**19
 """The values above which the fewer places are looked at, unless the cube is small."""
 _SMALL = 16

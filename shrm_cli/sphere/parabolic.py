@@ -19,7 +19,7 @@ from shrm_cli.arrays import Array, slices
 from shrm_cli.sphere.cube import catmull_rom
 
 Weigh = Callable[[Array], tuple[NDArray[np.intp], list[Array]]]
-"""From places, in texels, to the first texel of a filter and the weights of all its texels."""
+"""Takes places in texels; returns the first texel of a filter and the weights of all its texels."""
 
 _POINTS_AT_ONCE = 2**13
 """Directions that are looked up at a time, so that their channels stay in the cache."""

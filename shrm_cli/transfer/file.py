@@ -91,7 +91,7 @@ def write_transfer(
 def read_transfer(path: str | os.PathLike[str]) -> Transfer:
     """Read a transfer."""
     missing = "name a transfer that shrm transfer wrote"
-    with npz.told(Path(path), TransferError, missing, _AGAIN) as archive:
+    with npz.checked_archive(Path(path), TransferError, missing, _AGAIN) as archive:
         arrays = archive.those_of(_DIMENSIONS)
         texels = _texels(archive) if "rows" in archive.names else None
         facts = _facts(parse_json(archive.text("settings")))

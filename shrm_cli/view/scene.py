@@ -62,7 +62,7 @@ class Start:
     f0: Color = (1.0, 1.0, 1.0)
     """Its reflectance at normal incidence."""
     anisotropy: float = 0.0
-    """That of glTF; only split sums of GGX are shown with one."""
+    """As glTF has it; only split sums of GGX are shown with one."""
     taps: int | None = None
     """How many directions their light is looked up in, as `Map.shaded` takes it."""
     brush: str | tuple[float, float, float] | None = None
@@ -82,11 +82,11 @@ class Truth:
     """How the truth is computed."""
 
     brdf: Brdf | None = None
-    """By default the one of all maps."""
+    """The BRDF; by default the one of all maps."""
     size: int = TRUTH_SIZE
     """Pixels along the edge of its pictures; 0 for no truth."""
     rows: int | None = None
-    """Of the lat-long that the probe is averaged down to; by default it is not averaged."""
+    """Rows of the lat-long that the probe is averaged down to; by default it is not averaged."""
     exact: bool = False
     """Whether it is the full sum over the pixels of the probe."""
 

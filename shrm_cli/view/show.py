@@ -13,7 +13,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import common_brdf, differing_origins, spec_of
 from shrm_cli.maps.kinds import LightMap, check_tap_count
-from shrm_cli.messages import check_names, several, whole
+from shrm_cli.messages import check_names, several, whole_number
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
@@ -107,9 +107,12 @@ def view(
     >>> shrm.view([white]).html()[:15]
     '<!DOCTYPE html>'
     """
-    maps, truth_size = several(maps, "maps"), whole("truth_size", truth_size, 0, MAX_PICTURE_SIZE)
+    maps, truth_size = (
+        several(maps, "maps"),
+        whole_number("truth_size", truth_size, 0, MAX_PICTURE_SIZE),
+    )
     if source_height is not None:
-        whole("source_height", source_height, 2, MAX_SOURCE_HEIGHT)
+        whole_number("source_height", source_height, 2, MAX_SOURCE_HEIGHT)
     if anisotropy is not None and not 0 <= anisotropy <= 1:
         raise ArgumentError("anisotropy", f"is {anisotropy:g}; give 0 to 1")
     if names is None:

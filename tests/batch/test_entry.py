@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from shrm_cli.batch.entry import Entry, checked, found_probes
-from shrm_cli.batch.job import by_probe, cut
+from shrm_cli.batch.job import by_probe, cut_for_workers
 from shrm_cli.errors import ArgumentError, BrdfError, OutputError, ProbeError
 from tests.batch.helpers import write_probes
 from tests.cli.helpers import ROOT, done, run
@@ -182,11 +182,11 @@ def test_chunks_are_cut_for_workers(folder):
     entry = Entry(("probes/day/*.exr",), (), ("irradiance", "splitsum", "she"))
     chunks = by_probe(entry.jobs())
     assert [len(chunk.jobs) for chunk in chunks] == [3, 3]
-    assert cut(chunks, 2) == chunks
-    parts = cut(chunks, 4)
+    assert cut_for_workers(chunks, 2) == chunks
+    parts = cut_for_workers(chunks, 4)
     assert [len(part.jobs) for part in parts] == [2, 1, 2, 1]
     assert [job for part in parts for job in part.jobs] == [j for c in chunks for j in c.jobs]
-    assert [len(part.jobs) for part in cut(chunks, 100)] == [1] * 6
+    assert [len(part.jobs) for part in cut_for_workers(chunks, 100)] == [1] * 6
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from shrm_cli.prefilter import prefilter
 from shrm_cli.probe import image_file
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import open_probe
-from shrm_cli.probe.shared import HeldImage, held, shared
+from shrm_cli.probe.shared import HeldImage, shared, shared_if_held
 from shrm_cli.vocabulary import DEFAULT_EPS
 from tests.batch.helpers import Here, edit, forget, records_of, statuses, write_probes
 from tests.cli.helpers import noise, write_exr
@@ -89,10 +89,10 @@ def test_a_shared_probe_is_projected_once_to_each_order(probe):
 
 
 def test_pixels_that_are_too_many_are_not_held(probe, monkeypatch):
-    assert isinstance(held(open_probe(probe)).images[0], HeldImage)
+    assert isinstance(shared_if_held(open_probe(probe)).images[0], HeldImage)
     monkeypatch.setattr("shrm_cli.probe.shared.MOST_BYTES", 100)
     plain = open_probe(probe)
-    assert held(plain) is plain
+    assert shared_if_held(plain) is plain
 
 
 @pytest.fixture

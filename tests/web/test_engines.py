@@ -18,7 +18,7 @@ from shrm_cli.export.engines.three import LOOKUP
 from shrm_cli.export.make import Asked, Source, packaged, write
 from shrm_cli.export.packing import ALL
 from shrm_cli.export.pixels import encoded
-from shrm_cli.maps.splitsum.brushed_shader import taps_code
+from shrm_cli.maps.splitsum.tap_shader import taps_code
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import DEFAULT_TAPS
 from tests import ggx

@@ -13,7 +13,7 @@ from shrm_cli.maps.irradiance.irradiance import in_form
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.shader.code import written_code
 from shrm_cli.maps.shader.file import pack
-from shrm_cli.maps.splitsum.brushed_shader import taps_code
+from shrm_cli.maps.splitsum.tap_shader import taps_code
 from shrm_cli.vocabulary import TAP_COUNTS
 from tests.cli.helpers import ROOT
 from tests.maps.irradiance.test_shader import make

@@ -12,7 +12,7 @@ from shrm_cli.brdf.environment.material_albedo import albedo_table
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
-from shrm_cli.messages import whole
+from shrm_cli.messages import whole_number
 from shrm_cli.records import record
 
 _OF_BRDFS = ("albedo", "brushed")
@@ -81,7 +81,7 @@ def dfg(
     >>> table.texels.shape, table.meaning.channels
     ((8, 8, 2), 'R = scale, G = bias')
     """
-    size = whole("size", size, 2, 1024)
+    size = whole_number("size", size, 2, 1024)
     if kind is not None and (brdf is not None or kind not in MEANINGS or kind in _OF_BRDFS):
         known = ", ".join(each for each in MEANINGS if each not in _OF_BRDFS)
         raise ArgumentError("kind", f"is {kind}; tables of GGX without `brdf` are of {known}")

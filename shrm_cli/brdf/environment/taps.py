@@ -36,7 +36,7 @@ KINDS, EVEN_KINDS = "uwrt", "wrt"
 MONOMIALS = ("1", "s", "p", "z", "s*s", "s*p", "s*z", "p*p", "p*z", "z*z")
 """What the columns of the table multiply: s is the root of ay / ax, p that of ay, and z is N.V."""
 EVEN_MONOMIALS = ("1", "p", "z", "p*p", "p*z", "z*z")
-"""The same of the table of even GGX."""
+"""The monomials of the table of even GGX."""
 
 
 @record(eq=False)
@@ -44,7 +44,7 @@ class Taps:
     """The taps of some views: of brushed GGX in the frame whose x axis runs across the marks."""
 
     weights: Array
-    """Their sum is 1, shape (..., taps)."""
+    """The weights of the taps, whose sum is 1, shape (..., taps)."""
     directions: Array
     """Unit vectors, shape (..., taps, 3)."""
     roughness: Array

@@ -15,13 +15,13 @@ from shrm_cli.brdf.imported.surfaces import SURFACES, Material, chosen
 from shrm_cli.color import conversion, mix_channels, srgb_to_linear
 from shrm_cli.errors import BrdfError
 from shrm_cli.extras import install
-from shrm_cli.files.texture import beside, mean_color
+from shrm_cli.files.texture import mean_color, referenced_file
 from shrm_cli.vocabulary import PRIMARIES
 
 _MOST_BYTES = 2**24
 _MOST_ELEMENTS = 2**16
 _MOST_DEPTH = 32
-"""Of elements within each other, and of nodes one after the other."""
+"""The most elements within each other, and the most nodes one after the other."""
 _LINEAR = ("", "none", "raw", "lin_rec709", "lin_rec709_scene")
 _ACESCG = ("acescg", "lin_ap1", "lin_ap1_scene")
 _IMAGES = "image", "tiledimage", "gltf_image", "gltf_colorimage"
@@ -160,7 +160,7 @@ class _Value:
         own, file = file.getColorSpace(), file.getInterfaceInput() or file
         named = own or file.getActiveColorSpace()
         space = _curve(named) if node.getType().startswith("color") else None
-        path = beside(self.name, str(file.getValue()))
+        path = referenced_file(self.name, str(file.getValue()))
         if space is srgb_to_linear:
             return mean_color(path, True)
         mean = mean_color(path, False)

@@ -11,7 +11,7 @@ from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading import file
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
-from shrm_cli.brdf.vectors import half_angles
+from shrm_cli.brdf.vectors import half_angles, interpolated_along
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.sphere.directions import from_angles
@@ -86,20 +86,14 @@ class Goniometer(MeasuredBrdf):
         return cls(light, view, colors, file.file_values(path))
 
     def above(self, light: Array, view: Array) -> Array:
-        total = np.zeros((len(light), _RECORD), dtype=light.dtype)
-        corners = [(np.zeros(len(light), dtype=np.intp), np.ones(len(light), dtype=light.dtype))]
-        for part, nodes in zip(_unit_angles(light, view), _NODES, strict=True):
-            position = part * (nodes - 1)
-            low = np.minimum(position.astype(np.intp), nodes - 2)
+        axes = []
+        for k, part in enumerate(_unit_angles(light, view)):
+            position, stride = part * (_NODES[k] - 1), int(np.prod(_NODES[k + 1 :]))
+            low = np.minimum(position.astype(np.intp), _NODES[k] - 2)
             share = np.minimum(position - low.astype(position.dtype), 1)
-            corners = [
-                (at * nodes + low + step, weight * (share if step else 1 - share))
-                for at, weight in corners
-                for step in (0, 1)
-            ]
-        for at, weight in corners:
-            total += self._table.take(at, axis=0) * weight[:, None]
-        return np.maximum(np.exp(total[:, :3]) - self._offset, 0)
+            axes.append((low * stride, stride, share))
+        found = interpolated_along(self._table, axes)[:, :3]
+        return np.maximum(np.exp(found) - self._offset, 0)
 
 
 def _unit_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:

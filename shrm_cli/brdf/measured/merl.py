@@ -12,7 +12,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import LARGEST, check_file, file_values, readable
-from shrm_cli.brdf.vectors import from_half_angles, half_angles
+from shrm_cli.brdf.vectors import from_half_angles, half_angles, interpolated_along
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
 
@@ -79,14 +79,9 @@ class Merl(MeasuredBrdf):
         part_k = k - floor_k
         low_k = floor_k.astype(np.intp) % CELLS[2]
         row = CELLS[2] + 1
-        at = (low_i * CELLS[1] + low_j) * row + low_k
-        total = np.zeros((len(at), _RECORD), dtype=light.dtype)
-        for step_i, weight_i in ((0, 1 - part_i), (CELLS[1] * row, part_i)):
-            for step_j, weight_j in ((0, weight_i * (1 - part_j)), (row, weight_i * part_j)):
-                for step_k, weight in ((0, weight_j * (1 - part_k)), (1, weight_j * part_k)):
-                    cells = self._table.take(at + (step_i + step_j + step_k), axis=0)
-                    total += cells * weight[:, None]
-        return total[:, :3]
+        slab = CELLS[1] * row
+        axes = (low_i * slab, slab, part_i), (low_j * row, row, part_j), (low_k, 1, part_k)
+        return interpolated_along(self._table, axes)[:, :3]
 
 
 def _places(light: Array, view: Array) -> tuple[Array, Array, Array]:

@@ -39,7 +39,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import check_file, file_values
-from shrm_cli.brdf.vectors import from_half_angles, half_angles
+from shrm_cli.brdf.vectors import from_half_angles, half_angles, interpolated_along
 from shrm_cli.errors import BrdfError, MapError, OutputError
 from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
@@ -141,27 +141,15 @@ class Table(MeasuredBrdf):
 
     def _interpolate(self, angles: tuple[Array, Array, Array]) -> Array:
         """Interpolate values at angles of shape (...); the result has the shape (..., 1 or 3)."""
-        corners, fractions, strides = [], [], self._strides()
+        axes = []
+        _, theta_d, phi_d, channels = self.table.shape
+        strides = theta_d * phi_d, phi_d, 1
         for angle, axis, stride in zip(angles, self.axes, strides, strict=True):
             count = len(axis)
             position = np.interp(angle, axis, np.arange(count)).astype(np.float32)
             low = np.clip(position.astype(np.int32), 0, max(count - 2, 0))
-            corners.append((low * stride, np.minimum(low + 1, count - 1) * stride))
-            fractions.append((1 - (position - low), position - low))
-        flat = self.table.reshape(-1, self.table.shape[-1])
-        total: Array = np.zeros((1,), dtype=np.float32)
-        for h in (0, 1):
-            for d in (0, 1):
-                weight = fractions[0][h] * fractions[1][d]
-                index = corners[0][h] + corners[1][d]
-                for p in (0, 1):
-                    corner = np.take(flat, index + corners[2][p], axis=0)
-                    total = total + (weight * fractions[2][p])[..., None] * corner
-        return total
-
-    def _strides(self) -> tuple[int, int, int]:
-        _, theta_d, phi_d = self.table.shape[:3]
-        return theta_d * phi_d, phi_d, 1
+            axes.append((low * stride, stride if count > 1 else 0, position - low))
+        return interpolated_along(self.table.reshape(-1, channels), axes)
 
     def _digest(self) -> str:
         digest = hashlib.sha256(repr(self.settings).encode())
@@ -263,7 +251,10 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".npz":
-        _write_npz(path, table)
+        arrays: dict[str, Any] = dict(zip(AXES, table.axes, strict=True))
+        arrays |= {"values": table.table, "settings": json.dumps(_settings_object(table.settings))}
+        with replacing(path) as temporary, open(temporary, "wb") as stream:
+            np.savez_compressed(stream, **arrays)
     elif suffix == ".exr":
         write_parts(path, [table_part(table)], "float")
     else:
@@ -288,13 +279,6 @@ def table_part(table: Table, scale: float = 1.0) -> Part:
     axes = {name: axis.tolist() for name, axis in zip(AXES, table.axes, strict=True)}
     settings = json.dumps({**_settings_object(table.settings), "axes": axes})
     return Part(channels, {ATTRIBUTE: settings})
-
-
-def _write_npz(path: str | os.PathLike[str], table: Table) -> None:
-    arrays: dict[str, Any] = dict(zip(AXES, table.axes, strict=True))
-    arrays |= {"values": table.table, "settings": json.dumps(_settings_object(table.settings))}
-    with replacing(path) as temporary, open(temporary, "wb") as stream:
-        np.savez_compressed(stream, **arrays)
 
 
 def _settings_object(settings: TableSettings) -> dict[str, Any]:

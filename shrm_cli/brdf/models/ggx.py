@@ -13,7 +13,7 @@ from shrm_cli.errors import BrdfError
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _LEAST_ALPHA = 0.0025
-"""That of the least roughness."""
+"""The alpha of the least roughness."""
 
 
 class Ggx(Brdf):

@@ -128,17 +128,12 @@ class Lafortune(Brdf):
     def evaluate(self, light: Array, view: Array) -> Array:
         across, up = tangential(light, view), light[..., 2] * view[..., 2]
         everything = (self._diffuse, *(triple for lobe in self._lobes for triple in lobe))
-        channels = [
-            above_horizon(self._channel(channel, across, up), light, view)
-            for channel in range(1 if all(map(is_grey, everything)) else 3)
-        ]
+        channels = []
+        for channel in range(1 if all(map(is_grey, everything)) else 3):
+            value = np.full_like(up, self._diffuse[channel] / np.pi)
+            for c_xy, c_z, exponent in self._lobes:
+                value += power(c_xy[channel] * across + c_z[channel] * up, exponent[channel])
+            channels.append(above_horizon(value, light, view))
         if len(channels) == 1:
             return colored(channels[0], (1.0, 1.0, 1.0))
         return np.stack(channels, axis=-1)
-
-    def _channel(self, channel: int, across: Array, up: Array) -> Array:
-        """One channel from L_x V_x + L_y V_y and L_z V_z, without the horizon."""
-        value = np.full_like(up, self._diffuse[channel] / np.pi)
-        for c_xy, c_z, exponent in self._lobes:
-            value += power(c_xy[channel] * across + c_z[channel] * up, exponent[channel])
-        return value

@@ -57,7 +57,7 @@ class Mode:
     lines: int
     """1 or 2."""
     bits: int
-    """Of each channel of the first end."""
+    """The bits of each channel of the first end."""
     differences: tuple[int, int, int]
     """Bits of the others in red, green and blue."""
     layout: str

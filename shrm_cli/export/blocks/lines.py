@@ -219,7 +219,7 @@ class Found:
     data: NDArray[np.uint8]
     """Shape (n, 16)."""
     error: Floats
-    """By which blocks are compared, shape (n,)."""
+    """What blocks are compared by, shape (n,)."""
     off: Floats
     """Squared errors of their light, shape (n,)."""
 

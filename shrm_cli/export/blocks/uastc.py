@@ -32,7 +32,7 @@ _MOST_BITS = 6.4
 """What a byte may take by an ideal code: 12.8 bytes a block, of which Zstandard saves a few %."""
 _TRIES = 6
 _DEARER = 2
-"""By how many powers of 2 a bit too many makes bits dearer, at each try."""
+"""How many powers of 2 a bit too many makes bits dearer by, at each try."""
 
 
 def _tables() -> tuple[lines.Floats, NDArray[np.uint16]]:
@@ -81,7 +81,7 @@ def encoded(blocks: Array, prices: lines.Floats) -> lines.Found:
     data = pack(numbers, _chosen(_relative_errors(texels, numbers), numbers, prices, 1))
     numbers = written(ends, of_channels, prices, rate.bits_of_bytes(data))
     indices = _chosen(_relative_errors(texels, numbers), numbers, prices)
-    return _found(texels, numbers, indices, np.flatnonzero(lines.is_steep(texels)))
+    return _balanced_blocks(texels, numbers, indices, np.flatnonzero(lines.is_steep(texels)))
 
 
 def prices_of(blocks: Array) -> lines.Floats:
@@ -118,7 +118,7 @@ def searched(blocks: Array) -> lines.Found:
     numbers = written(ends, every.weights.sum(axis=1))
     indices = rate.smallest(_errors(_lights(numbers), every.light))
     return lines.best(
-        _found(every, numbers, indices, np.arange(indices.shape[-1])), len(lines.STARTS)
+        _balanced_blocks(every, numbers, indices, np.arange(indices.shape[-1])), len(lines.STARTS)
     )
 
 
@@ -194,7 +194,7 @@ def _errors(lights: lines.Floats, wanted: lines.Floats) -> lines.Floats:
     return errors
 
 
-def _found(
+def _balanced_blocks(
     texels: lines.Texels, numbers: lines.Whole, indices: lines.Whole, lamps: lines.Whole
 ) -> lines.Found:
     """Return blocks, with the steps of some moved so that lamps keep their energy."""

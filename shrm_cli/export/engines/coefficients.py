@@ -48,8 +48,7 @@ def coefficients_json(coefficients: ArrayLike) -> str:
 def add_coefficients(made: Package, name: str, values: Array, meaning: str, axes: str) -> None:
     """Add coefficients, shape (9, 3), to a package: a list for each channel.
 
-    `values` are of shape (9, 3). `meaning` and `axes` are what the numbers are, and the axes that
-    they are in, for people.
+    `meaning` and `axes` are what the numbers are, and the axes that they are in, for people.
     """
     red, green, blue = (values[:, channel].tolist() for channel in range(3))
     found = {"meaning": meaning, "axes": axes, "red": red, "green": green, "blue": blue}

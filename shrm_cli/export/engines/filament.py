@@ -40,7 +40,11 @@ class Filament(Engine):
         if nine is not None:
             ready = filament(nine)
             metadata["sh"] = " ".join(f"{value:.9g}" for value in ready.ravel().tolist())
-            made.add_text("sh.txt", sh_text(ready))
+            lines = [
+                f"({r: .15f}, {g: .15f}, {b: .15f}); // {name}, irradiance, pre-scaled base"
+                for name, (r, g, b) in zip(_NAMES, ready.tolist(), strict=True)
+            ]
+            made.add_text("sh.txt", "\n".join(lines) + "\n")
             made.told.append("the nine coefficients make E/pi, with the shader's constants in them")
         if light.levels:
             name = f"{light.name}_ibl.ktx"
@@ -72,12 +76,3 @@ def _cube(
     """Return a KTX 1 file of some levels, and tell what was clipped or lost."""
     packed = packed_levels(made, name, levels, texels)
     return ktx1_cube(packed, levels[0].shape[1], texels, metadata)
-
-
-def sh_text(ready: Array) -> str:
-    """Return cmgen's text of coefficients that are ready for the shader, shape (9, 3)."""
-    lines = [
-        f"({red: .15f}, {green: .15f}, {blue: .15f}); // {name}, irradiance, pre-scaled base"
-        for name, (red, green, blue) in zip(_NAMES, ready.tolist(), strict=True)
-    ]
-    return "\n".join(lines) + "\n"

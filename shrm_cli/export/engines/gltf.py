@@ -11,7 +11,6 @@ that name.
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from shrm_cli.export.asset import EXTENSION
 from shrm_cli.export.cubes import mirrored, packed_levels
@@ -67,7 +66,15 @@ class Gltf(Engine):
             images = [{"uri": uri(each)} for each in pictures]
             for each, picture in pictures.items():
                 made.add_bytes(each, picture)
-            made.add_text(name, json.dumps(_document(described, images), allow_nan=False))
+            document = {  # of a scene with nothing but the light
+                "asset": {"version": "2.0", "generator": "shrm"},
+                "extensionsUsed": [EXTENSION],
+                "extensions": {EXTENSION: {"lights": [described]}},
+                "images": images,
+                "scene": 0,
+                "scenes": [{"extensions": {EXTENSION: {"light": 0}}}],
+            }
+            made.add_text(name, json.dumps(document, allow_nan=False))
         else:
             made.add_bytes(name, asset.lit(described, list(pictures.values())))
             made.told.append(f"the light is in each scene of the file: {asset.scenes}")
@@ -84,15 +91,3 @@ class Gltf(Engine):
             "scene.environmentTexture.gammaSpace = false; // which its loader forgets",
         ]
         return made
-
-
-def _document(light: dict[str, Any], images: list[dict[str, str]]) -> dict[str, Any]:
-    """Return a glTF document of a scene with nothing but a light."""
-    return {
-        "asset": {"version": "2.0", "generator": "shrm"},
-        "extensionsUsed": [EXTENSION],
-        "extensions": {EXTENSION: {"lights": [light]}},
-        "images": images,
-        "scene": 0,
-        "scenes": [{"extensions": {EXTENSION: {"light": 0}}}],
-    }

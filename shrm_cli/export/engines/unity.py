@@ -17,7 +17,6 @@ from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.engines.coefficients import add_coefficients
 from shrm_cli.export.harmonics import in_axes, unity
 from shrm_cli.export.latlong import add_exr
-from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment, numbers
 from shrm_cli.export.tamed import Sampler
 from shrm_cli.probe.proxy import ProxyBox
@@ -60,21 +59,17 @@ class Unity(PanoramaEngine):
             "// (a Skybox/Panoramic material has Unity's +X in its centre: set Rotation to 90)",
         ]
 
-    def pack(self, light: Light, texels: TexelFormat) -> Package:
-        made = super().pack(light, texels)
-        nine = light.nine()
-        if nine is not None:
-            ready = unity(in_axes(nine, _AXES))
-            meaning = "SphericalHarmonicsL2[channel, index]; Evaluate gives E/pi"
-            name = f"{light.name}_sh.json"
-            add_coefficients(made, name, ready, meaning, "Unity: left-handed, Y up, x = -x")
-            made.told.append("the nine coefficients are in Unity's axes and make E/pi")
-            made.loading += [
-                f'// red[i] and so on: ["red"][i] of {comment(name)}',
-                "var sh = new SphericalHarmonicsL2();",
-                "for (int i = 0; i < 9; i++) { sh[0, i] = red[i]; sh[1, i] = green[i]; "
-                "sh[2, i] = blue[i]; }",
-                "RenderSettings.ambientMode = AmbientMode.Custom;",
-                "RenderSettings.ambientProbe = sh;",
-            ]
-        return made
+    def add_nine(self, made: Package, nine: Array, light: Light) -> None:
+        ready = unity(in_axes(nine, _AXES))
+        meaning = "SphericalHarmonicsL2[channel, index]; Evaluate gives E/pi"
+        name = f"{light.name}_sh.json"
+        add_coefficients(made, name, ready, meaning, "Unity: left-handed, Y up, x = -x")
+        made.told.append("the nine coefficients are in Unity's axes and make E/pi")
+        made.loading += [
+            f'// red[i] and so on: ["red"][i] of {comment(name)}',
+            "var sh = new SphericalHarmonicsL2();",
+            "for (int i = 0; i < 9; i++) { sh[0, i] = red[i]; sh[1, i] = green[i]; "
+            "sh[2, i] = blue[i]; }",
+            "RenderSettings.ambientMode = AmbientMode.Custom;",
+            "RenderSettings.ambientProbe = sh;",
+        ]

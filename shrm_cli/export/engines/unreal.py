@@ -14,7 +14,6 @@ from shrm_cli.export.engine import Light, Package, PanoramaEngine
 from shrm_cli.export.engines.coefficients import add_coefficients
 from shrm_cli.export.harmonics import in_axes, unreal
 from shrm_cli.export.latlong import add_exr, rolled
-from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment, numbers
 from shrm_cli.probe.proxy import ProxyBox
 
@@ -49,14 +48,10 @@ class Unreal(PanoramaEngine):
             "// SkyLight: Source Type SLS Specified Cubemap, Cubemap: this one",
         ]
 
-    def pack(self, light: Light, texels: TexelFormat) -> Package:
-        made = super().pack(light, texels)
-        nine = light.nine()
-        if nine is not None:
-            name = f"{light.name}_sh.json"
-            meaning = "FSHVectorRGB3 R, G, B .V[index]: radiance, with Condon-Shortley phase"
-            ready = unreal(in_axes(nine, _AXES))
-            add_coefficients(made, name, ready, meaning, "Unreal: left-handed, Z up, (x, z, y)")
-            made.told.append("the nine coefficients are of radiance, in Unreal's axes and basis")
-            made.loading.append(f"// {comment(name)}: FSHVectorRGB3 sh; sh.R.V[i] = red[i]; ...")
-        return made
+    def add_nine(self, made: Package, nine: Array, light: Light) -> None:
+        name = f"{light.name}_sh.json"
+        meaning = "FSHVectorRGB3 R, G, B .V[index]: radiance, with Condon-Shortley phase"
+        ready = unreal(in_axes(nine, _AXES))
+        add_coefficients(made, name, ready, meaning, "Unreal: left-handed, Z up, (x, z, y)")
+        made.told.append("the nine coefficients are of radiance, in Unreal's axes and basis")
+        made.loading.append(f"// {comment(name)}: FSHVectorRGB3 sh; sh.R.V[i] = red[i]; ...")

@@ -291,17 +291,13 @@ class Zh3(Irradiance):
         return replace(made, form="zh3", zonal=matrix @ self.zonal)  # type: ignore[return-value,call-arg]
 
     def summary(self) -> dict[str, Any]:
-        return {**super().summary(), "form": self.form, "coefficients": self.numbers_each}
+        count = 5 if self.takes_windows else 4  # numbers that a reader needs of each channel
+        return {**super().summary(), "form": self.form, "coefficients": count}
 
     @property
     def takes_windows(self) -> bool:
         """Whether degree 2 is a number of its own, which a window can damp, and no guess."""
         return self.form != "zh3-hallucinated"
-
-    @property
-    def numbers_each(self) -> int:
-        """The numbers that a reader needs of each channel."""
-        return 5 if self.takes_windows else 4
 
     def numbers(self) -> dict[str, Any]:
         """Return what `Irradiance.numbers` does, and the axes and zonal coefficients, for JSON."""

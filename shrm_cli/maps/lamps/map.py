@@ -49,7 +49,7 @@ class LampMap(ReflectionMap):
     """
 
     map: Map
-    """That of the residual, with what it holds of what discs differ by from the lamps."""
+    """The map of the residual, with what it holds of what discs differ by from the lamps."""
     discs: tuple[Disc, ...]
     """The lamps, world axes; at least one."""
     left: float

@@ -76,7 +76,7 @@ _BESIDE = 0.0, 0.4, 0.8, 0.97, 1.03, 1.3, 2.0
 _AROUND = 0.3, 1.2, 2.1, 3.3
 """Azimuths of that distance from the plane of the view, radians."""
 _HEIGHTS = -0.6, -0.2, 0.2, 0.6
-"""And heights over the horizon, in radii, where the surface loses sight of a part of the disc."""
+"""Heights over the horizon, in radii, where the surface loses sight of a part of the disc."""
 _SAMPLES_AT_ONCE = 2**17
 """Values of the BRDF that are computed at a time; as arrays they take some megabytes."""
 _TINY = 1e-12
@@ -288,9 +288,9 @@ class LitDiscs:
     """Discs of light, and the BRDF that reflects them."""
 
     brdf: Brdf
-    """It is not about the tangent."""
+    """A BRDF that is not about the tangent."""
     discs: tuple[Disc, ...]
-    """In world axes."""
+    """The discs, in world axes."""
 
     @cached_property
     def rules(self) -> tuple[DiscRule, ...]:

@@ -287,7 +287,7 @@ class VaryingProduct(ProductMap):
     """Product textures that are joined by the values of parameters."""
 
     textures: tuple[ProductTexture, ...]
-    """Of one order and size."""
+    """Textures of one order and size."""
     steps: Steps
     """The values of the parameters, and the weights of the textures."""
     info: MapInfo

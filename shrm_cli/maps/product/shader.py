@@ -288,7 +288,7 @@ class _Mixing:
     """How the functions of several textures are joined, or those of a single one are taken."""
 
     head: str = _HEAD.format("brushed", "")
-    """Of the function that shades."""
+    """The head of the function that shades."""
     before: Sequence[str] = ()
     after: Sequence[str] = ()
     """`before` and `after`: other functions, in front of that and behind."""
@@ -310,12 +310,7 @@ def _mixing(steps: Steps, order: int, words: Words) -> _Mixing:
     found = _Mixing(
         _HEAD.format("varied", "".join(f", float {share}" for share in shares)),
         [line for each in zip(shares, axes, strict=True) for line in _place(*each, words.language)],
-        [
-            _Mixing.head,
-            "{",
-            f"    return shrm_varied_radiance(n, t, v{', 0.5' * len(axes)});",
-            "}",
-        ],
+        [_Mixing.head, "{", f"    return shrm_varied_radiance(n, t, v{', 0.5' * len(axes)});", "}"],
     )
     if not others:
         return replace(

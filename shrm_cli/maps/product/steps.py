@@ -39,7 +39,7 @@ tried where all of it together misses too much."""
 _ALIKE = ENOUGH / 10
 """What textures that are kept may miss of others, where more of them would not help."""
 _DECIMALS = 6
-"""Of the weights, which files hold as text."""
+"""The decimals of the weights, which files hold as text."""
 
 
 @record(eq=False)

@@ -208,16 +208,12 @@ def _tapped(made: Map, taps: int | None, even: int | None, language: Language) -
     name = "anisotropy" if taps is not None else "taps"
     if "anisotropy" not in made.surface_arguments and (taps, even) != (None, None):
         raise MapError(f"{made.what}: only split sums of GGX have code for `{name}`")
-    lines: list[str] = []
-    if taps is not None:
-        from shrm_cli.maps.splitsum.brushed_shader import brushed_functions
+    if (taps, even) == (None, None):
+        return []
+    from shrm_cli.maps.splitsum.tap_shader import brushed_functions, even_functions
 
-        lines += brushed_functions(taps, language)
-    if even is not None:
-        from shrm_cli.maps.splitsum.even_shader import even_functions
-
-        lines += even_functions(even, language)
-    return lines
+    brushed = [] if taps is None else brushed_functions(taps, language)
+    return brushed + ([] if even is None else even_functions(even, language))
 
 
 def lobe_of(made: Map) -> Table | None:

@@ -11,17 +11,17 @@ from collections.abc import Sequence
 from shrm_cli.records import record
 
 _MIRROR = 7
-"""Of the mirror direction, ``2 (n.v) n - v``."""
+"""Multiply-adds of the mirror direction, ``2 (n.v) n - v``."""
 _TANGENT = 5
-"""Of the horizontal tangent."""
+"""Those of the horizontal tangent."""
 _BILINEAR = 11
-"""Of one bilinear look-up in a table of RGB, which fetches four texels."""
+"""Those of one bilinear look-up in a table of RGB, which fetches four texels."""
 _TRIANGLES = 20 * 3 * 9 + 3 * 20 + 3 + 9
-"""Of Cabral's mixture: three volumes of each triangle, three solid angles, shares and colours."""
+"""Those of Cabral's mixture: three volumes of each triangle, solid angles, shares and colours."""
 _GREY = 47
-"""Of an SH exponential for one f0, without its series."""
+"""Those of an SH exponential for one f0, without its series."""
 _PAIR, _ALONE, _BRUSHED = 128, 79, 94
-"""Of two taps of brushed GGX, of one in the middle, and of all that is around them."""
+"""Those of two taps of brushed GGX, of one in the middle, and of all that is around them."""
 _TAP, _EVEN = 39, 33
 """Of a tap of even GGX, and of all around them, without the weight that the first one has not."""
 

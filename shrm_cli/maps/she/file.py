@@ -61,9 +61,7 @@ def _order(part: StoredPart, name: str) -> int:
 def _ggx_alpha(part: StoredPart) -> tuple[float, float]:
     """Read the range of GGX's alpha that the coefficients were fitted to."""
     value = part.attribute("shrm:ggx_alpha")
-    is_pair = isinstance(value, tuple) and len(value) == 2
-    if not is_pair or not all(isinstance(end, float) for end in value):
-        raise MapError.of_attribute(part.path, "ggx_alpha")
-    if not 0 < value[0] <= value[1] <= 1:
+    is_pair = isinstance(value, tuple) and [type(end) for end in value] == [float, float]
+    if not (is_pair and 0 < value[0] <= value[1] <= 1):
         raise MapError.of_attribute(part.path, "ggx_alpha")
     return stored.shortest(value[0]), stored.shortest(value[1])

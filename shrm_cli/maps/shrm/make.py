@@ -187,10 +187,7 @@ def order_warnings(made: Prefiltered, request: Request) -> tuple[str, ...]:
 
 
 def prefilter_shrm(
-    light: Projection,
-    request: Request,
-    chosen: Chosen | None = None,
-    dtype: type = np.float32,
+    light: Projection, request: Request, chosen: Chosen | None = None, dtype: type = np.float32
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
 

@@ -36,7 +36,7 @@ class ShrmRows:
     """What their F, which is only stated, may miss of the BRDF's energy."""
     most_p: int = MAX_ORDER_P
     _tried: dict[tuple[int, int], Expansion] = field(default_factory=dict, repr=False)
-    """Those that searches asked for, by size and P."""
+    """The expansions that searches asked for, by size and P."""
 
     def expansions(self, max_size: float = inf, largest: float = inf) -> Iterator[Row[Expansion]]:
         """Yield all of at most so many bytes, by their size, which is at most the largest one."""

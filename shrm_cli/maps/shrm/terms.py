@@ -168,22 +168,16 @@ def prefilter_terms(plan: Plan, dtype: type = np.float32) -> Prefiltered:
     )
     bounds = np.array([each.bound for each in expansions])
     bound = float(bounds @ strengths / max(together, 1e-300))
-    remarks = {each.remark: None for each in expansions if each.remark is not None}
-    missed = _shortfall(plan, info.predicted_error)
-    warnings = (*remarks, *([] if missed is None else [missed]))
+    warnings = list(dict.fromkeys(each.remark for each in expansions if each.remark is not None))
+    if not (plan.whole.is_met or all(term.is_met for term in plan.terms)):
+        worst = min(plan.terms, key=lambda term: term.orders.captured)
+        missed = shortfall(worst, plan.request.allowed, info.predicted_error)
+        warnings += [] if missed is None else [missed]
     made = SummedShrm(tuple(maps), info)
 
     facts = {"error_bound": bound}
     further = {"predicted_wrong_share": partial(map_wrong_share, expansions, made)}
-    return Prefiltered(made, facts, warnings=warnings, further=further)
-
-
-def _shortfall(plan: Plan, error: float) -> str | None:
-    """Say what the terms miss of the tolerance, where the whole misses it within the bytes too."""
-    if plan.whole.is_met or all(term.is_met for term in plan.terms):
-        return None
-    worst = min(plan.terms, key=lambda term: term.orders.captured)
-    return shortfall(worst, plan.request.allowed, error)
+    return Prefiltered(made, facts, warnings=tuple(warnings), further=further)
 
 
 def _joint_orders(plan: Plan) -> Orders:

@@ -245,7 +245,7 @@ class ShadedSplitSum(Shaded):
 
     @cached_property
     def _albedo(self) -> Callable[[Array], Array]:
-        """From N.V to the directional albedo: ``f0 * scale + bias``."""
+        """A function of N.V, which is the directional albedo: ``f0 * scale + bias``."""
         return partial(DirectionalAlbedo(self.roughness), f0=self.f0)
 
 

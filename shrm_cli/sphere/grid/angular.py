@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.sphere.cube import face_axes, right_angles, texel_index, texel_scale, turned_face
 from shrm_cli.sphere.directions import normalize
-from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, WholeImageAnalysis
+from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, WholeImageAnalysis, bilinear
 from shrm_cli.sphere.harmonics import index, legendre_degrees
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.vocabulary import FACES, Sampling
@@ -138,13 +138,7 @@ class AngularSampler:
 def _bilinear(padded: Array, across: Array, down: Array, sampling: Sampling) -> Array:
     """Values at positions in [-1, 1] of a square image with one more texel on every side."""
     size = len(padded) - 2
-    x, y = texel_index(across, size, sampling) + 1, texel_index(down, size, sampling) + 1
-    column = np.clip(np.floor(x).astype(np.intp), 0, size)
-    row = np.clip(np.floor(y).astype(np.intp), 0, size)
-    fx, fy = (x - column)[..., None], (y - row)[..., None]
-    top = (1 - fx) * padded[row, column] + fx * padded[row, column + 1]
-    bottom = (1 - fx) * padded[row + 1, column] + fx * padded[row + 1, column + 1]
-    return np.asarray((1 - fy) * top + fy * bottom)
+    return bilinear(padded, *(texel_index(each, size, sampling) + 1 for each in (across, down)))
 
 
 def _beyond_rim(image: Array, sampling: Sampling) -> Array:

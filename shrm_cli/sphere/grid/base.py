@@ -18,7 +18,20 @@ from shrm_cli.sphere.quadrature import cell_edges, nodes
 from shrm_cli.vocabulary import GRIDS, Sampling
 
 Sampler = Callable[[ArrayLike], Array]
-"""From directions of any length, shape (..., 3), to filtered values, shape (..., channels)."""
+"""Takes directions of any length, shape (..., 3); returns filtered values, (..., channels)."""
+
+
+def bilinear(image: Array, columns: Array, rows: Array) -> Array:
+    """Look an image up between its pixels; beyond its edge it is as at the edge."""
+    height, width = image.shape[:2]
+    columns, rows = np.clip(columns, 0, width - 1), np.clip(rows, 0, height - 1)
+    left, top = columns.astype(int), rows.astype(int)
+    across, down = (columns - left)[..., None], (rows - top)[..., None]
+    right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+    upper = (1 - across) * image[top, left] + across * image[top, right]
+    lower = (1 - across) * image[below, left] + across * image[below, right]
+    return np.asarray((1 - down) * upper + down * lower)
+
 
 _ALL_CHANNELS = 2**22
 """Pixels of larger images are integrated one channel after the other."""

@@ -41,11 +41,11 @@ class GlossyPart:
 
     weight: float
     bare: Brdf
-    """As it is without the coat."""
+    """The part as it is without the coat."""
     lobe: Brdf
-    """As it is seen through the coat after one reflection, but for its strength."""
+    """The part as it is seen through the coat after one reflection, but for its strength."""
     wider: Brdf
-    """And after several."""
+    """The part as it is seen after several reflections."""
 
 
 class Interior:

@@ -15,7 +15,7 @@ from shrm_cli.sphere.directions import from_angles
 COSINES = np.linspace(0, 1, 64) ** 2
 """Where functions are tabulated: densely where directions graze, where they are steep."""
 _ACCURACY = 1e-4
-"""Of albedos, relative."""
+"""The relative accuracy of albedos."""
 _LEAST = 1e-3
 """Directions closer to the horizon, .06 degrees, are taken as this cosine."""
 _STEPS = 20
