@@ -23,7 +23,6 @@ from shrm_cli.plan import policy
 from shrm_cli.plan.search import (
     Candidate,
     Goal,
-    error_beside,
     first_kept,
     is_worth_lamps,
     kept_in_fewest,
@@ -315,13 +314,8 @@ class _BesideLamps:
         `most_simple` are the most bytes of an SHRM with what lies beside it.
         """
         asked, goal = replace(request, sun="split"), Goal.of(request.error, request.seen)
-        if goal.wrong_share is not None:
-            # The RMS error is of all light, of which this map has a part. Where lamps light
-            # nothing, the share of wrong pixels keeps what is seen.
-            error = error_beside(beside.error, goal.error) / max(beside.left, goal.error)
-            asked = replace(asked, error=error, seen=goal.wrong_share)
         most, probe = most_simple - beside.bytes, beside.split.probe
-        rest = _Choice(Forms(beside.rest, asked, beside.left, most, probe, goal))
+        rest = _Choice(Forms(beside.rest, beside.asked(asked), beside.left, most, probe, goal))
         return cls(rest, beside, beside.lamps)
 
     def make(self) -> Prefiltered:

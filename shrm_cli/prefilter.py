@@ -96,10 +96,10 @@ def prefilter(
     sun : {"split", "keep"}, optional
         Take the lamps out of the light as `shrm_cli.lights.split.split_lamps` does, and make the
         map of what is left. They are kept beside it as discs, whose reflection `radiance` adds.
-        What is asked of the map is asked of what is left, of ``auto`` with `seen` or the defaults
-        of all light; the errors that it states are relative to all of the reflected light. ``keep``
-        leaves them in the map. By default ``auto`` takes them out where no map keeps what is asked
-        otherwise, and other forms keep them.
+        What is asked of the map is asked of what is left, but an error with `seen`, or by default
+        of ``auto`` and ``principal``, of all light. The errors that it states are relative to all
+        of the reflected light. ``keep`` leaves them in the map. By default ``auto`` takes them out
+        where no map keeps what is asked otherwise, and other forms keep them.
     progress : callable, optional
         Called with the amount of work done and the amount in all. What is done never falls.
     **own
@@ -173,8 +173,9 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
         else:
             from shrm_cli.maps.wrong_pixels import beside_lamps
 
+            asked = request if request.seen is None else lamps.asked(request)
             with beside_lamps(lamps.lamps):
-                found = _make(_fine(light, request), request)
+                found = _make(_fine(light, request), asked)
         info = replace(found.map.info, options=request.record(probe))
         found = replace(found, map=found.map.with_info(info))
         if needs_brdf:  # maps of light alone have words of their own for what is negative

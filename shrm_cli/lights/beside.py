@@ -25,12 +25,12 @@ from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
 from shrm_cli.maps.lamps.rule import LitDiscs
 from shrm_cli.maps.lobes_lit import Lobes, judged, reflected
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.request import Prefiltered, negative_warnings
+from shrm_cli.maps.request import Prefiltered, Request, negative_warnings
 from shrm_cli.maps.view_lobes import whole_lobes
 from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps, share_of_points
 from shrm_cli.messages import percent
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Goal
+from shrm_cli.plan.search import Goal, error_beside
 from shrm_cli.probe.disc import disc_coefficients
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
@@ -92,6 +92,18 @@ class Beside:
     def bytes(self) -> int:
         """The bytes that the file of the map takes for that."""
         return table_bytes(self.brdf)
+
+    def asked(self, request: Request) -> Request:
+        """Return what is asked of the map of the rest.
+
+        An RMS error beside a share of wrong pixels is of all light, of which this map has a part.
+        Where lamps light nothing, the share keeps what is seen.
+        """
+        goal = Goal.of(request.error, request.seen)
+        if goal.wrong_share is None:
+            return request
+        error = error_beside(self.error, goal.error) / max(self.left, goal.error)
+        return replace(request, error=error, seen=goal.wrong_share)
 
 
 _PARTS = 1 / 2, 1 / 4, 1 / 8
