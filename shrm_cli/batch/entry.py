@@ -31,6 +31,8 @@ FIELDS = ("probe", "folder", "brdf", "to", "engine")
 """What the names of outputs may hold in braces."""
 _FIELD = re.compile(r"([-._/ ]?)\{([^{}]*)\}")
 _SEPARATORS = "-._/ "
+_MOST_OF_A_PATTERN = 4096
+"""The most characters of a pattern: no system has longer names, and `glob` takes their square."""
 _Names = Sequence[str | os.PathLike[str]] | str | os.PathLike[str]
 
 
@@ -317,6 +319,8 @@ def found_probes(
         if not glob.has_magic(pattern) or os.path.exists(pattern):
             found.setdefault(pattern, "")
             continue
+        if len(pattern) > _MOST_OF_A_PATTERN:
+            raise ProbeError(f"{shown(pattern)[:99]} ...: too long for a pattern; shorten it")
         names = matching(pattern) if is_remote(pattern) else _files(pattern)
         if not names:
             raise ProbeError(f"{shown(pattern)}: matches no file; quote and correct the pattern")
