@@ -94,9 +94,7 @@ def impulse(
 @output_options
 @option("--sun", SUN, "Direction of the sun, degrees; elevation 0 to 90.", default="45,35")
 @option("--turbidity", within(1.7, 10), "Haziness of the air, 1.7 .. 10.", default=3.0)
-@option(
-    "--ground-albedo", within(0, 1), "Diffuse reflectance of the ground, 0 .. 1.", default=0.2
-)
+@option("--ground-albedo", within(0, 1), "Diffuse reflectance of the ground, 0 .. 1.", default=0.2)
 @flag("--no-sun", "Leave the sun's disc out, and print it as light files have it.")
 def sky(
     size: int,
