@@ -1,4 +1,4 @@
-"""The panel of examples/blender where the command is wrong, with stand-ins for Blender's modules."""
+"""The panel of examples/blender where the command is wrong; Blender's modules are stand-ins."""
 
 import runpy
 import sys
