@@ -75,8 +75,6 @@ the square of them, and about a kilobyte for each: .8 GB for 4 MB of keys of 16.
 _LONG_KEY = re.compile(  # no key begins behind a backslash, so that each byte is seen a few times
     rb"(?<![A-Za-z0-9_\\-])" + _KEY + rb"(?:[ \t]*+\.[ \t]*+" + _KEY + rb"){%d}" % _MOST_PARTS
 )
-_MOST_WHOLE = 2**63
-"""TOML's whole numbers are from minus this to less than it. Python's reader takes larger ones."""
 _MOST_OF_A_REASON = 100
 """The most characters that are told of what Python's reader says."""
 
@@ -102,10 +100,7 @@ def read_toml(
     if _LONG_KEY.search(text):
         raise error(f"{name}: a key of more than {_MOST_PARTS} parts; write {what} anew")
     try:
-        values = tomllib.loads(text.decode())
-        if _has_endless(values):
-            raise ValueError("a whole number of more than 64 bits")
-        return values, text
+        return tomllib.loads(text.decode()), text
     except RecursionError:
         raise error(f"{name}: nested too deeply to be {what}; write it anew") from None
     except UnicodeDecodeError:
@@ -113,12 +108,3 @@ def read_toml(
     except ValueError as problem:
         reason = " ".join(str(problem).split())[:_MOST_OF_A_REASON]
         raise error(f"{name}: no TOML ({reason}); correct it") from None
-
-
-def _has_endless(value: object) -> bool:
-    """Whether a whole number in a value of TOML is too large to be one."""
-    if isinstance(value, dict):
-        value = list(value.values())
-    if isinstance(value, list):
-        return any(map(_has_endless, value))
-    return isinstance(value, int) and not -_MOST_WHOLE <= value < _MOST_WHOLE
