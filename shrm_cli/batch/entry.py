@@ -304,8 +304,8 @@ def found_probes(
 
     A name of `patterns` that exists is no pattern, whatever it holds. One with no ``*``, ``?`` or
     ``[`` is taken as it is, with ``%`` for six faces too. `left_out` gets the names of files that
-    patterns match, and that `shrm` made of probes: maps, tables and pictures. Elsewhere than on
-    disk they are known by their names alone.
+    patterns match, and that `shrm` made or that hold no light: maps, pictures, meshes. Elsewhere
+    than on disk they are known by their names alone.
 
     Returns names of files and of patterns in the order of the patterns, and of the alphabet within
     each; each probe once.
@@ -330,7 +330,7 @@ def found_probes(
         if not probes:
             raise ProbeError(
                 f"{shown(pattern)}: matches no probe, only {counted(len(names), 'file')} that shrm "
-                "made of probes; correct the pattern, or name one of them whole"
+                "made, or that hold no light; correct the pattern, or name one of them whole"
             )
         for name in probes:
             found.setdefault(name, _below(name, pattern))
