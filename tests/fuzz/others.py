@@ -116,7 +116,7 @@ def make_others(folder: Path, run: Callable[..., None]) -> list[Row]:
     tables = (f'[[probe]]\nfile = "sound.exr"\nat = [{x}, 0, {z}]\n' for x, z in places)
     Path("probes.toml").write_text("".join(tables))
     Path("batch.toml").write_text(
-        'probes = ["sound.exr"]\nbrdfs = ["ggx:roughness=0.5"]\nto = ["shrm", "irradiance"]\n'
+        'probes = ["sound.exr"]\nbrdfs = ["phong:exponent=9"]\nto = ["shrm", "irradiance"]\n'
         'output = "made/{folder}/{probe}.{brdf}.{to}.exr"\neps = 0.2\n[irradiance]\n'
         'form = "zh3"\n[reading]\nyaw = 20\nclamp = 3\n[[entry]]\n[[entry]]\nto = "export"\n'
         'for = ["three", "bevy"]\noutput = "made/{engine}"\nsize = 32\n'
