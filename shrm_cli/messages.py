@@ -299,8 +299,18 @@ def _is_of(value: Any, kind: Any) -> bool:
     if kind in (float, int):
         has_digits = hasattr(value, "__float__" if kind is float else "__index__")
         # A NaN is not equal to itself.
-        return has_digits and not is_flag and not getattr(value, "ndim", 0) and value == value
+        is_number = has_digits and not is_flag and not getattr(value, "ndim", 0) and value == value
+        return is_number and (kind is int or _is_double(value))
     return is_flag if kind is bool else isinstance(value, origin or kind)
+
+
+def _is_double(value: Any) -> bool:
+    """Whether a number is not beyond the doubles, as whole numbers of hundreds of digits are."""
+    try:
+        float(value)
+    except OverflowError:
+        return False
+    return True
 
 
 def _is_listed(value: Any, kinds: tuple[Any, ...], has_length: bool) -> bool:

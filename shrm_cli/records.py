@@ -16,6 +16,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import MISSING, FrozenInstanceError, field
 from typing import Any, Generic, TypeVar, cast, dataclass_transform, overload
 
+from shrm_cli.errors import ArgumentError
+
 Class = TypeVar("Class", bound=type)
 Item = TypeVar("Item")
 Method = TypeVar("Method", bound=Callable[..., Any])
@@ -103,12 +105,13 @@ def _initializer(cls: type) -> Callable[..., None]:
         kept.update(zip(places, values))  # noqa: B905 (that there are too many is told below)
         kept.update(named)
         if len(values) > len(places) or len(kept) != len(values) + len(named):
-            raise TypeError(f"{cls.__name__}: a field is given twice, or too many are")
+            raise ArgumentError(cls.__name__, "is given a field twice, or too many")
         if not names.issuperset(named):
-            raise TypeError(f"{cls.__name__} has no field {min(named.keys() - names)!r}")
+            unknown = min(named.keys() - names)
+            raise ArgumentError(unknown, f"is no field of {cls.__name__}: {', '.join(places)}")
         for name in needed:
             if name not in kept:
-                raise TypeError(f"{cls.__name__} needs {name!r}")
+                raise ArgumentError(name, f"of {cls.__name__} is missing")
         for name, default, make in defaults:
             if name not in kept:
                 kept[name] = default if make is MISSING else make()

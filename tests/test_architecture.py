@@ -23,7 +23,8 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # The stops on the way from a probe to a picture; imports point only to earlier ones, or stay
 # within their own. Stops beside each other do not know each other.
 STOPS = [
-    {"errors", "records"},
+    {"errors"},
+    {"records"},
     {
         "arrays",
         "extras",

@@ -111,6 +111,12 @@ WRONG = {
     "threads": (lambda: shrm.using(threads="x"), "^`threads` is 'x'; give a number"),
     "cache": (lambda: shrm.using(cache="x"), "^`cache` is 'x'; give True, False or a Path"),
     "viewer": (lambda: shrm.Viewer("x"), "^`azimuth` 'x' is not a number$"),
+    "field": (lambda: shrm.Viewer(foo=1), "^`foo` is no field of Viewer: azimuth, elevation$"),
+    "long": (lambda: shrm.sky(8, 0, 30, 10**400), "^`turbidity` 1000*.* is not a number$"),
+    "normal": (
+        lambda: shrm.reference(np.ones((4, 8, 3)), "phong", np.zeros(3), [0, 0, 1]),
+        "^`normals` hold .0.0, 0.0, 0.0., whose length is 0 or not finite$",
+    ),
     "asked": (lambda: shrm.Asked(size="x"), "^`size` 'x' is not a whole number$"),
     "terms": (lambda: shrm.Terms(force="x"), "^`force` 'x' is not True or False$"),
     "look": (lambda: shrm.Look(views=3), "^`views` 3 is not True or False$"),

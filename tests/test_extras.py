@@ -8,6 +8,7 @@ import tomllib
 import pytest
 
 from shrm_cli import extras
+from shrm_cli.cli import main
 from tests.cli.helpers import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -54,6 +55,10 @@ def is_known(command):
     return command in worded | OTHERS or all(
         OWN.fullmatch(each) for each in command.removeprefix("pip install").split()
     )
+
+
+def test_what_shrm_cannot_do_without_is_what_is_required():
+    assert [re.match(r"\w+", each)[0] for each in PROJECT["dependencies"]] == list(main._REQUIRED)
 
 
 def test_the_table_is_that_of_the_distribution():

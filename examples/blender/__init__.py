@@ -70,8 +70,8 @@ class _Job:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self.work(context, settings, Path(bpy.path.abspath(settings.probe)), folder)
-        except (RuntimeError, OSError) as error:
-            self.report({"ERROR"}, str(error))
+        except (RuntimeError, OSError, ValueError) as error:
+            self.report({"ERROR"}, " ".join(str(error).split()))
             return {"CANCELLED"}
         return {"FINISHED"}
 

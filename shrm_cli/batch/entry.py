@@ -31,6 +31,8 @@ FIELDS = ("probe", "folder", "brdf", "to", "engine")
 """What the names of outputs may hold in braces."""
 _FIELD = re.compile(r"([-._/ ]?)\{([^{}]*)\}")
 _SEPARATORS = "-._/ "
+_MOST_OF_A_PATTERN = 4096
+"""The most characters of a pattern: no system has longer names, and `glob` takes their square."""
 _Names = Sequence[str | os.PathLike[str]] | str | os.PathLike[str]
 
 
@@ -296,8 +298,8 @@ def found_probes(
 
     A name of `patterns` that exists is no pattern, whatever it holds. One with no ``*``, ``?`` or
     ``[`` is taken as it is, with ``%`` for six faces too. `left_out` gets the names of files that
-    patterns match, and that `shrm` made of probes: maps, tables and pictures. Elsewhere than on
-    disk they are known by their names alone.
+    patterns match, and that `shrm` made or that hold no light: maps, pictures, meshes. Elsewhere
+    than on disk they are known by their names alone.
 
     Returns names of files and of patterns in the order of the patterns, and of the alphabet within
     each; each probe once.
@@ -311,6 +313,8 @@ def found_probes(
         if not glob.has_magic(pattern) or os.path.exists(pattern):
             found.setdefault(pattern, "")
             continue
+        if len(pattern) > _MOST_OF_A_PATTERN:
+            raise ProbeError(f"{shown(pattern)[:99]} ...: too long for a pattern; shorten it")
         names = matching(pattern) if is_remote(pattern) else _files(pattern)
         if not names:
             raise ProbeError(f"{shown(pattern)}: matches no file; quote and correct the pattern")
@@ -320,7 +324,7 @@ def found_probes(
         if not probes:
             raise ProbeError(
                 f"{shown(pattern)}: matches no probe, only {counted(len(names), 'file')} that shrm "
-                "made of probes; correct the pattern, or name one of them whole"
+                "made, or that hold no light; correct the pattern, or name one of them whole"
             )
         for name in probes:
             found.setdefault(name, _below(name, pattern))

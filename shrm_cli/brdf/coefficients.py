@@ -28,6 +28,8 @@ FIRST_ORDER_F = 32
 """The least order F to which BRDFs are expanded first; it doubles until it suffices."""
 _MOST_OCTAVES = 3
 """The most octaves of degrees over which the fall of their energies is trusted."""
+_LEAST_ENERGY = 1e-300
+"""The least fraction of the energy that counts as asked for: quotients by it are doubles."""
 _FALLING = 0.8
 """The ratio of the energies of two octaves of degrees, above which they have not begun to fall."""
 
@@ -185,7 +187,7 @@ def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, eps: flo
     Returns 0 .. `_MOST_OCTAVES`; 2 where energies have not begun to fall.
     """
     by_degree = coefficients.degree_energy.sum(axis=-1)
-    allowed = eps * coefficients.total_energy.sum()
+    allowed = max(eps, _LEAST_ENERGY) * coefficients.total_energy.sum()
     missing = coefficients.total_energy.sum() - by_degree.sum()
     above = float(energy_above(by_degree))
     if min(missing, above) <= allowed:

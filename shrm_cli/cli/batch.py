@@ -165,8 +165,8 @@ def batch(
     found = checked([job for entry in entries for job in entry.jobs(left_out)])
     chunks = by_probe(found) if found else _without_jobs(entries, left_out)
     if left_out and not usage.is_quiet():
-        made = f"{counted(len(set(left_out)), 'file')} that shrm made of probes"
-        echo(f"{made}, such as {left_out[0]}: left out of the patterns", err=True)
+        others = f"{counted(len(set(left_out)), 'file')} that shrm made, or that hold no light"
+        echo(f"{others}, such as {left_out[0]}: left out of the patterns", err=True)
     written = [commands, openjd] if commands or openjd else [collect, contact_page, log]
     check_others([each for each in written if each is not None and each != "-"], chunks)
     if commands or openjd:

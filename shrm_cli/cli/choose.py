@@ -88,7 +88,8 @@ def choose(
                 except shrm.ShrmError as reason:
                     failures.append(f"{path}, {spec}: {usage.flags(str(reason))}")
                 stages.done(len(found) + len(failures), pairs)
-            warnings += [f"{path}: {line}" for line in light.report.warnings()]
+            if any(name == path for name, _ in found):
+                warnings += [f"{path}: {line}" for line in light.report.warnings()]
     if not found:
         raise click.ClickException(failures[0])
     failures += [_misfit(path, each) for path, each in found if each.recommended is None]

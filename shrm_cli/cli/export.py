@@ -119,7 +119,7 @@ def export(
     attributes = {name: attribute for attribute, name in _OPTIONS.items()}
     given = {attributes.get(name, name): value for name, value in values.items()}
     asked = shrm.Asked(**given, keeps_primaries=is_kept)
-    chosen, failures = _found(names)
+    chosen, unusable = _found(names)
     with usage.renamed(**_OPTIONS):
         own = asked.of_several(chosen)
         if len(names) == 1:
@@ -133,7 +133,9 @@ def export(
         (engine, Path(start + engine.name), its) for engine, its in zip(chosen, own, strict=True)
     ]
     source = _opened(sources, reading).for_several()
-    results, lines, warnings = _all_exported(source, wanted, output, force, failures)
+    results, lines, warnings = _all_exported(source, wanted, output, force, unusable)
+    # What is wrong with the light is said once.
+    failures = [f"{listing(these, 'and')}: {reason}" for reason, these in unusable.items()]
     some = _of_some(asked, chosen, own)
     lines += [
         f"--{flag} is for {listing(having, 'and')}; the others have none"
@@ -148,9 +150,12 @@ def _all_exported(
     wanted: list[tuple[Engine, Path, shrm.Asked]],
     output: str | None,
     force: bool,
-    failures: list[str],
+    failures: dict[str, list[str]],
 ) -> tuple[list[dict[str, Any]], list[str], list[str]]:
-    """Make the files of several engines; return what `_exported` does, and add failures."""
+    """Make the files of several engines; return what `_exported` does.
+
+    `failures` get the engines by the reasons for which they have none.
+    """
     from shrm_cli.export.make import made_folder
 
     results: list[dict[str, Any]] = []
@@ -161,7 +166,7 @@ def _all_exported(
             try:
                 result, told, warned = _exported(source, engine, folder, its, force)
             except ShrmError as error:
-                failures.append(f"{engine.name}: {usage.flags(str(error))}")
+                failures.setdefault(usage.flags(str(error)), []).append(engine.name)
                 continue
             results.append(result)
             lines += told
@@ -169,19 +174,19 @@ def _all_exported(
     return results, lines, warnings
 
 
-def _found(names: list[str]) -> tuple[list[Engine], list[str]]:
-    """Return engines by their names, and lines about those of packages that cannot be used."""
+def _found(names: list[str]) -> tuple[list[Engine], dict[str, list[str]]]:
+    """Return engines by their names, and those of packages that cannot be used by reasons."""
     from shrm_cli.export.engine import engine
 
     found: list[Engine] = []
-    failures = []
+    failures: dict[str, list[str]] = {}
     for name in names:
         try:
             found.append(engine(name))
         except ShrmError as error:
             if len(names) == 1:
                 raise
-            failures.append(f"{name}: {error}")
+            failures.setdefault(str(error), []).append(name)
     return found, failures
 
 

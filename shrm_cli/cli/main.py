@@ -27,6 +27,8 @@ from shrm_cli.settings import limit_small_products
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
+_REQUIRED = ("numpy", "OpenImageIO", "OpenEXR", "click", "tqdm", "platformdirs")
+"""The packages without which there is no shrm, such as where its folder alone was copied."""
 # The module of a command is imported only when the command runs, so that --help is immediate.
 _COMMANDS = {
     "prefilter": "Prefilter a light probe for a BRDF.",
@@ -212,6 +214,8 @@ def _one_line(error: BaseException, arguments: list[str]) -> str:
         return "out of memory; lower --size or the orders"
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename or 'standard output'}: {error.strerror}"
+    if isinstance(error, ModuleNotFoundError) and error.name in _REQUIRED:
+        return f"shrm needs the package {error.name}, which this Python has not; install it"
     what = f"{type(error).__name__}: {error}"
     named = _named(arguments)
     told = "internal error, please report it"

@@ -11,7 +11,18 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.photo import ball, brackets, unclip
 from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
-from shrm_cli.cli.types import BOX, DIRECTION, PATH, RADIANCE, SUN, VECTOR, flag, option, whole
+from shrm_cli.cli.types import (
+    BOX,
+    DIRECTION,
+    PATH,
+    RADIANCE,
+    SUN,
+    VECTOR,
+    flag,
+    option,
+    whole,
+    within,
+)
 from shrm_cli.files.whole import check_target
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import LARGEST_HALF, MAX_LATLONG_HEIGHT, MAX_SAMPLES, Precision
@@ -82,10 +93,8 @@ def impulse(
 @probe.command()
 @output_options
 @option("--sun", SUN, "Direction of the sun, degrees; elevation 0 to 90.", default="45,35")
-@option("--turbidity", click.FloatRange(1.7, 10), "Haziness of the air.", default=3.0)
-@option(
-    "--ground-albedo", click.FloatRange(0, 1), "Diffuse reflectance of the ground.", default=0.2
-)
+@option("--turbidity", within(1.7, 10), "Haziness of the air, 1.7 .. 10.", default=3.0)
+@option("--ground-albedo", within(0, 1), "Diffuse reflectance of the ground, 0 .. 1.", default=0.2)
 @flag("--no-sun", "Leave the sun's disc out, and print it as light files have it.")
 def sky(
     size: int,
@@ -119,7 +128,7 @@ def sky(
 @probe.command()
 @output_options
 @option(
-    "--key", click.FloatRange(0, int(LARGEST_HALF)), default=20.0,
+    "--key", within(0, LARGEST_HALF), default=20.0,
     help="Radiance of the key light; the fill has 2, the rim 10.",
 )  # fmt: skip
 def studio(size: int, key: float, **written: Any) -> None:

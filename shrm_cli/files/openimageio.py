@@ -148,7 +148,7 @@ class _Library:
                 import OpenImageIO
         except ModuleNotFoundError:
             raise ShrmError(
-                "image files need OpenImageIO, which is not installed; give arrays instead"
+                "image files need OpenImageIO, which is not installed; install it, or give arrays"
             ) from None
         # The default would refuse SHRMs of high orders. Whoever reads a file must check that it
         # does not hold too many values to load, as `maps.file.open_map` does.

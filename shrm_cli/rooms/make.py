@@ -333,7 +333,7 @@ def _rows(path: Path) -> tuple[Array, list[str]]:
     for where, place, file in rows:
         try:
             point = [float(each) for each in place]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             point = []
         if len(point) != 3:
             raise MeshError(f"{path}: {where} has no three numbers x, y, z")

@@ -16,8 +16,8 @@ _GRAZING = 1e-6
 def as_directions(**given: ArrayLike) -> list[Array]:
     """Return vectors as floats of shape (..., 3), each as it was given.
 
-    Raises an `ArgumentError`, which names the argument, for anything else, and for vectors that
-    cannot be broadcast to one shape.
+    Raises an `ArgumentError`, which names the argument, for anything else, for vectors that cannot
+    be broadcast to one shape, and for those that point nowhere: of length 0, NaN or infinite.
     """
     found: list[Array] = []
     for argument, vectors in given.items():
@@ -33,6 +33,12 @@ def as_directions(**given: ArrayLike) -> list[Array]:
         except ValueError:
             others = f"{next(iter(given))} of shape {found[0].shape}"
             raise ArgumentError(argument, f"of shape {shape} do not go with {others}") from None
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            squares = np.einsum("...i,...i->...", found[-1], found[-1])
+        pointing = (squares > 0) & (squares < np.inf)
+        if not pointing.all():
+            first = found[-1][~pointing][0].tolist()
+            raise ArgumentError(argument, f"hold {first}, whose length is 0 or not finite")
     return found
 
 

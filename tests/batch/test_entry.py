@@ -102,6 +102,13 @@ def test_a_pattern_that_matches_nothing_is_refused(folder):
         Entry(("none/*.exr",), (), ("irradiance",)).jobs()
 
 
+def test_a_pattern_that_no_name_can_match_is_refused_at_once(folder):
+    """Python's `glob` takes minutes for a hundred thousand brackets."""
+    with pytest.raises(ProbeError, match="too long for a pattern") as caught:
+        Entry(("[" * 5000,), (), ("irradiance",)).jobs()
+    assert len(str(caught.value)) < 200
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

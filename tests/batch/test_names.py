@@ -58,7 +58,8 @@ def test_a_second_run_in_the_folder_of_the_probes_makes_nothing(folder):
     assert again.code == 0
     assert "4 there already" in again.out
     assert again.err == (
-        "4 files that shrm made of probes, such as p0.irradiance.exr: left out of the patterns\n"
+        "4 files that shrm made, or that hold no light, such as p0.irradiance.exr: left out of "
+        "the patterns\n"
     )
     named = run("batch", "p0.phong.shrm.exr", *IRRADIANCE)
     assert named.code == 1

@@ -6,6 +6,7 @@ from scipy import integrate
 from scipy.special import eval_legendre, sph_harm_y
 
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import octaves_to_come
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import BrdfError
@@ -113,6 +114,12 @@ def test_energy_of_degrees_bounds_the_expansion():
     assert (np.diff(captured, axis=0) >= 0).all()
     assert (np.diff(captured, axis=1) >= 0).all()
     assert 0.99 < captured[-1, -1] < 1.0002
+
+
+def test_next_to_no_energy_can_be_asked_for():
+    """The energy beyond F, in units of what is allowed, is beyond the doubles here."""
+    rough = compute_coefficients(parse_spec("ggx:roughness=0.5"), 32, 0)
+    assert octaves_to_come(rough, 1e-320) == octaves_to_come(rough, 1e-12) > 0
 
 
 class Broken(Shifted):

@@ -226,7 +226,8 @@ def test_a_second_run_beside_its_own_outputs(folder, here, monkeypatch):
     result = run(*command)
     assert (result.code, result.out.split(";")[0]) == (0, "5 outputs: 5 there already")
     assert result.err == (
-        "5 files that shrm made of probes, such as p0.irradiance.exr: left out of the patterns\n"
+        "5 files that shrm made, or that hold no light, such as p0.irradiance.exr: left out of "
+        "the patterns\n"
     )
     assert run(*command, "--quiet").err == ""
     assert run("batch", "*", "--to", "she").out.startswith("5 outputs: 5 made")

@@ -119,3 +119,13 @@ def test_nothing_that_fits_is_a_failure_after_the_table():
 )
 def test_wrong_usage_is_refused(arguments, code, word):
     assert_refused(run("choose", *arguments), code, word)
+
+
+def test_pixels_that_were_refused_are_not_said_to_be_filled(tmp_path):
+    pixels = np.ones((8, 16, 3), np.float32)
+    pixels[3, 5] = np.nan
+    write_exr(tmp_path / "nan.exr", pixels)
+    result = run("choose", "p.exr", tmp_path / "nan.exr", "--brdf", MATTE)
+    assert result.code == 1
+    (line,) = result.err.splitlines()
+    assert "1 pixel is NaN or infinite" in line

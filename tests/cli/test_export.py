@@ -104,6 +104,18 @@ def test_all_engines(folder):
     }  # fmt: skip
 
 
+def test_what_is_wrong_with_the_light_is_said_once(folder):
+    """Seventeen engines told the same of one pixel."""
+    pixels = np.ones((8, 16, 3), np.float32)
+    pixels[3, 5] = np.nan
+    write_exr(folder / "nan.exr", pixels)
+    result = run("export", "nan.exr", "--for", "json", "--for", "godot", "-o", "assets")
+    assert (result.code, result.out) == (1, "")
+    (line,) = result.err.splitlines()
+    assert line.startswith("Failed: json and godot: nan.exr: 1 pixel is NaN")
+    assert not (folder / "assets").exists()
+
+
 def test_engines_of_one_format_have_it_as_the_automatic_one(folder):
     given = ("export", "sky.exr", "--for", "bevy", "--for", "json", "--for", "unity")
     result = json.loads(done(*given, "--size", "16", "--format", "auto", "-o", "a", "--json"))

@@ -174,6 +174,15 @@ def test_every_error_of_ours_is_one_line_and_code_1(monkeypatch, name):
         (OSError(28, "No space left on device"), "standard output: No space left on device"),
         (PermissionError(13, "Permission denied", "x.exr"), "x.exr: Permission denied"),
         (
+            ModuleNotFoundError("No module named 'OpenEXR'", name="OpenEXR"),
+            "shrm needs the package OpenEXR, which this Python has not; install it",
+        ),
+        (
+            ModuleNotFoundError("No module named 'shrm_cli.x'", name="shrm_cli.x"),
+            "internal error, please report it (ModuleNotFoundError: No module named 'shrm_cli.x'); "
+            "shrm --debug ... tells more",
+        ),
+        (
             ZeroDivisionError("by\nzero"),
             "internal error, please report it (ZeroDivisionError: by zero); "
             "shrm --debug ... tells more",

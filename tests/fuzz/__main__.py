@@ -34,7 +34,7 @@ _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENI
 """Variables that libraries obey when they are loaded. Threads do not survive a fork."""
 _REPORT = 60.0  # seconds between lines of progress
 _BATCH = 40  # cases of one process
-_OUTPUTS = ("-o", "--light-file", "--usd")
+_OUTPUTS = ("-o", "--light-file", "--usd", "--map")
 
 
 def main() -> None:

@@ -26,6 +26,7 @@ from shrm_cli.geometry.texels import Texels
 from shrm_cli.transfer.file import read_transfer, write_transfer
 from tests.brdf.measured.rgl_files import brushed, material, tensor_file
 from tests.cli.helpers import noise
+from tests.fuzz.others import NEEDED, make_others
 from tests.geometry import shapes
 from tests.probe import scenes
 
@@ -233,7 +234,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         _shrm("dfg", "--size", "4", "-o", "dfg.exr")
         _shrm("dfg", "--size", "4", "--moments", "-o", "moments.exr")
         _shrm("product", "lambertian", "--size", "8", "--order", "1", "-o", "product.exr")
-    return [
+    seeds = [
         *(Seed(kind, name, _PROBE) for kind, name in probes),
         *(Seed(kind, name, _COLORED) for kind, name in _colored(folder, pixels)),
         Seed("probe with a lamp", _sunny(folder), _LAMPS),
@@ -253,10 +254,14 @@ def make_seeds(folder: Path) -> list[Seed]:
         Seed("scene", "scene.toml", _SCENE),
         Seed("keyframes", "keys.toml", _KEYS),
         *(Seed("transfer", name, _TRANSFER) for name in _transfers(folder)),
-        Seed("grid of probes", _grid(folder), _GRID),
         Seed("probe with a box", _captured(folder), _PROBE),
         *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
     ]
+    with contextlib.chdir(folder):
+        others = [Seed(*row) for row in make_others(folder, _shrm)]
+        size = ("--size", "2,1,2", "--samples", "16", "--order", "1")
+        _shrm("grid", "lamp.obj", "--probe", SOUND, *size, "-o", "small.grid.npz")
+    return [*seeds, *others, Seed("grid of probes", "small.grid.npz", _GRID)]
 
 
 def _shrm(*arguments: str) -> None:
@@ -672,16 +677,6 @@ def _transfers(folder: Path) -> list[str]:
         return _bake()
 
 
-def _grid(folder: Path) -> str:
-    """A grid of probes around the mesh, which is a lamp: its name."""
-    with contextlib.chdir(folder):
-        Path("lamp.mtl").write_text("newmtl lamp\nKe 2 2 2\n")
-        Path("lamp.obj").write_text("mtllib lamp.mtl\nusemtl lamp\n" + Path(MESH).read_text())
-        size = ("--size", "2,1,2", "--samples", "16", "--order", "1")
-        _shrm("grid", "lamp.obj", "--probe", SOUND, *size, "-o", "small.grid.npz")
-    return "small.grid.npz"
-
-
 def _captured(folder: Path) -> str:
     """A probe within the mesh, which knows of its box: its name."""
     with contextlib.chdir(folder):
@@ -711,5 +706,5 @@ def _as_texture(source: str, target: str) -> None:
 
 def copy_sound(source: Path, target: Path) -> None:
     """Copy what commands need beside the damaged file into the folder of a case."""
-    for name in (SOUND, MAP, LIGHT, MESH, IRRADIANCE, PRODUCT, *PAINTED):
+    for name in (SOUND, MAP, LIGHT, MESH, IRRADIANCE, PRODUCT, *PAINTED, *NEEDED):
         shutil.copyfile(source / name, target / name)

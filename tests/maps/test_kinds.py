@@ -88,6 +88,9 @@ def test_every_form_refuses_what_are_no_directions(name):
         ("up", up, "`normals` are no numbers"),
         (up, np.ones((4, 2)), "`views` of shape .4, 2. are no vectors"),
         (np.ones((4, 3)), np.ones((5, 3)), "`views` of shape .5, 3. do not go with normals"),
+        (np.zeros((4, 3)), up, "`normals` hold .0.0, 0.0, 0.0., whose length is 0"),
+        (up, [up, [0, np.nan, 1]], "`views` hold .0.0, nan, 1.0., whose length"),
+        (up, [up, [0, 1e200, 1]], "`views` hold .0.0, 1e.200, 1.0., whose length"),
     ):
         with pytest.raises(ArgumentError, match=said):
             made.radiance(normals, views)

@@ -315,6 +315,10 @@ def test_tables_name_probes_that_exist(tmp_path):
         ("[[probe]]\nfile = '0.exr'\nat = [0, 0, nan]\n", "probe 1 has no position"),
         ("[[probe]]\nfile = 3\nat = [0, 0, 0]\n", "probe 1 has no position or no file"),
         ("[[probe]]\nfile = '../0.exr'\nat = [0, 0, 0]\n", "probe 1: .* leaves the table's folder"),
+        (
+            "[[probe]]\nfile = '0.exr'\nat = [0, 0, 1" + 400 * "0" + "]\n",
+            "probe 1 has no three numbers",
+        ),
         ("[[probe]\n", "no TOML"),
     ],
 )

@@ -133,7 +133,8 @@ def _weakened(seen: Array) -> Array | None:
 
     Those that leave no sample negative pay dearly for the last few. So they are brought nearer to 1
     until `_BLACK` of what is seen of a channel is negative. A view is seen on as much of a picture
-    as the surface is turned towards it. The result is None where that is so without factors.
+    as the surface is turned towards it. The result is None where that is so without factors, and
+    where the mean of no channel is positive, which no factors change.
     """
     shares = np.resize(even_views(_VIEWS, _LEAST_COSINE)[:, 2], len(seen))
     shares /= shares.sum()
@@ -142,7 +143,7 @@ def _weakened(seen: Array) -> Array | None:
         black = np.einsum("nlc,l->nc", seen, factors) < 0
         return bool((shares @ black <= _BLACK).all())
 
-    if is_enough(np.ones(seen.shape[1])):
+    if is_enough(np.ones(seen.shape[1])) or not (seen[:, 0].mean(axis=0) > 0).any():
         return None
     strongest = _factors(seen)
     weak, strong = 0.0, 1.0

@@ -207,8 +207,12 @@ def test_prefilter_tells_light_that_its_order_does_not_show():
     assert not prefilter(probe, parse_spec("lambertian"), 4, 16, window="none").warnings
 
 
-def test_black_light_has_no_window(texture):
-    assert product_window("auto", texture, np.zeros(((ORDER + 1) ** 2, 3))).factors == ()
+@pytest.mark.parametrize("mean", [0, -1])
+def test_light_without_a_positive_mean_has_no_window(texture, mean):
+    """Lamps that were subtracted leave such light; no factor of a degree changes its mean."""
+    light = np.full(((ORDER + 1) ** 2, 3), 0.1 * mean)
+    light[0] = mean
+    assert product_window("auto", texture, light).factors == ()
 
 
 @pytest.mark.parametrize(
