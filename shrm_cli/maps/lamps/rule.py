@@ -313,6 +313,8 @@ class LitDiscs:
     """It is not about the tangent."""
     discs: tuple[Disc, ...]
     """In world axes."""
+    dtype: type = np.float64
+    """The precision, as `integrals` takes it."""
 
     @cached_property
     def rules(self) -> tuple[DiscRule, ...]:
@@ -347,7 +349,7 @@ class LitDiscs:
         result = np.zeros(np.broadcast_shapes(normals.shape, views.shape))
         for disc, rule in zip(self.discs, self.rules, strict=True):
             points = normals, views, disc.direction, tangents
-            result += disc.radiance * integrals(rule, self.brdf, points, disc.radius)
+            result += disc.radiance * integrals(rule, self.brdf, points, disc.radius, self.dtype)
         return result
 
 
