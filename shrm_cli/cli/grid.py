@@ -59,8 +59,8 @@ def grid(
     ROOM is a mesh whose materials reflect diffusely, by their base colours, and some of which send
     light. Each probe holds coefficients of the light that reaches it, of all bounces, and how far
     it sees, so that light does not leak through walls. TABLE is of probes that exist already: .csv
-    with the columns x, y, z and file, or .toml of [[probe]] with file and at. GRID.npz is written
-    in another form.
+    with the columns x, y, z and file, .toml of [[probe]] with file and at, or a stage of USD with a
+    dome light where each of them was. GRID.npz is written in another form.
 
     \b
       shrm grid house.glb --size 16,8,16
@@ -70,7 +70,7 @@ def grid(
     from shrm_cli.files.npz import is_cut_off
     from shrm_cli.rooms.export import WRITERS
     from shrm_cli.rooms.grid import is_grid, made_by, write_grid
-    from shrm_cli.rooms.make import is_table
+    from shrm_cli.rooms.table import is_table
 
     target, suffix = _target(source, output)
     usage.check_outputs([target], files=[source, *([probe] if probe else [])])

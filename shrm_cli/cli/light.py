@@ -166,8 +166,6 @@ def basis(
     \b
       shrm light basis bunny.obj -o basis.png --view 20,10
     """
-    import numpy as np
-
     from shrm_cli.files.image import file_type, write_picture
     from shrm_cli.geometry.load import load_mesh
     from shrm_cli.render.basis import basis_names, basis_subject
@@ -182,7 +180,7 @@ def basis(
     baked = None if transfer is None else read_transfer(transfer)
     subject, materials = basis_subject(shrm.basis_maps(order), loaded, baked, size, viewer)
     scene = Scene(subject, materials, names, exposure, None, columns)
-    picture = np.maximum(scene.picture(viewer), 0)
+    picture = scene.picture(viewer)
     recipe = {
         "light basis": None if mesh is None else Path(mesh).name, "order": order,
         "view": list(view), "size": size, "exposure": exposure,

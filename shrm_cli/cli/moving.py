@@ -161,13 +161,14 @@ def open_other_light(stage: Stage, values: dict[str, Any]) -> Stage:
     blends, first, second = (values[k] for k in ("blend_to", "irradiance", "irradiance_to"))
     with_both = (bool(blends and first), "with --blend-to and --irradiance")
     usage.refuse_inapplicable({"irradiance_to": with_both})
+    kinds = len({id(each) for each in stage.irradiances()})
+    if blends and (stage.maps() or kinds > (second is not None)):
+        raise click.UsageError(
+            "--blend-to applies to meshes of which all light is that of MAP; leave the maps and "
+            "the light of objects out, and give --irradiance-to beside --irradiance"
+        )
     if second is not None:
         other = as_irradiance(second)
         check_blend(as_irradiance(first), other, second)
         return stage.under_irradiance(other)
-    if blends and stage.has_own_light:
-        raise click.UsageError(
-            "--blend-to applies to meshes of which all light is that of MAP; leave the maps of "
-            "objects out, and give --irradiance-to beside --irradiance"
-        )
     return stage

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 _OPTIONS = (
     "fov", "distance", "target", "brush", "vary", "irradiance", "plain", "transfer", "no_box",
 )  # fmt: skip
-OF_SURFACES = ("roughness", "f0", "anisotropy", "taps", "brush", "vary", "irradiance", "plain")
-"""The names of options that say what a mesh is like; scenes say it of each object."""
+OF_SURFACES = ("roughness", "f0", "anisotropy", "taps", "brush", "vary", "plain", "irradiance")
+"""The names of options that say what a mesh is like; scenes say all but the last of each object."""
 _LARGEST = 1e30
 _NAMED = 3
 """How many materials a warning names."""
@@ -88,28 +88,30 @@ def open_stage(
     from shrm_cli.render.scene_file import Shown, as_irradiance, is_scene_name, read_scene
     from shrm_cli.render.stage import Stage
 
+    path = values["irradiance"]
+    light = None if path is None else as_irradiance(path)
+    of_light = "to maps of light alone, such as split sums"
     if is_scene_name(mesh):
         in_scene = (False, "to a single mesh; a scene says it of each object")
-        usage.refuse_inapplicable({k: in_scene for k in OF_SURFACES if k != "vary" or values[k]})
-        stage = Stage.of(read_scene(mesh, list(maps)))
+        usage.refuse_inapplicable(
+            {k: in_scene for k in OF_SURFACES[:-1] if k != "vary" or values[k]}
+        )
+        stage = Stage.of(read_scene(mesh, list(maps), light))
+        lit = any(each.surface_arguments for each in (*maps, *stage.maps()))
+        usage.refuse_inapplicable({"irradiance": (lit, of_light)})
     else:
-        lit = any(each.surface_arguments for each in maps)
-        alone = (lit, "to maps of light alone, such as split sums")
+        alone = (any(each.surface_arguments for each in maps), of_light)
         usage.refuse_inapplicable({"roughness": alone, "f0": alone, "irradiance": alone})
         usage.refuse_inapplicable(brushed_rules(maps))
         varies = (any(each.varies for each in maps), "to maps of shrm product --vary")
         usage.refuse_inapplicable({"vary": varies})
-        irradiance = values["irradiance"]
-        light = None if irradiance is None else as_irradiance(irradiance)
         found = load_mesh(mesh)
-        if light is not None and (values["plain"] or not found.materials):
-            raise shrm.ArgumentError(
-                "irradiance", f"does not apply: no materials are drawn of {mesh}"
-            )
         given = {name: values[name] for name in OF_SURFACES}
         shown = Shown(None, **{**given, "irradiance": light, "plain": bool(values["plain"])})
         primaries = maps[0].info.chromaticities if maps else None
         stage = Stage.of([shown.actor(found, primaries)])
+    if light is not None and not any(each is light for each in stage.irradiances()):
+        raise shrm.ArgumentError("irradiance", f"does not apply: no materials are drawn of {mesh}")
     if stage.needs_map and not maps:
         raise click.UsageError("Missing argument 'MAP...': objects without a map are drawn by it")
     if maps and not stage.needs_map:

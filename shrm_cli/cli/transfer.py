@@ -164,10 +164,7 @@ def _keep_other(target: str, plan: Plan) -> None:
     if not os.path.lexists(target) or (os.path.isfile(target) and is_cut_off(target)):
         return
     with suppress(TransferError), protecting():
-        found = read_transfer(target)
-        has_matrices = found.matrices is not None
-        wanted = plan.facts(), plan.order, plan.glossy
-        if (found.facts, found.order, has_matrices) == wanted:
+        if plan.is_of(read_transfer(target)):
             return
     raise exists_error(target, "other inputs or options made it")
 

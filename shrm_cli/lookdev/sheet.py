@@ -121,7 +121,8 @@ class Column:
             if isinstance(cell, str):
                 yield cell
                 continue
-            drawn = expose(render_sphere(cell, viewer, size, behind), self.exposure)
+            drawn = np.maximum(render_sphere(cell, viewer, size, behind), 0)
+            drawn = expose(drawn, self.exposure)
             matrix = to_rec709(cell.info.chromaticities)
             yield drawn if matrix is None else drawn @ matrix.T.astype(np.float32)
 

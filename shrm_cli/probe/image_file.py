@@ -289,6 +289,11 @@ def is_image_name(name: str) -> bool:
     return not suffix or any(suffix in each.rpartition(":")[2].split(",") for each in formats)
 
 
+def is_stage(name: str) -> bool:
+    """Whether a file is a stage of USD, by its suffix."""
+    return name.lower().endswith((".usda", ".usd", ".usdc", ".usdz"))
+
+
 def is_light_file(name: str) -> bool:
     """Whether a name is that of a light file, which is no image but names some."""
     return name.lower().endswith(".toml")

@@ -20,7 +20,7 @@ from shrm_cli.errors import PluginError, ProbeError
 from shrm_cli.files.exr_header import says_map
 from shrm_cli.messages import explained
 from shrm_cli.probe.image import ArrayImage, detect_layout
-from shrm_cli.probe.image_file import ImageFile, is_image_name, is_light_file
+from shrm_cli.probe.image_file import ImageFile, is_image_name, is_light_file, is_stage
 from shrm_cli.probe.options import ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.probe import Probe, make_probe
 from shrm_cli.probe.reader import check_file
@@ -79,7 +79,7 @@ def _opened(name: str, options: ReadOptions) -> Probe:
         from shrm_cli.probe.light_file import open_light_file
 
         return open_light_file(name, options, open_probe)
-    if name.lower().endswith((".usda", ".usd", ".usdc", ".usdz")):
+    if is_stage(name):
         from shrm_cli.probe.usd import open_stage
 
         return open_stage(name, options, open_probe)

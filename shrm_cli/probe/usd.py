@@ -37,7 +37,7 @@ from shrm_cli.sphere.directions import normalize
 
 _MOST_BYTES = 2**28
 """The most bytes of a layer."""
-_MOST_LAYERS, _MOST_PRIMS, _MOST_LIGHTS = 256, 10**6, 1000
+_MOST_LAYERS, _MOST_PRIMS, _MOST_LIGHTS, _MOST_PLACES = 256, 10**6, 1000, 2**16
 _Z_UP = ReadOptions(up="z").matrix()
 """The turn from a stage whose +Z is up to our axes; its inverse turns a dome from +Y to +Z."""
 _ANIMATED = "is animated, and is as in its first frame"
@@ -51,6 +51,22 @@ def open_stage(name: str, options: ReadOptions, opening: Callable[..., Probe]) -
     turns the stage, after its up axis was turned to +Y; all else is said of the textures. `opening`
     opens the textures, as `open_probe` does.
     """
+    with _opened(name, opening) as (lights, content):
+        return lights.sum(options, content)
+
+
+def open_domes(name: str, opening: Callable[..., Probe]) -> list[tuple[Array, LightSum]]:
+    """Open each dome light of a stage by itself, and where it stands in our axes, shape (3,).
+
+    Programs write so what probes saw in several places. All other lights are left out.
+    """
+    with _opened(name, opening) as (lights, content):
+        return lights.domes(content)
+
+
+@contextmanager
+def _opened(name: str, opening: Callable[..., Probe]) -> Iterator[tuple["_Lights", bytes]]:
+    """Yield the lights of a stage, and the digest of its layers; refuse what cannot be read."""
     try:
         import pxr.Tf
     except ImportError as error:
@@ -60,7 +76,7 @@ def open_stage(name: str, options: ReadOptions, opening: Callable[..., Probe]) -
     try:
         with _unpacked(path) as root, caught():
             content = _check_layers(root)
-            return _Lights(name, path, root, opening).sum(options, content)
+            yield _Lights(name, path, root, opening), content
     except pxr.Tf.ErrorException as error:
         raise ProbeError(f"{name}: its lights cannot be read (damaged, or no USD)") from error
     except (ValueError, OSError, RecursionError, zipfile.BadZipFile) as error:
@@ -181,16 +197,11 @@ class _Lights:
 
     def sum(self, options: ReadOptions, content: bytes) -> LightSum:
         """The sum of the lights that are far and are seen."""
-        from pxr import UsdGeom, UsdLux
+        from pxr import UsdLux
 
         terms, distant, near = [], [], 0
-        for prim in self.stage.Traverse():
-            if not prim.HasAPI(UsdLux.LightAPI):
-                continue
-            is_dome = prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1)
-            if UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
-                self.notes.append(f"{prim.GetName()} is invisible, and is left out")
-            elif is_dome:
+        for prim in self._seen():
+            if self._is_dome(prim):
                 terms.append(self._dome(prim, options))
             elif prim.IsA(UsdLux.DistantLight):
                 distant.append(prim)
@@ -210,6 +221,38 @@ class _Lights:
             self.name, self.path, content, converted, discs, notes, file_format="USD stage"
         )
         return LightSum.of(image, options.matrix(), colors)
+
+    def domes(self, content: bytes) -> list[tuple[Array, LightSum]]:
+        """The dome lights that are seen, a light each, and where they stand."""
+        found: list[tuple[Array, LightSum]] = []
+        for prim in filter(self._is_dome, self._seen()):
+            if len(found) == _MOST_PLACES:
+                raise ValueError(f"more than {_MOST_PLACES:,} dome lights")
+            term = self._dome(prim, ReadOptions())
+            name = f"{self.name}, {prim.GetPath()}"
+            own, notes = content + str(prim.GetPath()).encode(), (*dict.fromkeys(self.notes),)
+            image = SumImage(name, self.path, own, (term,), (), notes, file_format="USD stage")
+            light = LightSum.of(image, np.eye(3), term.probe.chromaticities)
+            found.append((np.asarray(self.axes @ self._world(prim)[3, :3]), light))
+            self.notes.clear()
+        return found
+
+    def _seen(self) -> Iterator[Any]:
+        """Yield the lights that are visible."""
+        from pxr import UsdGeom, UsdLux
+
+        for prim in self.stage.Traverse():
+            if not prim.HasAPI(UsdLux.LightAPI):
+                continue
+            if UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
+                self.notes.append(f"{prim.GetName()} is invisible, and is left out")
+            else:
+                yield prim
+
+    def _is_dome(self, prim: Any) -> bool:
+        from pxr import UsdLux
+
+        return bool(prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1))
 
     def _dome(self, prim: Any, options: ReadOptions) -> Term:
         from pxr import Sdf, UsdLux
@@ -247,19 +290,23 @@ class _Lights:
         return Disc(normalize(self._matrix(prim)[:, 2]), radius, color)
 
     def _matrix(self, prim: Any) -> Array:
-        """What turns the axes of a light to ours, shape (3, 3): where it is matters to none."""
-        from pxr import Usd, UsdGeom
-
-        if UsdGeom.Xformable(prim).TransformMightBeTimeVarying():
-            self.notes.append(f"{prim.GetName()} {_ANIMATED}")
-        world = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.EarliestTime())
-        rows = np.array(world)[:3, :3]  # OpenUSD multiplies row vectors
+        """What turns the axes of a light to ours, shape (3, 3)."""
+        rows = self._world(prim)[:3, :3]
         if not np.isfinite(rows).all() or np.linalg.matrix_rank(rows) < 3:
             raise ValueError(f"{prim.GetName()}: its transform is no rotation")
         left, sizes, right = np.linalg.svd(rows.T)
         if np.ptp(sizes) > 1e-4 * sizes[0]:
             self.notes.append(f"{prim.GetName()}: its transform scales unevenly, and only turns it")
         return np.asarray(self.axes @ left @ right)
+
+    def _world(self, prim: Any) -> Array:
+        """What takes row vectors of a light to the stage, as OpenUSD has it, shape (4, 4)."""
+        from pxr import Usd, UsdGeom
+
+        if UsdGeom.Xformable(prim).TransformMightBeTimeVarying():
+            self.notes.append(f"{prim.GetName()} {_ANIMATED}")
+        placed = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.EarliestTime())
+        return np.array(placed)
 
     def _color(self, prim: Any) -> Array:
         """What the texture of a light is multiplied by, or its own radiance, shape (3,)."""

@@ -82,7 +82,8 @@ class Scene:
         """Draw the picture that the viewer sees.
 
         Returns an array of float32 of shape (*shape, 3): linear. The subjects are exposed; the
-        paper and the labels of a sheet are not.
+        paper and the labels of a sheet are not. Where few harmonics are negative, beside lamps, the
+        picture is black, as no light is less than none.
         """
         layout = self.layout
         behind = None
@@ -92,7 +93,7 @@ class Scene:
         stages = Stages(progress, len(self.materials))
         for index, each in enumerate(self.materials):
             drawn = self.subject.draw(each, viewer, behind, stages.within)
-            tiles.append(expose(drawn, self.exposure))
+            tiles.append(expose(np.maximum(drawn, 0), self.exposure))
             stages.done(index + 1, len(self.materials))
         return tiles[0] if layout is None else draw_sheet(layout, tiles, self.labels)
 

@@ -9,7 +9,7 @@ An example, with everything that an object may have:
     f0 = "gold"                     # or a number, or [R, G, B]
     anisotropy = 0.6                # these two for split sums of GGX
     taps = 8                        # 3, 5 or 8; without anisotropy 0, 1, 2 or 3
-    irradiance = "city.irradiance.exr"
+    irradiance = "city.irradiance.exr"  # by default --irradiance
     brush = [1, 0, 0]               # or "uv": what the tangents follow
     vary = "wear.png"               # or "vertex": what a parameter that varies follows
     plain = true                    # without the materials and vertex colours of the mesh
@@ -114,11 +114,16 @@ def is_scene_name(path: str | os.PathLike[str]) -> bool:
     return Path(path).suffix.lower() == ".toml"
 
 
-def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]") -> list[Actor]:
+def read_scene(
+    path: str | os.PathLike[str],
+    maps: "tuple[Map, ...] | list[Map]",
+    irradiance: Map | None = None,
+) -> list[Actor]:
     """Read a scene file, and the meshes and maps that it names.
 
     `path` is a TOML file; see the top of this module. `maps` are the maps that the pictures are of,
     which objects without a map are drawn by. The first one tells the primaries of the light.
+    `irradiance` is that of objects which name none.
     """
     name = os.fspath(path)
     note(path)
@@ -128,7 +133,7 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
     shelf, actors = Shelf(), []
     for index, each in enumerate(objects, 1):
         try:
-            actors.append(_actor(name, each, opened, loaded, maps, shelf))
+            actors.append(_actor(name, each, opened, loaded, maps, irradiance, shelf))
         except (ValueError, TypeError) as error:
             raise MeshError(f"{name}: object {index}: {error}") from None
         except BrdfError as error:
@@ -158,6 +163,7 @@ def _actor(
     opened: Callable[[str], Map],
     loaded: Callable[[str], Mesh],
     maps: "tuple[Map, ...] | list[Map]",
+    irradiance: Map | None,
     shelf: Shelf,
 ) -> Actor:
     if not isinstance(given, dict) or not set(given) <= set(_KEYS):
@@ -169,7 +175,7 @@ def _actor(
     shown = Shown(
         None if not own else opened(str(folder / own)), _number(given, "roughness", MIN_ROUGHNESS),
         _f0(given.get("f0")),
-        None if not diffuse else as_irradiance(str(folder / diffuse), opened),
+        as_irradiance(str(folder / diffuse), opened) if diffuse else irradiance,
         _brush(given.get("brush")), _vary(folder, _text(given, folder, "vary")),
         _plain(given.get("plain", False)), _number(given, "anisotropy", 0), _taps(given),
     )  # fmt: skip

@@ -215,10 +215,9 @@ class Stage:
         """Return the maps that the looks name."""
         return [look.map for look in self.looks if look.map is not None]
 
-    @property
-    def has_own_light(self) -> bool:
-        """Whether looks name a map, or irradiance."""
-        return any(look.map is not None or look.irradiance is not None for look in self.looks)
+    def irradiances(self) -> list[Map]:
+        """Return the light of the diffuse parts of materials that are drawn, if any."""
+        return [look.irradiance for look in self.looks if look.paint and look.irradiance]
 
     def under_irradiance(self, irradiance: Map) -> "Stage":
         """Return the stage with another light of diffuse parts, where there is some."""

@@ -99,17 +99,21 @@ def between_steps(
 
     Returns an array of shape (n, 3).
     """
-    steps = _STEPS[shares.shape[1]]
+    steps, count = _STEPS[shares.shape[1]], shares.shape[1]
     places = np.clip(shares, 0, 1) * steps
-    below = np.minimum(np.floor(places), steps - 1)
+    below = np.minimum(np.floor(places), steps - 1).astype(np.intp)
+    corners = below[None] + np.array([*product((0, 1), repeat=count)])[:, None]
+    weights = np.prod(np.maximum(1 - np.abs(places - corners), 0), axis=-1)
+    # Points that are next to a node lie together, once all are sorted by their nodes.
+    nodes = np.ravel_multi_index(tuple(np.moveaxis(corners, -1, 0)), (steps + 1,) * count)
+    order = np.argsort(nodes, axis=None, kind="stable")
+    order = order[weights.ravel()[order] > 0]
+    found, begins = np.unique(nodes.ravel()[order], return_index=True)
     result = np.zeros((len(shares), 3))
-    corners = [below + up for up in product((0, 1), repeat=shares.shape[1])]
-    for node in np.unique(np.concatenate(corners), axis=0):
-        weights = np.prod(np.maximum(1 - np.abs(places - node), 0), axis=1)
-        own = np.flatnonzero(weights)
-        if len(own):
-            of_node = radiance(tuple((node / steps).tolist()), own)
-            result[own] += weights[own, None] * of_node
+    for node, group in zip(found, np.split(order, begins[1:]), strict=True):
+        own = group % len(shares)
+        at = np.array(np.unravel_index(node, (steps + 1,) * count)) / steps
+        result[own] += weights.ravel()[group, None] * radiance(tuple(at.tolist()), own)
     return result
 
 

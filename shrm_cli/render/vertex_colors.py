@@ -42,6 +42,9 @@ _FIRST = 4
 """Every so many of them tell whether the point is in the penumbra."""
 _OF_SAMPLE = 16
 """Every so many of them are all that one of the samples of a pixel looks along."""
+_RULED = {1: (0.0, 0.125, 0.25, 0.5, 1.0), 2: (0.0, 0.25, 1.0)}
+"""Where on the way of each of so many parameters it is found out how lamps are integrated: closer
+at the end where lobes are sharp."""
 _LIFT = 1e-5
 """How far above the surface rays begin, as a part of the diagonal of the mesh's box."""
 
@@ -59,6 +62,7 @@ class LampsOnMesh:
         self._mesh, self._rays = mesh, rays
         self.discs = tuple(discs)
         self._brdf = brdf
+        self._rules = cache(self._rules_at)
         self._directions = tuple(disc_directions(disc, _DIRECTIONS) for disc in discs)
         self._lift = _LIFT * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
 
@@ -91,55 +95,72 @@ class LampsOnMesh:
         """
         tangents = horizontal_tangents(normals) if tangents is None else tangents
         origins = smooth_points(self._mesh, *points, normals) + self._lift * normals
-        result = np.zeros((len(origins), 3))
-        for disc, directions in zip(self.discs, self._directions, strict=True):
-            if self._brdf is None:
+        seen = [self._seen(origins, normals, each, samples) for each in self._directions]
+        if self._brdf is None:
+            result = np.zeros((len(origins), 3))
+            for disc, directions, share in zip(self.discs, self._directions, seen, strict=True):
                 cosines = np.maximum(normals @ directions.T, 0).mean(axis=1)
-                free = cosines[:, None] * (disc.solid_angle / np.pi * disc.radiance)
-            else:
-                free = self._reflected(disc, (normals, views, tangents), np.asarray(shares))
-            lit = np.flatnonzero(free.any(axis=1))
-            if samples is None:
-                share = self._seen(origins[lit], normals[lit], directions)
-            else:
-                share = self._seen_by_samples(origins[lit], normals[lit], directions, samples[lit])
-            result[lit] += share[:, None] * free[lit]
-        return result
+                result += (share * cosines)[:, None] * (disc.solid_angle / np.pi * disc.radiance)
+            return result
 
-    def _reflected(self, disc: Disc, vectors: tuple[Array, Array, Array], shares: Array) -> Array:
-        """Return what points reflect of a lamp that nothing hides, shape (n, 3)."""
-        brdf_at = self._brdf
-        assert brdf_at is not None
+        def of_node(node: tuple[float, ...], own: NDArray[np.int64]) -> Array:
+            total = np.zeros((len(own), 3))
+            for index, share in enumerate(seen):
+                there = np.flatnonzero(share[own])
+                lit = own[there]
+                vectors = normals[lit], views[lit], tangents[lit]
+                total[there] += share[lit, None] * self._reflected(node, index, vectors)
+            return total
+
+        where = np.asarray(shares)
+        if where.ndim == 1:
+            return of_node(tuple(where.tolist()), np.arange(len(origins)))
+        return between_steps(where, of_node)
+
+    def _reflected(
+        self, shares: tuple[float, ...], index: int, vectors: tuple[Array, Array, Array]
+    ) -> Array:
+        """Return what points of one BRDF reflect of a lamp that nothing hides, shape (n, 3)."""
+        assert self._brdf is not None
         normals, views, tangents = vectors
-        if shares.ndim == 1:
-            lit = LitDiscs(brdf_at(tuple(shares.tolist())), (disc,))
-            return lit.brushed_radiance(normals, tangents, views)
-        # One rule for all, as it takes longer to find than pictures: the finest at the ends.
-        ends = product((0.0, 1.0), repeat=shares.shape[1])
-        rules = [LitDiscs(brdf_at(end), (disc,)).rules[0] for end in ends]
-        rule = DiscRule(
+        disc, points = self.discs[index], (normals, views, self.discs[index].direction, tangents)
+        brdf, rule = self._brdf(shares), self._rule(shares, index)
+        return disc.radiance * integrals(rule, brdf, points, disc.radius, np.float32)
+
+    def _rule(self, shares: tuple[float, ...], index: int) -> DiscRule:
+        """Return how a lamp is integrated: as carefully as it needs at the `_RULED` places around.
+
+        Finding a rule takes longer than using it for one of the surfaces between which points are
+        interpolated.
+        """
+        ruled = _RULED.get(len(shares), ())
+        around = (
+            {max(p for p in ruled if p <= each), min(p for p in ruled if p >= each)}
+            for each in shares
+        )
+        rules = [self._rules(place)[index] for place in product(*around)]
+        return DiscRule(
             min(each.width for each in rules),
             max(each.steps for each in rules),
             max(each.reach for each in rules),
         )
 
-        def of_node(node: tuple[float, ...], own: NDArray[np.int64]) -> Array:
-            points = normals[own], views[own], disc.direction, tangents[own]
-            return disc.radiance * integrals(rule, brdf_at(node), points, disc.radius)
+    def _rules_at(self, shares: tuple[float, ...]) -> tuple[DiscRule, ...]:
+        assert self._brdf is not None
+        return LitDiscs(self._brdf(shares), self.discs).rules
 
-        return between_steps(shares, of_node)
-
-    def _seen(self, origins: Array, normals: Array, directions: Array) -> Array:
-        """Return the part of a lamp's irradiance that points get, shape (n,)."""
-        share = self._share(origins, normals, directions[::_FIRST])
-        partly = np.flatnonzero((share > 0) & (share < 1))
-        share[partly] = self._share(origins[partly], normals[partly], directions)
-        return share
-
-    def _seen_by_samples(
-        self, origins: Array, normals: Array, directions: Array, samples: NDArray[np.int64]
+    def _seen(
+        self, origins: Array, normals: Array, directions: Array, samples: NDArray[np.int64] | None
     ) -> Array:
-        """Return the same for samples of pixels, each of which looks along other directions."""
+        """Return the part of a lamp's irradiance that points get, shape (n,).
+
+        Samples of pixels look along other directions each.
+        """
+        if samples is None:
+            share = self._share(origins, normals, directions[::_FIRST])
+            partly = np.flatnonzero((share > 0) & (share < 1))
+            share[partly] = self._share(origins[partly], normals[partly], directions)
+            return share
         share = np.empty(len(origins))
         for each in range(_OF_SAMPLE):
             own = np.flatnonzero(samples % _OF_SAMPLE == each)

@@ -107,6 +107,11 @@ _LEAST = 1e-6
 """The sum of weights below which all probes are taken for hidden."""
 
 
+def color_facts(primaries: tuple[float, ...] | None) -> dict[str, list[float]]:
+    """Return the fact of a grid that says which primaries its light has, if that is known."""
+    return {} if primaries is None else {"chromaticities": list(primaries)}
+
+
 @record(eq=False)
 class ProbeGrid:
     """Probes on a lattice."""

@@ -1,37 +1,33 @@
 """`grid` and `capture`: the light at the points of a grid, and the probe of a place, of a room."""
 
-import csv
 import hashlib
 import json
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
-from shrm_cli.errors import ArgumentError, MeshError
-from shrm_cli.files.json_text import read_toml
-from shrm_cli.files.whole import note
+from shrm_cli.errors import ArgumentError, ShrmWarning
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.messages import whole_number
-from shrm_cli.probe.light_file import stays_below
-from shrm_cli.probe.lighting import project
-from shrm_cli.probe.open import AnyProbe, as_probe, open_probe
+from shrm_cli.probe.disc import Disc
+from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.options import check_numbers
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.proxy import ProxyBox
-from shrm_cli.progress import Progress, tell
+from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
 from shrm_cli.rooms.capture import box_around, captured
-from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, is_grid, read_grid
+from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, color_facts, is_grid, read_grid
 from shrm_cli.rooms.room import Room, untold
+from shrm_cli.rooms.table import is_table, read_positions
 from shrm_cli.vocabulary import ALBEDO, MAX_GRID_ORDER, MAX_LATLONG_HEIGHT, MAX_SAMPLES
 
 _LONGEST = 16
@@ -74,8 +70,12 @@ def open_room(
     albedo, emission = dict(albedo or {}), dict(emission or {})
     mesh = load_mesh(os.fspath(source))
     light = None if probe is None else as_probe(probe)
-    split = None if light is None else split_lamps(light)
-    outside = (None, ()) if split is None else (split.residual_probe, split.discs)
+    outside: tuple[Probe | None, tuple[Disc, ...]] = (None, ())
+    if light is not None:
+        split = split_lamps(light)
+        outside = split.residual_probe, split.discs
+        for line in light.report.warnings():  # its pixels have been read
+            warnings.warn(f"{light.name}: {line}", ShrmWarning, stacklevel=3)
     changes = {"albedo": albedo, "emission": emission}
     room = Room.of(mesh, (ALBEDO,) * 3, changes, *outside)
     return OpenRoom(room, light, _warnings(mesh, room, albedo))
@@ -135,9 +135,9 @@ def grid(
     Parameters
     ----------
     source : path-like
-        A mesh that is a room, a table ``.csv`` or ``.toml`` of positions and probes, which lie in
-        its folder or below, or a grid that was written; all arguments are about rooms, but
-        `order` is about tables, too.
+        A mesh that is a room; a table of positions and probes, ``.csv``, ``.toml`` or a stage of
+        USD, with the probes in its folder or below; or a grid that was written. All arguments are
+        about rooms, but `order` is about tables, too.
     size : tuple of 3 int, optional
         Probes along x, y and z; by default 16 along the longest edge.
     box : sequence of 6 float, optional
@@ -195,13 +195,8 @@ def grid(
     if begin is not None:
         begin(RoomPlan(mesh, lattice, opened.warnings, made))
     baked = bake(opened.room, lattice, order, samples, progress)
-    return replace(baked, facts={**baked.facts, "made": made, **_colors(light)})
-
-
-def _colors(probe: Probe | None) -> dict[str, list[float]]:
-    """Return the fact that says which primaries the light of a probe has, if that is known."""
-    known = None if probe is None else probe.chromaticities
-    return {} if known is None else {"chromaticities": list(known)}
+    colors = color_facts(None if light is None else light.chromaticities)
+    return replace(baked, facts={**baked.facts, "made": made, **colors})
 
 
 def capture(
@@ -284,129 +279,3 @@ def _lattice(
     if x * y * z > MOST:
         raise ArgumentError("size", f"makes {x * y * z:,} probes; {MOST:,} are the most")
     return Lattice(low, high, (x, y, z))
-
-
-_MOST_ROWS = 2**16
-_MOST_BYTES = 2**24
-_TOO_LARGE = f"more than {_MOST_BYTES:,} bytes are no table of probes"
-_EVEN = 1e-3
-"""How far positions may be from even rows, in spacings."""
-_COLUMNS = ("x", "y", "z", "file")
-
-
-def read_positions(
-    path: str | os.PathLike[str], order: int, progress: Progress | None = None
-) -> ProbeGrid:
-    """Read a table of probes, and project each of them.
-
-    `path` is CSV with the columns x, y, z and file, or TOML whose tables ``[[probe]]`` have
-    ``file`` and ``at``, three numbers; files are named relative to its folder.
-
-    What the grid holds counts as reflected. Of walls it knows nothing. Probes of other primaries
-    than those of the first one are converted to them.
-    """
-    path = Path(path)
-    note(path)
-    points, names = _rows(path)
-    lattice, places = _lattice_of(path, points)
-    light = np.zeros((lattice.count, (order + 1) ** 2, 3), np.float32)
-    first = open_probe(path.parent / names[0])
-    for done, (place, name) in enumerate(zip(places, names, strict=True), 1):
-        probe = open_probe(path.parent / name).in_primaries(first.chromaticities)
-        light[place] = project(probe, order).coefficients
-        tell(progress, done, len(names))
-    alive = np.ones(lattice.count, bool)
-    return ProbeGrid(lattice, light, np.zeros_like(light), None, alive, _colors(first))
-
-
-def is_table(name: str) -> bool:
-    """Whether a file is a table of positions and probes, by its suffix."""
-    return name.lower().endswith((".csv", ".toml"))
-
-
-def _rows(path: Path) -> tuple[Array, list[str]]:
-    """Return the positions of a table, shape (n, 3), and the names of their probes."""
-    rows = _csv_rows(path) if path.suffix.lower() == ".csv" else _toml_rows(path)
-    if not 1 <= len(rows) <= _MOST_ROWS:
-        raise MeshError(f"{path}: has {len(rows):,} rows, but must have 1 .. {_MOST_ROWS:,}")
-    points, names = [], []
-    for where, place, file in rows:
-        try:
-            point = [float(each) for each in place]
-        except (TypeError, ValueError, OverflowError):
-            point = []
-        if len(point) != 3:
-            raise MeshError(f"{path}: {where} has no three numbers x, y, z")
-        if not np.isfinite(point).all() or not isinstance(file, str) or not file:
-            raise MeshError(f"{path}: {where} has no position or no file")
-        if not stays_below(file, path.parent):
-            raise MeshError(
-                f"{path}: {where}: {file!r:.100} leaves the table's folder; put the probe into it"
-            )
-        points.append(point)
-        names.append(file)
-    return np.array(points), names
-
-
-_Row = tuple[str, Sequence[Any], Any]
-"""What a row is called, where its probe is, and its file, unchecked."""
-
-
-def _csv_rows(path: Path) -> list[_Row]:
-    try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise MeshError(f"{path}: {_TOO_LARGE}")
-        with open(path, newline="", encoding="utf-8-sig") as stream:
-            table = csv.DictReader(stream, skipinitialspace=True)
-            if not set(_COLUMNS) <= set(table.fieldnames or ()):
-                raise MeshError(f"{path}: no table with the columns {', '.join(_COLUMNS)}")
-            return [
-                (f"line {number}", [row[axis] for axis in "xyz"], row["file"])
-                for number, row in enumerate(table, 2)
-            ]
-    except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror})") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise MeshError(f"{path}: no table as CSV ({error}); export it anew") from error
-
-
-def _toml_rows(path: Path) -> list[_Row]:
-    found, _ = read_toml(path, "a table of probes", _MOST_BYTES, _TOO_LARGE, MeshError)
-    probes = found.get("probe")
-    if set(found) != {"probe"} or not isinstance(probes, list):
-        raise MeshError(f"{path}: no table of probes; give [[probe]] alone, with 'file' and 'at'")
-    rows: list[_Row] = []
-    for number, each in enumerate(probes, 1):
-        if not isinstance(each, dict) or set(each) != {"file", "at"}:
-            raise MeshError(f"{path}: probe {number} must have 'file' and 'at', and no other key")
-        place = each["at"] if isinstance(each["at"], list) else ()
-        rows.append((f"probe {number}", place, each["file"]))
-    return rows
-
-
-def _lattice_of(path: Path, points: Array) -> tuple[Lattice, Array]:
-    """Return the lattice that points are all of, and the number of each in it."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    shape, index = [], []
-    for axis in range(3):
-        span = high[axis] - low[axis]
-        steps = np.diff(np.unique(points[:, axis]))
-        least = steps[steps > _EVEN * span].min(initial=np.inf) if span > 0 else np.inf
-        count = 1 if not np.isfinite(least) else round(span / least) + 1
-        place = (points[:, axis] - low[axis]) / (span if span > 0 else 1) * (count - 1)
-        if np.abs(place - np.round(place)).max() > _EVEN * count:
-            raise MeshError(
-                f"{path}: its {'xyz'[axis]} are not evenly spaced; give a whole lattice"
-            )
-        shape.append(count)
-        index.append(np.round(place).astype(np.int64))
-    places = np.ravel_multi_index(tuple(index), tuple(shape))
-    if len(np.unique(places)) != int(np.prod(shape)) or len(places) != int(np.prod(shape)):
-        raise MeshError(
-            f"{path}: {len(points):,} positions are not the {' x '.join(map(str, shape))} of a "
-            "whole lattice; give each of them once"
-        )
-    counts = np.array(shape)
-    spacing = np.where(counts > 1, (high - low) / np.maximum(counts - 1, 1), 1.0)
-    box = low - spacing / 2, high + spacing / 2
-    return Lattice(box[0], box[1], (shape[0], shape[1], shape[2])), places

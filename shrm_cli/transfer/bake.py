@@ -185,6 +185,20 @@ class Plan:
             self.samples, "" if product is None else spec_of(product.info.brdf),
         )  # fmt: skip
 
+    def is_of(self, transfer: Transfer) -> bool:
+        """Whether a transfer was baked by such a plan, as far as it says, without tracing rays."""
+        own, its = self.sites.texels, transfer.texels
+        facts = self.facts(), self.order, self.glossy, own is None
+        if (transfer.facts, transfer.order, transfer.matrices is not None, its is None) != facts:
+            return False
+        pairs: list[tuple[NDArray[Any], NDArray[Any]]] = [(self.reflected(), transfer.albedo)]
+        if transfer.frames is not None:
+            pairs.append((self.frames(), transfer.frames))
+        if own is not None and its is not None:
+            pairs.append((own.rows, its.rows))
+        digits = np.float32  # what files hold
+        return all(np.array_equal(a.astype(digits), b.astype(digits)) for a, b in pairs)
+
     def key(self) -> str:
         """A digest of everything that the arrays depend on, the program included."""
         program = fingerprint(TRANSFER)

@@ -219,6 +219,25 @@ class DiffuseLight:
         """
         return self.radiance.reshape(len(self.radiance), -1)[vertices]
 
+    def summed(
+        self, owners: NDArray[np.integer], vertices: NDArray[np.integer], weights: Array, count: int
+    ) -> Array:
+        """Sums of what vertices send to so many places, which is the same in all directions.
+
+        Places that lie together see the same vertices, each of them in many directions. So what a
+        vertex sends is read once for all of them.
+
+        `owners`, of shape (k,), are the places of rays, and `vertices` and `weights`, of shape (k,
+        corners), what they see.
+
+        Returns an array of float32 of shape (count, coefficients * channels).
+        """
+        used, index = np.unique(vertices, return_inverse=True)
+        flat = owners[:, None] * len(used) + index.reshape(vertices.shape)
+        sums = np.bincount(flat.ravel(), weights.ravel(), count * len(used))
+        sent = self.radiance.reshape(len(self.radiance), -1)[used]
+        return np.asarray(sums.reshape(count, -1).astype(np.float32) @ sent)
+
 
 @record(eq=False)
 class GlossyLight:
@@ -309,7 +328,8 @@ class Gathering:
         of one channel if nothing is sent; and matrices of shape (k, n, n, channels), or None, from
         coefficients in world axes (columns) to those in the vertex's frame (rows).
         """
-        blocked, seen = self._look(part, sent)
+        origins, directions = self._bundle(part)
+        blocked, rays, rows, shares = self._look(origins, directions, sent is not None)
         rotations = self.rotations(part)
         # The rotation is orthogonal: its transpose leads from the frame back to the world.
         shadow = np.einsum("kij,ki->kj", rotations, blocked @ self._lambert)
@@ -317,11 +337,22 @@ class Gathering:
         open_to_all = self._factors * real_harmonics(self.order, self._sites.normals[part])
         vectors = (open_to_all - shadow)[..., None]
         matrices = self._free(blocked, rotations)[..., None] if glossy else None
-        if sent is not None:
-            shape = len(vectors), -1, *sent.shape
-            vectors = vectors + (self._cosines @ seen).reshape(len(vectors), *sent.shape)
-            if matrices is not None:
-                matrices = matrices + (self._harmonics.T @ seen).reshape(shape)
+        if sent is None:
+            return vectors, matrices
+        count = len(vectors)
+        if matrices is None and isinstance(sent, DiffuseLight):
+            weights = shares * self._cosines[rays % self.samples, None]
+            found = sent.summed(rays // self.samples, rows, weights, count)
+            return vectors + found.reshape(count, *sent.shape), None
+        back, seen = -directions[rays], np.zeros((len(origins), np.prod(sent.shape)), np.float32)
+        seen[rays] = sum(
+            shares[:, each, None] * sent.towards(rows[:, each], back)
+            for each in range(shares.shape[1])
+        )
+        seen = seen.reshape(count, self.samples, -1)
+        vectors = vectors + (self._cosines @ seen).reshape(count, *sent.shape)
+        if matrices is not None:
+            matrices = matrices + (self._harmonics.T @ seen).reshape(count, -1, *sent.shape)
         return vectors, matrices
 
     def _free(self, blocked: Array, rotations: Array) -> Array:
@@ -333,36 +364,34 @@ class Gathering:
         free[:, range(count), range(count)] += 1
         return free @ rotations.astype(np.float32)
 
-    def _look(self, part: slice, sent: Sent | None) -> tuple[Array, Array]:
-        """What is in the way of the rays of some vertices, and what it sends.
+    def _look(
+        self, origins: Array, directions: Array, is_lit: bool
+    ) -> tuple[Array, NDArray[np.intp], NDArray[np.integer], Array]:
+        """What is in the way of the rays of some vertices, and which vertices send it.
 
-        Returns `blocked` of shape (k, samples), 1 where the mesh is in the way and 0 elsewhere; and
-        `seen` of shape (k, samples, n * channels), coefficients of the radiance that arrives from
-        the mesh; empty if nothing is sent.
+        Returns `blocked` of shape (k, samples), 1 where the mesh is in the way and 0 elsewhere; the
+        rays that meet fronts, shape (m,); and the rows and the shares of what sends light along
+        them, shape (m, corners) each. There are none of them unless the mesh is lit.
         """
-        origins, directions = self._bundle(part)
-        if sent is None:
+        if not is_lit:
             hit = self._rays.occluded(origins, directions)
-            return hit.reshape(-1, self.samples).astype(np.float32), np.empty(0)
+            none = np.empty((0, 1))
+            return _by_site(hit, self.samples), np.empty(0, np.intp), none.astype(np.intp), none
         faces, inside, _ = self._rays.first_hits(origins, directions)
-        blocked = (faces >= 0).reshape(-1, self.samples).astype(np.float32)
         rays = np.flatnonzero(faces >= 0)
         rays = rays[np.einsum("ij,ij->i", self._sides[faces[rays]], directions[rays]) < 0]
         rows, shares = self._sites.places(faces[rays], inside[rays])
-        shares = shares.astype(np.float32)
-        back = -directions[rays]
-        seen = np.zeros((len(faces), np.prod(sent.shape)), np.float32)
-        seen[rays] = sum(
-            shares[:, each, None] * sent.towards(rows[:, each], back)
-            for each in range(shares.shape[1])
-        )
-        return blocked, seen.reshape(-1, self.samples, seen.shape[1])
+        return _by_site(faces >= 0, self.samples), rays, rows, shares.astype(np.float32)
 
     def _bundle(self, part: slice) -> tuple[Array, Array]:
         """Origins and directions of the rays of some vertices, shapes (k * samples, 3)."""
         directions = self._local @ self._frames[part]
         origins = np.broadcast_to(self._sites.origins[part, None], directions.shape)
         return origins.reshape(-1, 3), directions.reshape(-1, 3)
+
+
+def _by_site(blocked: NDArray[np.bool_], samples: int) -> Array:
+    return blocked.reshape(-1, samples).astype(np.float32)
 
 
 def _outer_sides(mesh: Mesh) -> Array:

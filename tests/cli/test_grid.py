@@ -275,3 +275,16 @@ def test_what_shadows_itself_stands_in_the_light_of_a_grid(folder):
     assert (alone.code, alone.err) == (0, "")
     turned = run("render", "room.grid.npz", "--transfer", "t.npz", *view, "--turn-light", "y:20")
     assert_refused(turned, 1, "the light of a grid of probes stays")
+
+
+@pytest.mark.parametrize(
+    "line", [("grid", *SMALL), ("probe", "capture", "--at", "2,1,1.5", "--size", "8")]
+)
+def test_what_is_changed_of_the_light_past_a_room_is_told(folder, line):
+    pixels = np.ones((16, 32, 3), np.float32)
+    pixels[4, 5] = -3
+    write_exr(folder / "sky.exr", pixels)
+    cut = len(line) - len(SMALL) if line[0] == "grid" else 2
+    result = run(*line[:cut], "room.glb", *line[cut:], "--probe", "sky.exr", "-o", "x.exr")
+    assert result.code == 0
+    assert "sky.exr: 1 pixel with negative radiance was clamped to 0 (minimum -3)" in result.err

@@ -206,6 +206,23 @@ def test_textured_surfaces_turn_their_light_too(folder):
     ends = rest, (rest + expected) / 2, expected
     for frame, truth in enumerate(ends, start=1):
         np.testing.assert_allclose(read(f"f{frame:02d}.exr"), truth, atol=2e-3 * truth.max())
+    scene = '[[objects]]\nmesh = "globe.glb"\n'
+    keys = "".join(f"[[key]]\nframe = {k}\nblend = {k - 1}\n" for k in (1, 2))
+    (folder / "s.toml").write_text(scene + keys)
+    done(*still, "--mesh", "s.toml", "--size", "48", *to, "-o", "s%02d.exr")
+    for frame, truth in ((1, rest), (2, expected)):
+        np.testing.assert_allclose(read(f"s{frame:02d}.exr"), truth, atol=2e-3 * truth.max())
+    own = scene + 'irradiance = "still.irradiance.exr"\n'
+    for text, given, said in (
+        (own + scene + keys, to, "leave the maps and the light of objects out"),
+        (own + keys, to, "no materials are drawn of s.toml"),
+        (own + scene + keys, to[:2], "of which all light is that of MAP"),
+    ):
+        (folder / "s.toml").write_text(text)
+        light = still if given == to else still[:1]
+        result = run("render", *light, "--mesh", "s.toml", *given, "-o", "no%02d.exr")
+        assert result.code != 0
+        assert said in result.err, result.err
     for given, said in (
         (to[:2], "give --irradiance-to beside --irradiance"),
         (to[2:], "--irradiance-to applies with --blend-to and --irradiance"),

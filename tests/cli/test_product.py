@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 
 from shrm_cli.maps.file import open_map
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.open import open_probe
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.sphere import render_sphere
 from tests.cli.helpers import MESH, assert_refused, done, read_exr, run, write_exr
 
 BRUSHED = "ward:ax=0.5,ay=0.2"
@@ -71,6 +75,29 @@ def test_pictures_need_the_light_of_a_probe(tmp_path, texture, probe):
     _, again = read_exr(tmp_path / "y.exr")
     np.testing.assert_allclose(again["G"], planes["G"], rtol=2e-3, atol=1e-4)
     assert_refused(run("render", lit, "--probe", probe, "-o", picture), 2, "no MAP is one")
+
+
+@pytest.mark.parametrize("subject", [(), ("--mesh", "pyramid.obj")], ids=["sphere", "mesh"])
+def test_no_light_in_a_picture_is_negative(tmp_path, monkeypatch, subject):
+    """Few harmonics of a lamp are less than nothing beside it: there a linear picture is black."""
+    monkeypatch.chdir(tmp_path)
+    Path("pyramid.obj").write_text(MESH)
+    image = np.full((16, 32, 3), 0.05, np.float32)
+    image[4, 9] = 600, 500, 40
+    texture = tmp_path / "gold.exr"
+    done("product", "ggx:roughness=0.4,f0=gold", "--size", "8", "--order", "3", "-o", texture)
+    lamp, picture = write_exr(tmp_path / "lamp.exr", image), tmp_path / "x.exr"
+    shared = "--probe", lamp, "--window", "none", "--size", "48", "--precision", "float"
+    assert run("render", texture, *shared, *subject, "-o", picture).code == 0
+    _, planes = read_exr(picture)
+    assert all(planes[c].min() == 0 for c in "RGB")
+    assert (planes["R"] > 1).any()
+    if not subject:
+        lit = open_map(texture).lit(project(open_probe(lamp), 3))
+        truth = render_sphere(lit, Viewer(), 48)
+        assert truth.min() < -1
+        expected = np.maximum(truth, 0)
+        np.testing.assert_allclose(planes["R"], expected[..., 0], atol=1e-4 * expected.max())
 
 
 def test_the_truth_of_a_texture(tmp_path, texture, probe):

@@ -85,7 +85,7 @@ def test_exr_is_linear_with_view_exposure_and_recipe(folder):
     stdout = done("a.microfacet.shrm.exr", "-o", "x.exr", *options)
     assert stdout == "x.exr: 40 x 40, float\n"
     expected = render_sphere(under_random_light(), Viewer(-30, 10), 40) * 2**1.5
-    np.testing.assert_allclose(read("x.exr"), expected, atol=1e-5)
+    np.testing.assert_allclose(read("x.exr"), np.maximum(expected, 0), atol=1e-5)
     spec = oiio.ImageInput.open("x.exr").spec()
     recipe = json.loads(spec.get_string_attribute("shrm:recipe"))
     assert recipe["render"] == ["a.microfacet.shrm.exr"]

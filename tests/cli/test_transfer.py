@@ -62,19 +62,41 @@ def test_a_file_of_the_default_name_is_kept(folder):
     assert (folder / "bumps.transfer.npz").read_bytes() == whole
 
 
-@pytest.mark.parametrize("other", [("--samples", "16"), ("--order", "2"), ("--matrices",), None])
-def test_another_file_of_the_default_name_is_kept_before_the_work(folder, monkeypatch, other):
-    if other is None:
+@pytest.mark.parametrize(
+    ("kept", "asked"),
+    [
+        ((), ("--samples", "16")),
+        ((), ("--order", "2")),
+        ((), ("--matrices",)),
+        ((), ("--albedo", "0.9")),
+        (("--albedo", "0.9,0.5,0.1"), ("--albedo", "0.9,0.5,0.2")),
+        (("--matrices",), ("--matrices", "--brush", "1,0,0")),
+        ((), ("--texture", "24")),
+        (("--texture", "64"), ("--texture", "24")),
+        (None, ()),
+    ],
+)
+def test_another_file_of_the_default_name_is_kept_before_the_work(folder, monkeypatch, kept, asked):
+    if kept is None:
         (folder / "bumps.transfer.npz").write_text("mine")
     else:
-        done("transfer", "bumps.obj", "--samples", "32")
+        done("transfer", "bumps.obj", "--samples", "32", *kept)
 
     def fail(*given, **named):
         raise AssertionError("it was baked")
 
     monkeypatch.setattr(bake, "bake", fail)
-    line = ("transfer", "bumps.obj", "--samples", "32", *(other or ()))
+    line = ("transfer", "bumps.obj", "--samples", "32", *asked)
     assert_refused(run(*line), 1, "exists", "--force")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [("--albedo", "0.9,0.5,0.1"), ("--matrices", "--brush", "1,0,0"), ("--texture", "24")],
+)
+def test_the_same_file_of_the_default_name_is_made_again(folder, options):
+    for _ in range(2):
+        done("transfer", "bumps.obj", "--samples", "32", *options)
 
 
 def test_faces_of_another_mesh_are_kept(folder):

@@ -3,16 +3,20 @@
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MeshError, ProbeError
 from shrm_cli.geometry.mesh import make_mesh
+from shrm_cli.geometry.rays import Rays
 from shrm_cli.maps.product.make import product
 from shrm_cli.probe.disc import Disc
 from shrm_cli.render.variation import Variation, open_variation
-from shrm_cli.render.vertex_colors import vertex_colors
+from shrm_cli.render.vertex_colors import LampsOnMesh, vertex_colors
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.transfer.bake import Plan, bake
 from shrm_cli.vocabulary import LUMINANCE
 from tests.cli.helpers import assert_refused, done, read_exr, run, write_exr
+from tests.oracles import disc_rule
 from tests.probe import scenes
 from tests.transfer import meshes
 
@@ -182,3 +186,42 @@ def test_lamps_are_reflected_by_the_parameters_of_each_point(ball):
         )[0]
         expected.append(value * disc.solid_angle * (normal @ disc.direction) * disc.radiance)
     np.testing.assert_allclose(found, expected, rtol=0.01, atol=1e-3 * np.max(expected))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.15625, 0.6875, 1.0])
+def test_a_large_lamp_takes_the_directions_that_the_roughness_of_a_point_needs(share, monkeypatch):
+    """It is what a sum over its disc says, and rough points take few of a mirror's directions."""
+    radius, counted, evaluate = 0.14, [], Ggx.evaluate
+    mesh = make_mesh("quad", QUAD, FACES)
+    view, sharp, rough = np.array([0.6, 0.0, 0.8]), 0.2, 0.7
+
+    def brdf(shares):
+        return parse_spec(f"ggx:roughness={sharp + (rough - sharp) * shares[0]}")
+
+    def counting(self, light, view):
+        counted.append(light.size // 3)
+        return evaluate(self, light, view)
+
+    directions = [normalize(np.array([x, 0.1, 0.8])) for x in (-0.62, -0.5, 0.3)]
+    discs = [Disc(each, radius, np.ones(3)) for each in directions]
+    lamps = LampsOnMesh(mesh, Rays(mesh), discs, brdf)
+    point = np.zeros(1, int), np.array([[0.2, 0.3, 0.5]])
+
+    def reflected(at):
+        lit = point, np.array([[0.0, 0, 1]]), view[None], np.array([[1.0, 0, 0]])
+        return lamps.radiance(*lit, None, np.array([[at]]))[0]
+
+    expected = np.zeros(3)
+    for disc in discs:
+        light, areas = disc_rule(disc.direction, radius, 96)
+        expected += areas @ brdf((share,)).transfer(light, view[None])
+    np.testing.assert_allclose(reflected(share), expected, rtol=2e-3)
+    taken = {}
+    for at in (0.0, 1.0):
+        reflected(at)  # finds the rules
+        monkeypatch.setattr(Ggx, "evaluate", counting)
+        counted.clear()
+        reflected(at)
+        taken[at] = sum(counted)
+        monkeypatch.undo()
+    assert taken[1.0] < taken[0.0] / 4

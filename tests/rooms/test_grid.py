@@ -8,7 +8,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from shrm_cli.errors import MeshError
+from shrm_cli.errors import MeshError, ShrmWarning
 from shrm_cli.export.ktx import can_compress
 from shrm_cli.rooms import export
 from shrm_cli.rooms.grid import (
@@ -21,7 +21,7 @@ from shrm_cli.rooms.grid import (
     read_grid,
     write_grid,
 )
-from shrm_cli.rooms.make import read_positions
+from shrm_cli.rooms.table import read_positions
 from tests.cli.helpers import write_exr
 from tests.oracles import real_harmonics, sphere_rule
 
@@ -299,6 +299,68 @@ def test_tables_name_probes_that_exist(tmp_path):
     same = read_positions(tmp_path / "t.toml", 2)
     np.testing.assert_array_equal(same.reflected, grid.reflected)
     np.testing.assert_array_equal(same.lattice.points(), grid.lattice.points())
+
+
+def usd_dome(number, place):
+    """A dome light below a prim that is moved to a place, as a stage has it."""
+    x, y, z = place
+    return f"""def Xform "At{number}" {{
+        double3 xformOp:translate = ({x}, {y}, {z})
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        def DomeLight "Light" {{
+            asset inputs:texture:file = @./{number}.exr@
+        }}
+    }}
+    """
+
+
+@pytest.mark.parametrize("up", "YZ")
+def test_tables_are_stages_with_a_dome_light_for_each_probe(tmp_path, up):
+    """Of one whose +Z is up, (x, y, z) is (x, z, -y) here, as of a probe with --up z."""
+    pytest.importorskip("pxr.Usd", reason="no OpenUSD (pip install usd-core)")
+    image = np.full((8, 16, 3), 0.1, np.float32)
+    image[:2] = 5  # light from the top of the file, which is that of the stage
+    domes = []
+    for number, (x, y, z) in enumerate(np.ndindex(2, 1, 3)):
+        write_exr(tmp_path / f"{number}.exr", image * (number + 1))
+        place = (2.0 * x + 1, y + 5, 0.5 * z - 1)
+        domes.append(usd_dome(number, place if up == "Y" else (place[0], -place[2], place[1])))
+    more = 'def SphereLight "Lamp" {}\ndef Xform "Nothing" {}\n'
+    head = f'#usda 1.0\n(\n upAxis = "{up}"\n)\n'
+    (tmp_path / "t.usda").write_text(head + more + "".join(reversed(domes)))
+    grid = read_positions(tmp_path / "t.usda", 1)
+    assert grid.lattice.shape == (2, 1, 3)
+    np.testing.assert_allclose(grid.lattice.points()[[0, -1]], [[1, 5, -1], [3, 5, 0]])
+    means = grid.reflected[:, 0, 0]
+    np.testing.assert_allclose(means / means[0], np.arange(1, 7), rtol=1e-5)
+    along = {"Y": (0, 1), "Z": (1, -1)}[up]  # of y, z and x; the file's top is +Y of the stage
+    linear = grid.reflected[0, 1:, 0]
+    assert linear[along[0]] * along[1] > 1
+    np.testing.assert_allclose(np.delete(linear, along[0]), 0, atol=1e-4)
+
+
+def test_a_stage_without_dome_lights_is_no_table(tmp_path):
+    pytest.importorskip("pxr.Usd", reason="no OpenUSD (pip install usd-core)")
+    (tmp_path / "t.usda").write_text('#usda 1.0\ndef DistantLight "Sun" {}\n')
+    with pytest.raises(MeshError, match="no table of probes; put a DomeLight"):
+        read_positions(tmp_path / "t.usda", 1)
+
+
+def test_pixels_of_a_table_that_are_clamped_are_told(tmp_path):
+    image = np.full((8, 16, 3), 1, np.float32)
+    write_exr(tmp_path / "0.exr", image)
+    image[3, 4] = -2
+    write_exr(tmp_path / "1.exr", image)
+    (tmp_path / "t.csv").write_text("x,y,z,file\n0,0,0,0.exr\n1,0,0,1.exr\n")
+    with pytest.warns(ShrmWarning, match="1 pixel with negative radiance was clamped to 0") as told:
+        read_positions(tmp_path / "t.csv", 1)
+    assert len(told) == 1
+    rows = "".join(f"{k},0,0,1.exr\n" for k in range(20))
+    (tmp_path / "t.csv").write_text("x,y,z,file\n" + rows)
+    with pytest.warns(ShrmWarning) as told:
+        read_positions(tmp_path / "t.csv", 1)
+    assert len(told) == 5
+    assert "16 more lines" in str(told[-1].message)
 
 
 @pytest.mark.parametrize(

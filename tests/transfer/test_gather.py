@@ -238,3 +238,29 @@ def test_a_glossy_wall_lights_the_ground(spec):
     brought = np.einsum("ijc,jc->ic", np.broadcast_to(brought, (25, 25, 3)), light)
     scale = np.abs(expected_matrix).max()
     np.testing.assert_allclose(brought, expected_matrix, atol=0.01 * scale)
+
+
+def test_light_of_a_diffuse_bounce_is_the_sum_over_rays(rng):
+    """Several rays of a place may meet the same vertices, and some places meet none."""
+    sent = DiffuseLight(rng.random((50, 9, 3)).astype(np.float32))
+    owners = np.sort(rng.choice([0, 1, 3, 4], 400))
+    vertices, weights = rng.integers(20, 40, (400, 3)), rng.random((400, 3))
+    expected = np.zeros((6, 27))
+    for owner, corners, shares in zip(owners, vertices, weights, strict=True):
+        for corner, share in zip(corners, shares, strict=True):
+            expected[owner] += share * sent.radiance[corner].ravel()
+    found = sent.summed(owners, vertices, weights, 6)
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    assert not found[[2, 5]].any()
+
+
+def test_a_bounce_is_gathered_without_its_light_along_each_ray(monkeypatch):
+    """It took as many bytes for each block as rays times coefficients."""
+
+    def fail(*given):
+        raise AssertionError("light was looked up along rays")
+
+    plan = Plan(meshes.bumps(8), 4, bounces=1, samples=256)
+    before = bake(plan).vectors
+    monkeypatch.setattr(DiffuseLight, "towards", fail)
+    np.testing.assert_array_equal(bake(plan).vectors, before)

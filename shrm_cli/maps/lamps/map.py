@@ -63,6 +63,8 @@ class LampMap(ReflectionMap):
     found by the record of the map otherwise."""
     path: str = ""
     """The file of the map, beside which a measured BRDF is looked for."""
+    precision: type = np.float64
+    """That of the lamps."""
 
     format_version = FORMAT
 
@@ -105,7 +107,11 @@ class LampMap(ReflectionMap):
         """
         advice = "make it without `sun`"
         brdf = self.known or common_brdf({self.path: self.info}, advice)
-        return LitDiscs(brdf, self.discs)
+        return LitDiscs(brdf, self.discs, self.precision)
+
+    def shaded(self, *surface: object, **named: object) -> LampMap:
+        """Return the map as pictures show it, for which single precision does."""
+        return replace(self, known=self.lamps.brdf, precision=np.float32)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate the reflected radiance: that of the map within and that of the lamps.

@@ -141,11 +141,14 @@ class DiscRule:
         return cls(width, steps, reach if missed <= exact else np.pi)
 
 
-def integrals(rule: DiscRule, brdf: Brdf, points: Points, radius: float) -> Array:
+def integrals(
+    rule: DiscRule, brdf: Brdf, points: Points, radius: float, dtype: type = np.float64
+) -> Array:
     """Integrate the transfer function of a BRDF over a disc, shape (..., 3).
 
     `brdf` has another central direction than the tangent. `points`, of shape (..., 3) each, are
-    broadcastable. `radius` is that of the disc, radians.
+    broadcastable. `radius` is that of the disc, radians. Single precision as `dtype` takes half of
+    the time, and changes results by less than a hundred thousandth: it does for pictures.
     """
     shape = np.broadcast_shapes(*(each.shape for each in points[:3]))
     flat = [np.broadcast_to(each, shape).reshape(-1, 3) for each in points]
@@ -167,11 +170,13 @@ def integrals(rule: DiscRule, brdf: Brdf, points: Points, radius: float) -> Arra
                 some = found[part]
                 normals, views, axes, tangents = (each[some] for each in flat)
                 own_points = normals, views, axes, tangents
-                result[some] = _over(own, brdf, own_points, radius, is_cut)
+                result[some] = _over(own, brdf, own_points, radius, is_cut, dtype)
     return result.reshape(shape)
 
 
-def _over(rule: DiscRule, brdf: Brdf, points: Points, radius: float, is_cut: bool) -> Array:
+def _over(
+    rule: DiscRule, brdf: Brdf, points: Points, radius: float, is_cut: bool, dtype: type
+) -> Array:
     """Integrate over a disc that the horizon cuts, or one that it does not, for points (n, 3)."""
     normals, views, axes, tangents = points
     centers = central_directions(brdf.center, normals, views)
@@ -187,14 +192,22 @@ def _over(rule: DiscRule, brdf: Brdf, points: Points, radius: float, is_cut: boo
     middle, half = _latitudes(x, a_x[:, None], a_y[:, None], a_z[:, None], radius)
     cosines = np.maximum(np.sum(normals * views, axis=-1), LEAST_COSINE)
     low, high = np.maximum(middle - half, -np.pi / 2), np.minimum(middle + half, np.pi / 2)
-    y, weights = _stepped(gauss_legendre(rule.steps), low, high, rule.width * cosines[:, None])
-    weights = weights * np.cos(y) * over_x[..., None]
-    x = np.broadcast_to(x[..., None], y.shape)
-    local = np.stack([np.sin(x) * np.cos(y), np.sin(y), np.cos(x) * np.cos(y)], axis=-1)
+    width = rule.width * cosines[:, None]
+    y, weights = _stepped(gauss_legendre(rule.steps), low, high, width, dtype)
     own = _frames(normals, views, centers) if brdf.isotropic else surface_frames(normals, tangents)
-    light = np.einsum("nxyj,njk,nik->nxyi", local, frame, own, optimize=True)
-    view = np.einsum("nj,nij->ni", views, own)[:, None, None]
-    values = brdf.transfer(light, view)
+    # Of the direction at x and y, sin(x) cos(y), sin(y) and cos(x) cos(y), in the surface's axes.
+    # Each axis is an array of its own: numpy is slow along axes of three.
+    turn = np.einsum("nik,njk->ijn", own, frame)
+    sine_x, cosine_x, sine_y, cosine_y = np.sin(x), np.cos(x), np.sin(y), np.cos(y)
+    light = np.empty((3, *y.shape), dtype)
+    for axis, (side, up, ahead) in zip(light, turn[..., None], strict=True):
+        across = (side * sine_x + ahead * cosine_x).astype(dtype)
+        np.multiply(across[..., None], cosine_y, out=axis)
+        axis += up[..., None].astype(dtype) * sine_y
+    weights *= cosine_y
+    weights *= over_x[..., None]
+    view = np.einsum("nj,nij->ni", views, own)[:, None, None].astype(dtype)
+    values = brdf.transfer(np.moveaxis(light, 0, -1), view)
     return np.asarray(np.einsum("nxyc,nxy->nc", values, weights))
 
 
@@ -208,14 +221,19 @@ def _span(a_x: Array, a_y: Array, a_z: Array, radius: float) -> tuple[Array, Arr
 
 
 def _stepped(
-    rule: tuple[Array, Array], low: Array, high: Array, width: float | Array
+    rule: tuple[Array, Array],
+    low: Array,
+    high: Array,
+    width: float | Array,
+    dtype: type = np.float64,
 ) -> tuple[Array, Array]:
     """Return angles (..., n) between two, even in asinh(angle / width), and their weights."""
     low, high = np.arcsinh(low / width), np.arcsinh(high / width)
-    nodes, weights = rule
-    steps = (low + high)[..., None] / 2 + (high - low)[..., None] / 2 * nodes
-    width = np.asarray(width)[..., None]
-    return width * np.sinh(steps), weights * (high - low)[..., None] / 2 * width * np.cosh(steps)
+    middle: Array = ((low + high) / 2).astype(dtype)[..., None]
+    half: Array = ((high - low) / 2).astype(dtype)[..., None]
+    width = np.asarray(width, dtype)[..., None]
+    steps = middle + half * rule[0].astype(dtype)
+    return width * np.sinh(steps), half * width * rule[1].astype(dtype) * np.cosh(steps)
 
 
 def _latitudes(x: Array, a_x: Array, a_y: Array, a_z: Array, radius: float) -> tuple[Array, Array]:
@@ -235,12 +253,16 @@ def _frames(up: Array, towards: Array, other: Array) -> Array:
 
     Where these are parallel it is in the plane of `other`, or any.
     """
-    side = np.zeros(up.shape)
-    for helper in (np.eye(3)[0], np.eye(3)[1], other, towards):
+    side, missing = np.zeros(up.shape), np.ones((*up.shape[:-1], 1), dtype=bool)
+    for helper in (towards, other, np.eye(3)[1], np.eye(3)[0]):
         # It vanishes for parallel vectors, which rotations may leave a little off unit length.
         across = np.cross(up, helper)
         sine = np.linalg.norm(across, axis=-1, keepdims=True)
-        side = np.where(sine > 1e-6, across / np.maximum(sine, _TINY), side)
+        found = missing & (sine > 1e-6)
+        side = np.where(found, across / np.maximum(sine, _TINY), side)
+        missing = missing & ~found
+        if not missing.any():
+            break
     return np.stack([np.cross(side, up), side, up], axis=-2)
 
 
@@ -291,6 +313,8 @@ class LitDiscs:
     """A BRDF that is not about the tangent."""
     discs: tuple[Disc, ...]
     """The discs, in world axes."""
+    dtype: type = np.float64
+    """The precision, as `integrals` takes it."""
 
     @cached_property
     def rules(self) -> tuple[DiscRule, ...]:
@@ -325,7 +349,7 @@ class LitDiscs:
         result = np.zeros(np.broadcast_shapes(normals.shape, views.shape))
         for disc, rule in zip(self.discs, self.rules, strict=True):
             points = normals, views, disc.direction, tangents
-            result += disc.radiance * integrals(rule, self.brdf, points, disc.radius)
+            result += disc.radiance * integrals(rule, self.brdf, points, disc.radius, self.dtype)
         return result
 
 
