@@ -64,7 +64,7 @@ class LampMap(ReflectionMap):
     path: str = ""
     """The file of the map, beside which a measured BRDF is looked for."""
     precision: type = np.float64
-    """That of the lamps."""
+    """The precision at which the lamps are integrated."""
 
     format_version = FORMAT
 
