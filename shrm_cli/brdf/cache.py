@@ -30,7 +30,7 @@ from shrm_cli.arrays import Array, Memo
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.library import foreign_modules
-from shrm_cli.errors import OutputError
+from shrm_cli.errors import ArgumentError, OutputError
 from shrm_cli.files.whole import replacing
 from shrm_cli.records import record
 from shrm_cli.sources import COEFFICIENTS, fingerprint
@@ -54,7 +54,10 @@ _MOST_HEADER = 2**16
 _KINDS = "<f8", "<f4"
 _BYTES = np.dtype(_KINDS[0]).itemsize
 _DIGEST = hashlib.sha256().digest_size
-_UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RecursionError
+_UNSOUND = (
+    ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RecursionError,
+    ArgumentError,
+)  # fmt: skip
 _in_memory = Memo(2**28, MOST_BYTES // _LEAST_ENTRIES)
 """Coefficients, lobes and their widths. Coefficients to F = 128 and P = 8 take 0.25 MB, those to
 the limits of the orders 13 MB; brushed lobes take 50 MB, to 256 degrees 145 MB, and are asked for

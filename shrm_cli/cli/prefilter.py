@@ -109,13 +109,7 @@ def prefilter(
       shrm prefilter probe.exr --to splitsum --brdf charlie:color=0.6/0.2/0.1
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
-    from shrm_cli.maps.request import (
-        check_arguments,
-        is_wrong_unsaid,
-        resolved_form,
-        with_wrong_share,
-    )
-    from shrm_cli.maps.size import total_error
+    from shrm_cli.maps.request import check_arguments, resolved_form
     from shrm_cli.maps.stored import store
     from shrm_cli.prefilter import make
 
@@ -150,14 +144,10 @@ def prefilter(
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
-    remarks: Sequence[str] = made.warnings
     # Whoever says what share may be wrong is told by the search where it is not kept.
     is_judged = to == vocabulary.AUTO or request.seen is not None
     share = None if is_judged else summary.get("predicted_wrong_share")
-    error = 0.0 if share is None else total_error(made.map.stated_error)
-    if share is not None and is_wrong_unsaid(remarks, share, error, request.error):
-        instead = _made_by_default(given, source) if has_terminal() else None
-        remarks = with_wrong_share(made.warnings, share, error, instead)
+    remarks = made.warnings if share is None else _remarks(made, share, request, source)
     warnings += [f"{target}: {line}" for line in remarks]
     for text in [] if usage.wants_json() else printed.values():
         echo(text.rstrip("\n"))
@@ -208,7 +198,21 @@ def _printed(made: shrm.Map, prints: Mapping[str, Any]) -> dict[str, str]:
     return {"shader": written_code(made, prints["shader"], prints["textures"], brushed, even).text}
 
 
-def _made_by_default(given: Mapping[str, Any], source: shrm.Probe) -> str:
+def _remarks(
+    made: Prefiltered, share: float, request: Request, source: shrm.Probe
+) -> Sequence[str]:
+    """Return warnings about a map of a form that was named, and what is wrong of its picture."""
+    from shrm_cli.maps.request import is_wrong_unsaid, with_wrong_share
+    from shrm_cli.maps.size import total_error
+
+    error = total_error(made.map.stated_error)
+    if not is_wrong_unsaid(made.warnings, share, error, request.error):
+        return made.warnings
+    instead = _made_by_default(request, source) if has_terminal() else None
+    return with_wrong_share(made.warnings, share, error, instead)
+
+
+def _made_by_default(request: Request, source: shrm.Probe) -> str:
     """Say what --to auto would have made, which takes about as long as to make it.
 
     Only who waits at a terminal is told, as logs of farms would pay for what nobody reads.
@@ -216,8 +220,9 @@ def _made_by_default(given: Mapping[str, Any], source: shrm.Probe) -> str:
     from shrm_cli.automatic import automatic_choice
     from shrm_cli.maps.request import Request
 
-    known = registry.description(vocabulary.AUTO).arguments | {"brdf"}
-    asked = {name: value for name, value in given.items() if name in known}
+    known = registry.description(vocabulary.AUTO).arguments
+    asked = {name: value for name, value in request.given.items() if name in known}
+    asked["brdf"] = request.brdf
     with progress_bar("looking at other forms") as progress, using(progress):
         return automatic_choice(source, Request.of(vocabulary.AUTO, asked, source))
 

@@ -7,6 +7,7 @@ import pytest
 
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.kinds import LightMap, MaterialMap, ReflectionMap
+from shrm_cli.maps.lamps.map import LampMap
 from tests.maps.shader import cases
 
 FORMS = {**cases.FORMS, "irradiance": lambda: cases.irradiance(2)}
@@ -18,7 +19,10 @@ def test_a_map_is_reflected_light_or_light_for_a_surface(name):
     assert isinstance(made, ReflectionMap) != isinstance(made, LightMap)
     assert isinstance(made, LightMap) == name.startswith(("splitsum", "she"))
     shown = made.shaded(0.5, (1.0, 1.0, 1.0))
-    assert (shown is made) == isinstance(made, ReflectionMap)
+    if isinstance(made, LampMap):  # whose pictures integrate lamps in single precision
+        assert shown.map is made.map
+    else:
+        assert (shown is made) == isinstance(made, ReflectionMap)
     if name in ("splitsum linear", "she lobe"):
         np.testing.assert_array_equal(made.radiance(normals, views), shown.radiance(normals, views))
 

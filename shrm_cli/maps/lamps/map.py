@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -63,7 +63,7 @@ class LampMap(ReflectionMap):
     found by the record of the map otherwise."""
     path: str = ""
     """The file of the map, beside which a measured BRDF is looked for."""
-    precision: type = np.float64
+    precision: type = field(default=np.float64, repr=False)
     """The precision at which the lamps are integrated."""
 
     format_version = FORMAT
