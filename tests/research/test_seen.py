@@ -131,7 +131,7 @@ def test_pairs_make_integrals_over_all_mirror_directions_and_views(probe):
     """The weighted mean of a smooth function of both is that over the whole sphere of each."""
     with settings.using(cache=False):
         default, other = (
-            prefilter(probe, "microfacet:sigma=0.2", to=to, size=32, max_size="1MB")
+            prefilter(probe, "microfacet:sigma=0.2", to=to, eps=0.03, size=32, max_size="1MB")
             for to in ("shrm", "principal")
         )
     # One in twenty-five pairs is drawn evenly, and the others are where the light is.
