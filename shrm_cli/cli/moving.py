@@ -161,8 +161,9 @@ def open_other_light(stage: Stage, values: dict[str, Any]) -> Stage:
     blends, first, second = (values[k] for k in ("blend_to", "irradiance", "irradiance_to"))
     with_both = (bool(blends and first), "with --blend-to and --irradiance")
     usage.refuse_inapplicable({"irradiance_to": with_both})
-    kinds = len({id(each) for each in stage.irradiances()})
-    if blends and (stage.maps() or kinds > (second is not None)):
+    # Only the light of --irradiance itself can become another one, that of --irradiance-to.
+    lights, blended = {id(each) for each in stage.irradiances()}, 0 if second is None else 1
+    if blends and (stage.maps() or len(lights) > blended):
         raise click.UsageError(
             "--blend-to applies to meshes of which all light is that of MAP; leave the maps and "
             "the light of objects out, and give --irradiance-to beside --irradiance"
