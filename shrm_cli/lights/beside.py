@@ -323,7 +323,7 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
     held = ", with what the map holds of them" if beside.is_held else ""
     note = (
         "lamps",
-        f"{counted(len(split.discs), 'disc')} beside the map, which miss {beside.error:.2%} (RMS) "
+        f"{counted(len(split.discs), 'disc')} beside the map, missing {beside.error:.2%} (RMS) "
         f"of the reflected light{held}; the rest, in the map, is {percent(left)}% of it (RMS)",
     )
     further = {name: partial(_together, find, beside) for name, find in made.further.items()}

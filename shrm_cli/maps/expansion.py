@@ -67,8 +67,8 @@ class Chosen:
 
     @property
     def is_met(self) -> bool:
-        """Whether the orders keep the tolerance."""
-        return self.orders.captured >= 1 - self.orders.eps
+        """Whether the orders keep the tolerance, also where it is stated as what they miss."""
+        return 1 - self.orders.captured <= self.orders.eps
 
 
 @record(eq=False)
