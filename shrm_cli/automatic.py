@@ -333,5 +333,5 @@ class _BesideLamps:
         # What is predicted here holds beside the lamps alone.
         return replace(
             found, bytes=found.bytes + self.beside.bytes, total_error=error,
-            find_wrong_share=lambda: share, make=self.make,
+            find_wrong_share=lambda: share, find_least_share=None, make=self.make,
         )  # fmt: skip

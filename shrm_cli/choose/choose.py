@@ -403,7 +403,8 @@ def _row_of(maps: Sequence[Known]) -> Row[Candidate[Prefiltered]]:
 
 def _offer(known: Known, probe: Probe, brdf: Brdf) -> Offer:
     """Return a map as an offer."""
-    candidate, share = known.candidate.exact, known.candidate.wrong_share
+    candidate = known.candidate.exact
+    share = candidate.wrong_share
     assert share is not None  # both forms that are predicted know theirs
     return Offer(
         candidate.form, known.what, candidate.bytes, candidate.total_error, share,

@@ -19,7 +19,7 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.lobe_expansion import Expansion as Lobe
 from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.lobes_lit import Lobes, judged, lit, sample_views, together
+from shrm_cli.maps.lobes_lit import Lobes, judged, lit, together
 from shrm_cli.maps.size import (
     Band,
     choose_size,
@@ -30,6 +30,7 @@ from shrm_cli.maps.size import (
     supported_order,
     total_error,
 )
+from shrm_cli.maps.sphere_pixels import sample_views
 from shrm_cli.maps.wrong_pixels import lamps_beside, share_of_points, wrong_share
 from shrm_cli.orders import Orders, coefficients_to
 from shrm_cli.probe.lighting import Lighting, Projection

@@ -17,15 +17,14 @@ are turned in this plane, each view's by an angle of its own.
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cache, cached_property
 from hashlib import blake2b
 from itertools import pairwise
 
 import numpy as np
 
-from shrm_cli.arrays import Array, Indices, Memo
+from shrm_cli.arrays import Array, Memo
+from shrm_cli.maps.sphere_pixels import Pixels, Rings, pixels, sample_views
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import bisector, from_angles, local_frame, normalize
 from shrm_cli.sphere.harmonics import complex_from_real, degrees
 from shrm_cli.sphere.wigner import folded_small_d, small_d_degrees
 from shrm_cli.vocabulary import LUMINANCE, WRONG, Center
@@ -41,21 +40,6 @@ more where these do not suffice. A few more take hardly longer with the others t
 _kept_light: ContextVar[Memo | None] = ContextVar("_kept_light", default=None)
 _LIGHT_BYTES = 2**27
 """The most bytes of `keeping_light`. The light to order 512 takes 14 to 77 MB."""
-_RINGS, _AROUND = 12, 40
-"""The rings of central directions, and the directions on each of them. Of 8 rings of 30 a tenth of
-the wrong pixels was missing under a city and at night (`charlie`, 4.3 % of 4.8 %)."""
-_VIEWS, _AZIMUTHS = 24, 4
-"""The angles of views from a central direction, and the azimuths of each of them. With 12 angles
-a quarter was missing of 23 % (`charlie`, P = 12) and of 18 % (a measured cloth); 24 suffice."""
-_TIMES_BRUSHED = 2
-"""How many times as many angles anisotropic lobes are known at, which differ by the azimuth of the
-tangent, too. With as many as others, 3.8 to 8.9 parts of a thousand were wrong under a sunrise,
-depending on which azimuths these were."""
-_TURNS = np.pi * (3 - np.sqrt(5)) * np.arange(_RINGS)
-"""Rings are turned against each other by the golden angle, so that no meridian is special."""
-_TWISTS = np.pi * (3 - np.sqrt(5)) * np.arange(_RINGS * _AROUND)
-"""So are the azimuths of the views about each central direction, few of which would otherwise all
-look the same way."""
 _FADING = 0.25
 """The part of the known degrees that fades out where the light goes on beyond them. A principal map
 of 1 MB of `ward:ax=0.2,ay=0.2` has 10.0 % wrong pixels under a sunrise. 12.6 % were predicted where
@@ -64,101 +48,6 @@ mean light beyond them makes no rings that count."""
 _BLURRED = 10.0
 """The exponent at the end of a Gaussian over degrees. With 4 rings are seen; with 10 it
 blurs by 1.3 degrees (standard deviation) where the last one is 192."""
-
-
-def view_count(is_brushed: bool) -> int:
-    """Return the number of views at which lobes are known, unless all are the same."""
-    return _VIEWS * (_TIMES_BRUSHED if is_brushed else 1)
-
-
-def sample_views(center: Center, count: int = _VIEWS) -> tuple[Array, Array]:
-    """Return angles of views from the central direction that stand for all pixels of spheres.
-
-    About the mirror direction these pixels are uniform over all views. About the normal they are
-    so over the squared sine of the angle, above the horizon, and that angle is half the one from
-    the mirror direction: both are the same views. Views are dense where they graze the surface,
-    because errors are large there. About the tangent all views count alike.
-
-    Returns theta_o, of shape (count,), in radians, ascending, and, of the same shape, the share of
-    the pixels that each of them stands for.
-    """
-    left = 1 - (np.arange(count) + 0.5) / count
-    theta_o = np.arccos(2 * left**2 - 1)
-    return (theta_o / 2 if center == "normal" else theta_o), left / left.sum()
-
-
-def sample_tangents(count: int) -> Array:
-    """Return the azimuths of the views of `sample_views` from the tangent, radians, (count,)."""
-    return np.asarray(2 * np.pi * ((np.arange(count) + 0.5) * (np.sqrt(5) - 1) / 2 % 1))
-
-
-@record(eq=False)
-class Pixels:
-    """Points at which lobes about the mirror direction or the normal are lit; see `pixels`."""
-
-    center: Center
-    theta_o: Array
-    """The angles of the views from C, shape (views,), radians."""
-    azimuths: Array
-    """Those of the views about C, less the `_TWISTS`: shape (azimuths,), or that of all points."""
-    parts: Array
-    """How many of the pixels of a view a point stands for, 1 in the mean over those of a surface.
-    Shape (1, 1, azimuths), or that of all points."""
-    surfaces: tuple[slice, ...]
-    """The azimuths on each of the surfaces that are judged by themselves."""
-
-    @cached_property
-    def views(self) -> Array:
-        """Unit vectors, world axes, shape (directions, views, azimuths, 3); read-only."""
-        local = from_angles(self.theta_o[:, None], _TWISTS[:, None, None] + self.azimuths)
-        found = np.einsum("dij,dvaj->dvai", _frames(), local)
-        found.setflags(write=False)
-        return found
-
-    @cached_property
-    def normals(self) -> Array:
-        """Those of the surfaces, of the same shape; read-only."""
-        centers = np.broadcast_to(_frames()[:, None, None, :, 2], self.views.shape)
-        return bisector(centers, self.views) if self.center == "reflection" else centers
-
-    def tangents(self, at: tuple[Indices, ...]) -> Array:
-        """Return the tangents of surfaces at some of the points, shape (..., 3).
-
-        `at` are the indices of their directions, views and azimuths, each of shape (...). The
-        azimuths of the views from the tangents are those of `sample_tangents`.
-        """
-        normals, views = self.normals[at], self.views[at]
-        towards = normalize(views - np.sum(normals * views, axis=-1, keepdims=True) * normals)
-        azimuth = sample_tangents(self.views.shape[1])[at[1], None]
-        return np.asarray(np.cos(azimuth) * towards - np.sin(azimuth) * np.cross(normals, towards))
-
-
-@cache
-def pixels(center: Center, is_brushed: bool = False) -> Pixels:
-    """Return the points for lobes about a center, of isotropic or of brushed surfaces.
-
-    Of brushed ones half of the azimuths are any, as on meshes that are brushed in all directions.
-    With the other half tangents are horizontal, see `shrm_cli.maps.brushed_pixels`.
-    """
-    theta_o, _ = sample_views(center, view_count(is_brushed))
-    azimuths: Array = 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
-    parts: Array = np.ones((1, 1, _AZIMUTHS))
-    surfaces: tuple[slice, ...] = (slice(None),)
-    if is_brushed:
-        from shrm_cli.maps.brushed_pixels import both_surfaces  # few materials are brushed
-
-        around, half = sample_tangents(len(theta_o)), _AZIMUTHS // 2
-        azimuths, parts = both_surfaces(center, theta_o, around, _frames(), azimuths[::2], _TWISTS)
-        surfaces = slice(half), slice(half, None)
-    return Pixels(center, theta_o, azimuths, parts, surfaces)
-
-
-@cache
-def _frames() -> Array:
-    """Return the frames about the central directions, shape (directions, 3, 3)."""
-    theta = np.arccos(1 - (2 * np.arange(_RINGS) + 1) / _RINGS)[:, None]
-    phi = _TURNS[:, None] + 2 * np.pi / _AROUND * np.arange(_AROUND)
-    return local_frame(theta, phi).reshape(-1, 3, 3)
 
 
 @record(eq=False)
@@ -338,8 +227,10 @@ def lit(light: Array, groups: Sequence[Lobes]) -> tuple[Array, Array]:
 
 def judged(groups: Sequence[Lobes]) -> Pixels:
     """Return the pixels that lobes are judged by together."""
+    first, *others = groups
     is_brushed = any(np.iscomplexobj(each.whole) for each in groups)
-    return pixels(groups[0].center, is_brushed)
+    is_zonal = not others and first.max_q == 0 and first.whole.shape[2] == 1
+    return pixels(first.center, is_brushed, is_zonal)
 
 
 def _about_own(light: Array, lobes: Lobes, at: Pixels) -> Array:
@@ -353,7 +244,7 @@ def _about_own(light: Array, lobes: Lobes, at: Pixels) -> Array:
         light = light.sum(axis=1, keepdims=True)
     kept = _kept_light.get()
     known = None if kept is None else _identity(light)
-    local = _local_light(light, lobes, known)
+    local = _local_light(light, lobes, at.rings, known)
     if kept is None:
         whole = _reflected(local, lobes.whole, at)
     else:  # the maps that are compared have the same whole lobes, and errors of their own
@@ -403,8 +294,8 @@ def _reflected(local: Sequence[Array], lobes: Array, at: Pixels) -> Array:
     return np.asarray(values.real.T, dtype=float)
 
 
-def _local_light(light: Array, lobes: Lobes, known: object) -> list[Array]:
-    """Expand the light about central directions that are spread evenly.
+def _local_light(light: Array, lobes: Lobes, rings: Rings, known: object) -> list[Array]:
+    """Expand the light about the directions on rings.
 
     `light`, of shape ((order+1)^2, channels), holds the coefficients over the real harmonics of
     world axes. `lobes` tell the largest l and q. `known` tells the light from others, where it is
@@ -418,8 +309,10 @@ def _local_light(light: Array, lobes: Lobes, known: object) -> list[Array]:
 
     def make(orders: range) -> Array:
         if kept is None:
-            return _make_local_light(light, order, orders)
-        return kept.get((known, order, orders), lambda: _make_local_light(light, order, orders))
+            return _make_local_light(light, order, orders, rings)
+        return kept.get(
+            (known, order, orders, rings), lambda: _make_local_light(light, order, orders, rings)
+        )
 
     return [make(orders) for orders in _together(lobes.max_q)]
 
@@ -444,39 +337,40 @@ def keeping_light() -> Iterator[None]:
         _kept_light.reset(token)
 
 
-def _make_local_light(light: Array, order: int, orders: range) -> Array:
+def _make_local_light(light: Array, order: int, orders: range, rings: Rings) -> Array:
     """Compute what `_local_light` returns for some orders q.
 
     As ``d^l_mq(pi - theta) = (-1)^(l+q) d^l_-mq(theta)`` and the light is real, its ``A_lq`` on a
     southern ring follow from the northern ring of the same latitude: they are the conjugates half a
     turn away.
     """
-    channels = light.shape[1]
-    middle = -(-order // _AROUND) * _AROUND
-    m = np.arange(-middle, middle + _AROUND)
+    channels, height, around = light.shape[1], rings.count, rings.around
+    middle = -(-order // around) * around
+    m = np.arange(-middle, middle + around)
     by_degree = np.zeros((order + 1, len(m), channels), np.complex64)
     by_degree[:, middle - order : middle + order + 1] = complex_from_real(light, order)
     # The rings from the north to the equator, each beside the one on the other side.
-    starts = np.stack([_TURNS[: _RINGS // 2], _TURNS[: _RINGS // 2 - 1 : -1] + np.pi], axis=1)
+    north, south = np.split(rings.turns, 2)
+    starts = np.stack([north, south[::-1] + np.pi], axis=1)
     phases = np.exp(1j * m[:, None, None] * starts).astype(np.complex64)
-    waves = np.exp(2j * np.pi / _AROUND * np.outer(np.arange(_AROUND), np.arange(_AROUND)))
+    waves = np.exp(2j * np.pi / around * np.outer(np.arange(around), np.arange(around)))
     waves = waves.astype(np.complex64)
     q = np.array(orders)[:, None]
-    twists = np.exp(1j * q * _TWISTS).astype(np.complex64).reshape(-1, 1, 1, _RINGS, _AROUND)
-    result = np.empty((2, len(orders), order + 1, channels, _RINGS, _AROUND), np.float32)
+    twists = np.exp(1j * q * rings.twists).astype(np.complex64).reshape(-1, 1, 1, height, around)
+    result = np.empty((2, len(orders), order + 1, channels, height, around), np.float32)
     first = _first_degree(orders)
     result[:, :, :first] = 0.0
-    for functions in _ring_functions(order, orders):
+    for functions in _ring_functions(order, orders, rings):
         count, *_, blocks = functions.shape
         some = slice(first, first + count)
-        rows = slice(middle - blocks // 2 * _AROUND, middle + (blocks // 2 + 1) * _AROUND)
-        lit = by_degree[some, rows].reshape(count, blocks, _AROUND, 1, 1, channels)
-        lit = lit * phases[rows].reshape(blocks, _AROUND, _RINGS // 2, 2, 1)
+        rows = slice(middle - blocks // 2 * around, middle + (blocks // 2 + 1) * around)
+        lit = by_degree[some, rows].reshape(count, blocks, around, 1, 1, channels)
+        lit = lit * phases[rows].reshape(blocks, around, height // 2, 2, 1)
         lit = lit.transpose(0, 2, 3, 1, 4, 5).reshape(*functions.shape[:3], blocks, -1)
         # Around a ring, orders m that differ by the number of its directions are the same wave.
         folded = (functions @ lit.view(np.float32)).view(np.complex64)
         folded = folded.reshape(*folded.shape[:-1], 2, channels).transpose(3, 0, 5, 4, 2, 1)
-        found = (folded.reshape(-1, _AROUND) @ waves).reshape(*folded.shape)
+        found = (folded.reshape(-1, around) @ waves).reshape(*folded.shape)
         signs = (1 - 2 * ((q + np.arange(first, first + count)) % 2)).reshape(-1, count, 1, 1, 1)
         north, south = found[..., 0, :, :], found[..., 1, ::-1, :].conj()
         both = np.concatenate([north, south * signs.astype(np.float32)], axis=-2) * twists
@@ -485,14 +379,14 @@ def _make_local_light(light: Array, order: int, orders: range) -> Array:
     return result.reshape(2, len(orders), (order + 1) * channels, -1)
 
 
-def _ring_functions(order: int, orders: range) -> Iterable[Array]:
+def _ring_functions(order: int, orders: range, rings: Rings) -> Iterable[Array]:
     """Return the functions on the northern rings from the `_first_degree` on.
 
     They are what `folded_small_d` yields, kept for the next call unless they are large.
     """
-    theta = np.arccos(1 - (2 * np.arange(_RINGS // 2) + 1) / _RINGS)
-    made = folded_small_d(order, theta, orders, _AROUND, _first_degree(orders), _AT_ONCE)
-    return made if order > _KEPT_ORDER else _known_rings.get((order, orders), lambda: list(made))
+    north, what = rings.theta[: rings.count // 2], (order, orders, rings)
+    made = folded_small_d(order, north, orders, rings.around, _first_degree(orders), _AT_ONCE)
+    return made if order > _KEPT_ORDER else _known_rings.get(what, lambda: list(made))
 
 
 def _first_degree(orders: range) -> int:

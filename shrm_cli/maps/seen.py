@@ -110,7 +110,8 @@ def _missed(
     if left < 1:  # what is allowed of so little light would read as an error of all
         of, share = " of all light", best.wrong_share
         goal = replace(goal, error=left * goal.error)
-        best = replace(best, total_error=left * best.total_error, find_wrong_share=lambda: share)
+        error, find_share = left * best.total_error, lambda: share
+        best = replace(best, total_error=error, find_wrong_share=find_share, find_least_share=None)
     return (
         f"no map keeps {goal_text(goal, of)} {within}; the one made has "
         f"{best.errors_text}, as predicted. {why[0].upper()}{why[1:]}"

@@ -6,10 +6,14 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.brushed_transfer import azimuths_of
 from shrm_cli.brdf.transfer import TransferFunctions
-from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views, view_count
+from shrm_cli.maps.lobes_lit import Lobes
+from shrm_cli.maps.sphere_pixels import sample_tangents, sample_views, view_count
 from shrm_cli.records import record
 from shrm_cli.reflected import last_visible
 from shrm_cli.vocabulary import Center
+
+_SAME = 1e-9
+"""How far lobes of all views that are the same may be apart, beside the largest value."""
 
 
 @record(eq=False)
@@ -89,7 +93,7 @@ class SeenLobes:
 
     between: BetweenNodes
     whole: Array
-    """The lobes themselves, as those of `Lobes`."""
+    """The lobes themselves, as those of `Lobes`, for one view where all are the same."""
     beyond: Array
     """The RMS of what truncation after each degree leaves out, relative to the mean light."""
 
@@ -97,5 +101,7 @@ class SeenLobes:
     def of(cls, transfer: TransferFunctions, center: Center, beyond: Array) -> "SeenLobes":
         """Take the lobes about a central direction up to the last visible degree."""
         between = BetweenNodes.of(transfer, center)
-        values = transfer.values[:, : last_visible(beyond) + 1, between.nodes]
-        return cls(between, between(values), beyond)
+        whole = between(transfer.values[:, : last_visible(beyond) + 1, between.nodes])
+        if np.ptp(whole.real, axis=2).max() <= _SAME * np.abs(whole).max():
+            whole = whole[:, :, :1]
+        return cls(between, whole, beyond)

@@ -16,50 +16,91 @@ from functools import cache, cached_property
 import numpy as np
 
 from shrm_cli.arrays import Array, Indices
-from shrm_cli.maps.lobes_lit import Lobes, Pixels, judged, lit, reflected, sample_views, together
+from shrm_cli.maps.lobes_lit import Lobes, judged, lit, reflected, together
+from shrm_cli.maps.sphere_pixels import Pixels, sample_views
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import once_each, record
 from shrm_cli.sphere.directions import bisector, horizontal_tangents
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG
 
+Lost = Callable[[Pixels, tuple[Indices, ...]], Array]
+"""Takes pixels and the indices of some; returns the luminance that is missing there."""
 
-def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
+
+@record(eq=False)
+class LookUps:
+    """A map that is made, of which texels are looked up between."""
+
+    held: Sequence[Lobes]
+    """The lobes of its series, for each term."""
+    radiance: Callable[[Array, Array, Array], Array]
+    """Takes normals, tangents and views; returns what the map shows, shape (..., 3)."""
+
+    def lost(self, lighting: Lighting) -> "Lost":
+        """Return what look-ups lose of the luminance at points, as lobes tell it."""
+        held, _ = lit(lighting.coefficients * LUMINANCE, together(self.held))
+
+        def lost_at(at: Pixels, places: tuple[Indices, ...]) -> Array:
+            shown = self.radiance(at.normals[places], at.tangents(places), at.views[places])
+            own = np.broadcast_to(held, at.views.shape[:-1])[places]
+            return np.asarray(own - 2 * np.pi * shown @ LUMINANCE)
+
+        return lost_at
+
+
+def wrong_share(
+    lighting: Lighting, lobes: Sequence[Lobes], look_ups: LookUps | None = None
+) -> float:
     """Return the share of points whose luminance is wrong by more than `WRONG`, in 0 .. 1.
 
     `lighting` is the light, to at least the order of the lobes. `lobes` are those of each term;
-    they reflect their light at the same points.
+    they reflect their light at the same points. Where `look_ups` are given, what they lose counts.
     """
-    if lamps_beside.get() is None and not any(each.error.any() for each in lobes):
+    is_all_known = lamps_beside.get() is None and look_ups is None
+    if is_all_known and not any(each.error.any() for each in lobes):
         return 0.0
     groups = together(lobes)
     whole, error = lit(lighting.coefficients * LUMINANCE, groups)
-    return share_of_points(lighting, groups, whole, error)
+    lost = None if look_ups is None else look_ups.lost(lighting)
+    return share_of_points(lighting, groups, whole, error, lost=lost)
 
 
 def share_of_points(
-    lighting: Lighting, groups: Sequence[Lobes], whole: Array, error: Array, apart: int = 1
-) -> float:
+    lighting: Lighting, groups: Sequence[Lobes], whole: Array, error: Array, apart: int = 1,
+    lost: Lost | None = None,
+) -> float:  # fmt: skip
     """Return the share of points at which the error is too large.
 
     `whole` and `error`, of shape (directions, views, azimuths), are what `lit` returns for light
-    and lobes; or those of every direction that is so many `apart`.
+    and lobes; or those of every direction that is so many `apart`. `lost` is added to the error.
     """
     lamps, at, first = lamps_beside.get(), judged(groups), lighting.coefficients[:1]
-    if lamps is None:
-        limit = WRONG * np.maximum(whole, SEEN_FLOOR * _mean(first, groups))
-        wrong = (np.abs(error) > limit) * at.parts
-        shares = sample_views(at.center, error.shape[1])[1]
-        return max(float(wrong[..., each].mean(axis=(0, 2)) @ shares) for each in at.surfaces)
-    floor = SEEN_FLOOR * _mean(first + lamps.lit.first, groups)
+    floor = SEEN_FLOOR * _mean(first if lamps is None else first + lamps.lit.first, groups)
+
+    def is_wrong(seen: Array, wrong: Array) -> Array:
+        return np.asarray(np.abs(wrong) > WRONG * np.maximum(seen, floor), dtype=float)
+
     parts, found = np.broadcast_to(at.parts, at.views.shape[:-1])[::apart], []
+    by_view = sample_views(at.center, error.shape[1])[1]
+    of_all = is_wrong(whole, error) * at.parts
     for each in at.surfaces:
-        some, shares = _some_points(parts, each)
-        seen, wrong = (np.broadcast_to(values, parts.shape)[some] for values in (whole, error))
-        places = some[0] * apart, *some[1:]
-        seen, wrong = seen + lamps.lit.seen_at(at, places), wrong + lamps.wrong_at(at, places)
-        is_wrong = np.abs(wrong) > WRONG * np.maximum(seen, floor)
-        found.append(float(is_wrong.ravel() @ shares.ravel()))
+        share = float(of_all[..., each].mean(axis=(0, 2)) @ by_view)
+        if lamps is not None or lost is not None:
+            # Look-ups, and lamps even more, take long, so that they are known of some points.
+            some, shares = _some_points(parts, each)
+            seen, wrong = (np.broadcast_to(values, parts.shape)[some] for values in (whole, error))
+            before = float(is_wrong(seen, wrong).ravel() @ shares.ravel())
+            places = some[0] * apart, *some[1:]
+            if lamps is not None:
+                seen = seen + lamps.lit.seen_at(at, places)
+                wrong = wrong + lamps.wrong_at(at, places)
+            if lost is not None:
+                wrong = wrong + lost(at, places)
+            after = float(is_wrong(seen, wrong).ravel() @ shares.ravel())
+            # Look-ups alone change little, and all points tell the rest.
+            share = max(share + after - before, 0.0) if lamps is None else after
+        found.append(share)
     return max(found)
 
 
@@ -76,7 +117,7 @@ def _some_points(parts: Array, surface: slice) -> tuple[tuple[Indices, ...], Arr
     if np.ptp(parts[..., surface]) > 0:
         direction, view, azimuth = np.nonzero(parts[..., surface])
     else:
-        count = _VIEWS_BESIDE * azimuths // parts.shape[2]
+        count = _POINTS_BESIDE // directions * azimuths // parts.shape[2]
         view = np.arange(count) * (views // count) + direction % (views // count)
         azimuth = (direction + view) % azimuths
     points = direction, view, first + azimuth
@@ -176,8 +217,9 @@ def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
         lamps_beside.reset(token)
 
 
-_VIEWS_BESIDE = 8
-"""The number of views of each direction at which lamps are integrated, on all surfaces together."""
+_POINTS_BESIDE = 3840
+"""The number of points at which lamps are integrated, and look-ups made, on all surfaces together,
+as long as all points count alike."""
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""
 

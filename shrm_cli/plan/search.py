@@ -9,7 +9,7 @@ one by one, because what look-ups between texels blur may rise with a cube.
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import field, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from math import inf, sqrt
 from operator import itemgetter
 from typing import Any, Generic, Protocol, TypeVar
@@ -191,6 +191,8 @@ class Candidate(Generic[M]):
     """Whether maps of more bytes could hold more."""
     limit: str = ""
     """Why more bytes gain little, where that is known."""
+    find_least_share: Callable[[], float | None] | None = field(default=None, repr=False)
+    """Predicts nearly that share, or less, where the share itself takes long."""
     find_exact: "Callable[[], Candidate[M]] | None" = field(default=None, repr=False)
     """Looks closely at its errors, where those here leave out what takes long to be known."""
 
@@ -203,19 +205,26 @@ class Candidate(Generic[M]):
         """The map with exact errors."""
         if self.find_exact is None:
             return self
-        return replace(self.find_exact(), find_wrong_share=lambda: self.wrong_share)
+        return replace(self.find_exact(), find_least_share=lambda: self.wrong_share)
 
     @cached_property
     def wrong_share(self) -> float | None:
         """The predicted share of what is visible whose luminance is wrong, where it is known."""
         return self.find_wrong_share()
 
+    @cached_property
+    def _least_share(self) -> float | None:
+        return self.wrong_share if self.find_least_share is None else self.find_least_share()
+
     def badness(self, goal: Goal) -> float:
         """Return the larger of both errors, each in units of what the goal allows."""
-        of_error = self.total_error / goal.error
-        if goal.wrong_share is None or self.wrong_share is None:
+        of_error, most = self.total_error / goal.error, goal.wrong_share
+        if most is None or self._least_share is None:
             return of_error
-        return max(of_error, self.wrong_share / goal.wrong_share)
+        share = self._least_share
+        if share <= most and self.wrong_share is not None:  # more than is missed tells nothing new
+            share = self.wrong_share
+        return max(of_error, share / most)
 
     @property
     def errors_text(self) -> str:
@@ -264,19 +273,31 @@ class _Judged:
         share, most = self.rough.wrong_share, self.goal.wrong_share
         if share is not None and most is not None and share > most:
             return share / most  # exact errors would change nothing, and take long
-        return self.rough.exact.badness(self.goal)
+        of_error = self.rough.exact.total_error / self.goal.error
+        return of_error if share is None or most is None else max(of_error, share / most)
 
 
 def kept_in_fewest(rows: Iterable[Row[Candidate[M]]], goal: Goal) -> Candidate[M] | None:
     """Find the map of the fewest bytes that keeps a goal, if there is one, as the rows have it.
 
     Maps of one error differ in what is seen: those of few cubes of many texels miss more in dark
-    places than those of many cubes of few texels, in the same bytes.
+    places than those of many cubes of few texels, in the same bytes. Where look-ups show more wrong
+    pixels than rows tell, a map is sought that leaves room for them.
     """
-    judged = (row.mapped(lambda rough: _Judged(rough, goal)) for row in rows)
-    # Shares of wrong pixels hardly rise with a cube, and take long.
-    found = fewest_bytes(judged, 1.0, look_near=False)
-    return found[0].rough if found is not None and found[1] else None
+    rows, allowed = list(rows), goal
+    for _ in range(policy.TRIES):
+        judged = (row.mapped(partial(_Judged, goal=allowed)) for row in rows)
+        # Shares of wrong pixels hardly rise with a cube, and take long.
+        found, is_kept = fewest_bytes(judged, 1.0, look_near=False) or (None, False)
+        if found is None or not is_kept:
+            break
+        rough, exact = found.rough, found.rough.exact
+        if exact.keeps(goal):
+            return rough
+        shares = allowed.wrong_share, exact.wrong_share, rough.wrong_share
+        most, with_look_ups, without = (0.0 if share is None else share for share in shares)
+        allowed = replace(allowed, wrong_share=most - (with_look_ups - without))
+    return None
 
 
 def rising(maps: Maps, goal: Goal, max_size: int) -> Iterator[Candidate[Any]]:

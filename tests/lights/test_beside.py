@@ -6,7 +6,7 @@ import pytest
 import shrm_cli as shrm
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.lights import beside, shape
-from shrm_cli.maps import lobes_lit
+from shrm_cli.maps import lobes_lit, sphere_pixels
 from shrm_cli.maps.lamps.rule import LitDiscs
 from shrm_cli.maps.wrong_pixels import beside_lamps, wrong_share
 from shrm_cli.plan import policy
@@ -166,7 +166,7 @@ def test_what_discs_change_is_seen_though_the_error_is_small(brdf, monkeypatch):
 
 def test_discs_are_good_enough_for_brushed_metal_in_a_dark_studio():
     """They seemed wrong at 14 % of the points, and maps that held their corners had black rims."""
-    boxes, points = np.zeros((128, 256, 3), np.float32), lobes_lit.pixels("reflection")
+    boxes, points = np.zeros((128, 256, 3), np.float32), sphere_pixels.pixels("reflection")
     boxes[41:50, 62:72], boxes[52:60, 200:208] = 280, 170
     brdf = shrm.parse_spec("ggx:roughness=0.5,anisotropy=0.8,mapping=openpbr,f0=0.9/0.8/0.6")
     found = next(beside.splits_for(shrm.Probe.from_array(boxes), brdf, Goal(0.05, 0.05)))

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from shrm_cli.maps.lobes_lit import Lobes, lit, pixels, sample_tangents, sample_views, view_count
+from shrm_cli.maps.lobes_lit import Lobes, lit
+from shrm_cli.maps.sphere_pixels import pixels, sample_tangents, sample_views, view_count
 from tests import oracles
 
 CENTERS = "reflection", "normal"

@@ -171,7 +171,7 @@ def _row(roughs):
 def rough(bytes_, error, wrong, exact=None):
     """A map whose error is found to be another one at a closer look."""
     total = error if exact is None else exact
-    closely = Candidate("rough", bytes_, 1, total, float, int)
+    closely = Candidate("rough", bytes_, 1, total, lambda: wrong, int)
     return Candidate("rough", bytes_, 1, error, lambda: wrong, int, find_exact=lambda: closely)
 
 
@@ -318,6 +318,17 @@ def test_exact_errors_are_found_of_good_maps_alone():
     kept = kept_in_fewest([Row(32, *_row(row))], Goal())
     assert kept.bytes == 10
     assert set(found) <= set(range(10, 33))
+
+
+@pytest.mark.parametrize(("added", "size"), [(0.02, 17), (0.0, 10), (0.06, None)])
+def test_room_is_left_for_wrong_pixels_that_a_closer_look_shows(added, size):
+    def seen(bytes_):
+        share = 0.5 / bytes_
+        exact = Candidate("rough", bytes_, 1, 0.01, lambda: share + added, int)
+        return Candidate("rough", bytes_, 1, 0.01, lambda: share, int, find_exact=lambda: exact)
+
+    kept = kept_in_fewest([Row(100, *_row([seen(each) for each in range(1, 101)]))], Goal())
+    assert (kept and kept.bytes) == size
 
 
 def of_every_error(times):

@@ -38,7 +38,7 @@ from shrm_cli.maps.principal.terms import (
 )
 from shrm_cli.maps.request import Notes, Prefiltered, Request
 from shrm_cli.maps.size import sizes_of, supported_order, total_error
-from shrm_cli.maps.wrong_pixels import wrong_share
+from shrm_cli.maps.wrong_pixels import LookUps, wrong_share
 from shrm_cli.orders import Orders
 from shrm_cli.plan.search import Candidate, Row
 from shrm_cli.probe.lighting import Projection
@@ -49,6 +49,9 @@ from shrm_cli.vocabulary import Sampling
 
 _SMALL = 16
 """The texels along a face's edge of the maps that tell how coherent the terms of a sum are."""
+_LOOKED_UP = 0.5
+"""The error of look-ups, in units of that of functions and orders, from which it shows in pixels
+that are not wrong already."""
 TABLED = "more bytes gain little: what it has of the view is in tables, which are no finer"
 """What is said where tables make most of an error."""
 
@@ -82,22 +85,32 @@ class Proposal:
         return total_error(self.info.predicted_error, self.info.filter_error)
 
     def wrong_share(self) -> float:
-        """Predict the share of what is visible whose luminance is wrong by more than 5 %."""
-        return predicted_wrong_share(self.terms)
+        """Predict the share of what is visible whose luminance is wrong by more than 5 %.
+
+        Look-ups count where they lose much. Not so those of brushed terms, whose lobes are known at
+        some azimuths alone.
+        """
+        error, filter_error = self.info.predicted_error, self.info.filter_error
+        is_brushed = any(isinstance(each.planner.spectrum, BrushedSpectrum) for each in self.terms)
+        are_seen = filter_error > _LOOKED_UP * error and not is_brushed
+        return predicted_wrong_share(self.terms, self._map() if are_seen else None)
+
+    def _map(self) -> PrincipalMap:
+        lobes = tuple(lobe_of(term, self.sampling) for term in self.terms)
+        return PrincipalMap(lobes, self.info, self.sampling)
 
     def make(self, warnings: Sequence[str] = ()) -> Prefiltered:
         """Make the map, with remarks about the BRDF's sampling before other warnings."""
-        lobes = tuple(lobe_of(term, self.sampling) for term in self.terms)
-        made = PrincipalMap(lobes, self.info, self.sampling)
         remarks = filter(None, (term.planner.spectrum.transfer.remark for term in self.terms))
         facts, further = {"error_bound": None}, {"predicted_wrong_share": self.wrong_share}
-        return Prefiltered(made, facts, self.notes, (*remarks, *warnings), further)
+        return Prefiltered(self._map(), facts, self.notes, (*remarks, *warnings), further)
 
     def candidate(self) -> Candidate[Prefiltered]:
         """Return the map as the search knows it."""
         return Candidate(
             "principal", self.bytes, self.look_ups, self.total_error, self.wrong_share, self.make,
             any(1 < len(term.planner.choices) > term.form.cubes for term in self.terms), self.limit,
+            partial(predicted_wrong_share, self.terms),
         )  # fmt: skip
 
     @property
@@ -316,27 +329,38 @@ def is_out_of_reach(planners: Sequence[Planner], want: Request) -> bool:
     return share > (_FAR_BRUSHED if is_brushed else _FAR) * want.seen
 
 
-def predicted_wrong_share(terms: Sequence[Term]) -> float:
+def predicted_wrong_share(terms: Sequence[Term], made: PrincipalMap | None = None) -> float:
     """Predict the share of what is visible whose luminance is wrong by more than 5 %.
 
     The transfer functions that were factorized are the lobes of all views, and what the map leaves
-    out of them is known, so that nothing of the BRDF is sampled again.
+    out of them is known, so that nothing of the BRDF is sampled again. `made` is the map, whose
+    look-ups count; without it nothing is lost by these.
 
     Returns what `shrm_cli.maps.expansion.predicted_wrong_share` does.
     """
     lighting = max((planner.lighting for planner, _ in terms), key=lambda each: each.order)
-    return wrong_share(lighting, [_lobes(*term) for term in terms])
+    held = [_held(*term) for term in terms]
+    lobes = [_missed(term.planner, each) for term, each in zip(terms, held, strict=True)]
+    look_ups = None if made is None else LookUps(held, made.brushed_radiance)
+    return wrong_share(lighting, lobes, look_ups)
 
 
-def _lobes(planner: Planner, form: Form) -> Lobes:
-    """Take the lobes of some views, and what the map leaves out of them, as far as is visible."""
+def _held(planner: Planner, form: Form) -> Lobes:
+    """Return the lobes of some views as the map has them, as far as is visible."""
     spectrum, seen = planner.spectrum, planner.seen
-    error, factors = seen.whole.copy(), form.band.factors[: seen.whole.shape[1]]
+    held, factors = np.zeros_like(seen.whole), form.band.factors[: seen.whole.shape[1]]
     for q, used in enumerate(form.counts):
         functions = seen.between(spectrum.looked_up(q, used)[:, seen.between.nodes])
+        functions = functions[:, : held.shape[2]]
         parts = spectrum.scaled_parts(q, used, factors)
-        held = parts.transpose(2, 1, 0) @ functions.transpose(2, 0, 1)
-        error[q, : len(factors)] -= 2 * np.pi * held.transpose(1, 2, 0)
-    lobes = Lobes.of(seen.whole, error, spectrum.center)
+        by_degree = parts.transpose(2, 1, 0) @ functions.transpose(2, 0, 1)
+        held[q, : len(factors)] = 2 * np.pi * by_degree.transpose(1, 2, 0)
+    return Lobes.of(held, np.zeros_like(held), spectrum.center)
+
+
+def _missed(planner: Planner, held: Lobes) -> Lobes:
+    """Return the lobes themselves, and what a map leaves out of them."""
+    seen, spectrum = planner.seen, planner.spectrum
+    lobes = Lobes.of(seen.whole, seen.whole - held.whole, spectrum.center)
     lobes = lobes.ended(seen.beyond, spectrum.light, planner.aside)
     return replace(lobes, known_as=(seen, lobes.whole.shape[-1]))
