@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, relative_difference, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
@@ -93,9 +93,8 @@ def _proven(grid: ProbeGrid, gathering: "Gathering", stages: Stages) -> dict[str
         ("error_coefficients", replace(grid, lamps=None), reflected + direct, True),
         ("error_reflected", grid, reflected, False),
     ):
-        missed = of.irradiance(points, normals, is_direct) - truth
-        whole = max(float((truth[free] ** 2).sum()), np.finfo(float).tiny)
-        found[name] = float(np.sqrt((missed[free] ** 2).sum() / whole))
+        shown = of.irradiance(points, normals, is_direct)
+        found[name] = relative_difference(shown[free], truth[free])
     return found
 
 

@@ -7,7 +7,7 @@ bounces.
 
 import numpy as np
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, relative_rms, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages, in_order
@@ -69,9 +69,9 @@ def captured(
         stages.done(2 + number, 3)
     image = (halves[0] + halves[1]) / 2
     weights = LatLong(height).weights()[..., None]
-    whole = max(float((weights * image**2).sum()), np.finfo(float).tiny)
+    off = (weights * (halves[0] - halves[1]) ** 2).sum()
     # Of independent halves the difference has four times the variance of their mean.
-    noise = float(np.sqrt((weights * (halves[0] - halves[1]) ** 2).sum() / 4 / whole))
+    noise = relative_rms(off / 4, (weights * image**2).sum())
     return Captured(image.astype(np.float32), noise, behind)
 
 
