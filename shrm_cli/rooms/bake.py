@@ -30,7 +30,7 @@ _SHARPNESS = 50
 _SLANT = 2.0
 """The most by which the plane that a ray meets may be nearer or farther along a texel's middle."""
 _PLANE = 1.02
-"""How much nearer than what a ray meets a plane is, at least, where its surface has ended."""
+"""The least ratio of the distance of what a ray meets to that of a plane whose surface ended."""
 _TOUCHING = 1e-5
 """Surfaces are no nearer than so much of a cell's diagonal, for probes that lie on them."""
 _PATCHES = 2.0

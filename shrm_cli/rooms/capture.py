@@ -25,7 +25,7 @@ _PATHS_AT_ONCE = 2**16
 _LOOKS = 4096
 """Directions in which the box around a place is looked for."""
 _SNAP = 0.02
-"""By how much of a room's size what is seen may fall short of its box."""
+"""The part of a room's size by which what is seen may fall short of the room's box."""
 _PLASTIC = 1.1673039782614187
 """The root of x^5 = x + 1, whose powers' reciprocals fill cubes of four dimensions evenly (Roberts
 2018, "The Unreasonable Effectiveness of Quasirandom Sequences")."""
@@ -110,7 +110,7 @@ class _Paths:
     def half(self, samples: int, number: int, progress: Progress) -> tuple[Array, float]:
         """Return the mean over some paths of each pixel, and the share of back faces.
 
-        Those of each `number` are independent of the others.
+        The paths of each `number` are independent of those of other numbers.
         """
         height, width = self._height, 2 * self._height
         random = np.random.Generator(np.random.PCG64(number))

@@ -11,6 +11,7 @@ from shrm_cli.errors import TransferError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.texels import Texels
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import order_of
 
 
@@ -102,7 +103,7 @@ class Transfer:
         found = np.zeros((len(self.vectors), 3)) + np.array([0, 1e-9, 0])
         if self.order > 0:  # Y_11, Y_1-1 and Y_10 are proportional to x, y and z
             found += self.vectors[:, [3, 1, 2]].mean(axis=-1)
-        return found / np.linalg.norm(found, axis=1, keepdims=True)
+        return normalize(found)
 
     def shades_lamps(self, glossy: bool) -> bool:
         """Return whether lamps may be shaded apart: what the mesh sends of their light is known.
@@ -172,14 +173,11 @@ def fitted(lighting: ArrayLike, count: int) -> Array:
     return result
 
 
-def diffuse_colors(
-    transfer: Transfer, lighting: ArrayLike, albedo: ArrayLike | None = None
-) -> Array:
+def diffuse_colors(transfer: Transfer, lighting: ArrayLike) -> Array:
     """Return the radiance of a diffuse surface, ``albedo / pi`` times its irradiance, shape (v, 3).
 
     `lighting`, of shape (m, 3), or (v, m, 3) where each vertex has its own light, holds
-    coefficients of the light in world axes, of any order, index l(l+1)+m. `albedo`, of shape (1 or
-    3,) or (v, 1 or 3), is that of the transfer by default.
+    coefficients of the light in world axes, of any order, index l(l+1)+m.
     """
     vectors = transfer.vectors
     light = fitted(lighting, vectors.shape[1])
@@ -189,7 +187,7 @@ def diffuse_colors(
         irradiance = vectors[..., 0] @ light
     else:
         irradiance = np.einsum("vjc,jc->vc", vectors, light)
-    return irradiance * np.asarray(transfer.albedo if albedo is None else albedo) / np.pi
+    return irradiance * transfer.albedo / np.pi
 
 
 def _arriving_light(matrices: Array, lighting: ArrayLike) -> Array:

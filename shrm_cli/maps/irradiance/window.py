@@ -14,7 +14,7 @@ from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.records import record
 from shrm_cli.sphere.extremes import degree_values, low_places, lowest
-from shrm_cli.sphere.harmonics import degrees, order_of
+from shrm_cli.sphere.harmonics import by_degree, degrees, order_of
 from shrm_cli.sphere.quadrature import spiral_directions
 
 FAMILIES = ("hann", "lanczos")
@@ -203,8 +203,7 @@ def _faded(factors: Array, values: Array, floor: Array) -> Array:
 
 def _squares(series: Array) -> Array:
     """Sum the squares of each degree's coefficients over all channels, shape (F+1,)."""
-    starts = np.arange(order_of(len(series)) + 1) ** 2
-    return np.add.reduceat(np.sum(series**2, axis=1), starts)
+    return by_degree(np.sum(series**2, axis=1))
 
 
 _TINY = 1e-13

@@ -24,6 +24,7 @@ from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Stages, current, using
+from shrm_cli.sphere.harmonics import by_degree
 from shrm_cli.vocabulary import DEFAULT_PRODUCT_SIZE, MAX_PRODUCT_ORDER
 
 _KNOWN_ORDER = 16
@@ -173,8 +174,7 @@ def _texture(
     table = product_table(brdf, functions, order, texels)
     views = even_views(_VIEWS, _LEAST_COSINE)
     exact, energy = functions.expanded(views, known)
-    starts = np.arange(known + 1) ** 2
-    power = np.add.reduceat(exact**2, starts, axis=1).mean(axis=0)
+    power = by_degree(exact**2, axis=1).mean(axis=0)
     energy = energy.mean(axis=0)
     captured = float(power[: order + 1].sum() / energy.sum()) if energy.sum() > 0 else 1.0
     captured = min(captured, 1.0)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import surface_frames
+from shrm_cli.sphere.directions import normalize, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import own_axes, rotate_into_frames, transform_coefficients
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
@@ -113,8 +113,7 @@ def _by_degree(texture: "ProductTexture", series: Array) -> Array:
     """
     normals = spiral_directions(_FRAMES)
     helper = np.where(np.abs(normals[:, 1:2]) < 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
-    across = np.cross(helper, normals)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    across = normalize(np.cross(helper, normals))
     turn = (_GOLDEN * np.arange(_FRAMES) ** 2 % (2 * np.pi))[:, None]
     tangents = np.cos(turn) * across + np.sin(turn) * np.cross(normals, across)
     light = np.moveaxis(rotate_into_frames(series, surface_frames(normals, tangents)), -1, 0)
