@@ -147,7 +147,7 @@ def render(
             written, lines = _write_animation(film, images, pattern, view[0], fps, max_memory)
         else:
             written, lines = _write_pictures(film, images, targets, precision, settings)
-    told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
+    told += [line for each in probes.values() for line in each.warnings()]
     lines += _of_surfaces(mesh, drawing, lit.maps, values)
     lines += options.told_of_exposure(exposure, film.exposure)
     conclude({"files": written, **settings}, lines, drawing.warnings + doubts + told)

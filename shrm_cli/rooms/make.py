@@ -74,8 +74,8 @@ def open_room(
     if light is not None:
         split = split_lamps(light)
         outside = split.residual_probe, split.discs
-        for line in light.report.warnings():  # its pixels have been read
-            warnings.warn(f"{light.name}: {line}", ShrmWarning, stacklevel=3)
+        for line in light.warnings():  # its pixels have been read
+            warnings.warn(line, ShrmWarning, stacklevel=3)
     changes = {"albedo": albedo, "emission": emission}
     room = Room.of(mesh, (ALBEDO,) * 3, changes, *outside)
     return OpenRoom(room, light, _warnings(mesh, room, albedo))
