@@ -193,7 +193,7 @@ def capture(
 
     from shrm_cli.probe.proxy import ProxyBox
     from shrm_cli.rooms.bake import IN_WALLS
-    from shrm_cli.rooms.capture import box_around, captured
+    from shrm_cli.rooms.capture import box_around, trace_probe
     from shrm_cli.rooms.make import open_room
 
     usage.check_outputs([output], files=[mesh, *([probe] if probe else [])])
@@ -204,7 +204,7 @@ def capture(
     proxy = ProxyBox.of(low, high, at)
     announce([f"{mesh}: {len(room.mesh.faces):,} triangles, {size} x {2 * size} pixels"])
     with progress_bar("tracing") as progress:
-        found = captured(room, place, size, samples, opened.surroundings, progress)
+        found = trace_probe(room, place, size, samples, opened.surroundings, progress)
     light = opened.surroundings
     colors = None if light is None else light.chromaticities
     recipe = {

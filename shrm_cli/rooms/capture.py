@@ -43,7 +43,7 @@ class Captured:
     """The share of what is seen that is the back of surfaces, and black."""
 
 
-def captured(
+def trace_probe(
     room: Room,
     at: Array,
     height: int,

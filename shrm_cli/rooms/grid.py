@@ -40,7 +40,7 @@ from shrm_cli.records import record
 from shrm_cli.rooms.lamps import MOST_TRIANGLES, Lamps, SeenLamps
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
-from shrm_cli.transfer.transfer import fitted
+from shrm_cli.transfer.transfer import cut_or_padded
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 
 MOST = 2**20
@@ -194,7 +194,7 @@ class ProbeGrid:
         points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
         order = self.order if order is None else order
         probes, weights = self.weights(points, normals)
-        light = fitted(self._between(probes, weights, direct=True), (order + 1) ** 2)
+        light = cut_or_padded(self._between(probes, weights, direct=True), (order + 1) ** 2)
         if self.lamps is not None:
             seen = self.lamps.shares(probes, weights)
             light += self.lamps.lamps.coefficients(points, order, seen)

@@ -165,7 +165,7 @@ class Product(Protocol):
         """Coefficients c_i(v) of views in the surface's frame, shape (..., n, 3)."""
 
 
-def fitted(lighting: ArrayLike, count: int) -> Array:
+def cut_or_padded(lighting: ArrayLike, count: int) -> Array:
     """Return coefficients, shape (..., m, 3), to another order, cut off or followed by 0."""
     lighting = np.asarray(lighting, dtype=float)
     result = np.zeros((*lighting.shape[:-2], count, 3))
@@ -180,7 +180,7 @@ def diffuse_colors(transfer: Transfer, lighting: ArrayLike) -> Array:
     coefficients of the light in world axes, of any order, index l(l+1)+m.
     """
     vectors = transfer.vectors
-    light = fitted(lighting, vectors.shape[1])
+    light = cut_or_padded(lighting, vectors.shape[1])
     if light.ndim == 3:
         irradiance = np.sum(vectors * light, axis=1)
     elif vectors.shape[2] == 1:
@@ -196,7 +196,7 @@ def _arriving_light(matrices: Array, lighting: ArrayLike) -> Array:
     The transfer matrices of these vertices have the shape (k, n, n, 1 or 3).
     """
     count, size, _, channels = matrices.shape
-    light = fitted(lighting, size).astype(matrices.dtype)
+    light = cut_or_padded(lighting, size).astype(matrices.dtype)
     if light.ndim == 3:
         return np.einsum(
             "vijc,vjc->vic", np.broadcast_to(matrices, (*matrices.shape[:3], 3)), light
