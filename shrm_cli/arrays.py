@@ -1,4 +1,4 @@
-"""Arrays: what annotations call them, slices, and those that are kept in memory, within bounds.
+"""Arrays: what annotations call them, slices, errors, and those kept in memory, within bounds.
 
 Tables of waves, coupling coefficients and the coefficients of BRDFs depend on few small things and
 are the same for every probe. A process that prefilters thousands of probes computes each of them
